@@ -1,0 +1,32 @@
+"""What can go wrong, as one tree. Every message says what was found, where, and what to do.
+
+Classes double as built-ins, so that `except ValueError` works for people who never heard of this file.
+"""
+
+
+class PhotoclinometryError(Exception):
+    """Root of every error that this package raises on purpose."""
+
+
+class InputError(PhotoclinometryError, ValueError):
+    """What the user gave is wrong or contradicts itself (the command ends with exit code 2)."""
+
+
+class SiteError(InputError):
+    """`site.toml` says something that is not understood or cannot be."""
+
+
+class ImageError(InputError):
+    """An image is missing, unreadable, of the wrong size, or shows nothing."""
+
+
+class RunFolderError(InputError):
+    """A run folder belongs to another version or another site, or cannot be written."""
+
+
+class ReconstructionError(PhotoclinometryError, RuntimeError):
+    """The images do not determine what was asked (the command ends with exit code 1)."""
+
+
+class NotConvergedError(PhotoclinometryError, RuntimeError):
+    """An estimate was asked to converge (`throw=True`) and did not."""

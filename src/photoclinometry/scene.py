@@ -1,0 +1,216 @@
+"""The one data model: cameras, views, landmarks, tracks, and the scene that holds them.
+
+Frames: B body-fixed (right-handed; any origin, orientation and scale until georeferenced), C camera
+(x right, y down, z forward). Lengths are in the unit of B. Pixels follow COLMAP: (0.5, 0.5) is the
+centre of the top-left pixel, so array index [row, col] is (col + 0.5, row + 0.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import Rigid
+from photoclinometry.reflectance import Reflectance
+
+CAMERA_PARAMETERS = {"PINHOLE": 4, "SIMPLE_PINHOLE": 3}
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics of a pinhole camera, in COLMAP's model names and parameter order."""
+
+    model: str
+    """"PINHOLE" (fx, fy, cx, cy) or "SIMPLE_PINHOLE" (f, cx, cy), in pixels."""
+    width: int
+    height: int
+    params: tuple[float, ...]
+
+    def __post_init__(self):
+        expected = CAMERA_PARAMETERS.get(self.model)
+        if expected is None:
+            known = ", ".join(CAMERA_PARAMETERS)
+            raise InputError(
+                f"camera model {self.model!r} is not supported (known: {known}); undistort the images first"
+            )
+        if len(self.params) != expected:
+            raise InputError(f"camera model {self.model} has {expected} parameters, got {len(self.params)}")
+        if self.width < 1 or self.height < 1 or min(self.focal_px) <= 0:
+            raise InputError("camera width, height and focal length must be positive")
+
+    @property
+    def focal_px(self) -> tuple[float, float]:
+        return (self.params[0], self.params[0] if self.model == "SIMPLE_PINHOLE" else self.params[1])
+
+    @property
+    def principal_px(self) -> tuple[float, float]:
+        return (self.params[-2], self.params[-1])
+
+    def pixel_from_cam(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) of points (..., 3) of frame C with z > 0 (paper Eq. 10)."""
+        return points[..., :2] / points[..., 2:] * self.focal_px + self.principal_px
+
+    def ray_in_cam(self, pixels: np.ndarray) -> np.ndarray:
+        """Rays (..., 3) in frame C through pixels (..., 2), scaled to z = 1."""
+        xy = (np.asarray(pixels) - self.principal_px) / self.focal_px
+        return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
+
+
+@dataclass(frozen=True)
+class Image:
+    """One exposure's brightness, linear in radiance."""
+
+    name: str
+    brightness: np.ndarray
+    """(height, width) float32: I/F, or linear DN. Defined only where `valid`."""
+    valid: np.ndarray
+    """(height, width) bool: finite, not saturated, not flagged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Views:
+    """K exposures: what is estimated about each, and the Sun directions measured."""
+
+    name: tuple[str, ...]
+    cameras: tuple[Camera, ...]
+    """The intrinsics of each view; views of one instrument share the object's value."""
+    body_from_cam: Rigid
+    """(K,) poses; `body_from_cam.translation` are the camera centres in B."""
+    sun: np.ndarray
+    """(K, 3) unit vectors from the body towards the Sun, in B."""
+    scale: np.ndarray
+    """(K,) lambda of Eq. 21: measured = scale * model + bias."""
+    bias: np.ndarray
+    """(K,) xi of Eq. 21, in the images' brightness."""
+    sun_measured: np.ndarray
+    """(K, 3) unit vectors towards the Sun as measured, in C."""
+    sun_sigma: np.ndarray
+    """(K,) standard deviation of `sun_measured` about each tangent axis [rad]."""
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """(K, 4) fx, fy, cx, cy [px]."""
+        return np.array([(*c.focal_px, *c.principal_px) for c in self.cameras], float)
+
+    def project(self, view: int, points: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) of body-fixed points (..., 3) in one view."""
+        return self.cameras[view].pixel_from_cam(self.body_from_cam[view].inverse()(points))
+
+    def __getitem__(self, index: np.ndarray | list[int] | slice) -> Views:
+        """The views at `index`, in that order."""
+        chosen = np.arange(len(self))[index]
+        return Views(
+            name=tuple(self.name[k] for k in chosen),
+            cameras=tuple(self.cameras[k] for k in chosen),
+            body_from_cam=self.body_from_cam[chosen],
+            **{
+                key: getattr(self, key)[chosen]
+                for key in ("sun", "scale", "bias", "sun_measured", "sun_sigma")
+            },
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Landmarks:
+    """J surface points; each was made from one pixel of the reference view."""
+
+    position: np.ndarray
+    """(J, 3) in B."""
+    normal: np.ndarray
+    """(J, 3) outward unit vectors in B."""
+    albedo: np.ndarray
+    """(J,) normal albedo (I/F), or relative albedo (DN)."""
+    pixel: np.ndarray
+    """(J, 2) int32: (row, col) of the reference image."""
+
+    def __len__(self) -> int:
+        return len(self.albedo)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracks:
+    """N observations of J landmarks in K views, landmark by landmark (compressed rows)."""
+
+    start: np.ndarray
+    """(J + 1,) int64: observations of landmark j are start[j]:start[j + 1]."""
+    view: np.ndarray
+    """(N,) int32 index into the views."""
+    keypoint: np.ndarray
+    """(N, 2) float64 [px]."""
+    keypoint_sigma: np.ndarray
+    """(N,) float64 [px]."""
+    brightness: np.ndarray
+    """(N,) float64, bilinear at the keypoint. Defined only where `lit`."""
+    lit: np.ndarray
+    """(N,) bool: the brightness is a measurement (valid pixels, not in shadow)."""
+
+    def __len__(self) -> int:
+        return len(self.view)
+
+    @property
+    def landmark(self) -> np.ndarray:
+        """(N,) int64 landmark index of each observation."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """A rectangle of the reference image, in whole pixels."""
+
+    row: int
+    col: int
+    height: int
+    width: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
+
+    def pixel_centers(self) -> np.ndarray:
+        """(height, width, 2) pixel coordinates (x, y) of the pixel centres."""
+        x, y = np.meshgrid(
+            self.col + 0.5 + np.arange(self.width), self.row + 0.5 + np.arange(self.height)
+        )
+        return np.stack([x, y], -1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Everything that is known about a site: the result of a run."""
+
+    name: str
+    body: str | None
+    brightness: str
+    """"iof" or "dn"."""
+    reflectance: Reflectance | None
+    """The model that the brightness was explained with; None for geometry alone."""
+    views: Views
+    landmarks: Landmarks
+    tracks: Tracks
+    reference: int
+    """Index of the reference view."""
+    region: Region
+    uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
+    """Standard deviations by name, first axis J or K; empty until computed."""
+
+    @property
+    def gsd(self) -> float:
+        """Ground sample distance: length in B of one reference pixel across the line of sight."""
+        pose = self.views.body_from_cam[self.reference]
+        depth = np.median(pose.inverse()(self.landmarks.position)[..., 2])
+        return float(depth / np.mean(self.views.cameras[self.reference].focal_px))
+
+    def grid(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
+        """Per-landmark values (J, ...) as an image (region height, width, ...), `fill` where none."""
+        out = np.full((self.region.height, self.region.width, *np.shape(values)[1:]), fill, float)
+        row, col = (self.landmarks.pixel - (self.region.row, self.region.col)).T
+        out[row, col] = values
+        return out
+
+    def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
+        return replace(self, views=views, landmarks=landmarks)
