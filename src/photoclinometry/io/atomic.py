@@ -1,0 +1,96 @@
+"""Files appear whole or not at all: written beside their place, then renamed into it."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from photoclinometry.errors import RunFolderError
+
+_CURES = {
+    errno.ENOSPC: "free some space or choose another output folder",
+    errno.EDQUOT: "free some of your quota or choose another output folder",
+    errno.EFBIG: "the file system or a limit forbids files of this size; choose another output folder",
+    errno.EROFS: "the file system is read-only; choose another output folder",
+    errno.EACCES: "you may not write there; change the permissions or choose another output folder",
+    errno.EPERM: "you may not write there; change the permissions or choose another output folder",
+    errno.ENOTDIR: "part of the path is a file, not a folder; choose another output folder",
+    errno.EEXIST: "part of the path is a file, not a folder; choose another output folder",
+    errno.EISDIR: "a folder of this name is in the way; move it or choose another output",
+    errno.ENAMETOOLONG: "choose a shorter output path",
+}
+
+
+@contextlib.contextmanager
+def atomic_path(path: Path | str) -> Iterator[Path]:
+    """A temporary path beside `path`, with the same suffix, that becomes `path` when the block succeeds.
+
+        with atomic_path("out/landmarks.ply") as temporary:
+            temporary.write_bytes(data)
+
+    The block writes a file there, or makes a folder of files. Parent folders are made. On success everything
+    is flushed to the disk and renamed over `path`; on any exception `path` stays as it was and nothing
+    temporary remains. Raises RunFolderError, with what to do, for every OSError (disk full, read-only, ...).
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{path.stem}.partial-{secrets.token_hex(4)}{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        _flush(temporary)
+        _move_over(temporary, path)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+    finally:
+        _remove(temporary)
+
+
+def write_bytes(path: Path | str, data: bytes) -> None:
+    """`data` as the file `path`, whole or not at all. Raises RunFolderError."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def write_text(path: Path | str, text: str) -> None:
+    """`text` as the UTF-8 file `path`, whole or not at all. Raises RunFolderError."""
+    write_bytes(path, text.encode())
+
+
+def _unwritable(path: Path, error: OSError) -> RunFolderError:
+    reason = error.strerror or str(error)
+    cure = _CURES.get(error.errno or 0, "check the disk or choose another output folder")
+    return RunFolderError(f"{path}: cannot be written: {reason}; {cure}")
+
+
+def _flush(path: Path) -> None:
+    for file in [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]:
+        with open(file, "rb+") as stream:
+            os.fsync(stream.fileno())
+
+
+def _move_over(source: Path, target: Path) -> None:
+    """Rename; a folder that is replaced stands aside until its successor is in place."""
+    if not (source.is_dir() and target.is_dir()):
+        os.replace(source, target)
+        return
+    aside = target.with_name(f".{target.name}.replaced-{secrets.token_hex(4)}")
+    os.replace(target, aside)
+    try:
+        os.replace(source, target)
+    except OSError:
+        os.replace(aside, target)
+        raise
+    shutil.rmtree(aside)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)

@@ -1,0 +1,256 @@
+"""Images from files: FITS, PNG and TIFF as linear brightness with a mask of valid pixels.
+
+Row 0 of the array is the first row in the file, for FITS too: its "bottom" row is row 0 here. Nothing is
+rescaled: FITS values are physical (BSCALE, BZERO applied), PNG and TIFF values are the numbers in the file.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import warnings
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.errors import ImageError
+from photoclinometry.io.atomic import write_bytes
+from photoclinometry.scene import Image
+
+MAX_PIXELS = 2**28
+"""Files that declare more pixels (16k x 16k) are refused before anything is decoded."""
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+_TIFF = {b"II*\0": "<", b"MM\0*": ">"}
+_BIG_TIFF = (b"II+\0", b"MM\0+")
+
+
+def read_image(path: Path | str) -> Image:
+    """One image: brightness (h, w) float32, and `valid` where it is a measurement.
+
+    Not valid: NaN and infinite values, FITS BLANK, integers at the top of their container's range
+    (saturated), values at or above a FITS header's SATURATE or above its DATAMAX. Brightness is 0 there.
+    A detector with fewer bits than its container (12 in 16) saturates lower: say so through SATURATE.
+    The format is recognised by content, not by name. Colour images are accepted if all channels are equal
+    and every pixel opaque. Raises ImageError.
+    """
+    path = Path(path)
+    data = _read_bytes(path)
+    if data.startswith(b"SIMPLE"):
+        values, valid = _read_fits(path, data)
+    elif data.startswith(_PNG):
+        _check_png(path, data)
+        values, valid = _read_raster(path, data)
+    elif data[:4] in _TIFF:
+        _check_tiff(path, data)
+        values, valid = _read_raster(path, data)
+    elif data[:4] in _BIG_TIFF:
+        raise ImageError(f"{path}: is a BigTIFF; convert it to plain TIFF or FITS")
+    else:
+        raise ImageError(f"{path}: is no FITS, PNG or TIFF image (it begins with {data[:8]!r}); convert it")
+    if values.size == 0:
+        raise ImageError(f"{path}: has no pixels (shape {values.shape})")
+    with np.errstate(over="ignore"):
+        brightness = np.ascontiguousarray(values, dtype=np.float32)
+    valid = valid & np.isfinite(brightness)
+    return Image(str(path), np.where(valid, brightness, np.float32(0)), valid)
+
+
+def write_fits(path: Path | str, array: np.ndarray) -> None:
+    """A 2-D array as a FITS file with checksums; floats are stored as float32. Raises RunFolderError."""
+    from astropy.io import fits
+
+    array = np.asarray(array)
+    if array.ndim != 2:
+        raise ValueError(f"an image has 2 axes, got shape {array.shape}")
+    if array.dtype.kind == "f":
+        array = array.astype(np.float32)
+    stream = io.BytesIO()
+    fits.PrimaryHDU(array).writeto(stream, checksum=True)
+    write_bytes(path, stream.getvalue())
+
+
+def write_png(path: Path | str, array: np.ndarray) -> None:
+    """A uint8 or uint16 array (h, w), or (h, w, 3) in RGB order, as a PNG file. Raises RunFolderError."""
+    import cv2
+
+    array = np.asarray(array)
+    if array.dtype not in (np.uint8, np.uint16) or array.ndim not in (2, 3):
+        raise ValueError(f"PNG holds uint8 or uint16 images, got {array.dtype} of shape {array.shape}")
+    done, encoded = cv2.imencode(".png", array if array.ndim == 2 else array[..., ::-1])
+    if not done:
+        raise ValueError(f"an array of shape {array.shape} cannot be encoded as PNG")
+    write_bytes(path, encoded.tobytes())
+
+
+def off_body_mask(image: Image) -> np.ndarray:
+    """(h, w) bool: dark sky. All False where the image shows none.
+
+    Sky is what is as dark as the darkest part of the image's edge and connected to the edge, and makes up at
+    least 2 % of the image. A shadow is sky only if it reaches the edge or the sky: nothing in one image
+    can tell the two apart there, and neither has a brightness worth measuring.
+    """
+    import cv2
+
+    nothing = np.zeros(image.valid.shape, bool)
+    if image.valid.sum() < 100:
+        return nothing
+    dark, bright = np.percentile(image.brightness[image.valid], [0.1, 99.0])
+    ceiling = dark + 0.1 * (bright - dark)
+    edge = np.ones(image.valid.shape, bool)
+    edge[2:-2, 2:-2] = False
+    samples = image.brightness[edge & image.valid]
+    samples = samples[samples < ceiling]
+    if len(samples) < 20:
+        return nothing
+
+    # The level and noise of the sky, from the dark part of the edge.
+    level = np.median(samples)
+    noise = 1.4826 * np.median(np.abs(samples - level))
+    threshold = min(level + max(5.0 * noise, 0.01 * (bright - dark)), ceiling)
+    candidate = ((image.brightness <= threshold) | ~image.valid).astype(np.uint8)
+    candidate = cv2.morphologyEx(candidate, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+
+    # Large pieces that touch the edge.
+    count, label, statistics, _ = cv2.connectedComponentsWithStats(candidate, connectivity=4)
+    large = statistics[:, cv2.CC_STAT_AREA] >= 0.02 * image.valid.size
+    touching = np.zeros(count, bool)
+    touching[np.unique(label[edge])] = True
+    keep = large & touching
+    keep[0] = False
+    return keep[label] & image.valid
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise ImageError(f"{path}: there is no such image; check the path") from None
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if not data:
+        raise ImageError(f"{path}: is an empty file; fetch or export it again")
+    return data
+
+
+def _damaged(path: Path, what: str) -> ImageError:
+    return ImageError(f"{path}: is damaged ({what}); fetch or export it again")
+
+
+def _check_size(path: Path, width: int, height: int) -> None:
+    if width * height > MAX_PIXELS:
+        raise ImageError(f"{path}: declares {width} x {height} pixels, more than {MAX_PIXELS}; crop it first")
+
+
+def _check_png(path: Path, data: bytes) -> None:
+    """Every chunk whole, with its checksum: the decoder would fill what is missing with zeros."""
+    at, kind = len(_PNG), b""
+    while kind != b"IEND":
+        if at + 12 > len(data):
+            raise _damaged(path, f"the PNG ends after {len(data)} bytes, before its end mark")
+        length, kind = struct.unpack_from(">I4s", data, at)
+        end = at + 8 + length
+        if end + 4 > len(data):
+            raise _damaged(path, f"the PNG ends after {len(data)} bytes, before its end mark")
+        if zlib.crc32(data[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
+            raise _damaged(path, f"PNG chunk {kind!r} fails its checksum")
+        if at == len(_PNG):
+            if kind != b"IHDR" or length != 13:
+                raise _damaged(path, "the PNG has no header")
+            _check_size(path, *struct.unpack_from(">II", data, at + 8))
+        at = end + 4
+
+
+def _check_tiff(path: Path, data: bytes) -> None:
+    """Width and height (tags 256, 257) of the first directory, before anything is decoded."""
+    order = _TIFF[data[:4]]
+    size = {}
+    try:
+        (at,) = struct.unpack_from(order + "I", data, 4)
+        (count,) = struct.unpack_from(order + "H", data, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            tag, kind, _ = struct.unpack_from(order + "HHI", data, entry)
+            if tag in (256, 257):
+                (size[tag],) = struct.unpack_from(order + ("H" if kind == 3 else "I"), data, entry + 8)
+    except struct.error:
+        raise _damaged(path, "the TIFF directory points past the end of the file") from None
+    if len(size) < 2:
+        raise _damaged(path, "the TIFF does not say its width and height")
+    _check_size(path, size[256], size[257])
+
+
+def _read_raster(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Grey values of a PNG or TIFF, and where they are not saturated."""
+    import cv2
+
+    try:
+        values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise _damaged(path, str(error.err or "it cannot be decoded")) from error
+    if values is None:
+        raise _damaged(path, "it cannot be decoded")
+    if values.ndim == 3:
+        values = _grey(path, values)
+    return values, _unsaturated(values)
+
+
+def _grey(path: Path, values: np.ndarray) -> np.ndarray:
+    """The one channel of an image (h, w, 1..4) whose colour channels say the same."""
+    channels = values.shape[2]
+    if channels in (2, 4):
+        opaque = np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0
+        if (values[..., -1] != opaque).any():
+            raise ImageError(f"{path}: has transparent pixels; export it as plain grey (mask in FITS: NaN)")
+    grey = values[..., 0]
+    if channels in (3, 4) and any((values[..., c] != grey).any() for c in (1, 2)):
+        raise ImageError(f"{path}: is a colour image; export one band as grey, linear in radiance")
+    return grey
+
+
+def _unsaturated(values: np.ndarray) -> np.ndarray:
+    """Integers below the top of their container's range; all True for floats."""
+    if values.dtype.kind not in "ui":
+        return np.ones(values.shape, bool)
+    return values != np.iinfo(values.dtype).max
+
+
+def _read_fits(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Physical values of the first image with two axes, and where they are not blank or saturated."""
+    from astropy.io import fits
+    from astropy.utils.exceptions import AstropyWarning
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AstropyWarning)
+            warnings.filterwarnings("error", "Datasum verification failed", AstropyWarning)
+            warnings.filterwarnings("error", "File may have been truncated", AstropyWarning)
+            with fits.open(io.BytesIO(data), do_not_scale_image_data=True, checksum=True) as hdus:
+                shapes = []
+                for hdu in hdus:
+                    shape = tuple(getattr(hdu, "shape", ()))
+                    shapes.append(shape)
+                    if hdu.is_image and len(shape) >= 2 and set(shape[:-2]) <= {1}:
+                        _check_size(path, shape[-1], shape[-2])
+                        return _fits_values(hdu.data.reshape(shape[-2:]), hdu.header)
+    except ImageError:
+        raise
+    # astropy meets damage with nearly every built-in exception, its own warnings among them.
+    except Exception as error:
+        raise _damaged(path, f"{type(error).__name__}: {error}") from error
+    found = ", ".join(str(s) for s in shapes if s) or "none"
+    raise ImageError(f"{path}: has no image with two axes (found: {found}); extract one plane")
+
+
+def _fits_values(raw: np.ndarray, header) -> tuple[np.ndarray, np.ndarray]:
+    valid = _unsaturated(raw)
+    if raw.dtype.kind in "ui" and "BLANK" in header:
+        valid &= raw != header["BLANK"]
+    values = raw.astype(np.float64)
+    values = values * float(header.get("BSCALE", 1.0)) + float(header.get("BZERO", 0.0))
+    with np.errstate(invalid="ignore"):
+        if "SATURATE" in header:
+            valid &= values < float(header["SATURATE"])
+        if "DATAMAX" in header:
+            valid &= values <= float(header["DATAMAX"])
+    return values, valid
