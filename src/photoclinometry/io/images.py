@@ -11,6 +11,7 @@ import struct
 import warnings
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -82,44 +83,6 @@ def write_png(path: Path | str, array: np.ndarray) -> None:
     if not done:
         raise ValueError(f"an array of shape {array.shape} cannot be encoded as PNG")
     write_bytes(path, encoded.tobytes())
-
-
-def off_body_mask(image: Image) -> np.ndarray:
-    """(h, w) bool: dark sky. All False where the image shows none.
-
-    Sky is what is as dark as the darkest part of the image's edge and connected to the edge, and makes up at
-    least 2 % of the image. A shadow is sky only if it reaches the edge or the sky: nothing in one image
-    can tell the two apart there, and neither has a brightness worth measuring.
-    """
-    import cv2
-
-    nothing = np.zeros(image.valid.shape, bool)
-    if image.valid.sum() < 100:
-        return nothing
-    dark, bright = np.percentile(image.brightness[image.valid], [0.1, 99.0])
-    ceiling = dark + 0.1 * (bright - dark)
-    edge = np.ones(image.valid.shape, bool)
-    edge[2:-2, 2:-2] = False
-    samples = image.brightness[edge & image.valid]
-    samples = samples[samples < ceiling]
-    if len(samples) < 20:
-        return nothing
-
-    # The level and noise of the sky, from the dark part of the edge.
-    level = np.median(samples)
-    noise = 1.4826 * np.median(np.abs(samples - level))
-    threshold = min(level + max(5.0 * noise, 0.01 * (bright - dark)), ceiling)
-    candidate = ((image.brightness <= threshold) | ~image.valid).astype(np.uint8)
-    candidate = cv2.morphologyEx(candidate, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-
-    # Large pieces that touch the edge.
-    count, label, statistics, _ = cv2.connectedComponentsWithStats(candidate, connectivity=4)
-    large = statistics[:, cv2.CC_STAT_AREA] >= 0.02 * image.valid.size
-    touching = np.zeros(count, bool)
-    touching[np.unique(label[edge])] = True
-    keep = large & touching
-    keep[0] = False
-    return keep[label] & image.valid
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -227,6 +190,7 @@ def _read_fits(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
             warnings.filterwarnings("error", "File may have been truncated", AstropyWarning)
             with fits.open(io.BytesIO(data), do_not_scale_image_data=True, checksum=True) as hdus:
                 shapes = []
+                hdu: Any
                 for hdu in hdus:
                     shape = tuple(getattr(hdu, "shape", ()))
                     shapes.append(shape)

@@ -1,0 +1,363 @@
+"""`site.toml`: the images of a site, their cameras, Sun directions, pose priors, and the region to map.
+
+Angles are degrees in the file (names end in `_deg`) and radians here. Every complaint is a SiteError that
+names the file, the view and the key, says what was found, and what to write instead.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.errors import ImageError, InputError, SiteError
+from photoclinometry.geometry import Rigid
+from photoclinometry.io.atomic import write_text
+from photoclinometry.io.exposure import off_body_mask, shows_nothing
+from photoclinometry.io.images import read_image
+from photoclinometry.io.table import Table
+from photoclinometry.scene import CAMERA_PARAMETERS, Camera, Image
+
+MIN_VIEWS = 3
+DEFAULT_SUN_SIGMA_RAD = 1e-3
+"""Used for views without `sun_sigma_deg`: 0.057 degrees, the paper's value."""
+_UNIT_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True)
+class PosePrior:
+    """What is known of a view's pose beforehand."""
+
+    cam_from_body: Rigid
+    rotation_sigma_rad: float
+    """Standard deviation about each axis."""
+    translation_sigma: float
+    """Standard deviation along each axis, in the unit of B."""
+
+
+@dataclass(frozen=True)
+class SiteView:
+    """One image with what is known about its exposure."""
+
+    name: str
+    """The image's path as `site.toml` writes it."""
+    image: Path
+    camera: Camera
+    sun: np.ndarray
+    """(3,) unit vector from the body towards the Sun, in C."""
+    sun_sigma_rad: float = DEFAULT_SUN_SIGMA_RAD
+    """Standard deviation of `sun` about each tangent axis."""
+    pose_prior: PosePrior | None = None
+
+
+@dataclass(frozen=True)
+class RegionRequest:
+    """What to map densely; whatever is None is chosen automatically."""
+
+    reference: str | None = None
+    """Name of the reference view."""
+    center_px: tuple[float, float] | None = None
+    """(x, y) in the reference image."""
+    size_px: tuple[int, int] | None = None
+    """(width, height)."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """Everything that `site.toml` says."""
+
+    name: str
+    body: str | None
+    brightness: str
+    """"iof" or "dn"."""
+    views: tuple[SiteView, ...]
+    region: RegionRequest | None
+    path: Path
+    """The file itself; image paths are relative to its folder."""
+
+
+def read_site(path: Path | str) -> Site:
+    """The site that a TOML file describes; images are not opened. Raises SiteError."""
+    path = Path(path)
+    table = Table(_parse(path), str(path))
+    name = table.text("name")
+    body = table.text("body", None)
+    brightness = table.choice("brightness", ("iof", "dn"))
+    default, cameras = _read_cameras(table)
+    views = tuple(_read_view(path, entry, default, cameras) for entry in table.tables("views"))
+    region = _read_region(table.table("region", None), views)
+    table.finish()
+    _check_views(table, views)
+    return Site(name, body, brightness, views, region, path)
+
+
+def write_site(path: Path | str, site: Site) -> None:
+    """`site` as TOML; each view's name is written as its image path. Raises RunFolderError."""
+    import tomli_w
+
+    write_text(path, tomli_w.dumps(_as_dict(site)))
+
+
+def load_images(site: Site, progress: Callable[[int, int], None] | None = None) -> list[Image]:
+    """The images of all views, each checked, named as its view; `valid` leaves out dark sky.
+
+    progress: called with (images read, images in all) after each. Raises ImageError for images that are
+    missing, unreadable, of another size than their camera, empty, dark, or the same as another.
+    """
+    missing = [str(view.image) for view in site.views if not view.image.exists()]
+    if missing:
+        listed = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
+        raise ImageError(
+            f"{site.path}: {len(missing)} of {len(site.views)} images do not exist: {listed}; "
+            "image paths are relative to this file"
+        )
+    images, seen = [], {}
+    for number, view in enumerate(site.views, start=1):
+        image = read_image(view.image)
+        _check_image(view, image)
+        content = hashlib.sha256(image.brightness.tobytes()).digest()
+        if content in seen:
+            raise ImageError(
+                f"{site.path}: {seen[content]} and {view.name} are the same image (all pixels equal); "
+                "remove one of the two views"
+            )
+        seen[content] = view.name
+        images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
+        if progress is not None:
+            progress(number, len(site.views))
+    return images
+
+
+def input_fingerprint(site: Site) -> str:
+    """SHA-256 (hex) of what the site says and of its image files, for knowing whether inputs have changed.
+
+    Comments and spelling of the TOML do not count, nor where the folder lies. Raises ImageError.
+    """
+    import tomli_w
+
+    digest = hashlib.sha256(tomli_w.dumps(_as_dict(site)).encode())
+    for view in site.views:
+        try:
+            with open(view.image, "rb") as stream:
+                digest.update(hashlib.file_digest(stream, "sha256").digest())
+        except OSError as error:
+            raise ImageError(f"{view.image}: cannot be read: {error.strerror}; check the path") from error
+    return digest.hexdigest()
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_bytes().decode())
+    except FileNotFoundError:
+        raise SiteError(f"{path}: there is no such file; give the path of a site.toml") from None
+    except OSError as error:
+        raise SiteError(f"{path}: cannot be read: {error.strerror or error}; give a site.toml") from error
+    except UnicodeDecodeError as error:
+        raise SiteError(f"{path}: is not UTF-8 text ({error.reason} at byte {error.start})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SiteError(f"{path}: is not valid TOML: {error}") from error
+    except RecursionError:
+        raise SiteError(f"{path}: is nested too deeply to be a site") from None
+
+
+def _read_cameras(table: Table) -> tuple[Camera | None, dict[str, Camera]]:
+    """The camera of views that name none, and the named ones."""
+    single = table.table("camera", None)
+    several = table.table("cameras", None)
+    if (single is None) == (several is None):
+        raise table.error("camera", "write either one [camera] or one [cameras.NAME] for each camera")
+    if single is not None:
+        return _read_camera(single), {}
+    named = {name: _read_camera(several.table(name)) for name in several.content}
+    several.finish()
+    if not named:
+        raise table.error("cameras", "holds no camera; write [cameras.NAME] for each")
+    return (next(iter(named.values())) if len(named) == 1 else None), named
+
+
+def _read_camera(table: Table) -> Camera:
+    model = table.choice("model", tuple(CAMERA_PARAMETERS), "undistort the images to one of these first")
+    width, height = table.positive_integer("width"), table.positive_integer("height")
+    params = tuple(table.numbers("params", CAMERA_PARAMETERS[model]).tolist())
+    table.finish()
+    try:
+        camera = Camera(model, width, height, params)
+    except InputError as error:
+        raise table.error("params", str(error)) from error
+    center = np.array(camera.principal_px)
+    if (np.abs(center - (width / 2, height / 2)) > 10 * max(width, height)).any():
+        raise table.error(
+            "params",
+            f"the principal point {center.tolist()} is far outside {width} x {height} pixels; the order is "
+            + ("f, cx, cy" if model == "SIMPLE_PINHOLE" else "fx, fy, cx, cy"),
+        )
+    return camera
+
+
+def _read_view(path: Path, table: Table, default: Camera | None, cameras: dict[str, Camera]) -> SiteView:
+    name = table.text("image")
+    table.where += f" ({name})"
+    chosen = table.text("camera", None)
+    if chosen is not None and chosen not in cameras:
+        known = ", ".join(cameras) or "none are named; leave the key out"
+        raise table.error("camera", f"there is no [cameras.{chosen}] (known: {known})")
+    camera = default if chosen is None else cameras[chosen]
+    if camera is None:
+        raise table.error("camera", f"is missing; name one of {', '.join(cameras)}")
+    sun = _read_sun(table)
+    sigma_deg = table.positive_number("sun_sigma_deg", None)
+    sigma = DEFAULT_SUN_SIGMA_RAD if sigma_deg is None else float(np.deg2rad(sigma_deg))
+    prior = _read_prior(table.table("cam_from_body", None))
+    table.finish()
+    return SiteView(name, path.parent / name, camera, sun, sigma, prior)
+
+
+def _read_sun(table: Table) -> np.ndarray:
+    """The unit vector under `sun`; the rounding of a few decimals is normalised away."""
+    cure = (
+        "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
+    )
+    sun = table.numbers("sun", 3, cure)
+    length = float(np.linalg.norm(sun))
+    if length == 0.0:
+        raise table.error("sun", f"is the zero vector; {cure}")
+    if abs(length - 1.0) > _UNIT_TOLERANCE:
+        raise table.error("sun", f"{sun.tolist()} has length {length:.6g}, not 1; {cure}")
+    # Exact unit vectors stay as they are, to the last bit.
+    return sun if abs(length - 1.0) < 1e-15 else sun / length
+
+
+def _read_prior(table: Table | None) -> PosePrior | None:
+    if table is None:
+        return None
+    from scipy.spatial.transform import Rotation
+
+    wxyz = table.numbers("rotation_wxyz", 4, "give a unit quaternion, scalar first")
+    length = float(np.linalg.norm(wxyz))
+    if abs(length - 1.0) > _UNIT_TOLERANCE:
+        raise table.error("rotation_wxyz", f"has length {length:.6g}, not 1; give a unit quaternion")
+    translation = table.numbers("translation", 3)
+    rotation_sigma = float(np.deg2rad(table.positive_number("sigma_deg")))
+    sigma = float(table.positive_number("sigma"))
+    table.finish()
+    rotation = Rotation.from_quat(wxyz / length, scalar_first=True).as_matrix()
+    return PosePrior(Rigid(rotation, translation), rotation_sigma, sigma)
+
+
+def _read_region(table: Table | None, views: tuple[SiteView, ...]) -> RegionRequest | None:
+    if table is None:
+        return None
+    reference = table.text("reference", None)
+    center = table.numbers("center_px", 2) if "center_px" in table else None
+    size = table.positive_integers("size_px", 2) if "size_px" in table else None
+    table.finish()
+    by_name = {view.name: view for view in views}
+    if reference is not None and reference not in by_name:
+        raise table.error("reference", f"{reference!r} is none of the views", nearest=(reference, by_name))
+    if center is not None and reference is None:
+        raise table.error("center_px", "needs `reference`, the image in which it is meant")
+    if reference is not None:
+        _check_inside(table, by_name[reference], center, size)
+    elif size is not None and all((size > (v.camera.width, v.camera.height)).any() for v in views):
+        raise table.error("size_px", f"{size.tolist()} is larger than every image; shrink it")
+    return RegionRequest(
+        reference,
+        None if center is None else (float(center[0]), float(center[1])),
+        None if size is None else (int(size[0]), int(size[1])),
+    )
+
+
+def _check_inside(table: Table, view: SiteView, center: np.ndarray | None, size: np.ndarray | None) -> None:
+    bounds = np.array([view.camera.width, view.camera.height])
+    half = np.zeros(2) if size is None else size / 2
+    middle = bounds / 2 if center is None else center
+    if (middle - half < 0).any() or (middle + half > bounds).any():
+        key = "size_px" if center is None else "center_px"
+        raise table.error(
+            key,
+            f"the region reaches outside {view.name}: x {middle[0] - half[0]:g} to {middle[0] + half[0]:g}, "
+            f"y {middle[1] - half[1]:g} to {middle[1] + half[1]:g}, in an image of {bounds[0]} x {bounds[1]}"
+            "; move the centre or shrink the size",
+        )
+
+
+def _check_views(table: Table, views: tuple[SiteView, ...]) -> None:
+    if len(views) < MIN_VIEWS:
+        raise table.error("views", f"there are {len(views)}, at least {MIN_VIEWS} are needed; add [[views]]")
+    first: dict[str, str] = {}
+    for view in views:
+        place = os.path.realpath(view.image)
+        if place in first:
+            raise table.error(
+                "views", f"{first[place]} and {view.name} are the same file; remove one of the two views"
+            )
+        first[place] = view.name
+
+
+def _check_image(view: SiteView, image: Image) -> None:
+    """Raises ImageError where the image cannot be this camera's, or shows nothing."""
+    height, width = image.brightness.shape
+    if (width, height) != (view.camera.width, view.camera.height):
+        raise ImageError(
+            f"{view.image}: is {width} x {height} pixels, but its camera in site.toml is "
+            f"{view.camera.width} x {view.camera.height}; correct the camera or the image"
+        )
+    if not image.valid.any():
+        raise ImageError(f"{view.image}: has no valid pixel (all NaN, blank or saturated); remove this view")
+    if shows_nothing(image):
+        seen = image.brightness[image.valid]
+        raise ImageError(
+            f"{view.image}: is dark: nothing rises above its noise (brightness {seen.min():g} to "
+            f"{seen.max():g}); remove this view"
+        )
+
+
+def _as_dict(site: Site) -> dict[str, Any]:
+    """The TOML document of a site; cameras are numbered where there are several."""
+    document: dict[str, Any] = {"name": site.name}
+    if site.body is not None:
+        document["body"] = site.body
+    document["brightness"] = site.brightness
+    cameras = list(dict.fromkeys(view.camera for view in site.views))
+    entries = [
+        {"model": c.model, "width": c.width, "height": c.height, "params": [float(p) for p in c.params]}
+        for c in cameras
+    ]
+    if len(cameras) == 1:
+        document["camera"] = entries[0]
+    else:
+        document["cameras"] = {f"camera{n}": entry for n, entry in enumerate(entries)}
+    if site.region is not None:
+        region = {"reference": site.region.reference}
+        region |= {key: getattr(site.region, key) for key in ("center_px", "size_px")}
+        document["region"] = {key: value for key, value in region.items() if value is not None}
+    document["views"] = []
+    for view in site.views:
+        entry: dict[str, Any] = {"image": view.name}
+        if len(cameras) > 1:
+            entry["camera"] = f"camera{cameras.index(view.camera)}"
+        entry["sun"] = np.asarray(view.sun, float).tolist()
+        entry["sun_sigma_deg"] = float(np.rad2deg(view.sun_sigma_rad))
+        if view.pose_prior is not None:
+            entry["cam_from_body"] = _prior_dict(view.pose_prior)
+        document["views"].append(entry)
+    return document
+
+
+def _prior_dict(prior: PosePrior) -> dict[str, Any]:
+    from scipy.spatial.transform import Rotation
+
+    return {
+        "rotation_wxyz": Rotation.from_matrix(prior.cam_from_body.rotation)
+        .as_quat(scalar_first=True)
+        .tolist(),
+        "translation": np.asarray(prior.cam_from_body.translation, float).tolist(),
+        "sigma_deg": float(np.rad2deg(prior.rotation_sigma_rad)),
+        "sigma": float(prior.translation_sigma),
+    }

@@ -1,0 +1,125 @@
+"""A table of a TOML file, read key by key: wrong types, missing and unknown keys are named in full."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.errors import SiteError
+
+_REQUIRED: Any = object()
+
+
+class Table:
+    """One TOML table. `finish()` complains of keys that nobody has asked for."""
+
+    def __init__(self, content: dict[str, Any], file: str, where: str = ""):
+        self.content = content
+        self.file = file
+        self.where = where
+        """The table's place in the file for messages, such as "views[2]"; empty at the top."""
+        self._asked: list[str] = []
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.content
+
+    def error(self, key: str, what: str, nearest: tuple[str, Iterable[str]] | None = None) -> SiteError:
+        """The complaint `what` about `key`; nearest: (word found, words known) adds "did you mean"."""
+        hint = ""
+        if nearest is not None:
+            word, known = nearest
+            close = difflib.get_close_matches(word, list(known), n=1)
+            hint = f"; did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
+        place = f"{self.where}: {key}" if self.where else key
+        return SiteError(f"{self.file}: {place}: {what}{hint}")
+
+    def finish(self) -> None:
+        for key in self.content:
+            if key not in self._asked:
+                raise self.error(key, "unknown key", nearest=(key, self._asked))
+
+    def text(self, key: str, default: Any = _REQUIRED) -> Any:
+        value = self._get(key, default, "text in quotes")
+        if value is default:
+            return default
+        if not isinstance(value, str):
+            raise self._wrong_type(key, "text in quotes")
+        if not value.strip() or "\0" in value:
+            raise self.error(key, f"is empty or not printable: {value!r}")
+        return value
+
+    def choice(self, key: str, known: tuple[str, ...], cure: str = "") -> str:
+        value = self.text(key)
+        if value not in known:
+            listed = ", ".join(repr(k) for k in known)
+            raise self.error(key, f"{value!r} is not supported (known: {listed})" + (cure and f"; {cure}"))
+        return value
+
+    def positive_number(self, key: str, default: Any = _REQUIRED) -> Any:
+        value = self._get(key, default, "a positive number")
+        if value is default:
+            return default
+        if not _is_number(value) or not 0 < value < float("inf"):
+            raise self._wrong_type(key, "a positive number")
+        return float(value)
+
+    def positive_integer(self, key: str) -> int:
+        value = self._get(key, _REQUIRED, "a positive whole number")
+        if not _is_number(value) or not 0 < value < 2**31 or value != int(value):
+            raise self._wrong_type(key, "a positive whole number")
+        return int(value)
+
+    def numbers(self, key: str, count: int, cure: str = "") -> np.ndarray:
+        """(count,) float64, all finite."""
+        expected = f"a list of {count} finite numbers"
+        value = self._get(key, _REQUIRED, cure or expected)
+        wrong = not isinstance(value, list) or len(value) != count or not all(map(_is_number, value))
+        if wrong or not np.isfinite(np.array(value, float)).all():
+            raise self._wrong_type(key, expected, cure)
+        return np.array(value, float)
+
+    def positive_integers(self, key: str, count: int) -> np.ndarray:
+        """(count,) int64."""
+        values = self.numbers(key, count)
+        if (values < 1).any() or (values > 2**31).any() or (values != np.round(values)).any():
+            raise self._wrong_type(key, f"a list of {count} positive whole numbers")
+        return values.astype(np.int64)
+
+    def table(self, key: str, default: Any = _REQUIRED) -> Any:
+        value = self._get(key, default, "a table")
+        if value is default:
+            return default
+        if not isinstance(value, dict):
+            raise self._wrong_type(key, "a table")
+        return Table(value, self.file, f"{self.where}: {key}" if self.where else key)
+
+    def tables(self, key: str) -> list[Table]:
+        value = self._get(key, [], f"[[{key}]]")
+        if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
+            raise self._wrong_type(key, f"a list of tables; write [[{key}]] for each")
+        return [Table(v, self.file, f"{key}[{n}]") for n, v in enumerate(value)]
+
+    def _get(self, key: str, default: Any, expected: str) -> Any:
+        self._asked.append(key)
+        if key in self.content:
+            return self.content[key]
+        if default is _REQUIRED:
+            close = difflib.get_close_matches(key, self.content, n=1)
+            found = f" (found the unknown key {close[0]!r}; did you mean {key!r}?)" if close else ""
+            raise self.error(key, f"is missing{found}; give {expected.removeprefix('give ')}")
+        return default
+
+    def _wrong_type(self, key: str, expected: str, cure: str = "") -> SiteError:
+        found = repr(self.content[key])
+        found = found if len(found) <= 60 else found[:57] + "..."
+        return self.error(key, f"expected {expected}, found {found}" + (cure and f"; {cure}"))
+
+
+def _is_number(value: Any) -> bool:
+    """Whether `value` is a TOML number that a double can hold."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return isinstance(value, float) or abs(value) < 2**63
