@@ -48,7 +48,7 @@ class BumpySurface:
         return 0.3 * (1.0 + 0.2 * pattern)
 
     def hit(self, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Where rays from `origin` (..., 3) along `direction` (..., 3) meet the surface, by Newton's method."""
+        """Where rays from `origin` (..., 3) along `direction` (..., 3) meet the surface (Newton)."""
         distance = -origin[..., 2] / direction[..., 2]
         for _ in range(30):
             point = origin + distance[..., None] * direction
@@ -109,9 +109,7 @@ def synthetic_scene(
     centers = distance[:, None] * from_zenith(off_nadir, azimuth)
     poses = [look_at_origin(c, roll) for c, roll in zip(centers, rng.uniform(-0.5, 0.5, views), strict=True)]
     body_from_cam = Rigid(np.stack([p.rotation for p in poses]), centers)
-    sun = from_zenith(
-        np.deg2rad(rng.uniform(20, 50, views)), rng.permutation(azimuth) + rng.uniform(-0.3, 0.3, views)
-    )
+    sun = from_zenith(np.deg2rad(rng.uniform(20, 50, views)), rng.permutation(azimuth) + rng.uniform(-0.3, 0.3, views))
 
     calibrated = reflectance is None or reflectance.disk in HAS_PHASE_FUNCTION
     all_views = Views(
@@ -141,10 +139,7 @@ def synthetic_scene(
     model = reflectance or LUNAR_LAMBERT
     keypoint = np.stack([all_views.project(k, position) for k in range(views)], 1)
     brightness = np.stack(
-        [
-            _brightness(model, all_views, k, position, landmarks.normal, landmarks.albedo)
-            for k in range(views)
-        ],
+        [_brightness(model, all_views, k, position, landmarks.normal, landmarks.albedo) for k in range(views)],
         1,
     )
     count = size * size * views
@@ -171,7 +166,7 @@ def synthetic_scene(
 
 
 def synthetic_images(scene: Scene, seed: int = 0) -> list[Image]:
-    """The exact images of `synthetic_scene(seed=seed)`: brightness where each pixel centre's ray ends; no blur."""
+    """The exact images of `synthetic_scene(seed=seed)`: brightness at each pixel centre, no blur."""
     surface, model = bumpy_surface(seed), scene.reflectance or LUNAR_LAMBERT
     images = []
     for k, camera in enumerate(scene.views.cameras):

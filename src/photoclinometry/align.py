@@ -1,0 +1,153 @@
+"""Bringing a scene into another frame: by camera poses, then by its surface.
+
+A scene made from images alone has its own origin, orientation and scale. Poses give the similarity first
+(paper, section V.A). Their scale and tilt are only as good as the cameras' baselines, so the surface refines
+it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import Rigid, Similarity, so3_exp
+from photoclinometry.scene import Scene
+
+Closest = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Points (n, 3) -> their nearest points on a surface (n, 3), and (n,) bool: not on the surface's rim."""
+
+MINIMUM_SENSITIVITY = 0.01
+"""A direction of the similarity is refined by the surface only if it moves points along their normals by this
+share of how far it moves them: a plane says nothing about sliding along itself (Zhang et al. 2016, ICRA,
+doi:10.1109/ICRA.2016.7487211, remap such directions in the same way)."""
+
+
+def transform_poses(similarity: Similarity, body_from_cam: Rigid) -> Rigid:
+    """Poses in the target's frame; cameras keep their axes, only distances scale."""
+    return Rigid(similarity.rotation @ body_from_cam.rotation, similarity(body_from_cam.translation))
+
+
+def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
+    """The same scene in another frame (target_from_B): nothing that it predicts about images changes.
+
+    Uncertainties are dropped, since they refer to the old axes and unit.
+    """
+    views, landmarks = scene.views, scene.landmarks
+    return replace(
+        scene,
+        views=replace(
+            views,
+            body_from_cam=transform_poses(similarity, views.body_from_cam),
+            sun=views.sun @ similarity.rotation.T,
+        ),
+        landmarks=replace(
+            landmarks,
+            position=similarity(landmarks.position),
+            normal=landmarks.normal @ similarity.rotation.T,
+        ),
+        uncertainty={},
+    )
+
+
+def align_poses(source: Rigid, target: Rigid, distance: float) -> Similarity:
+    """target_from_source between paired camera poses (K,), K >= 2, with different centres.
+
+    The rotation is that of least squares over the cameras' axes and over their centres together, centres in
+    units of `distance` (from a camera to the surface, in the source's unit): a camera turned by an angle and
+    one moved sideways by angle x distance see the same. So it is determined also where all centres lie on a
+    line or a plane, which leaves Umeyama's method short of an axis or with a mirror image. Scale and
+    translation then follow from the centres. Raises InputError.
+    """
+    a = source.translation - source.translation.mean(0)
+    b = target.translation - target.translation.mean(0)
+    spread_a, spread_b = np.linalg.norm(a), np.linalg.norm(b)
+    if len(source) < 2 or spread_a == 0 or spread_b == 0:
+        raise InputError(f"{len(source)} cameras at one place: their poses do not tell a scale")
+    scale = spread_b / spread_a
+    moment = np.einsum("kij,klj->il", target.rotation, source.rotation) + b.T @ a / (scale * distance**2)
+    u, _, vt = np.linalg.svd(moment)
+    rotation = (u * [1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    scale = float(np.sum(b * (a @ rotation.T)) / spread_a**2)
+    if scale <= 0:
+        raise InputError("the camera centres contradict their orientations: are the poses of the same views?")
+    return Similarity(
+        scale,
+        rotation,
+        target.translation.mean(0) - scale * rotation @ source.translation.mean(0),
+    )
+
+
+@dataclass(frozen=True)
+class IcpResult:
+    """What `refine_on_surface` found."""
+
+    similarity: Similarity
+    """target_from_source."""
+    distance: np.ndarray
+    """(n,) signed distances along the normals, in the target's unit, NaN for points beside the surface."""
+    determined: int
+    """How many of the 7 directions the surface determines; the others keep the initial alignment."""
+
+
+def refine_on_surface(
+    position: np.ndarray,
+    normal: np.ndarray,
+    closest: Closest,
+    initial: Similarity,
+    *,
+    iterations: int = 30,
+    sample: int = 20_000,
+) -> IcpResult:
+    """The similarity that brings points closest to a surface: ICP, point to plane, with scale.
+
+    position, normal: (n, 3) of the source. Each step solves for 7 parameters in closed form, which rigid ICP
+    libraries do not offer; `sample` points at most take part. Robust: residuals beyond 3 robust standard
+    deviations are dropped, as are points beside the surface. Raises InputError where nothing overlaps.
+    """
+    chosen = slice(None, None, max(1, len(position) // sample))
+    points, normals = position[chosen], normal[chosen]
+    similarity = initial
+    determined = 7
+    for _ in range(iterations):
+        moved = similarity(points)
+        center = moved.mean(0)
+        extent = float(np.sqrt(np.mean(np.sum((moved - center) ** 2, -1))))
+        plane = normals @ similarity.rotation.T
+        distance = surface_distance(moved, plane, closest)
+        step, determined = _icp_step((moved - center) / extent, plane, distance / extent)
+        turn, move, growth = so3_exp(step[:3]), extent * step[3:6], np.exp(step[6])
+        update = Similarity(float(growth), turn, center + move - growth * turn @ center)
+        similarity = update @ similarity
+        if np.linalg.norm(step) < 1e-8:
+            break
+    moved = similarity(position)
+    distance = surface_distance(moved, normal @ similarity.rotation.T, closest)
+    return IcpResult(similarity, distance, determined)
+
+
+def surface_distance(points: np.ndarray, normals: np.ndarray, closest: Closest) -> np.ndarray:
+    """Distance (n,) of points to a surface, positive on the side of their normals; NaN beside the surface."""
+    foot, inside = closest(points)
+    offset = points - foot
+    distance = np.copysign(np.linalg.norm(offset, axis=-1), np.sum(offset * normals, -1))
+    return np.where(inside, distance, np.nan)
+
+
+def _icp_step(points, normals, distance):
+    """One Gauss-Newton step (7,) for centred points of unit extent: rotation, translation, log scale."""
+    used = np.isfinite(distance)
+    if used.sum() < 7:
+        raise InputError("the map and the reference surface do not overlap: check frame and unit of both")
+    center = np.median(distance[used])
+    deviation = 1.4826 * np.median(np.abs(distance[used] - center))
+    used &= np.abs(distance - center) <= 3.0 * deviation + 1e-12
+    p, n, d = points[used], normals[used], distance[used]
+    jacobian = np.concatenate([np.cross(p, n), n, np.sum(p * n, -1, keepdims=True)], -1)
+    eigenvalue, direction = np.linalg.eigh(jacobian.T @ jacobian / len(d))
+    strong = eigenvalue > MINIMUM_SENSITIVITY**2
+    gradient = direction.T @ (jacobian.T @ d / len(d))
+    solution = np.where(strong, -gradient / np.where(strong, eigenvalue, 1.0), 0.0)
+    return direction @ solution, int(strong.sum())

@@ -1,0 +1,86 @@
+"""Triangles onto pixels: the mesh of a map, and a z-buffer that draws it as a pinhole camera sees it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+STRETCH_LIMIT = 6.0
+"""A triangle with an edge this many times longer than the median edge spans a gap, not a surface."""
+
+
+def grid_faces(position: np.ndarray, present: np.ndarray) -> np.ndarray:
+    """Triangles (F, 3) over a grid of points: two per cell whose corners are present, one if three are.
+
+    position: (h, w, 3); present: (h, w) bool. The indices count row by row over the whole grid. Triangles
+    with an edge longer than STRETCH_LIMIT median edges (depth jumps, spikes) are left out.
+    """
+    index = np.arange(present.size).reshape(present.shape)
+    a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
+    c, d = index[1:, :-1].ravel(), index[1:, 1:].ravel()
+    has = present.ravel()
+    # The diagonal b-c serves whole cells and those that lack a or d; a-d serves those that lack b or c.
+    other = (has[a] & has[d]) & (has[b] ^ has[c])
+    first = np.where(other[:, None], np.stack([a, c, d], -1), np.stack([a, c, b], -1))
+    second = np.where(other[:, None], np.stack([a, d, b], -1), np.stack([b, c, d], -1))
+    faces = np.concatenate([first, second])
+    faces = faces[has[faces].all(-1)]
+    if len(faces) == 0:
+        return faces
+    corner = position.reshape(-1, 3)[faces]
+    edge = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1)
+    return faces[(edge < STRETCH_LIMIT * np.median(edge)).all(-1)]
+
+
+@njit(cache=True)
+def _draw(pixel, depth, value, faces, image, nearest):
+    height, width = image.shape
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        if depth[i] <= 0.0 or depth[j] <= 0.0 or depth[k] <= 0.0:
+            continue
+        xi, yi, xj, yj, xk, yk = pixel[i, 0], pixel[i, 1], pixel[j, 0], pixel[j, 1], pixel[k, 0], pixel[k, 1]
+        area = (xj - xi) * (yk - yi) - (xk - xi) * (yj - yi)
+        if area == 0.0:
+            continue
+        # Pixel [row, col] has its centre at (col + 0.5, row + 0.5).
+        first_col = max(0, int(np.ceil(min(xi, xj, xk) - 0.5 - 1e-9)))
+        last_col = min(width - 1, int(np.floor(max(xi, xj, xk) - 0.5 + 1e-9)))
+        first_row = max(0, int(np.ceil(min(yi, yj, yk) - 0.5 - 1e-9)))
+        last_row = min(height - 1, int(np.floor(max(yi, yj, yk) - 0.5 + 1e-9)))
+        for row in range(first_row, last_row + 1):
+            y = row + 0.5
+            for col in range(first_col, last_col + 1):
+                x = col + 0.5
+                wi = ((xj - x) * (yk - y) - (xk - x) * (yj - y)) / area
+                wj = ((xk - x) * (yi - y) - (xi - x) * (yk - y)) / area
+                wk = 1.0 - wi - wj
+                if wi < -1e-9 or wj < -1e-9 or wk < -1e-9:
+                    continue
+                # 1/z is linear in the image; so is value/z.
+                wi, wj, wk = wi / depth[i], wj / depth[j], wk / depth[k]
+                z = 1.0 / (wi + wj + wk)
+                if z < nearest[row, col]:
+                    nearest[row, col] = z
+                    image[row, col] = z * (wi * value[i] + wj * value[j] + wk * value[k])
+
+
+def draw_triangles(
+    pixel: np.ndarray, depth: np.ndarray, value: np.ndarray, faces: np.ndarray, shape: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a pinhole camera sees of a mesh: image (H, W) of `value`, zero outside, and mask (H, W) bool.
+
+    pixel: (V, 2) projected vertices; depth: (V,) along the camera's axis, triangles with a corner at or
+    behind the camera are dropped; value: (V,) interpolated linearly on the triangle (perspective-correct) at
+    pixel centres; the nearest triangle wins.
+    """
+    image, nearest = np.zeros(shape), np.full(shape, np.inf)
+    _draw(
+        np.ascontiguousarray(pixel, float),
+        np.ascontiguousarray(depth, float),
+        np.ascontiguousarray(value, float),
+        np.ascontiguousarray(faces, np.int64),
+        image,
+        nearest,
+    )
+    return image, np.isfinite(nearest)

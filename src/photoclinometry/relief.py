@@ -1,0 +1,118 @@
+"""The shape of a map by itself: its mean plane, heights above it, and the shadows that it casts.
+
+The local frame has its origin in the middle of the map: x to the right and y up in the reference image, both
+along the mean plane, z out of the ground. Azimuths count clockwise from y ("up in the reference image"),
+elevations from the plane, so that they mean something before a map is georeferenced.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from photoclinometry.geometry import Rigid, unit
+from photoclinometry.scene import Scene
+
+
+def mean_plane(position: np.ndarray, iterations: int = 10) -> tuple[np.ndarray, np.ndarray]:
+    """A point (3,) and the unit normal (3,), of either sign, of the plane through points (n, 3).
+
+    Least squares re-weighted by 1 / (1 + (d / s)^2), s the median distance: spikes do not tilt it.
+    """
+    weight = np.ones(len(position))
+    for _ in range(iterations):
+        center = weight @ position / weight.sum()
+        offset = position - center
+        normal = np.linalg.eigh((offset * weight[:, None]).T @ offset)[1][:, 0]
+        distance = np.abs(offset @ normal)
+        weight = 1.0 / (1.0 + (distance / max(np.median(distance), 1e-300)) ** 2)
+    return center, normal
+
+
+def local_frame(scene: Scene) -> Rigid:
+    """body_from_local of the map (see the module)."""
+    center, up = mean_plane(scene.landmarks.position)
+    reference = scene.views.body_from_cam[scene.reference]
+    if up @ (reference.translation - center) < 0:
+        up = -up
+    image_up = -reference.rotation[:, 1]
+    north = unit(image_up - (image_up @ up) * up)
+    return Rigid(np.stack([np.cross(north, up), north, up], -1), center)
+
+
+def height_map(scene: Scene) -> np.ndarray:
+    """Heights (h, w) of the landmarks above their mean plane, in units of B; NaN where there is none."""
+    return scene.grid(local_frame(scene).inverse()(scene.landmarks.position)[:, 2])
+
+
+def sun_from_angles(body_from_local: Rigid, azimuth: float, elevation: float) -> np.ndarray:
+    """Unit vector (3,) in B from azimuth, clockwise from the local y, and elevation above the plane [rad]."""
+    flat = np.cos(elevation)
+    local = np.array([flat * np.sin(azimuth), flat * np.cos(azimuth), np.sin(elevation)])
+    return body_from_local.rotation @ local
+
+
+def angles_from_sun(body_from_local: Rigid, sun: np.ndarray) -> tuple[float, float]:
+    """Azimuth and elevation [rad] of a direction (3,) of B: the inverse of `sun_from_angles`."""
+    x, y, z = sun @ body_from_local.rotation
+    return float(np.arctan2(x, y) % (2 * np.pi)), float(np.arctan2(z, np.hypot(x, y)))
+
+
+def lambert_shade(normal: np.ndarray, sun: np.ndarray) -> np.ndarray:
+    """Hillshade (...,) in [0, 1]: the cosine of incidence of normals (..., 3) under a Sun (3,)."""
+    return np.clip(normal @ sun, 0.0, 1.0)
+
+
+@njit(cache=True, parallel=True)
+def _march(point, sun, fx, fy, cx, cy, row0, col0, depth, nearest, farthest, step, lit):
+    height, width = depth.shape
+    for j in prange(point.shape[0]):
+        travelled = 1.5 * step
+        while True:
+            x = point[j, 0] + travelled * sun[0]
+            y = point[j, 1] + travelled * sun[1]
+            z = point[j, 2] + travelled * sun[2]
+            travelled += step
+            if z < nearest or z > farthest:
+                break
+            col = fx * x / z + cx - 0.5 - col0
+            row = fy * y / z + cy - 0.5 - row0
+            if not (0.0 <= row < height - 1 and 0.0 <= col < width - 1):
+                break
+            r, c = int(row), int(col)
+            u, v = row - r, col - c
+            ground = (1.0 - u) * ((1.0 - v) * depth[r, c] + v * depth[r, c + 1]) + u * (
+                (1.0 - v) * depth[r + 1, c] + v * depth[r + 1, c + 1]
+            )
+            if z > ground:  # behind what the reference camera sees; False beside missing landmarks (NaN)
+                lit[j] = False
+                break
+
+
+def in_sunlight(scene: Scene, sun: np.ndarray) -> np.ndarray:
+    """(J,) bool: no other part of the map stands between the landmark and the Sun (3,), in B.
+
+    A ray from each landmark towards the Sun is followed in steps of one GSD over the reference camera's depth
+    map until it leaves the region or all relief. Ground outside the map, or hidden from the reference camera,
+    casts no shadow; attached shadow (incidence above 90 degrees) is the reflectance model's affair.
+    """
+    cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
+    point = cam_from_body(scene.landmarks.position)
+    (fx, fy), (cx, cy) = (lambda c: (c.focal_px, c.principal_px))(scene.views.cameras[scene.reference])
+    lit = np.ones(len(point), bool)
+    _march(
+        point,
+        cam_from_body.rotation @ np.asarray(sun, float),
+        fx,
+        fy,
+        cx,
+        cy,
+        scene.region.row,
+        scene.region.col,
+        scene.grid(point[:, 2]),
+        point[:, 2].min(),
+        point[:, 2].max(),
+        scene.gsd,
+        lit,
+    )
+    return lit

@@ -1,0 +1,98 @@
+"""What the scene looks like: predicted brightness at landmarks, on the reference grid, and in any view.
+
+Relighting is the same with another Sun. Cast shadows are off by default, as in the paper's renderings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import unit
+from photoclinometry.raster import draw_triangles, grid_faces
+from photoclinometry.reflectance import Reflectance, photometric_angles
+from photoclinometry.relief import in_sunlight
+from photoclinometry.scene import Scene
+
+
+def _model(scene: Scene) -> Reflectance:
+    if scene.reflectance is None:
+        raise InputError(
+            f"scene {scene.name!r} holds geometry alone (reflectance = none): it has no albedos to render; "
+            "run again with a reflectance model"
+        )
+    return scene.reflectance
+
+
+def landmark_brightness(
+    scene: Scene,
+    view: int,
+    sun: np.ndarray | None = None,
+    *,
+    with_scale_and_bias: bool = True,
+    cast_shadows: bool = False,
+) -> np.ndarray:
+    """Brightness (J,) of every landmark as a view's camera would measure it (Eqs. 29, 30).
+
+    scale * albedo * rho + bias; or albedo * rho alone, which is what views have in common. sun: (3,) towards
+    the Sun in B, of any length; by default the view's own. Landmarks that are unlit or turned away give the
+    bias. Raises InputError where the scene has no reflectance model.
+    """
+    views, landmarks = scene.views, scene.landmarks
+    sun = views.sun[view] if sun is None else unit(sun)
+    angles = photometric_angles(sun, views.body_from_cam.translation[view], landmarks.position, landmarks.normal)
+    radiance = landmarks.albedo * _model(scene)(*angles)
+    if cast_shadows:
+        radiance = np.where(in_sunlight(scene, sun), radiance, 0.0)
+    return views.scale[view] * radiance + views.bias[view] if with_scale_and_bias else radiance
+
+
+def observation_brightness(scene: Scene, *, with_scale_and_bias: bool = True) -> np.ndarray:
+    """Predicted brightness (N,) of every observation of the tracks."""
+    predicted = np.empty(len(scene.tracks))
+    landmark = scene.tracks.landmark
+    for k in range(len(scene.views)):
+        seen = np.flatnonzero(scene.tracks.view == k)
+        of_view = landmark_brightness(scene, k, with_scale_and_bias=with_scale_and_bias)
+        predicted[seen] = of_view[landmark[seen]]
+    return predicted
+
+
+def render_reference(
+    scene: Scene, view: int | None = None, sun: np.ndarray | None = None, **options
+) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness on the region of the reference image: image (h, w), zero outside the map, and mask (h, w).
+
+    As `landmark_brightness` for the camera of `view` (default: the reference); options are its options.
+    """
+    view = scene.reference if view is None else view
+    image = scene.grid(landmark_brightness(scene, view, sun, **options))
+    mask = np.isfinite(image)
+    return np.where(mask, image, 0.0), mask
+
+
+def render_view(scene: Scene, view: int, sun: np.ndarray | None = None, **options) -> tuple[np.ndarray, np.ndarray]:
+    """The map as one view's camera sees it: image (H, W), zero outside the map, and mask (H, W) bool.
+
+    The landmarks' grid is a mesh; brightness is computed at its vertices (as `landmark_brightness`, whose
+    options these are), interpolated at pixel centres, and the nearest surface hides what is behind it.
+    """
+    return draw_landmarks(scene, view, landmark_brightness(scene, view, sun, **options))
+
+
+def draw_landmarks(scene: Scene, view: int, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values (J,) of the landmarks drawn in a view: image (H, W), zero outside the map, and mask (H, W)."""
+    camera = scene.views.cameras[view]
+    position = scene.grid(scene.landmarks.position)
+    present = np.isfinite(position[..., 0])
+    faces = grid_faces(position, present)
+    in_cam = scene.views.body_from_cam[view].inverse()(
+        np.where(present[..., None], position, scene.landmarks.position[0]).reshape(-1, 3)
+    )
+    return draw_triangles(
+        camera.pixel_from_cam(in_cam),
+        in_cam[:, 2],
+        scene.grid(value, fill=0.0).ravel(),
+        faces,
+        (camera.height, camera.width),
+    )

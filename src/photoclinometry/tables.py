@@ -1,0 +1,81 @@
+"""Metrics as tables: flat dictionaries whose keys end in units, read back into rows for people."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+STATISTICS = ("mean", "median", "rms", "p90")
+_SPREAD = re.compile(rf"(?P<name>.+)_(?P<statistic>{'|'.join(STATISTICS)})_(?P<unit>.+)")
+_UNITS = {
+    "percent_of_brightness": "% of brightness",
+    "percent": "%",
+    "deg": "°",
+    "gsd": "GSD",
+    "db": "dB",
+    "px": "px",
+    "gb": "GB",
+    "km": "km",
+    "m": "m",
+    "s": "s",
+}
+
+
+def metric_rows(metrics: Mapping[str, float]) -> tuple[list[tuple[str, ...]], list[tuple[str, str]]]:
+    """Rows (quantity, unit, mean, median, RMS, 90 %) and rows (quantity, value with unit), in given order."""
+    spreads: dict[tuple[str, str], dict[str, float]] = {}
+    singles = []
+    complete = {(m["name"], m["unit"]) for key in metrics if (m := _SPREAD.fullmatch(key)) and m["statistic"] == "rms"}
+    for key, value in metrics.items():
+        match = _SPREAD.fullmatch(key)
+        if match and (match["name"], match["unit"]) in complete:
+            spreads.setdefault((match["name"], match["unit"]), {})[match["statistic"]] = value
+        else:
+            name, unit = split_unit(key)
+            singles.append((words(name), f"{number(value)} {unit}".strip()))
+    rows = [
+        (words(name), _UNITS.get(unit, unit), *(number(values.get(s)) for s in STATISTICS))
+        for (name, unit), values in spreads.items()
+    ]
+    return rows, singles
+
+
+def split_unit(key: str) -> tuple[str, str]:
+    """ "psnr_mean_db" -> ("psnr_mean", "dB"); a key without a known unit comes back whole."""
+    for unit, shown in _UNITS.items():
+        if key.endswith(f"_{unit}"):
+            return key.removesuffix(f"_{unit}"), shown
+    return key, ""
+
+
+def words(name: str) -> str:
+    """ "photometric_error" -> "photometric error"."""
+    text = name.replace("_", " ").replace("psnr", "PSNR").replace("gsd", "GSD")
+    return text
+
+
+def number(value: float | int | str | None) -> str:
+    """Four significant digits; whole numbers whole; a dash for nothing."""
+    if value is None or value != value:
+        return "–"
+    if isinstance(value, str):
+        return value
+    if float(value).is_integer() and abs(value) < 1e15:
+        return f"{int(value):,}".replace(",", "\u202f")
+    return f"{value:.4g}"
+
+
+def markdown(metrics: Mapping[str, float], title: str) -> str:
+    """The metrics as a Markdown page of two tables."""
+    spreads, singles = metric_rows(metrics)
+    lines = [f"# {title}", ""]
+    if spreads:
+        lines += _markdown_table(("quantity", "unit", "mean", "median", "RMS", "90 %"), spreads)
+    if singles:
+        lines += _markdown_table(("quantity", "value"), singles)
+    return "\n".join(lines)
+
+
+def _markdown_table(head, rows) -> list[str]:
+    shown = [head, ("---", *["---:"] * (len(head) - 1)), *rows]
+    return [f"| {' | '.join(row)} |" for row in shown] + [""]

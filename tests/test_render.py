@@ -1,0 +1,188 @@
+"""Rendering: exact at landmarks, close between them, the nearer hides the farther, shadows fall right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.errors import InputError
+from photoclinometry.raster import draw_triangles, grid_faces
+from photoclinometry.reflectance import published
+from photoclinometry.relief import (
+    angles_from_sun,
+    height_map,
+    in_sunlight,
+    local_frame,
+    mean_plane,
+    sun_from_angles,
+)
+from photoclinometry.render import (
+    draw_landmarks,
+    landmark_brightness,
+    observation_brightness,
+    render_reference,
+    render_view,
+)
+from photoclinometry.scene import Scene
+from scenes import synthetic_images, synthetic_scene
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return synthetic_scene()
+
+
+@pytest.mark.parametrize("model", ["lunar-lambert", "mcewen"])
+def test_predicted_brightness_is_the_measured_one_of_an_exact_scene(model):
+    """Eqs. 29 (calibrated) and 30 (scale and bias)."""
+    exact = synthetic_scene(size=8, reflectance=published(model, "vesta"))
+    np.testing.assert_allclose(observation_brightness(exact), exact.tracks.brightness, rtol=1e-12)
+
+
+def test_rendering_the_reference_view_is_exact_at_the_landmarks(scene):
+    """Each landmark of the reference view lies on a pixel centre, where nothing is interpolated."""
+    image, mask = render_view(scene, scene.reference)
+    row, col = scene.landmarks.pixel.T
+    assert mask[row, col].all()
+    np.testing.assert_allclose(image[row, col], landmark_brightness(scene, scene.reference), rtol=1e-6)
+    on_grid, on_grid_mask = render_reference(scene)
+    np.testing.assert_allclose(image[scene.region.slices], on_grid, rtol=1e-6)
+    assert on_grid_mask.all()
+
+
+def test_rendering_other_views_matches_their_exact_images(scene):
+    """Between landmarks linear interpolation errs by the curvature: below 1 % of the brightness here."""
+    for k, image in enumerate(synthetic_images(scene)):
+        rendered, mask = render_view(scene, k)
+        assert mask.sum() > 1000
+        np.testing.assert_allclose(rendered[mask], image.brightness[mask], rtol=0.015)
+
+
+def test_relighting_with_a_views_own_sun_changes_nothing(scene):
+    again, _ = render_view(scene, 2, sun=3.0 * scene.views.sun[2])
+    np.testing.assert_allclose(again, render_view(scene, 2)[0], rtol=1e-9)
+
+
+def test_geometry_alone_cannot_be_rendered():
+    with pytest.raises(InputError, match="reflectance model"):
+        render_view(synthetic_scene(size=8, reflectance=None), 0)
+
+
+def test_the_nearer_of_two_triangles_wins_in_any_order():
+    pixel = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]] * 2)
+    depth, value = np.repeat([2.0, 1.0], 3), np.repeat([20.0, 10.0], 3)
+    for faces in ([[0, 1, 2], [3, 4, 5]], [[3, 4, 5], [0, 1, 2]]):
+        image, mask = draw_triangles(pixel, depth, value, np.array(faces), (12, 12))
+        np.testing.assert_allclose(image[mask], 10.0)
+    assert mask[4, 4]  # centre (4.5, 4.5) is inside x + y <= 10
+    assert not mask[5, 5]
+    assert mask.sum() == 55
+
+
+def test_interpolation_is_linear_on_the_triangle_and_not_in_the_image():
+    """Half-way in the image between depths 1 and 3 is a quarter along the edge: 1/z is linear."""
+    pixel = np.array([[0.5, 0.5], [4.5, 0.5], [0.5, 4.5]])
+    image, _ = draw_triangles(
+        pixel, np.array([1.0, 3.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.array([[0, 1, 2]]), (5, 5)
+    )
+    assert image[0, 2] == pytest.approx(0.25)
+
+
+def test_cells_with_a_depth_jump_or_a_missing_corner_are_left_open():
+    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
+    position = np.stack([x, y, np.where(x >= 3, 100.0, 0.0)], -1)
+    present = np.ones((5, 6), bool)
+    faces = grid_faces(position, present)
+    assert len(faces) == 2 * 4 * 4  # five columns of cells, one of which jumps
+    flat = np.stack([x, y, 0 * x], -1)
+    for corner, left in [((0, 0), 2 * 20 - 1), ((2, 2), 2 * 20 - 4)]:
+        present = np.ones((5, 6), bool)
+        present[corner] = False
+        faces = grid_faces(flat, present)
+        assert len(faces) == left
+        a, b, c = np.moveaxis(flat.reshape(-1, 3)[faces], 1, 0)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=-1).sum() / 2
+        assert area == pytest.approx(left / 2)  # no triangle lies over another
+
+
+def test_missing_landmarks_leave_a_hole_of_their_size(scene):
+    keep = np.ones(len(scene.landmarks), bool)
+    keep[20 * 40 + 20] = False
+    marks = scene.landmarks
+    fewer = replace(
+        scene,
+        landmarks=replace(marks, **{k: getattr(marks, k)[keep] for k in ("position", "normal", "albedo", "pixel")}),
+    )
+    _, whole = draw_landmarks(scene, 0, scene.landmarks.albedo)
+    _, open_ = draw_landmarks(fewer, 0, fewer.landmarks.albedo)
+    row, col = marks.pixel[20 * 40 + 20]
+    assert np.argwhere(whole & ~open_).tolist() == [[row, col]]
+
+
+def test_mean_plane_ignores_spikes():
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.uniform(-50, 50, (500, 2)), 0.1 * rng.normal(size=(500, 1))], -1)
+    points[:25, 2] += 60.0
+    center, normal = mean_plane(points)
+    assert np.degrees(np.arccos(abs(normal[2]))) < 0.05
+    assert abs(center[2]) < 0.1
+
+
+def test_heights_are_above_the_plane_towards_the_cameras(scene):
+    """The test site is level: its heights are z up to a constant and a tilt of a few tenths of a degree."""
+    z = scene.grid(scene.landmarks.position[:, 2])
+    height = height_map(scene)
+    assert np.corrcoef(height.ravel(), z.ravel())[0, 1] > 0.95
+    assert local_frame(scene).rotation[2, 2] > 0.99
+
+
+def test_sun_angles_count_clockwise_from_up_in_the_reference_image(scene):
+    frame = local_frame(scene)
+    sun = sun_from_angles(frame, np.deg2rad(90.0), np.deg2rad(30.0))
+    in_cam = scene.views.body_from_cam[scene.reference].rotation.T @ sun
+    assert in_cam[0] > 0.8  # from the right
+    assert in_cam[2] < -0.4  # towards the camera
+    np.testing.assert_allclose(np.rad2deg(angles_from_sun(frame, sun)), [90.0, 30.0], atol=1e-9)
+
+
+def _wall(scene: Scene, height: float) -> Scene:
+    """Level ground seen from straight above, and a wall of one pixel column in the middle."""
+    camera, region = scene.views.cameras[0], scene.region
+    pose = scene.views.body_from_cam[0]
+    rays = camera.ray_in_cam(region.pixel_centers()).reshape(-1, 3)
+    distance = 600e3
+    depth = np.full(len(rays), distance)
+    depth[scene.landmarks.pixel[:, 1] == region.col + 20] -= height
+    marks = replace(
+        scene.landmarks,
+        position=pose(rays * depth[:, None]),
+        normal=np.broadcast_to(-pose.rotation[:, 2], (len(rays), 3)),
+    )
+    return replace(scene, landmarks=marks)
+
+
+def test_a_wall_casts_a_shadow_as_long_as_trigonometry_says(scene):
+    """Height 5 GSD, Sun 45 degrees high from the right: five pixels to the left lie in shadow."""
+    wall = _wall(scene, 5 * 60.0)
+    pose = wall.views.body_from_cam[0]
+    lit = wall.grid(in_sunlight(wall, pose.rotation @ np.array([1.0, 0.0, -1.0]) / np.sqrt(2))) > 0
+    middle = lit[10:30]
+    assert middle[:, 21:].all()
+    assert middle[:, :14].all()
+    assert not middle[:, 16:19].any()
+    assert in_sunlight(wall, -pose.rotation[:, 2]).all()
+
+
+def test_a_gentle_site_under_a_high_sun_has_no_cast_shadow(scene):
+    assert in_sunlight(scene, scene.views.sun[0]).all()
+    image, _ = render_reference(scene, cast_shadows=True)
+    np.testing.assert_array_equal(image, render_reference(scene)[0])
+
+
+def test_a_low_sun_leaves_shadow_only_at_the_bias(scene):
+    low = sun_from_angles(local_frame(scene), 0.3, np.deg2rad(5.0))
+    with_shadow, _ = render_reference(scene, sun=low, cast_shadows=True)
+    without, _ = render_reference(scene, sun=low)
+    shadowed = with_shadow != without
+    assert 0.02 < shadowed.mean() < 0.9
+    assert (with_shadow[shadowed] == scene.views.bias[0]).all()
