@@ -1,0 +1,232 @@
+"""`scene.h5`: a Scene as HDF5, exact to the last bit.
+
+Every dataset has the attributes `unit`, `frame` ("B" body-fixed, "C" camera, "image", or "-") and
+`description`, and carries checksums: what reads without an error is what was written.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from photoclinometry import __version__
+from photoclinometry.errors import InputError, RunFolderError
+from photoclinometry.geometry import Rigid
+from photoclinometry.io.atomic import atomic_path
+from photoclinometry.reflectance import Reflectance
+from photoclinometry.scene import Camera, Landmarks, Region, Scene, Tracks, Views
+
+FORMAT = "photoclinometry scene"
+VERSION = 1
+
+# Unit, frame and description of each dataset; LENGTH and BRIGHTNESS stand for the scene's own units.
+_LENGTH, _BRIGHTNESS = "LENGTH", "BRIGHTNESS"
+_VIEWS = {
+    "name": ("-", "-", "name of each view: its image path as site.toml writes it"),
+    "camera": ("-", "-", "index of each view's camera"),
+    "rotation": ("1", "B", "body_from_cam rotation matrices (K, 3, 3): x_B = rotation x_C + translation"),
+    "translation": (_LENGTH, "B", "camera centres (K, 3)"),
+    "sun": ("1", "B", "estimated unit vectors from the body towards the Sun (K, 3)"),
+    "scale": ("1", "-", "measured brightness = scale * model + bias"),
+    "bias": (_BRIGHTNESS, "-", "measured brightness = scale * model + bias"),
+    "sun_measured": ("1", "C", "measured unit vectors from the body towards the Sun (K, 3)"),
+    "sun_sigma": ("rad", "C", "standard deviation of sun_measured about each tangent axis"),
+}
+_LANDMARKS = {
+    "position": (_LENGTH, "B", "landmark positions (J, 3)"),
+    "normal": ("1", "B", "outward unit normals (J, 3)"),
+    "albedo": (_BRIGHTNESS, "-", "normal albedo where brightness is I/F, else relative albedo"),
+    "pixel": ("px", "image", "(row, col) of the reference image's pixel that each landmark was made from"),
+}
+_TRACKS = {
+    "start": ("-", "-", "observations of landmark j are start[j] to start[j + 1]"),
+    "view": ("-", "-", "index of the view of each observation"),
+    "keypoint": ("px", "image", "(x, y) of each observation; (0.5, 0.5) is the centre of the top-left pixel"),
+    "keypoint_sigma": ("px", "image", "standard deviation of each keypoint coordinate"),
+    "brightness": (_BRIGHTNESS, "-", "brightness at the keypoint; a measurement only where lit"),
+    "lit": ("-", "-", "whether the brightness is a measurement"),
+}
+_UNCERTAINTY_UNITS = {
+    "position": (_LENGTH, "B"),
+    "translation": (_LENGTH, "B"),
+    "center": (_LENGTH, "B"),
+    "normal": ("rad", "B"),
+    "rotation": ("rad", "C"),
+    "sun": ("rad", "B"),
+    "albedo": (_BRIGHTNESS, "-"),
+    "bias": (_BRIGHTNESS, "-"),
+    "scale": ("1", "-"),
+}
+
+
+def write_scene(path: Path | str, scene: Scene) -> None:
+    """The whole scene as one file. Raises RunFolderError."""
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver=("v110", "v110")) as file:
+        file.attrs.update(format=FORMAT, version=VERSION, written_by=f"photoclinometry {__version__}")
+        file.attrs.update(name=scene.name, brightness=scene.brightness, reference=scene.reference)
+        if scene.body is not None:
+            file.attrs["body"] = scene.body
+        file.create_group("region").attrs.update({f.name: getattr(scene.region, f.name) for f in fields(Region)})
+        if scene.reflectance is not None:
+            model = file.create_group("reflectance")
+            model.attrs["disk"] = scene.reflectance.disk
+            write = _Writer(model, scene)
+            write("weight", scene.reflectance.weight, ("1, 1/rad", "-", "w0, w1: g(phase) = w0 + w1 phase"))
+            about = ("1/rad^i", "-", "c_1, c_2, ...: phase function = 1 + sum c_i phase^i")
+            write("phase_coefficients", scene.reflectance.phase_coefficients, about)
+        _write_views(file, scene)
+        for group, part, spec in (
+            ("landmarks", scene.landmarks, _LANDMARKS),
+            ("tracks", scene.tracks, _TRACKS),
+        ):
+            write = _Writer(file.create_group(group), scene)
+            for name, about in spec.items():
+                write(name, getattr(part, name), about)
+        write = _Writer(file.create_group("uncertainty"), scene)
+        for name, sigma in scene.uncertainty.items():
+            unit, frame = _UNCERTAINTY_UNITS.get(name, ("as the quantity", "as the quantity"))
+            write(name, sigma, (unit, frame, f"standard deviation of {name}"))
+
+
+def read_scene(path: Path | str) -> Scene:
+    """The scene that `write_scene` wrote: every value and type the same.
+
+    Raises RunFolderError for files that are missing, damaged, of another version, or no scene at all.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RunFolderError(f"{path}: there is no such file; run the site first, or check the path")
+    try:
+        with h5py.File(path, "r") as file:
+            _check_version(path, file)
+            scene = _read(file)
+    except InputError:
+        raise
+    # h5py meets damage with nearly every built-in exception.
+    except Exception as error:
+        first_line = str(error).splitlines()[0] if str(error) else ""
+        raise RunFolderError(
+            f"{path}: is no scene file, or is damaged ({type(error).__name__}: {first_line}); run the site again"
+        ) from error
+    fault = _inconsistency(scene)
+    if fault:
+        raise RunFolderError(f"{path}: contradicts itself ({fault}); run the site again")
+    return scene
+
+
+class _Writer:
+    """Writes datasets of one group with their attributes."""
+
+    def __init__(self, group: h5py.Group, scene: Scene):
+        self.group = group
+        brightness = "I/F" if scene.brightness == "iof" else "DN"
+        self.units = {_LENGTH: "unit of length of B", _BRIGHTNESS: brightness}
+
+    def __call__(self, name: str, values, about: tuple[str, str, str]) -> None:
+        values = np.asarray(values)
+        if values.dtype.kind == "U":
+            values = np.char.encode(values, "utf-8")
+        checked = {"fletcher32": True} if values.size and values.ndim else {}
+        dataset = self.group.create_dataset(name, data=values, **checked)
+        unit, frame, description = about
+        dataset.attrs.update(unit=self.units.get(unit, unit), frame=frame, description=description)
+
+
+def _write_views(file: h5py.File, scene: Scene) -> None:
+    views = scene.views
+    cameras = list(dict.fromkeys(views.cameras))
+    for number, camera in enumerate(cameras):
+        group = file.create_group(f"cameras/{number}")
+        group.attrs.update(model=camera.model, width=camera.width, height=camera.height)
+        order = "f, cx, cy" if camera.model == "SIMPLE_PINHOLE" else "fx, fy, cx, cy"
+        _Writer(group, scene)("params", np.array(camera.params, float), ("px", "image", order))
+    values = {f.name: getattr(views, f.name) for f in fields(Views)}
+    values["name"] = np.array(views.name)
+    values["camera"] = np.array([cameras.index(c) for c in views.cameras], np.int32)
+    values["rotation"] = views.body_from_cam.rotation
+    values["translation"] = views.body_from_cam.translation
+    write = _Writer(file.create_group("views"), scene)
+    for name, about in _VIEWS.items():
+        write(name, values[name], about)
+
+
+def _check_version(path: Path, file: Any) -> None:
+    if file.attrs.get("format") != FORMAT:
+        raise RunFolderError(f"{path}: is an HDF5 file, but no photoclinometry scene; check the path")
+    found = file.attrs.get("version")
+    if found != VERSION:
+        raise RunFolderError(
+            f"{path}: is a scene of format version {found} ({file.attrs.get('written_by', 'unknown writer')}), "
+            f"this is photoclinometry {__version__}, which reads version {VERSION}; run the site again"
+        )
+
+
+def _read(file: Any) -> Scene:
+    reflectance = None
+    if "reflectance" in file:
+        model = file["reflectance"]
+        reflectance = Reflectance(
+            str(model.attrs["disk"]), *(tuple(model[k][()].tolist()) for k in ("weight", "phase_coefficients"))
+        )
+    return Scene(
+        name=str(file.attrs["name"]),
+        body=str(file.attrs["body"]) if "body" in file.attrs else None,
+        brightness=str(file.attrs["brightness"]),
+        reflectance=reflectance,
+        views=_read_views(file),
+        landmarks=Landmarks(**{name: file["landmarks"][name][()] for name in _LANDMARKS}),
+        tracks=Tracks(**{name: file["tracks"][name][()] for name in _TRACKS}),
+        reference=int(file.attrs["reference"]),
+        region=Region(**{f.name: int(file["region"].attrs[f.name]) for f in fields(Region)}),
+        uncertainty={name: dataset[()] for name, dataset in file["uncertainty"].items()},
+    )
+
+
+def _read_views(file: Any) -> Views:
+    cameras = [
+        Camera(
+            str(group.attrs["model"]),
+            int(group.attrs["width"]),
+            int(group.attrs["height"]),
+            tuple(group["params"][()].tolist()),
+        )
+        for group in (file[f"cameras/{number}"] for number in range(len(file["cameras"])))
+    ]
+    values = {name: file["views"][name][()] for name in _VIEWS}
+    return Views(
+        name=tuple(name.decode() for name in values.pop("name")),
+        cameras=tuple(cameras[number] for number in values.pop("camera")),
+        body_from_cam=Rigid(values.pop("rotation"), values.pop("translation")),
+        **values,
+    )
+
+
+def _inconsistency(scene: Scene) -> str | None:
+    """What would make an index point outside its array, in words; None where all is well."""
+    views, landmarks, tracks, region = scene.views, scene.landmarks, scene.tracks, scene.region
+    k, j, n = len(views.name), len(landmarks.position), len(tracks.view)
+    lengths = [
+        *((getattr(views, name), k) for name in ("sun", "scale", "bias", "sun_measured", "sun_sigma")),
+        (views.cameras, k),
+        (views.body_from_cam.rotation, k),
+        (views.body_from_cam.translation, k),
+        *((getattr(landmarks, name), j) for name in _LANDMARKS),
+        (tracks.start, j + 1),
+        *((getattr(tracks, name), n) for name in _TRACKS if name != "start"),
+    ]
+    if any(len(values) != expected for values, expected in lengths):
+        return "arrays of different lengths"
+    if tracks.start[0] != 0 or tracks.start[-1] != n or (np.diff(tracks.start) < 0).any():
+        return "tracks do not add up"
+    if n and not 0 <= tracks.view.min() <= tracks.view.max() < k:
+        return "a track names a view that is not there"
+    if not 0 <= scene.reference < k:
+        return "the reference view is not there"
+    inside = (landmarks.pixel >= (region.row, region.col)) & (
+        landmarks.pixel < (region.row + region.height, region.col + region.width)
+    )
+    return None if inside.all() else "a landmark lies outside the region"

@@ -1,0 +1,116 @@
+"""A scene comes back from its file exactly, and nothing else passes for a scene."""
+
+from dataclasses import fields, is_dataclass, replace
+
+import h5py
+import numpy as np
+import pytest
+
+from photoclinometry.errors import RunFolderError
+from photoclinometry.io.scene_file import read_scene, write_scene
+from photoclinometry.reflectance import Reflectance
+from photoclinometry.scene import Camera
+from scenes import synthetic_scene
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return synthetic_scene(size=6, views=4, keypoint_noise_px=0.1)
+
+
+def assert_same(a, b, where="scene"):
+    """Every field equal in value and type, arrays bit by bit (NaN equals NaN)."""
+    assert type(a) is type(b), where
+    if is_dataclass(a):
+        for f in fields(a):
+            assert_same(getattr(a, f.name), getattr(b, f.name), f"{where}.{f.name}")
+    elif isinstance(a, np.ndarray):
+        assert (a.dtype, a.shape) == (b.dtype, b.shape), where
+        assert a.tobytes() == b.tobytes(), where
+    elif isinstance(a, dict):
+        assert a.keys() == b.keys(), where
+        for key in a:
+            assert_same(a[key], b[key], f"{where}[{key}]")
+    else:
+        assert a == b, where
+
+
+def variants(scene):
+    count = len(scene.landmarks)
+    second = Camera("SIMPLE_PINHOLE", 64, 48, (1e4 / 3, 32.1, 24.7))
+    views = replace(
+        scene.views,
+        cameras=(second, *scene.views.cameras[1:]),
+        name=("bilder/größe 1.fits", *scene.views.name[1:]),
+    )
+    yield "plain", scene
+    yield "geometry alone", replace(scene, reflectance=None)
+    yield "no phase function", replace(scene, reflectance=Reflectance("mcewen"), brightness="dn")
+    yield "body and several cameras", replace(scene, body="vesta", views=views, reference=2)
+    yield (
+        "uncertainty",
+        replace(
+            scene,
+            uncertainty={
+                "position": np.full((count, 3), 0.1),
+                "albedo": np.linspace(0, 1, count, dtype=np.float32),
+                "sun": np.full((4, 2), np.nan),
+                "something_new": np.zeros((count, 3, 3)),
+            },
+        ),
+    )
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_reading_gives_back_every_field_exactly(tmp_path, scene, number):
+    _, written = list(variants(scene))[number]
+    write_scene(tmp_path / "scene.h5", written)
+    assert_same(written, read_scene(tmp_path / "scene.h5"))
+
+
+def test_every_dataset_says_its_unit_frame_and_meaning(tmp_path, scene):
+    write_scene(tmp_path / "scene.h5", list(variants(scene))[4][1])
+    found = []
+    with h5py.File(tmp_path / "scene.h5") as file:
+        file.visititems(lambda name, item: found.append((name, item)) if hasattr(item, "shape") else None)
+        assert len(found) > 20
+        for name, dataset in found:
+            assert {"unit", "frame", "description"} <= dataset.attrs.keys(), name
+        assert file["landmarks/position"].attrs["frame"] == "B"
+        assert file["landmarks/albedo"].attrs["unit"] == "I/F"
+        assert file["views/sun_sigma"].attrs["unit"] == "rad"
+
+
+def test_another_version_is_refused_by_name(tmp_path, scene):
+    path = tmp_path / "scene.h5"
+    write_scene(path, scene)
+    with h5py.File(path, "r+") as file:
+        file.attrs["version"] = 99
+    with pytest.raises(RunFolderError, match=r"scene\.h5: is a scene of format version 99 .* run the site again"):
+        read_scene(path)
+
+
+def test_other_files_are_refused(tmp_path, scene):
+    path = tmp_path / "other.h5"
+    with pytest.raises(RunFolderError, match="there is no such file"):
+        read_scene(path)
+    path.write_text("not HDF5")
+    with pytest.raises(RunFolderError, match=r"other\.h5: is no scene file"):
+        read_scene(path)
+    with h5py.File(path, "w") as file:
+        file["x"] = 1
+    with pytest.raises(RunFolderError, match="no photoclinometry scene"):
+        read_scene(path)
+
+
+def test_a_scene_whose_indices_point_outside_is_refused(tmp_path, scene):
+    path = tmp_path / "scene.h5"
+    for broken, fault in (
+        (replace(scene, reference=7), "reference view"),
+        (replace(scene, tracks=replace(scene.tracks, view=scene.tracks.view + 1)), "a track names a view"),
+        (replace(scene, tracks=replace(scene.tracks, start=scene.tracks.start[:-1])), "different lengths"),
+        (replace(scene, region=replace(scene.region, height=3)), "outside the region"),
+    ):
+        write_scene(path, broken)
+        with pytest.raises(RunFolderError, match=fault):
+            read_scene(path)
