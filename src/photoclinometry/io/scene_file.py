@@ -16,7 +16,7 @@ import numpy as np
 from photoclinometry import __version__
 from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.geometry import Rigid
-from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.hdf5 import new_hdf5
 from photoclinometry.reflectance import Reflectance
 from photoclinometry.scene import Camera, Landmarks, Region, Scene, Tracks, Views
 
@@ -65,7 +65,7 @@ _UNCERTAINTY_UNITS = {
 
 def write_scene(path: Path | str, scene: Scene) -> None:
     """The whole scene as one file. Raises RunFolderError."""
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver=("v110", "v110")) as file:
+    with new_hdf5(path) as file:
         file.attrs.update(format=FORMAT, version=VERSION, written_by=f"photoclinometry {__version__}")
         file.attrs.update(name=scene.name, brightness=scene.brightness, reference=scene.reference)
         if scene.body is not None:

@@ -220,9 +220,7 @@ def _read_view(path: Path, table: Table, default: Camera | None, cameras: dict[s
 
 def _read_sun(table: Table) -> np.ndarray:
     """The unit vector under `sun`; the rounding of a few decimals is normalised away."""
-    cure = (
-        "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
-    )
+    cure = "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
     sun = table.numbers("sun", 3, cure)
     length = float(np.linalg.norm(sun))
     if length == 0.0:
@@ -294,9 +292,7 @@ def _check_views(table: Table, views: tuple[SiteView, ...]) -> None:
     for view in views:
         place = os.path.realpath(view.image)
         if place in first:
-            raise table.error(
-                "views", f"{first[place]} and {view.name} are the same file; remove one of the two views"
-            )
+            raise table.error("views", f"{first[place]} and {view.name} are the same file; remove one of the two views")
         first[place] = view.name
 
 
@@ -354,9 +350,7 @@ def _prior_dict(prior: PosePrior) -> dict[str, Any]:
     from scipy.spatial.transform import Rotation
 
     return {
-        "rotation_wxyz": Rotation.from_matrix(prior.cam_from_body.rotation)
-        .as_quat(scalar_first=True)
-        .tolist(),
+        "rotation_wxyz": Rotation.from_matrix(prior.cam_from_body.rotation).as_quat(scalar_first=True).tolist(),
         "translation": np.asarray(prior.cam_from_body.translation, float).tolist(),
         "sigma_deg": float(np.rad2deg(prior.rotation_sigma_rad)),
         "sigma": float(prior.translation_sigma),

@@ -1,0 +1,135 @@
+"""Files appear whole or not at all, whatever goes wrong while they are written."""
+
+import errno
+import os
+import resource
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from photoclinometry.errors import RunFolderError
+from photoclinometry.io.atomic import atomic_path, write_bytes, write_text
+from photoclinometry.io.colmap import write_colmap
+from photoclinometry.io.images import write_fits, write_png
+from photoclinometry.io.ply import write_ply
+from photoclinometry.io.scene_file import write_scene
+from photoclinometry.io.site import read_site, write_site
+from scenes import synthetic_scene
+
+
+@contextmanager
+def small_disk(size):
+    """No file of this process may grow beyond `size` bytes: writing fails in the middle, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return synthetic_scene(size=20, views=4)
+
+
+def write_example_site(path, scene):
+    views = "".join(f'[[views]]\nimage = "{n}.fits"\nsun = [0, 0, -1]\n' for n in range(3))
+    camera = '[camera]\nmodel = "PINHOLE"\nwidth = 9\nheight = 9\nparams = [9, 9, 4, 4]\n'
+    source = path.parent.parent / "source.toml"
+    if not source.exists():
+        source.write_text(f'name = "three"\nbrightness = "dn"\n{camera}{views}')
+    write_site(path, read_site(source))
+
+
+WRITERS = {
+    "landmarks.ply": write_ply,
+    "scene.h5": write_scene,
+    "sparse": write_colmap,
+    "image.fits": lambda path, scene: write_fits(path, np.zeros((64, 64))),
+    "image.png": lambda path, scene: write_png(path, np.arange(4096, dtype=np.uint16).reshape(64, 64)),
+    "site.toml": write_example_site,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_writer_leaves_nothing_behind_on_a_full_disk(tmp_path, scene, name):
+    path = tmp_path / "out" / name
+    with small_disk(300), pytest.raises(RunFolderError, match=rf"{name}: cannot be written.*output folder"):
+        WRITERS[name](path, scene)
+    assert list(path.parent.iterdir()) == []
+    WRITERS[name](path, scene)
+    assert [p.name for p in path.parent.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_writer_keeps_the_old_file_when_the_new_one_fails(tmp_path, scene, name):
+    path = tmp_path / "out" / name
+    WRITERS[name](path, scene)
+    file = path / "images.bin" if path.is_dir() else path
+    before = file.read_bytes()
+    with small_disk(300), pytest.raises(RunFolderError):
+        WRITERS[name](path, scene)
+    assert file.read_bytes() == before
+    assert [p.name for p in path.parent.iterdir()] == [name]
+
+
+@pytest.mark.parametrize(
+    ("code", "cure"),
+    [
+        (errno.ENOSPC, "free some space"),
+        (errno.EROFS, "read-only; choose another output folder"),
+        (errno.EACCES, "change the permissions"),
+        (errno.EIO, "check the disk"),
+    ],
+)
+def test_failures_of_the_disk_say_what_to_do(tmp_path, monkeypatch, code, cure):
+    def fail(_descriptor):
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(RunFolderError, match=rf"a\.txt: cannot be written: {os.strerror(code)}; .*{cure}"):
+        write_text(tmp_path / "a.txt", "x")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_other_exceptions_pass_through_and_leave_nothing(tmp_path, error):
+    def interrupted():
+        with atomic_path(tmp_path / "a.bin") as temporary:
+            temporary.write_bytes(b"half")
+            raise error
+
+    with pytest.raises(error):
+        interrupted()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_way_of_a_folder_is_named(tmp_path):
+    (tmp_path / "out").write_text("a file")
+    with pytest.raises(RunFolderError, match="is a file, not a folder"):
+        write_bytes(tmp_path / "out" / "deep" / "a.bin", b"")
+
+
+def test_a_folder_in_the_way_of_a_file_is_named(tmp_path):
+    (tmp_path / "a.bin").mkdir()
+    with pytest.raises(RunFolderError, match="a folder of this name is in the way"):
+        write_bytes(tmp_path / "a.bin", b"")
+    assert [p.name for p in tmp_path.iterdir()] == ["a.bin"]
+
+
+def test_success_makes_parents_replaces_and_keeps_the_suffix(tmp_path):
+    path = tmp_path / "new" / "deeper" / "a.png"
+    for content in (b"1", b"22"):
+        with atomic_path(path) as temporary:
+            assert temporary.suffix == ".png"
+            assert temporary.parent == path.parent
+            temporary.write_bytes(content)
+        assert path.read_bytes() == content
+    assert [p.name for p in path.parent.iterdir()] == ["a.png"]
+
+
+def test_a_block_that_writes_nothing_is_an_error(tmp_path):
+    with pytest.raises(RunFolderError, match=r"a\.bin: cannot be written"), atomic_path(tmp_path / "a.bin"):
+        pass
