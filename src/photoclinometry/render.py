@@ -39,11 +39,13 @@ def landmark_brightness(
     bias. Raises InputError where the scene has no reflectance model.
     """
     views, landmarks = scene.views, scene.landmarks
-    sun = views.sun[view] if sun is None else unit(sun)
-    angles = photometric_angles(sun, views.body_from_cam.translation[view], landmarks.position, landmarks.normal)
+    towards_sun = unit(views.sun[view] if sun is None else sun)
+    angles = photometric_angles(
+        towards_sun, views.body_from_cam.translation[view], landmarks.position, landmarks.normal
+    )
     radiance = landmarks.albedo * _model(scene)(*angles)
     if cast_shadows:
-        radiance = np.where(in_sunlight(scene, sun), radiance, 0.0)
+        radiance = np.where(in_sunlight(scene, towards_sun), radiance, 0.0)
     return views.scale[view] * radiance + views.bias[view] if with_scale_and_bias else radiance
 
 

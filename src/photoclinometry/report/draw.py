@@ -1,0 +1,105 @@
+"""How figures look: sizes, colours, bars and scales, in one place.
+
+Figures are made without pyplot, so that nothing global is touched and no display is needed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from photoclinometry.scene import Region
+
+MISSING = "0.72"
+"""Grey of pixels without a value."""
+DPI = 130
+STYLE = {
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": False,
+    "image.interpolation": "nearest",
+    "savefig.facecolor": "white",
+}
+
+
+def save(figure: Figure, path: Path) -> Path:
+    figure.savefig(path, dpi=DPI)
+    return path
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure [inch]; drawing on it should happen inside `style()`."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def style():
+    """The report's matplotlib settings, as a context."""
+    return matplotlib.rc_context(STYLE)
+
+
+def colour_map(name: str):
+    """A matplotlib colour map whose missing values are grey."""
+    return matplotlib.colormaps[name].with_extremes(bad=MISSING)
+
+
+def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False):
+    """Percentiles of the finite values, so that single outliers do not flatten a picture; (0, 1) without any."""
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return 0.0, 1.0
+    bottom, top = np.percentile(finite, [low, high])
+    bottom = 0.0 if zero else float(bottom)
+    return bottom, float(top) if top > bottom else bottom + max(abs(bottom) * 1e-3, 1e-12)
+
+
+def symmetric_limits(values: np.ndarray, high: float = 99.0):
+    """Limits (-x, x) around zero, x a percentile of the finite values' sizes."""
+    top = limits(np.abs(values), high=high, zero=True)[1]
+    return -top, top
+
+
+def region_extent(region: Region) -> tuple[float, float, float, float]:
+    """imshow's extent (left, right, bottom, top), so that axes count reference pixels."""
+    return region.col, region.col + region.width, region.row + region.height, region.row
+
+
+def show_map(
+    axes: Axes, values: np.ndarray, region: Region, title: str, *, label: str = "", cmap: str = "gray", clim=None
+) -> None:
+    """One map (h, w) on the region's pixels with its colour bar; an RGB image (h, w, 3) goes without a bar."""
+    axes.set_title(title)
+    axes.set_xlabel("reference column [px]")
+    axes.set_ylabel("reference row [px]")
+    if values.ndim == 3:
+        axes.imshow(values, extent=region_extent(region))
+        return
+    low, high = limits(values) if clim is None else clim
+    drawn = axes.imshow(
+        np.ma.masked_invalid(values), cmap=colour_map(cmap), vmin=low, vmax=high, extent=region_extent(region)
+    )
+    add_bar(axes, drawn, values, label)
+
+
+def add_bar(axes: Axes, drawn, values: np.ndarray, label: str) -> None:
+    """A colour bar of the axes' own height, with arrows where values lie beyond it."""
+    finite = values[np.isfinite(values)]
+    low, high = drawn.get_clim()
+    under, over = (finite < low).any(), (finite > high).any()
+    extend = "both" if under and over else "min" if under else "max" if over else "neither"
+    axes.figure.colorbar(drawn, ax=axes, label=label, extend=extend, shrink=0.86, pad=0.02)
+
+
+def bare(axes: Axes, title: str = "") -> Axes:
+    """Axes without ticks and frame, for pictures."""
+    axes.set_title(title)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return axes
