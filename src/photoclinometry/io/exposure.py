@@ -10,40 +10,63 @@ from photoclinometry.scene import Image
 def off_body_mask(image: Image) -> np.ndarray:
     """(h, w) bool: dark sky. All False where the image shows none.
 
-    Sky is what is as dark as the darkest part of the image's edge and connected to the edge, and makes up at
-    least 0.5 % of the image. A shadow is sky only if it reaches the edge or the sky: nothing in one image
-    can tell the two apart there, and neither has a brightness worth measuring.
+    Sky is as dark as the darkest part of the image's edge, reaches the edge, makes up at least 0.5 % of the
+    image, and is a plateau: a dark spot of ground would rise gently at its rim and show texture. A shadow is
+    taken for sky only if it reaches the edge or the sky: nothing in one image can tell the two apart there,
+    and neither has a brightness worth measuring.
     """
     import cv2
 
-    nothing = np.zeros(image.valid.shape, bool)
+    sky = np.zeros(image.valid.shape, bool)
     if image.valid.sum() < 100:
-        return nothing
+        return sky
     dark, bright = np.percentile(image.brightness[image.valid], [0.1, 99.0])
-    ceiling = dark + 0.1 * (bright - dark)
+    contrast = bright - dark
     edge = np.ones(image.valid.shape, bool)
     edge[2:-2, 2:-2] = False
     samples = image.brightness[edge & image.valid]
-    samples = samples[samples < ceiling]
+    samples = samples[samples < dark + 0.1 * contrast]
     if len(samples) < 20:
-        return nothing
+        return sky
 
     # The level and noise of the sky, from the dark part of the edge.
     level = np.median(samples)
     noise = 1.4826 * np.median(np.abs(samples - level))
-    threshold = min(level + max(5.0 * noise, 0.01 * (bright - dark)), ceiling)
-    candidate = ((image.brightness <= threshold) | ~image.valid).astype(np.uint8)
+    tolerance = min(max(5.0 * noise, 0.01 * contrast), 0.1 * contrast)
+    candidate = ((image.brightness <= level + tolerance) | ~image.valid).astype(np.uint8)
     candidate = cv2.morphologyEx(candidate, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
 
-    # Large pieces that touch the edge.
+    # Large pieces that touch the edge and are plateaus.
     count, label, statistics, _ = cv2.connectedComponentsWithStats(candidate, connectivity=4)
-    label = np.asarray(label, np.int64)
-    large = statistics[:, cv2.CC_STAT_AREA] >= 0.005 * image.valid.size
-    touching = np.zeros(count, bool)
-    touching[np.unique(label[edge])] = True
-    keep = large & touching
-    keep[0] = False
-    return keep[label] & image.valid
+    label = np.asarray(label)
+    for piece in np.intersect1d(label[edge], np.arange(1, count)):
+        area = statistics[piece, cv2.CC_STAT_AREA]
+        inside = (label == piece) & image.valid
+        if area >= 0.005 * inside.size and _is_plateau(image, inside, level + tolerance, tolerance, contrast):
+            sky |= inside
+    return sky
+
+
+def _is_plateau(image: Image, inside: np.ndarray, top: float, tolerance: float, contrast: float) -> bool:
+    """Whether the pixels `inside` (h, w), all below `top`, are flat with a steep rim.
+
+    Flat: their spread is white noise or below 0.5 % of the contrast. Steep: around them, few pixels are only a
+    little brighter (a gentle valley has about as many up to 2 tolerances above as below).
+    """
+    import cv2
+
+    reach = max(5.0, 0.5 * np.sqrt(inside.sum()))
+    near = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3) < reach
+    rim = near & ~inside & image.valid & (image.brightness > top) & (image.brightness <= top + 2.0 * tolerance)
+    if rim.sum() > 0.3 * inside.sum():
+        return False
+    core = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)) == 1
+    pair = core[:, 1:] & core[:, :-1]
+    if pair.sum() < 20:
+        return False
+    spread = np.std(image.brightness[core])
+    white = np.std((image.brightness[:, 1:] - image.brightness[:, :-1])[pair]) / np.sqrt(2.0)
+    return bool(spread <= max(1.5 * white, 0.005 * contrast))
 
 
 def shows_nothing(image: Image) -> bool:

@@ -14,7 +14,7 @@ _REQUIRED: Any = object()
 
 
 class Table:
-    """One TOML table. `finish()` complains of keys that nobody has asked for."""
+    """One TOML table. `finish()` complains of keys that nobody has asked for, by reading or by `in`."""
 
     def __init__(self, content: dict[str, Any], file: str, where: str = ""):
         self.content = content
@@ -24,6 +24,7 @@ class Table:
         self._asked: list[str] = []
 
     def __contains__(self, key: str) -> bool:
+        self._asked.append(key)
         return key in self.content
 
     def error(self, key: str, what: str, nearest: tuple[str, Iterable[str]] | None = None) -> SiteError:

@@ -1,0 +1,237 @@
+"""Every mistake in what a person gives is answered by name: the file, the view, the key, and the cure."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from photoclinometry.errors import ImageError, InputError, SiteError
+from photoclinometry.io.images import read_image, write_fits, write_png
+from photoclinometry.io.site import load_images, read_site
+from sites import SIZE, picture, view_text, write_small_site
+
+
+@pytest.fixture
+def path(tmp_path):
+    return write_small_site(tmp_path)
+
+
+SUN = "sun = [0.6, 0.0, -0.8]"
+PRIOR = "cam_from_body = {{ rotation_wxyz = {}, translation = [0, 0, 9], sigma_deg = 0.1, sigma = 1 }}"
+
+# What is replaced (once) in a good site.toml, by what, and what the message must say, in this order.
+MISTAKES = {
+    "sun missing": (SUN, "", ("views[0] (images/0.fits): sun", "is missing", "unit vector", "camera frame")),
+    "sun misspelt": (SUN, SUN.replace("sun", "snu"), ("views[0] (images/0.fits): sun", "did you mean 'sun'?")),
+    "sun zero": (SUN, "sun = [0, 0, 0]", ("views[0] (images/0.fits): sun", "zero vector", "unit vector")),
+    "sun not unit": (SUN, "sun = [3, 0, -4]", ("images/0.fits", "has length 5, not 1", "unit vector")),
+    "sun nearly unit": (SUN, "sun = [0.6, 0, -0.81]", ("images/0.fits", "has length 1.008", "unit vector")),
+    "sun with NaN": (SUN, "sun = [0.6, nan, -0.8]", ("images/0.fits", "3 finite numbers", "nan", "unit vector")),
+    "sun of two": (SUN, "sun = [0.6, -0.8]", ("images/0.fits", "3 finite numbers", "[0.6, -0.8]")),
+    "sun as text": (SUN, 'sun = "up"', ("images/0.fits", "3 finite numbers", "'up'")),
+    "sun of booleans": (SUN, "sun = [true, false, false]", ("images/0.fits", "3 finite numbers", "[True,")),
+    "sun sigma": (SUN, SUN + "\nsun_sigma_deg = 0", ("images/0.fits", "sun_sigma_deg", "positive number", "0")),
+    "unknown view key": (SUN, SUN + "\nsun_sigma = 1", ("images/0.fits", "sun_sigma", "unknown", "'sun_sigma_deg'")),
+    "unknown key": ("body =", "bodi =", ("bodi", "unknown key", "did you mean 'body'?")),
+    "unknown table": ("[region]", "[regoin]", ("regoin", "unknown key", "did you mean 'region'?")),
+    "unknown camera key": ("width", "widht", ("camera: width", "is missing", "'widht'; did you mean 'width'?")),
+    "unknown region key": ("center_px", "centre_px", ("region: centre_px", "unknown", "'center_px'?")),
+    "no name": ('name = "small"', "", ("name", "is missing")),
+    "wrong brightness": ('"iof"', '"radiance"', ("brightness", "'radiance'", "'iof', 'dn'")),
+    "brightness missing": ('brightness = "iof"', "", ("brightness", "is missing")),
+    "no camera": ("[camera]", "[cam]", ("camera", "[camera] or one [cameras.NAME]")),
+    "camera unknown": (SUN, SUN + '\ncamera = "wide"', ("images/0.fits", "camera", "no [cameras.wide]", "leave")),
+    "distorted camera": ("PINHOLE", "OPENCV", ("camera: model", "'OPENCV'", "'PINHOLE'", "undistort the images")),
+    "camera params": ("[640.0, 640.0, 32.0, 32.0]", "[640.0, 32, 32]", ("camera: params", "4 finite numbers")),
+    "negative focal": ("[640.0, 640.0,", "[-640, 640,", ("camera: params", "must be positive")),
+    "params swapped": ("640.0, 640.0, 32.0, 32.0", "32, 32, 640, 1e6", ("params", "far outside", "fx, fy, cx, cy")),
+    "camera size": ("width = 64", "width = 0", ("camera: width", "positive whole number", "0")),
+    "camera size fraction": ("width = 64", "width = 64.5", ("camera: width", "positive whole number", "64.5")),
+    "reference unknown": (
+        'reference = "images/1.fits"',
+        'reference = "images/1.fit"',
+        ("region: reference", "none of the views", "did you mean 'images/1.fits'?"),
+    ),
+    "centre without reference": ('reference = "images/1.fits"', "", ("region: center_px", "needs `reference`")),
+    "region outside": ("[30.0, 32.0]", "[10, 32]", ("center_px", "outside images/1.fits", "x -10 to 30", "64 x 64")),
+    "region too large": ("[40, 20]", "[40, 66]", ("center_px", "y -1 to 65", "shrink")),
+    "region of nothing": ("[40, 20]", "[40, 0]", ("region: size_px", "positive whole numbers")),
+    "image twice": ("images/2.fits", "images/../images/0.fits", ("views", "images/0.fits", "same file", "remove")),
+    "image not text": ('"images/0.fits"', "7", ("views[0]: image", "text in quotes", "7")),
+    "image empty": ('"images/0.fits"', '" "', ("views[0]: image", "is empty")),
+    "prior rotation": (SUN, SUN + "\n" + PRIOR.format("[1, 1, 0, 0]"), ("rotation_wxyz", "length 1.41421")),
+    "prior short": (SUN, SUN + "\n" + PRIOR.format("[1, 0, 0]"), ("cam_from_body: rotation_wxyz", "4 finite")),
+    "views not tables": ("[[views]]\nimage", "[views]\nimage", ("is not valid TOML",)),
+    "not TOML": ('name = "small"', 'name = "small', ("is not valid TOML", "line 1")),
+    "huge number": ("[640.0,", f"[{10**400},", ("camera: params", "4 finite numbers")),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_in_site_toml_is_named(path, mistake):
+    old, new, said = MISTAKES[mistake]
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(SiteError) as raised:
+        read_site(path)
+    message = str(raised.value)
+    assert message.startswith(f"{path}: ")
+    at = 0
+    for part in said:
+        assert part in message[at:], message
+        at = message.index(part, at)
+
+
+def test_fewer_than_three_views_are_refused(path):
+    text = path.read_text()
+    path.write_text(text[: text.index("[region]")] + view_text(0) + view_text(1))
+    with pytest.raises(SiteError, match=r"site\.toml: views: there are 2, at least 3 are needed"):
+        read_site(path)
+    path.write_text(text[: text.index("[region]")])
+    with pytest.raises(SiteError, match=r"site\.toml: views: there are 0, at least 3 are needed; add \[\[views\]\]"):
+        read_site(path)
+
+
+def test_a_site_file_that_is_none_is_refused(tmp_path):
+    with pytest.raises(SiteError, match=r"no\.toml: there is no such file; give the path of a site\.toml"):
+        read_site(tmp_path / "no.toml")
+    with pytest.raises(SiteError, match=r"cannot be read: Is a directory; give a site\.toml"):
+        read_site(tmp_path)
+    (tmp_path / "image.toml").write_bytes(b"\x89PNG\xff\xfe")
+    with pytest.raises(SiteError, match=r"image\.toml: is not UTF-8 text"):
+        read_site(tmp_path / "image.toml")
+
+
+def test_missing_images_are_all_named_before_any_is_read(path):
+    (path.parent / "images" / "1.fits").unlink()
+    (path.parent / "images" / "3.fits").unlink()
+    with pytest.raises(ImageError, match=r"2 of 4 images do not exist: .*1\.fits, .*3\.fits; image paths are relative"):
+        load_images(read_site(path))
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "is an empty file; fetch or export it again"),
+        (b"GIF89a....", "is no FITS, PNG or TIFF image .* convert it"),
+        (b"II+\0....", "is a BigTIFF; convert it"),
+        (b"SIMPLE  =                    T", "is damaged .* fetch or export it again"),
+        (b"\x89PNG\r\n\x1a\n", "is damaged .*ends after 8 bytes"),
+        (b"II*\0\xff\xff\xff\xff", "is damaged .*past the end"),
+    ],
+)
+def test_an_unreadable_image_is_named(path, content, said):
+    broken = path.parent / "images" / "2.fits"
+    broken.write_bytes(content)
+    with pytest.raises(ImageError, match=rf"2\.fits: {said}"):
+        load_images(read_site(path))
+
+
+def test_an_image_path_that_is_missing_or_a_folder_is_named(tmp_path):
+    with pytest.raises(ImageError, match=r"none\.fits: there is no such image; check the path"):
+        read_image(tmp_path / "none.fits")
+    with pytest.raises(ImageError, match=r"cannot be read: Is a directory"):
+        read_image(tmp_path)
+
+
+def test_an_image_cube_is_refused(tmp_path):
+    from astropy.io import fits
+
+    fits.PrimaryHDU(np.zeros((3, 4, 5))).writeto(tmp_path / "cube.fits")
+    with pytest.raises(ImageError, match=r"cube\.fits: has no image with two axes .*\(3, 4, 5\).* extract one plane"):
+        read_image(tmp_path / "cube.fits")
+
+
+def test_an_image_of_another_size_than_its_camera_is_named_with_both_sizes(path):
+    write_fits(path.parent / "images" / "2.fits", picture(2)[:60])
+    with pytest.raises(ImageError, match=r"2\.fits: is 64 x 60 pixels, .* is 64 x 64; correct the camera or the image"):
+        load_images(read_site(path))
+
+
+def test_a_nan_frame_is_named(path):
+    write_fits(path.parent / "images" / "1.fits", np.full((SIZE, SIZE), np.nan))
+    with pytest.raises(
+        ImageError, match=r"1\.fits: has no valid pixel \(all NaN, blank or saturated\); remove this view"
+    ):
+        load_images(read_site(path))
+
+
+def test_a_saturated_frame_is_named(path):
+    png = path.parent / "images" / "1.png"
+    write_png(png, np.full((SIZE, SIZE), 255, np.uint8))
+    png.replace(path.parent / "images" / "1.fits")
+    with pytest.raises(ImageError, match=r"1\.fits: has no valid pixel"):
+        load_images(read_site(path))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_an_all_dark_frame_is_named(path, noise):
+    dark = noise * np.random.default_rng(0).normal(size=(SIZE, SIZE))
+    write_fits(path.parent / "images" / "1.fits", dark)
+    with pytest.raises(ImageError, match=r"1\.fits: is dark: nothing rises above its noise .* remove this view"):
+        load_images(read_site(path))
+
+
+def test_a_duplicated_image_is_named_with_its_original(path):
+    images = path.parent / "images"
+    shutil.copy(images / "1.fits", images / "3.fits")
+    with pytest.raises(ImageError, match=r"images/1\.fits and images/3\.fits are the same image .* remove one"):
+        load_images(read_site(path))
+
+
+def spoilt(content: bytes, rng: np.random.Generator):
+    """Truncations and flipped bytes of a file."""
+    for size in rng.integers(0, len(content), 15):
+        yield content[:size]
+    for count in rng.integers(1, 4, 60):
+        data = bytearray(content)
+        for at in rng.integers(0, len(data), count):
+            data[at] = rng.integers(256)
+        yield bytes(data)
+
+
+def write_examples(folder: Path) -> dict:
+    """One small valid file of each format, with what reads it."""
+    import cv2
+
+    from photoclinometry.io.colmap import read_colmap, write_colmap
+    from photoclinometry.io.ply import read_ply, write_ply
+    from photoclinometry.io.scene_file import read_scene, write_scene
+    from scenes import synthetic_scene
+
+    scene = synthetic_scene(size=3, views=3)
+    bytes_of_image = (1000 * picture(0)).astype(np.uint8)
+    write_fits(folder / "a.fits", picture(0)[:8, :8])
+    write_png(folder / "a.png", bytes_of_image[:16, :16])
+    cv2.imwrite(str(folder / "a.tiff"), bytes_of_image[:16, :16])
+    write_ply(folder / "a.ply", scene, mesh=True)
+    write_scene(folder / "a.h5", scene)
+    write_colmap(folder / "sparse", scene)
+    write_small_site(folder)
+
+    def model(path):
+        return read_colmap(path.parent)
+
+    readers = {"a.fits": read_image, "a.png": read_image, "a.tiff": read_image, "a.ply": read_ply, "a.h5": read_scene}
+    return readers | {"site.toml": read_site, "sparse/images.bin": model, "sparse/points3D.bin": model}
+
+
+@pytest.mark.parametrize(
+    "name", ["a.fits", "a.png", "a.tiff", "a.ply", "a.h5", "site.toml", "sparse/images.bin", "sparse/points3D.bin"]
+)
+def test_damaged_files_are_read_or_refused_never_a_crash(tmp_path, name):
+    """Whatever the damage, a reader either returns or raises our own InputError that names the file."""
+    reader = write_examples(tmp_path)[name]
+    path = tmp_path / name
+    content = path.read_bytes()
+    refused = []
+    for data in spoilt(content, np.random.default_rng(0)):
+        path.write_bytes(data)
+        try:
+            reader(path)
+        except InputError as error:
+            refused.append(str(error))
+    assert len(refused) >= 10
+    assert all(path.name in message for message in refused)
