@@ -1,0 +1,41 @@
+"""`phomo simulate`: images of a made-up place, with the exact truth behind them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from photoclinometry.simulate.site import SimulationOptions, check_output_folder, simulate_site
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulate:
+    """Simulate a site: images with shadows, optics and noise, site.toml, and truth.h5."""
+
+    out: Path
+    """Folder for the site; must be empty or new."""
+    overwrite: bool = False
+    """Replace a site that was simulated there before."""
+    options: Annotated[SimulationOptions, tyro.conf.arg(name="")] = field(default_factory=SimulationOptions)
+
+
+def simulate(arguments: Simulate) -> Path:
+    """Runs the command; prints where the site is, and returns the path of its site.toml."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    check_output_folder(arguments.out, arguments.overwrite)
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description:8}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task("terrain", total=None)
+
+        def progress(done: int, total: int, what: str) -> None:
+            bar.update(task, completed=done, total=total, description=what)
+
+        path = simulate_site(arguments.options, arguments.out, progress, arguments.overwrite)
+    console.print(f"site: {path}\ntruth: {path.with_name('truth.h5')}", soft_wrap=True, highlight=False)
+    return path

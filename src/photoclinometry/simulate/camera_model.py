@@ -1,0 +1,139 @@
+"""From radiance to numbers in a file: point-spread function, pixels, electrons, and the digitiser.
+
+    electrons = Poisson(exposure I/F) + read noise        exposure [electrons per I/F] differs by image
+    DN        = round(electrons / (full well / 2^bits) + offset), saturated at 2^bits - 1
+
+A calibrated image is (DN - offset) / gain with gain [DN per I/F] known exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detector:
+    """A framing camera behind a narrow-angle lens."""
+
+    psf_sigma_px: float = 0.5
+    """Gaussian point-spread function before the pixels integrate, standard deviation [px]."""
+    noise: bool = True
+    """Shot and read noise, and whole DN; off: exact radiance."""
+    full_well_e: float = 150_000.0
+    """Electrons at which a pixel saturates."""
+    read_noise_e: float = 20.0
+    """Standard deviation of the read noise [electrons]."""
+    bits: int = 14
+    """Depth of the digitiser."""
+    exposure_level: float = 0.6
+    """An image is exposed so that its 99th percentile reaches this share of the full well ..."""
+    exposure_spread: float = 0.15
+    """... times a factor per image, uniform within 1 -+ this."""
+    offset_dn: tuple[float, float] = (100.0, 300.0)
+    """Range of the offset, drawn per image [DN]."""
+    hot_pixels: float = 0.0
+    """Share of the pixels that add a random charge, the same ones in every image."""
+    cosmic_rays: float = 0.0
+    """Mean number of cosmic ray hits per image."""
+
+    def __post_init__(self):
+        if self.psf_sigma_px < 0 or self.full_well_e <= 0 or self.read_noise_e < 0:
+            raise InputError("PSF, full well and read noise must not be negative")
+        if not 8 <= self.bits <= 16:
+            raise InputError(f"a detector has 8 to 16 bits, got {self.bits}")
+        if not (0 < self.exposure_level <= 1 and 0 <= self.exposure_spread < 1):
+            raise InputError("exposure_level must be within (0, 1], exposure_spread within [0, 1)")
+
+    @property
+    def margin_px(self) -> int:
+        """How far beyond the frame light still counts [px]."""
+        return int(np.ceil(4.0 * self.psf_sigma_px))
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """One image as digitised."""
+
+    dn: np.ndarray
+    """(h, w) float64, whole numbers if there is noise."""
+    saturated: np.ndarray
+    """(h, w) bool."""
+    gain: float
+    """DN per I/F."""
+    offset: float
+    """DN without light."""
+
+    @property
+    def iof(self) -> np.ndarray:
+        """(h, w) float32 radiance factor; NaN where saturated."""
+        return np.where(self.saturated, np.nan, (self.dn - self.offset) / self.gain).astype(np.float32)
+
+    @property
+    def uint16(self) -> np.ndarray:
+        """(h, w) raw numbers; 65535 where saturated."""
+        return np.where(self.saturated, 65535, np.clip(np.round(self.dn), 0, 65534)).astype(np.uint16)
+
+
+def pixel_average(fine: np.ndarray, supersampling: int, margin_px: int, sigma_px: float) -> np.ndarray:
+    """Pixels (h, w, ...) from samples ((h + 2 margin) s, (w + 2 margin) s, ...).
+
+    The samples are blurred by the point-spread function and averaged over each pixel; the margin is dropped.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    s = supersampling
+    if sigma_px > 0:
+        fine = gaussian_filter(fine, sigma_px * s, mode="nearest", axes=(0, 1))
+    rows, cols = fine.shape[0] // s, fine.shape[1] // s
+    pixels = fine.reshape(rows, s, cols, s, *fine.shape[2:]).mean((1, 3))
+    return pixels[margin_px : rows - margin_px, margin_px : cols - margin_px]
+
+
+def expose(
+    radiance: np.ndarray, detector: Detector, rng: np.random.Generator, hot: np.ndarray | None = None
+) -> Exposure:
+    """Digitises an image of radiance factors (h, w) >= 0.
+
+    hot: (h, w) extra charge of hot pixels [electrons], see `hot_pixel_charge`.
+    """
+    factor = 1.0 + detector.exposure_spread * rng.uniform(-1.0, 1.0)
+    offset = float(np.round(rng.uniform(*detector.offset_dn)))
+    bright = max(float(np.percentile(radiance, 99.0)), 1e-6)
+    exposure = factor * detector.exposure_level * detector.full_well_e / bright
+    electrons_per_dn = detector.full_well_e / (2**detector.bits - 1 - offset)
+    electrons = exposure * np.asarray(radiance, float)
+    if detector.noise:
+        electrons = rng.poisson(electrons) + detector.read_noise_e * rng.standard_normal(electrons.shape)
+    if hot is not None:
+        electrons = electrons + hot
+    electrons = electrons + _cosmic_rays(radiance.shape, detector, rng)
+    dn = electrons / electrons_per_dn + offset
+    if detector.noise:
+        dn = np.round(dn)
+    saturated = dn >= 2**detector.bits - 1
+    dn = np.clip(dn, 0.0, 2.0**detector.bits - 1)
+    return Exposure(dn, saturated, exposure / electrons_per_dn, offset)
+
+
+def hot_pixel_charge(shape: tuple[int, int], detector: Detector, rng: np.random.Generator) -> np.ndarray | None:
+    """(h, w) charge of the camera's hot pixels [electrons], or None if it has none."""
+    if detector.hot_pixels == 0:
+        return None
+    hot = rng.random(shape) < detector.hot_pixels
+    return hot * rng.uniform(0.1, 1.2, shape) * detector.full_well_e
+
+
+def _cosmic_rays(shape: tuple[int, ...], detector: Detector, rng: np.random.Generator) -> np.ndarray:
+    """(h, w) charge [electrons] of short straight tracks."""
+    charge = np.zeros(shape)
+    for _ in range(rng.poisson(detector.cosmic_rays) if detector.cosmic_rays else 0):
+        start, angle = rng.uniform(0, 1, 2) * shape, rng.uniform(0, np.pi)
+        steps = np.arange(0.0, rng.exponential(4.0) + 1.0, 0.5)[:, None]
+        at = np.round(start + steps * [np.sin(angle), np.cos(angle)]).astype(int)
+        at = at[(at >= 0).all(1) & (at < shape).all(1)]
+        charge[at[:, 0], at[:, 1]] = rng.uniform(0.05, 0.8) * detector.full_well_e
+    return charge

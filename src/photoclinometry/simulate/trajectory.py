@@ -1,0 +1,121 @@
+"""Where the spacecraft was and where the Sun stood, exposure by exposure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import Rigid, sphere_step, unit
+from photoclinometry.scene import Camera
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lighting:
+    """How the Sun's direction varies between exposures."""
+
+    azimuth_spread_deg: float
+    """Full range of the Sun's azimuth."""
+    incidence_deg: tuple[float, float]
+    """Range of the incidence angle on level ground at the site."""
+
+
+LIGHTING = {
+    "moderate": Lighting(azimuth_spread_deg=25.0, incidence_deg=(30.0, 60.0)),
+    "strong": Lighting(azimuth_spread_deg=90.0, incidence_deg=(25.0, 70.0)),
+}
+
+
+def named_lighting(name: str) -> Lighting:
+    """Raises InputError for names that `LIGHTING` does not know."""
+    if name not in LIGHTING:
+        raise InputError(f"no lighting {name!r}; known: {', '.join(LIGHTING)}")
+    return LIGHTING[name]
+
+
+def looking_at(center: np.ndarray, target: np.ndarray, roll: float) -> Rigid:
+    """body_from_cam of a camera at `center` (3,) that looks at `target` (3,).
+
+    roll [rad]: at 0 the image's upward direction is as close to B's y axis (north) as can be.
+    """
+    forward = unit(target - center)
+    north = np.array([0.0, 1.0, 0.0])
+    right = unit(np.cross(forward, north))
+    down = np.cross(forward, right)
+    turned = np.cos(roll) * right + np.sin(roll) * down
+    return Rigid(np.stack([turned, np.cross(forward, turned), forward], -1), np.asarray(center, float))
+
+
+def draw_poses(
+    rng: np.random.Generator,
+    distances: np.ndarray,
+    camera: Camera,
+    max_emission: np.ndarray,
+    pointing_jitter_px: float,
+) -> Rigid:
+    """(K,) body_from_cam of views of the origin of B.
+
+    Azimuths go round by the golden angle, emission angles fill the disk evenly up to `max_emission` [rad]
+    (K,), `distances` [m] (K,) vary by 5 percent, boresights miss the origin by a few pixels, rolls are
+    arbitrary.
+    """
+    count = len(distances)
+    order = rng.permutation(count)
+    emission = max_emission * np.sqrt((order + 0.5) / count)
+    azimuth = order * math.pi * (3.0 - math.sqrt(5.0)) + rng.uniform(0.0, 2.0 * math.pi)
+    far = distances * rng.uniform(0.95, 1.05, count)
+    direction = np.stack([np.sin(emission) * np.cos(azimuth), np.sin(emission) * np.sin(azimuth), np.cos(emission)], -1)
+    center = far[:, None] * direction
+    jitter = np.clip(rng.standard_normal((count, 2)), -2.0, 2.0) * pointing_jitter_px
+    target = np.zeros((count, 3))
+    target[:, :2] = jitter * (far / np.mean(camera.focal_px))[:, None]
+    roll = rng.uniform(0.0, 2.0 * math.pi, count)
+    poses = [looking_at(*view) for view in zip(center, target, roll, strict=True)]
+    return Rigid(np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]))
+
+
+def draw_suns(rng: np.random.Generator, count: int, lighting: Lighting) -> np.ndarray:
+    """(K, 3) unit vectors towards the Sun in B."""
+    half = 0.5 * math.radians(lighting.azimuth_spread_deg)
+    azimuth = rng.uniform(0.0, 2.0 * math.pi) + half * _spread(rng, count)
+    low, high = np.radians(lighting.incidence_deg)
+    incidence = 0.5 * (low + high) + 0.5 * (high - low) * _spread(rng, count)
+    return np.stack([np.sin(incidence) * np.cos(azimuth), np.sin(incidence) * np.sin(azimuth), np.cos(incidence)], -1)
+
+
+def measure_suns(rng: np.random.Generator, sun: np.ndarray, body_from_cam: Rigid, sigma: float) -> np.ndarray:
+    """(K, 3) unit vectors in C as an attitude sensor gives them: off by sigma [rad] about two axes."""
+    in_cam = np.einsum("kij,ki->kj", body_from_cam.rotation, sun)
+    return sphere_step(in_cam, sigma * rng.standard_normal((len(sun), 2)))
+
+
+def _spread(rng: np.random.Generator, count: int) -> np.ndarray:
+    """(count,) values that fill [-1, 1] evenly, in random order."""
+    return 2.0 * (rng.permutation(count) + rng.random(count)) / count - 1.0
+
+
+def ground_half_extent(
+    camera: Camera, distance: float, max_emission: float, pointing_jitter_px: float, radius: float
+) -> float:
+    """How far from the origin, in x or y [m], any view of `draw_poses` can see a sphere of `radius` [m].
+
+    The worst case: greatest distance and emission angle [rad], greatest pointing error, a corner of the image turned
+    away from nadir, ground 2.5 percent of the image's width below the sphere.
+    """
+    focal = float(np.mean(camera.focal_px))
+    off_axis = 0.5 * math.hypot(camera.width, camera.height) + 3.0 * pointing_jitter_px + 8.0
+    far = 1.05 * distance
+    low = radius - 0.025 * camera.width * far / focal
+    center = np.array([far * math.sin(max_emission), radius + far * math.cos(max_emission)])
+    angle = -max_emission - math.atan(off_axis / focal)
+    ray = np.array([math.sin(angle), -math.cos(angle)])
+    along = -center @ ray
+    inside = low * low - (center @ center - along * along)
+    if inside <= 0:
+        raise InputError(
+            f"the images see past the edge of a body of radius {radius:.4g} m; choose smaller images "
+            "or a finer ground sample distance"
+        )
+    return abs(float((center + (along - math.sqrt(inside)) * ray)[0]))
