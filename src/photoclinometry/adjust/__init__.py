@@ -1,0 +1,6 @@
+"""The joint estimate: one factor graph of keypoints, brightness, Sun directions and smoothness."""
+
+from photoclinometry.adjust.estimate import Adjustment, AdjustOptions, adjust
+from photoclinometry.adjust.solver import Iteration, SolverOptions
+
+__all__ = ["AdjustOptions", "Adjustment", "Iteration", "SolverOptions", "adjust"]

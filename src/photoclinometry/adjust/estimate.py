@@ -1,0 +1,262 @@
+"""The joint maximum a posteriori estimate of a scene: what is measured, what is gated out, how noise is found.
+
+The scene's own values are the start. A few rounds are made, since which brightness counts depends on the
+geometry and its noise on the fit: gate, solve, measure the noise, until neither changes.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from photoclinometry.adjust.layout import Measurements, build_layout, morton_order, spread
+from photoclinometry.adjust.problem import Estimate, Priors, Problem
+from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
+from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize
+from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.initialize import neighbours
+from photoclinometry.reflectance import HAS_PHASE_FUNCTION, photometric_angles
+from photoclinometry.scene import Landmarks, Scene, Tracks, Views
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdjustOptions:
+    """Noise, gates, losses and priors of the joint estimate."""
+
+    keypoint_sigma_px: float | None = None
+    """Keypoint noise of every observation [px]; left out, each keypoint's own."""
+    brightness_sigma: float | None = None
+    """Brightness noise, in the images' brightness; left out, estimated from the residuals."""
+    smooth_sigma_rad: float = 0.2
+    """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none."""
+    smooth_neighbours: int = 4
+    """Neighbours per landmark in the smoothness factors."""
+    max_incidence_deg: float = 85.0
+    """Brightness is not used where the Sun is lower than this."""
+    max_emission_deg: float = 85.0
+    """Brightness is not used where the camera is lower than this."""
+    keypoint_loss: float = 3.0
+    """Huber limit of keypoints, in standard deviations; inf for least squares."""
+    brightness_loss: float = 3.0
+    """Huber limit of brightness, in standard deviations; inf for least squares."""
+    pose_rotation_sigma_rad: float = 1e-4
+    """Gauge: prior on the reference view's rotation [rad]."""
+    pose_translation_sigma_gsd: float = 1e-2
+    """Gauge: prior on the reference view's position [GSD]."""
+    landmark_sigma_gsd: float = 1e-2
+    """Gauge: prior on the position of one central landmark, which fixes the scale [GSD]."""
+    scale_sigma: float | None = None
+    """Prior on the images' brightness scales about 1. Left out: 0.01 for I/F with a phase function, else none
+    but on the reference view, whose scale is 1."""
+    bias_sigma: float | None = None
+    """Prior on the images' brightness biases about 0. Left out: 1e-3 of the median brightness for I/F, else a tenth."""
+    max_rounds: int = 4
+    """Rounds of gating, solving and measuring the noise, at most."""
+    solver: SolverOptions = field(default_factory=SolverOptions)
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """The adjusted scene and how it was reached."""
+
+    scene: Scene
+    converged: bool
+    message: str
+    log: tuple[Iteration, ...]
+    """All rounds, one after the other."""
+    brightness_sigma: float
+    """Noise that the brightness was given, in the images' brightness; zero without photometry."""
+    lit: np.ndarray
+    """(N,) bool: observations whose brightness was used, in the order of the scene's tracks."""
+
+
+def adjust(
+    scene: Scene,
+    options: AdjustOptions | None = None,
+    *,
+    progress: Callable[[Iteration], None] | None = None,
+) -> Adjustment:
+    """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
+
+    With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
+    estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or no landmarks are
+    left to estimate.
+    """
+    options = options or AdjustOptions()
+    if len(scene.views) < 3 or len(scene.landmarks) < 10:
+        raise ReconstructionError(
+            f"{len(scene.landmarks)} landmarks in {len(scene.views)} views: too few for a joint estimate"
+        )
+    order = morton_order(scene.landmarks.pixel)
+    tracks, picked = _reorder(scene.tracks, order)
+    pivot = np.median(scene.landmarks.position, axis=0)
+    start = Estimate(scene.views, _take(scene.landmarks, order), pivot)
+    adjustment = _rounds(replace(scene, landmarks=start.landmarks, tracks=tracks), start, options, progress)
+    back = np.argsort(order)
+    estimate = adjustment.scene.landmarks
+    lit = np.empty(len(tracks), bool)
+    lit[picked] = adjustment.lit
+    return replace(adjustment, scene=scene.with_estimate(adjustment.scene.views, _take(estimate, back)), lit=lit)
+
+
+def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, progress) -> Adjustment:
+    """`adjust` in the solver's order of landmarks."""
+    tracks = scene.tracks
+    layout, place = build_layout(tracks, len(scene.views))
+    keypoint_sigma = options.keypoint_sigma_px or tracks.keypoint_sigma
+    photometric = scene.reflectance is not None
+    smooth = photometric and options.smooth_sigma_rad > 0
+    pairs = _pairs(scene, options) if smooth else None
+    measured = Measurements(
+        np.array([spread(axis, place, layout.place_start[-1]) for axis in tracks.keypoint.T]),
+        spread(tracks.brightness, place, layout.place_start[-1]),
+        spread(1.0 / np.broadcast_to(keypoint_sigma, len(tracks)), place, layout.place_start[-1], np.float32),
+        np.zeros(layout.place_start[-1], np.float32),
+    )
+    priors = _priors(scene, options)
+    packed = scene.reflectance.packed if scene.reflectance is not None else np.zeros(3)
+    history: list[Iteration] = []
+    lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
+    sigma = _starting_sigma(scene, options, estimate, lit) if photometric else 0.0
+    solution = None
+    for round_ in range(options.max_rounds if photometric else 1):
+        if photometric:
+            measured.brightness_weight[place] = lit / sigma
+        problem = Problem(
+            layout,
+            measured,
+            pairs,
+            priors,
+            packed,
+            smooth_sigma=options.smooth_sigma_rad,
+            limits=(options.keypoint_loss, options.brightness_loss),
+        )
+        solution = minimize(problem, estimate, options.solver, step_limit=0.5 * scene.gsd, progress=progress)
+        history.extend(solution.log)
+        estimate = solution.estimate
+        if not photometric:
+            break
+        new_lit, new_sigma = gate(scene, estimate, options), sigma
+        if options.brightness_sigma is None:
+            new_sigma = _measured_sigma(scene, estimate, new_lit)
+        log.info("round %d: %s; brightness sigma %.4g", round_ + 1, solution.message, new_sigma)
+        settled = np.mean(new_lit != lit) < 1e-3 and abs(new_sigma / sigma - 1.0) < 0.02
+        if settled or round_ == options.max_rounds - 1:
+            break
+        lit, sigma = new_lit, new_sigma
+    assert solution is not None
+    return Adjustment(
+        scene.with_estimate(estimate.views, estimate.landmarks),
+        solution.converged,
+        solution.message,
+        tuple(history),
+        sigma,
+        lit,
+    )
+
+
+def gate(scene: Scene, estimate: Estimate, options: AdjustOptions) -> np.ndarray:
+    """Observations (N,) whose brightness counts: lit in the image, and neither Sun nor camera too low."""
+    mu0, mu, _ = _angles(scene.tracks, estimate.views, estimate.landmarks)
+    high = mu0 > np.cos(np.radians(options.max_incidence_deg))
+    return scene.tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
+
+
+def predicted_brightness(scene: Scene, views: Views, landmarks: Landmarks) -> np.ndarray:
+    """Brightness (N,) that the model gives for each observation (Eqs. 29, 30)."""
+    if scene.reflectance is None:
+        raise InputError("this scene was made without a reflectance model: it predicts no brightness")
+    tracks = scene.tracks
+    rho = scene.reflectance(*_angles(tracks, views, landmarks))
+    return views.scale[tracks.view] * landmarks.albedo[tracks.landmark] * rho + views.bias[tracks.view]
+
+
+def _angles(tracks: Tracks, views: Views, landmarks: Landmarks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """mu0, mu, phase (N,) of each observation."""
+    view, landmark = tracks.view, tracks.landmark
+    center = views.body_from_cam.translation[view]
+    return photometric_angles(views.sun[view], center, landmarks.position[landmark], landmarks.normal[landmark])
+
+
+def _measured_sigma(scene: Scene, estimate: Estimate, lit: np.ndarray) -> float:
+    """Brightness noise from the residuals: their median absolute value, scaled to a Gaussian's sigma and for
+    the degrees of freedom that each landmark's normal and albedo take."""
+    residual = (predicted_brightness(scene, estimate.views, estimate.landmarks) - scene.tracks.brightness)[lit]
+    observations = len(residual)
+    landmarks = np.count_nonzero(np.bincount(scene.tracks.landmark[lit]))
+    freedom = max(observations - 3 * landmarks, 0.1 * observations) / observations
+    floor = 1e-4 * np.median(scene.tracks.brightness[lit])
+    return max(1.4826 * float(np.median(np.abs(residual))) / np.sqrt(freedom), floor)
+
+
+def _starting_sigma(scene: Scene, options: AdjustOptions, estimate: Estimate, lit: np.ndarray) -> float:
+    """The given brightness noise, or two percent of the median brightness."""
+    if not np.any(lit):
+        raise ReconstructionError(
+            "no brightness is usable: every observation is in shadow or lit below the horizon; "
+            "check the Sun directions (towards the Sun, in the camera frame: x right, y down, z forward)"
+        )
+    if options.brightness_sigma is not None:
+        return options.brightness_sigma
+    return 0.02 * float(np.median(scene.tracks.brightness[lit]))
+
+
+def _pairs(scene: Scene, options: AdjustOptions) -> Neighbours:
+    return build_neighbours(*neighbours(scene.landmarks.position, options.smooth_neighbours))
+
+
+def _priors(scene: Scene, options: AdjustOptions) -> Priors:
+    views, landmarks = scene.views, scene.landmarks
+    count, gsd = len(views), scene.gsd
+    rotation, translation = np.full(count, np.inf), np.full(count, np.inf)
+    rotation[scene.reference] = options.pose_rotation_sigma_rad
+    translation[scene.reference] = options.pose_translation_sigma_gsd * gsd
+    landmark = np.full(len(landmarks), np.inf)
+    landmark[_central_landmark(scene)] = options.landmark_sigma_gsd * gsd
+    level = float(np.median(scene.tracks.brightness[scene.tracks.lit])) if np.any(scene.tracks.lit) else 1.0
+    calibrated = (
+        scene.brightness == "iof" and scene.reflectance is not None and scene.reflectance.disk in HAS_PHASE_FUNCTION
+    )
+    scale = np.full(count, options.scale_sigma or (0.01 if calibrated else np.inf))
+    if not calibrated:
+        scale[scene.reference] = min(scale[scene.reference], 1e-6)
+    bias_sigma = options.bias_sigma or (1e-3 if scene.brightness == "iof" else 0.1) * level
+    return Priors(
+        rotation,
+        translation,
+        scale,
+        np.full(count, bias_sigma),
+        landmark,
+        views=replace(views, scale=np.ones(count), bias=np.zeros(count)),
+        position=landmarks.position,
+    )
+
+
+def _central_landmark(scene: Scene) -> int:
+    """The landmark of most observations among those nearest to the middle of the map."""
+    offset = np.linalg.norm(scene.landmarks.pixel - np.median(scene.landmarks.pixel, axis=0), axis=1)
+    nearest = np.argsort(offset, kind="stable")[: max(1, len(offset) // 100)]
+    return int(nearest[np.argmax(np.diff(scene.tracks.start)[nearest])])
+
+
+def _take(landmarks: Landmarks, order: np.ndarray) -> Landmarks:
+    return Landmarks(
+        position=landmarks.position[order],
+        normal=landmarks.normal[order],
+        albedo=landmarks.albedo[order],
+        pixel=landmarks.pixel[order],
+    )
+
+
+def _reorder(tracks: Tracks, order: np.ndarray) -> tuple[Tracks, np.ndarray]:
+    """The tracks of landmarks `order`, and the index (N,) of each of its observations in the original."""
+    count = np.diff(tracks.start)[order]
+    start = np.concatenate([[0], np.cumsum(count)])
+    picked = np.arange(start[-1]) + np.repeat(tracks.start[:-1][order] - start[:-1], count)
+    fields = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
+    return Tracks(start=start, **{name: getattr(tracks, name)[picked] for name in fields}), picked

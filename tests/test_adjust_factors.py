@@ -1,0 +1,265 @@
+"""Every factor's Jacobian against central differences, and the compiled kernels against the factors."""
+
+import numpy as np
+import pytest
+
+from jacobians import numerical_jacobian
+from photoclinometry.adjust import factors
+from photoclinometry.adjust.layout import Measurements, build_layout, spread
+from photoclinometry.adjust.problem import Estimate, Priors, Problem
+from photoclinometry.adjust.smoothing import build_neighbours
+from photoclinometry.geometry import so3_exp, sphere_step, unit
+from photoclinometry.reflectance import DISK_FUNCTIONS, published
+from scenes import synthetic_scene
+
+RNG = np.random.default_rng(3)
+ROTATION = so3_exp(np.array([0.2, -2.8, 0.4]))
+CENTER = np.array([100.0, 50.0, 9000.0])
+POSITION = np.array([12.0, -30.0, 8.0])
+PIVOT = np.array([20.0, -10.0, 30.0])
+INTRINSICS = np.array([9800.0, 9900.0, 512.0, 500.0])
+
+
+def orbit(x):
+    """ROTATION and CENTER moved by the six local coordinates of a pose."""
+    turn = so3_exp(x[:3])
+    return turn @ ROTATION, PIVOT + turn @ (CENTER - PIVOT + x[3:])
+
+
+def test_projection_jacobian():
+    position = CENTER + ROTATION @ np.array([0.02, -0.03, 1.0]) * 9000
+    keypoint = np.array([700.0, 230.0])
+    args = INTRINSICS, keypoint, 0.3, PIVOT
+    _, by_position, by_pose = factors.projection(ROTATION, CENTER, args[0], position, *args[1:])
+
+    def moved(x):
+        rotation, center = orbit(x[3:])
+        return factors.projection(rotation, center, args[0], position + x[:3], *args[1:])[0]
+
+    numeric = numerical_jacobian(moved, 9, np.r_[[1e-1] * 3, [1e-4] * 3, [1e-1] * 3])
+    np.testing.assert_allclose(np.hstack([by_position, by_pose]), numeric, rtol=1e-6, atol=1e-7 * abs(numeric).max())
+
+
+def geometry(case):
+    """Sun and normal of a delicate case, for a camera at CENTER and a landmark at POSITION."""
+    to_camera = unit(CENTER - POSITION)
+    if case == "near zero phase":
+        return sphere_step(to_camera, np.array([1e-3, 5e-4])), unit(to_camera + [0.3, 0.1, 0])
+    if case == "grazing Sun":
+        sun = unit(np.array([1.0, 0.0, 0.05]))
+        return sun, unit(np.array([0.02, 0.1, 1.0]))
+    if case == "grazing camera":
+        return unit(np.array([0.5, 0.2, 1.0])), unit(np.array([1.0, 0.3, 0.05]))
+    return unit(np.array([0.5, -0.6, 0.8])), unit(np.array([0.1, 0.2, 1.0]))
+
+
+@pytest.mark.parametrize("case", ["typical", "near zero phase", "grazing Sun", "grazing camera"])
+@pytest.mark.parametrize("disk", DISK_FUNCTIONS)
+def test_photometric_jacobian(disk, case):
+    packed = published(disk, "vesta").packed
+    sun, normal = geometry(case)
+    scale, bias, albedo, rest = 1.1, 0.01, 0.35, (0.2, 0.004, PIVOT)
+    _, analytic = factors.photometric(packed, CENTER, sun, scale, bias, POSITION, normal, albedo, *rest)
+
+    def moved(x):
+        return factors.photometric(
+            packed, orbit(x[6:12])[1], sphere_step(sun, x[12:14]), scale + x[14], bias + x[15],
+            POSITION + x[:3], sphere_step(normal, x[3:5]), albedo + x[5], *rest,
+        )[0]  # fmt: skip
+
+    steps = np.r_[[1.0] * 3, [1e-5] * 2, 1e-3, [1e-5] * 3, [1.0] * 3, [1e-5] * 2, 1e-3, 1e-4]
+    numeric = numerical_jacobian(moved, 16, steps)[0]
+    np.testing.assert_allclose(analytic, numeric, rtol=1e-4, atol=1e-6 * abs(numeric).max())
+
+
+@pytest.mark.parametrize("disk", DISK_FUNCTIONS)
+def test_photometric_factor_is_finite_at_zero_phase_and_flat_in_shadow(disk):
+    packed = published(disk, "vesta").packed
+    to_camera = unit(CENTER - POSITION)
+    residual, jacobian = factors.photometric(
+        packed, CENTER, to_camera, 1.0, 0.0, POSITION, unit(to_camera + [0.1, 0, 0]), 0.3, 0.2, 0.01, PIVOT
+    )
+    assert np.isfinite(residual)
+    assert np.all(np.isfinite(jacobian))
+    below = factors.photometric(
+        packed, CENTER, np.array([1.0, 0, 0]), 1.0, 0.0, POSITION, unit(np.array([-0.1, 0, 1])), 0.3, 0.0, 0.01, PIVOT
+    )
+    assert below[0] == 0.0
+    np.testing.assert_array_equal(below[1][:15], 0.0)
+
+
+def test_sun_jacobian_and_zero_at_the_measurement():
+    sun = unit(np.array([0.3, -0.5, 0.8]))
+    measured = ROTATION.T @ sun
+    residual, jacobian = factors.sun_direction(ROTATION, sun, measured, 1e-3)
+    np.testing.assert_allclose(residual, 0.0, atol=1e-10)
+    numeric = numerical_jacobian(
+        lambda x: factors.sun_direction(so3_exp(x[:3]) @ ROTATION, sphere_step(sun, x[3:]), measured, 1e-3)[0], 5, 1e-4
+    )
+    np.testing.assert_allclose(jacobian, numeric, rtol=1e-6, atol=1e-6 * abs(numeric).max())
+
+
+@pytest.mark.parametrize("height", [0.0, 0.2, 5.0], ids=["flat", "typical", "spike"])
+def test_smoothness_jacobian(height):
+    position, neighbour = np.zeros(3), np.array([1.0, 0.3, height])
+    normal = unit(np.array([0.1, -0.2, 1.0]))
+    _, analytic = factors.smoothness(position, normal, neighbour, 0.2)
+    numeric = numerical_jacobian(
+        lambda x: factors.smoothness(position + x[:3], sphere_step(normal, x[3:5]), neighbour + x[5:], 0.2)[0], 8, 1e-4
+    )[0]
+    np.testing.assert_allclose(analytic, numeric, rtol=1e-6, atol=1e-8)
+
+
+def perturbed(scene, seed=0, size=1.0):
+    rng = np.random.default_rng(seed)
+    views, landmarks = len(scene.views), len(scene.landmarks)
+    camera = rng.normal(size=(views, 10)) * size * np.r_[[1e-5] * 3, [5.0] * 3, [1e-3] * 2, 1e-2, 1e-3]
+    landmark = rng.normal(size=(landmarks, 6)) * size * np.r_[[10.0] * 3, [0.05] * 2, 0.01]
+    pivot = scene.landmarks.position.mean(0)
+    return Estimate(scene.views, scene.landmarks, pivot).step(camera, landmark)
+
+
+def problem_of(scene, limits=(np.inf, np.inf), hide=0.0):
+    """The scene's problem with all factors and priors, its weights and pairs; a share of the brightness hidden."""
+    rng = np.random.default_rng(5)
+    tracks, views, landmarks = scene.tracks, len(scene.views), len(scene.landmarks)
+    layout, place = build_layout(tracks, views, block_size=7)
+    size = layout.place_start[-1]
+    brightness_weight = np.where(rng.uniform(size=len(tracks)) < hide, 0.0, 1 / 0.003)
+    measured = Measurements(
+        np.array([spread(axis, place, size) for axis in tracks.keypoint.T]),
+        spread(tracks.brightness, place, size),
+        spread(np.full(len(tracks), 2.0), place, size, np.float32),
+        spread(brightness_weight, place, size, np.float32),
+    )
+    grid = np.arange(landmarks).reshape(scene.region.height, scene.region.width)
+    index = np.stack([np.roll(grid, s, a).ravel() for a in (0, 1) for s in (-1, 1)], -1)
+    far = np.linalg.norm(scene.landmarks.position[index] - scene.landmarks.position[:, None], axis=-1) > 2 * scene.gsd
+    sigma = np.r_[1.0, np.full(views - 1, 30.0)]
+    landmark_sigma = np.full(landmarks, np.inf)
+    landmark_sigma[landmarks // 2] = 1.0
+    priors = Priors(
+        pose_rotation=1e-4 * sigma,
+        pose_translation=10.0 * sigma,
+        scale=np.full(views, 0.01),
+        bias=np.full(views, 0.001),
+        landmark=landmark_sigma,
+        views=scene.views,
+        position=scene.landmarks.position,
+    )
+    neighbours = build_neighbours(index, ~far)
+    problem = Problem(layout, measured, neighbours, priors, scene.reflectance.packed, smooth_sigma=0.2, limits=limits)
+    return problem, brightness_weight, index, ~far
+
+
+@pytest.mark.parametrize("limits", [(np.inf, np.inf), (1.0, 1.5)], ids=["squares", "huber"])
+def test_kernels_equal_the_factors(limits):
+    """Cost, by kind of factor, of a scene in which a third of the observations are missing."""
+    scene = some_tracks_missing(synthetic_scene(size=9, views=5, keypoint_noise_px=0.3, brightness_noise=0.01))
+    problem, weight, index, present = problem_of(scene, limits, hide=0.3)
+    estimate = perturbed(scene)
+    views, points, tracks = estimate.views, estimate.landmarks, scene.tracks
+    expected = np.zeros(4)
+    for n, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
+        pose = views.body_from_cam[k]
+        r = factors.projection(
+            pose.rotation,
+            pose.translation,
+            views.intrinsics[k],
+            points.position[j],
+            tracks.keypoint[n],
+            0.5,
+            estimate.pivot,
+        )[0]
+        expected[0] += factors.huber(r @ r, limits[0])
+        if weight[n]:
+            r = factors.photometric(
+                scene.reflectance.packed, pose.translation, views.sun[k], views.scale[k], views.bias[k],
+                points.position[j], points.normal[j], points.albedo[j], tracks.brightness[n], 0.003, estimate.pivot,
+            )[0]  # fmt: skip
+            expected[1] += factors.huber(r * r, limits[1])
+    for j, m in zip(*np.nonzero(present), strict=True):
+        expected[2] += (
+            factors.smoothness(points.position[j], points.normal[j], points.position[index[j, m]], 0.2)[0] ** 2
+        )
+    for k in range(len(views)):
+        r = factors.sun_direction(
+            views.body_from_cam.rotation[k], views.sun[k], views.sun_measured[k], views.sun_sigma[k]
+        )[0]
+        expected[3] += r @ r
+    np.testing.assert_allclose(problem.cost(estimate)[:4], expected, rtol=1e-6)
+
+
+def some_tracks_missing(scene):
+    from dataclasses import replace
+
+    tracks = scene.tracks
+    keep = np.random.default_rng(1).uniform(size=len(tracks)) < 0.67
+    counts = np.bincount(tracks.landmark[keep], minlength=len(tracks.start) - 1)
+    names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
+    fewer = {name: getattr(tracks, name)[keep] for name in names}
+    return replace(scene, tracks=replace(tracks, start=np.concatenate([[0], np.cumsum(counts)]), **fewer))
+
+
+def test_gradient_is_the_slope_of_the_cost():
+    scene = some_tracks_missing(synthetic_scene(size=9, views=5, keypoint_noise_px=0.3, brightness_noise=0.01))
+    problem, *_ = problem_of(scene, limits=(2.0, 2.0))
+    estimate = perturbed(scene)
+    _, equations = problem.linearize(estimate)
+    rng = np.random.default_rng(8)
+    for scale in np.eye(4):
+        camera = rng.normal(size=(5, 10)) * np.r_[[1e-7] * 3, [1e-2] * 3, [1e-5] * 2, 1e-5, 1e-6]
+        camera *= scale[0] * np.r_[[1.0] * 6, [0.0] * 4] + scale[1] * np.r_[[0.0] * 6, [1.0] * 4]
+        landmark = rng.normal(size=(81, 6)) * np.r_[[1e-2] * 3, [1e-5] * 2, 1e-6]
+        landmark *= scale[2] * np.r_[1.0, 1, 1, 0, 0, 0] + scale[3] * np.r_[0.0, 0, 0, 1, 1, 1]
+        slope = numerical_jacobian(lambda t: problem.cost(estimate.step(t[0] * camera, t[0] * landmark)).sum(), 1, 0.3)  # noqa: B023
+        predicted = 2 * (np.vdot(equations.camera_gradient, camera) + np.vdot(equations.landmark_gradient, landmark))
+        assert predicted == pytest.approx(float(slope[0, 0]), rel=2e-5)
+
+
+def test_product_equals_the_dense_normal_matrix():
+    """J^T J x of the matrix-free kernel against J from the factors, in single precision."""
+    scene = some_tracks_missing(synthetic_scene(size=6, views=4, keypoint_noise_px=0.3, brightness_noise=0.01))
+    problem, *_ = problem_of(scene)
+    estimate = perturbed(scene)
+    _, equations = problem.linearize(estimate)
+    jacobian = dense_jacobian(scene, estimate)
+    hessian = jacobian.T @ jacobian
+    rng = np.random.default_rng(2)
+    size = 1.0 / np.sqrt(np.diag(hessian) + 1e-12)
+    x = rng.normal(size=len(hessian)) * size
+    camera, landmark = problem.multiply_observations(
+        equations, x[:40].reshape(4, 10), x[40:].reshape(-1, 6).astype(np.float32)
+    )
+    product = np.concatenate([camera.ravel(), landmark.ravel()]) * size
+    np.testing.assert_allclose(product, hessian @ x * size, atol=2e-5 * abs(hessian @ x * size).max())
+    for k in range(4):
+        expected = hessian[10 * k : 10 * k + 10, 10 * k : 10 * k + 10]
+        block = equations.camera_block[k] - equations.camera_rest[k]
+        scaling = np.outer(size, size)[10 * k : 10 * k + 10, 10 * k : 10 * k + 10]
+        np.testing.assert_allclose(block * scaling, expected * scaling, atol=1e-6)
+
+
+def dense_jacobian(scene, estimate):
+    """(3 N, 10 K + 6 J) whitened Jacobian of projection and brightness, from the factors."""
+    views, points, tracks = estimate.views, estimate.landmarks, scene.tracks
+    base = 10 * len(views)
+    rows = np.zeros((3 * len(tracks), base + 6 * len(points)))
+    for n, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
+        pose, l, c = views.body_from_cam[k], base + 6 * j, 10 * k
+        _, by_position, by_pose = factors.projection(
+            pose.rotation,
+            pose.translation,
+            views.intrinsics[k],
+            points.position[j],
+            tracks.keypoint[n],
+            0.5,
+            estimate.pivot,
+        )
+        rows[3 * n : 3 * n + 2, l : l + 3], rows[3 * n : 3 * n + 2, c : c + 6] = by_position, by_pose
+        _, row = factors.photometric(
+            scene.reflectance.packed, pose.translation, views.sun[k], views.scale[k], views.bias[k],
+            points.position[j], points.normal[j], points.albedo[j], tracks.brightness[n], 0.003, estimate.pivot,
+        )  # fmt: skip
+        rows[3 * n + 2, l : l + 6], rows[3 * n + 2, c : c + 10] = row[:6], row[6:]
+    return rows
