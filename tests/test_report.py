@@ -39,13 +39,13 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     """A noisy uncalibrated-looking scene with a hole, a view left out, stages and a convergence history."""
-    scene = synthetic_scene(size=40, keypoint_noise_px=0.2, brightness_noise=0.01)
+    scene = synthetic_scene(size=40, views=4, keypoint_noise_px=0.2, brightness_noise=0.01)
     rows = view_table(scene, synthetic_images(scene))
     rows = [{"registered": True, **row} for row in rows] + [{"registered": False, "name": "images/<odd>.fits"}]
     folder = tmp_path_factory.mktemp("run") / "report"
     path = write_report(
         folder,
-        replace(scene, uncertainty={"albedo": np.full(1600, 1e-3), "sun": np.zeros((6, 2))}),
+        replace(scene, uncertainty={"albedo": np.full(1600, 1e-3), "sun": np.zeros((4, 2))}),
         synthetic_images(scene),
         per_view=rows,
         stages=[
@@ -73,7 +73,7 @@ def test_all_figures_of_a_photometric_run_are_there(report):
     expected = {"reference", "albedo", "height", "normals", "slope", "photometric_error", "views_per_landmark"}
     expected |= {"relit", "convergence", "difference_normal_error_deg", "uncertainty_albedo"}
     assert {f"{name}.png" for name in expected} <= page.files
-    assert sum(file.startswith("rendering_") for file in page.files) == 6
+    assert sum(file.startswith("rendering_") for file in page.files) == 4
 
 
 def test_page_shows_views_stages_and_options(report):

@@ -18,10 +18,10 @@ class MeshSurface:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
         """vertices: (V, 3); faces: (F, 3) int."""
-        from scipy.spatial import cKDTree
+        from scipy.spatial import KDTree
 
         self.vertices, self.faces = np.asarray(vertices, float), np.asarray(faces, np.int64)
-        self.tree = cKDTree(self.vertices)
+        self.tree = KDTree(self.vertices)
         corners = self.faces.ravel()
         self._around = np.argsort(corners, kind="stable") // 3
         self._start = np.r_[0, np.cumsum(np.bincount(corners, minlength=len(self.vertices)))]
@@ -60,10 +60,10 @@ class CloudSurface:
 
     def __init__(self, points: np.ndarray, normals: np.ndarray | None):
         """points: (n, 3); normals: (n, 3), by default of planes through 12 neighbours."""
-        from scipy.spatial import cKDTree
+        from scipy.spatial import KDTree
 
         self.points = np.asarray(points, float)
-        self.tree = cKDTree(self.points)
+        self.tree = KDTree(self.points)
         distance, neighbours = self.tree.query(self.points, min(12, len(points)))
         self.spacing = float(np.median(distance[:, 1]))
         if normals is None:

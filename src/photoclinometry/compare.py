@@ -44,9 +44,12 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
     if len(index) < len(scene.views):
         raise InputError(f"the truth knows {len(index)} of the scene's {len(scene.views)} views: another site?")
 
+    x_min, x_max, y_min, y_max = truth.surface.extent
+
     def closest(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         _, foot = nearest_surface(truth.surface, points)
-        return foot, np.ones(len(points), bool)
+        x, y = foot[:, 0], foot[:, 1]
+        return foot, (x > x_min) & (x < x_max) & (y > y_min) & (y < y_max)
 
     maps = truth_maps(truth, scene.views.name[scene.reference], scene.region)
     true_views = truth.views[[index[k] for k in range(len(scene.views))]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 
@@ -63,6 +64,13 @@ def number(value: float | int | str | None) -> str:
     if float(value).is_integer() and abs(value) < 1e15:
         return f"{int(value):,}".replace(",", "\u202f")
     return f"{value:.4g}"
+
+
+def json_numbers(metrics: Mapping[str, float]) -> dict[str, float | None]:
+    """JSON has no infinity and no NaN: such figures become null."""
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in metrics.items()
+    }
 
 
 def markdown(metrics: Mapping[str, float], title: str) -> str:

@@ -14,7 +14,7 @@ from photoclinometry.report.draw import (
     bare,
     colour_map,
     limits,
-    new_figure,
+    panels,
     save,
     style,
     symmetric_limits,
@@ -46,8 +46,9 @@ def draw_rendering(path: Path, scene: Scene, view: int, image: Image) -> Path:
     percent = 100.0 * (drawn - real) / np.nanmean(np.where(mask[window], real, np.nan))
     unit = "I/F" if scene.brightness == "iof" else "DN"
     with style():
-        figure = new_figure(11.0, 0.7 + 3.3 * min(1.5, real.shape[0] / real.shape[1]))
-        left, middle, right = figure.subplots(1, 3)
+        aspect = real.shape[0] / real.shape[1]
+        figure, axes = panels(1, 3, 3.2, aspect, (0.85, 0.0), (0.05, 0.95, 0.1, 0.3))
+        left, middle, right = axes[0]
         shown = bare(left, f"real: {scene.views.name[view]}").imshow(
             real, cmap=colour_map("gray"), vmin=clim[0], vmax=clim[1]
         )
@@ -81,8 +82,8 @@ def draw_convergence(path: Path, convergence: Sequence[Mapping[str, float]]) -> 
     steps = np.arange(len(convergence))
     cost = {kind: np.array([step.get(kind, np.nan) for step in convergence], float) for kind in kinds}
     with style():
-        figure = new_figure(6.4, 3.6)
-        axes = figure.add_subplot()
+        figure, grid = panels(1, 1, 5.2, 0.6, (0.0, 0.0), (0.7, 1.4, 0.5, 0.15))
+        axes = grid[0, 0]
         total = np.nansum(list(cost.values()), axis=0)
         axes.plot(steps, total, color="black", lw=2.2, marker="o", ms=4, label="sum")
         for kind, values in cost.items():

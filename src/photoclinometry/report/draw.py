@@ -6,6 +6,7 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -14,10 +15,10 @@ from matplotlib.figure import Figure
 
 from photoclinometry.scene import Region
 
-MISSING = "0.72"
-"""Grey of pixels without a value."""
+MISSING = (0.66, 0.71, 0.77)
+"""Pixels without a value: a bluish grey, so that nobody takes it for a brightness."""
 DPI = 130
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
     "axes.spines.top": False,
@@ -33,9 +34,28 @@ def save(figure: Figure, path: Path) -> Path:
     return path
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure [inch]; drawing on it should happen inside `style()`."""
-    return Figure(figsize=(width, height), layout="constrained")
+def panels(rows: int, cols: int, width: float, aspect: float, gap: tuple[float, float], margin: tuple[float, ...]):
+    """A figure and its axes (rows, cols), every panel `width` wide and width x aspect high, all in inches.
+
+    gap: across and down between panels; margin: left, right, bottom, top. Placed by hand, since matplotlib's
+    own layout draws everything twice. Drawing should happen inside `style()`.
+    """
+    left, right, bottom, top = margin
+    height = width * float(np.clip(aspect, 0.3, 2.0))
+    full_width = left + right + cols * width + (cols - 1) * gap[0]
+    full_height = bottom + top + rows * height + (rows - 1) * gap[1]
+    figure = Figure(figsize=(full_width, full_height))
+    axes = np.empty((rows, cols), object)
+    for i, j in np.ndindex(rows, cols):
+        x, y = left + j * (width + gap[0]), full_height - top - height - i * (height + gap[1])
+        axes[i, j] = figure.add_axes((x / full_width, y / full_height, width / full_width, height / full_height))
+    return figure, axes
+
+
+def one_panel(aspect: float) -> tuple[Figure, Axes]:
+    """A figure for one map (height / width = aspect) with its colour bar."""
+    figure, axes = panels(1, 1, 4.3, aspect, (0.0, 0.0), (0.6, 0.85, 0.5, 0.3))
+    return figure, axes[0, 0]
 
 
 def style():
@@ -87,12 +107,13 @@ def show_map(
 
 
 def add_bar(axes: Axes, drawn, values: np.ndarray, label: str) -> None:
-    """A colour bar of the axes' own height, with arrows where values lie beyond it."""
+    """A colour bar as high as the axes, with arrows where values lie beyond it."""
     finite = values[np.isfinite(values)]
     low, high = drawn.get_clim()
     under, over = (finite < low).any(), (finite > high).any()
     extend = "both" if under and over else "min" if under else "max" if over else "neither"
-    axes.figure.colorbar(drawn, ax=axes, label=label, extend=extend, shrink=0.86, pad=0.02)
+    place = axes.inset_axes((1.03, 0.0, 0.035, 1.0))
+    axes.figure.colorbar(drawn, cax=place, label=label, extend=extend, extendfrac=0.03)
 
 
 def bare(axes: Axes, title: str = "") -> Axes:

@@ -6,16 +6,20 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 
 from photoclinometry.evaluate import landmark_photometric_error
 from photoclinometry.relief import height_map, lambert_shade, local_frame, sun_from_angles
 from photoclinometry.render import render_reference
 from photoclinometry.report.draw import (
     MISSING,
+    add_bar,
     bare,
     colour_map,
     limits,
-    new_figure,
+    one_panel,
+    panels,
     region_extent,
     save,
     show_map,
@@ -33,8 +37,8 @@ def draw_one(
 ) -> Path:
     """One map as one file."""
     with style():
-        figure = new_figure(5.2, 4.5 * min(1.4, max(0.6, region.height / region.width)))
-        show_map(figure.add_subplot(), values, region, title, label=label, cmap=cmap, clim=clim)
+        figure, axes = one_panel(region.height / region.width)
+        show_map(axes, values, region, title, label=label, cmap=cmap, clim=clim)
         return save(figure, path)
 
 
@@ -65,7 +69,7 @@ def draw_normals(path: Path, scene: Scene) -> Path:
     across = limits(np.hypot(normal[..., 0], normal[..., 1]), high=98.0, zero=True)[1]
     red, green = (0.5 + 0.5 * normal[..., k] / across for k in (0, 1))
     colour = np.clip(np.stack([red, green, normal[..., 2]], -1), 0.0, 1.0)
-    colour = np.where(np.isfinite(colour), colour, float(MISSING))
+    colour = np.where(np.isfinite(colour), colour, MISSING)
     return draw_one(path, colour, scene.region, "Normals")
 
 
@@ -86,19 +90,12 @@ def draw_height(path: Path, scene: Scene, unit: str | None) -> Path:
     low, high = limits(height)
     colour = colour_map("viridis")(np.clip((height - low) / (high - low), 0.0, 1.0))[..., :3]
     relief = np.clip(0.35 + 0.65 * shade / np.nanmedian(shade), 0.0, 1.45)[..., None]
-    missing = ~np.isfinite(height)
-    mixed = np.where(missing[..., None], float(MISSING), np.clip(colour * relief, 0.0, 1.0))
+    mixed = np.where(np.isfinite(height)[..., None], np.clip(colour * relief, 0.0, 1.0), MISSING)
     with style():
-        figure = new_figure(5.2, 4.5 * min(1.4, max(0.6, scene.region.height / scene.region.width)))
-        axes = figure.add_subplot()
+        figure, axes = one_panel(scene.region.height / scene.region.width)
         show_map(axes, mixed, scene.region, "Height above the mean plane, hillshaded")
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import Normalize
-
         bar = ScalarMappable(Normalize(low, high), colour_map("viridis"))
-        figure.colorbar(
-            bar, ax=axes, label=unit or "reference pixels on the ground (GSD)", extend="both", shrink=0.86, pad=0.02
-        )
+        add_bar(axes, bar, height, unit or "reference pixels on the ground (GSD)")
         return save(figure, path)
 
 
@@ -134,16 +131,16 @@ def draw_relit(path: Path, scene: Scene) -> Path:
     frame = local_frame(scene)
     rows, cols = len(RELIGHT_ELEVATIONS_DEG), len(RELIGHT_AZIMUTHS_DEG)
     with style():
-        figure = new_figure(2.5 * cols, 2.65 * rows * scene.region.height / scene.region.width)
-        panels = figure.subplots(rows, cols, squeeze=False)
+        aspect = scene.region.height / scene.region.width
+        figure, axes = panels(rows, cols, 2.5, aspect, (0.12, 0.32), (0.05, 0.05, 0.05, 0.3))
         for i, elevation in enumerate(RELIGHT_ELEVATIONS_DEG):
             for j, azimuth in enumerate(RELIGHT_AZIMUTHS_DEG):
                 sun = sun_from_angles(frame, np.deg2rad(azimuth), np.deg2rad(elevation))
                 image, mask = render_reference(scene, sun=sun, with_scale_and_bias=False, cast_shadows=True)
                 image = np.where(mask, image, np.nan)
                 top = limits(image, high=99.5, zero=True)[1]
-                axes = bare(panels[i, j], f"azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
-                axes.imshow(image, cmap=colour_map("gray"), vmin=0.0, vmax=top, extent=region_extent(scene.region))
+                panel = bare(axes[i, j], f"azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
+                panel.imshow(image, cmap=colour_map("gray"), vmin=0.0, vmax=top, extent=region_extent(scene.region))
         return save(figure, path)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -19,6 +18,7 @@ from photoclinometry.report import page
 from photoclinometry.report.curves import draw_convergence, draw_renderings
 from photoclinometry.report.maps import draw_maps, draw_relit, draw_values
 from photoclinometry.scene import Image, Scene
+from photoclinometry.tables import json_numbers
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ def write_report(
             sections.append(("Options", "", f'<div class="scroll"><pre>{text}</pre></div>'))
         html = page.page(scene.name, _subtitle(scene), sections, f"Written by photoclinometry {__version__}.")
         (work / "index.html").write_text(html, encoding="utf-8")
-        (work / "summary.json").write_text(json.dumps(_plain(metrics), indent=2) + "\n", encoding="utf-8")
+        (work / "summary.json").write_text(json.dumps(json_numbers(metrics), indent=2) + "\n", encoding="utf-8")
     log.info("report: %s", folder / "index.html")
     return folder / "index.html"
 
@@ -101,10 +101,3 @@ def _subtitle(scene: Scene) -> str:
     kind = "radiance factor I/F" if scene.brightness == "iof" else "uncalibrated brightness"
     size = f"{scene.region.width} x {scene.region.height} pixels of {scene.views.name[scene.reference]}"
     return ", ".join(part for part in (scene.body, size, model, kind) if part)
-
-
-def _plain(metrics: Mapping[str, Any]) -> dict[str, Any]:
-    """JSON has no infinity and no NaN: such figures become null."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in metrics.items()
-    }

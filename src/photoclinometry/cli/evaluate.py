@@ -1,0 +1,103 @@
+"""`phomo evaluate`: how good a run is, against its images, a simulation's truth, or another map."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from photoclinometry.cli.folders import read_run, run_images, site_path
+from photoclinometry.errors import InputError
+from photoclinometry.scene import Scene
+
+
+def evaluate(
+    run: Path,
+    /,
+    truth: Path | None = None,
+    reference: Path | None = None,
+    cameras: Path | None = None,
+    unit: str = "m",
+    site: Path | None = None,
+    images: bool = True,
+    out: Path | None = None,
+) -> dict[str, float]:
+    """Measure a run: photometric error, PSNR and completeness, and how far it is from truth or another map.
+
+    Writes evaluation.json and evaluation.md, and prints the same as tables. Each figure's name ends in its
+    unit; GSD is the ground sample distance, one reference pixel on the ground.
+
+    Args:
+        run: Folder of a finished run.
+        truth: truth.h5 of a simulated site: compares surface, normals, albedos, poses, Suns and keypoints.
+        reference: PLY file of another map of the place, a mesh or points: compares surface, normals, albedos.
+        cameras: COLMAP model folder with poses in the frame of the reference map. Its views, matched by name,
+            give the first alignment; without it the run must be in the map's frame already.
+        unit: Length unit of the reference map, for the names of the figures.
+        site: The site.toml, if it has moved since the run.
+        images: Read the images too, for PSNR and completeness.
+        out: Folder for the files. Default: evaluation/ in the run folder.
+    """
+    from photoclinometry.evaluate import evaluate_scene
+    from photoclinometry.io.atomic import write_text
+    from photoclinometry.tables import json_numbers, markdown
+
+    if truth is not None and reference is not None:
+        raise InputError("give --truth or --reference, not both: run the command twice, with two --out folders")
+    if cameras is not None and reference is None:
+        raise InputError("--cameras aligns a run with a map: give --reference too")
+    scene = read_run(run)
+    metrics = evaluate_scene(scene, run_images(site_path(run, site), scene) if images else None)
+    if truth is not None:
+        metrics |= truth_metrics(scene, truth)
+    if reference is not None:
+        metrics |= map_metrics(scene, reference, cameras, unit)
+    folder = out or run / "evaluation"
+    write_text(folder / "evaluation.json", json.dumps(json_numbers(metrics), indent=2) + "\n")
+    write_text(folder / "evaluation.md", markdown(metrics, f"Evaluation of {scene.name}"))
+    show(metrics, scene.name, folder)
+    return metrics
+
+
+def truth_metrics(scene: Scene, truth: Path) -> dict[str, float]:
+    """Figures against truth.h5."""
+    from photoclinometry.compare import evaluate_against_truth
+    from photoclinometry.io.truth import read_truth
+
+    return evaluate_against_truth(scene, read_truth(truth)).metrics
+
+
+def map_metrics(scene: Scene, reference: Path, cameras: Path | None, unit: str) -> dict[str, float]:
+    """Figures against a PLY file, aligned by a COLMAP model's poses where there is one."""
+    from photoclinometry.compare import evaluate_against_map
+    from photoclinometry.io.colmap import read_colmap
+    from photoclinometry.io.ply import read_ply
+
+    names, poses = None, None
+    if cameras is not None:
+        names, _, poses, _ = read_colmap(cameras)
+    return evaluate_against_map(scene, read_ply(reference), names=names, body_from_cam=poses, unit=unit).metrics
+
+
+def show(metrics: Mapping[str, float], name: str, folder: Path) -> None:
+    """The metrics as two tables on the terminal, and where they were written."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from photoclinometry.tables import metric_rows
+
+    console = Console()
+    spreads, singles = metric_rows(metrics)
+    table = Table(title=name, title_justify="left")
+    for head in ("quantity", "unit", "mean", "median", "RMS", "90 %"):
+        table.add_column(head, justify="left" if head in ("quantity", "unit") else "right")
+    for row in spreads:
+        table.add_row(*row)
+    console.print(table)
+    table = Table(show_header=False)
+    table.add_column()
+    table.add_column(justify="right")
+    for row in singles:
+        table.add_row(*row)
+    console.print(table)
+    Console(stderr=True).print(f"written: {folder}/evaluation.json, .md", soft_wrap=True, highlight=False)

@@ -1,0 +1,71 @@
+"""What the commands look up in a run folder."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from photoclinometry.errors import InputError, RunFolderError
+from photoclinometry.scene import Image, Scene
+
+
+def read_run(run: Path) -> Scene:
+    """The scene of a finished run. Raises RunFolderError."""
+    from photoclinometry.io.scene_file import read_scene
+
+    path = run / "scene.h5"
+    if not path.is_file():
+        found = "no such folder" if not run.is_dir() else "the folder holds no scene.h5"
+        raise RunFolderError(f"{run}: {found}; give a folder that `phomo run` has finished")
+    return read_scene(path)
+
+
+def read_config(run: Path) -> dict[str, Any]:
+    """The options that the run recorded; empty where it has no config.toml. Raises RunFolderError."""
+    path = run / "config.toml"
+    if not path.is_file():
+        return {}
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RunFolderError(f"{path}: not readable as TOML: {error}") from error
+
+
+def site_path(run: Path, given: Path | None = None) -> Path:
+    """The site.toml of a run: as given, or as the run recorded it. Raises RunFolderError."""
+    path = given or read_config(run).get("site")
+    cure = "give --site PATH/site.toml, or --no-images"
+    if path is None:
+        raise RunFolderError(f"{run}: config.toml does not say which site this is; {cure}")
+    path = Path(path)
+    if not path.is_file():
+        raise RunFolderError(f"{path}: the run's site is not there (any more); {cure}")
+    return path
+
+
+def run_images(site: Path, scene: Scene) -> list[Image]:
+    """The images of the scene's views. Raises SiteError, ImageError, and RunFolderError for another site."""
+    from photoclinometry.io.site import load_images, read_site
+
+    images = {image.name: image for image in load_images(read_site(site))}
+    missing = [name for name in scene.views.name if name not in images]
+    if missing:
+        raise RunFolderError(f"{site}: has no view {missing[0]!r}, which the run used; is this another site?")
+    return [images[name] for name in scene.views.name]
+
+
+def view_index(scene: Scene, name: str | None) -> int:
+    """Index of a view by its name, its file name, or its file name without suffix; None is the reference.
+
+    Raises InputError that names the nearest.
+    """
+    if name is None:
+        return scene.reference
+    names = scene.views.name
+    for candidates in (names, [Path(n).name for n in names], [Path(n).stem for n in names]):
+        if list(candidates).count(name) == 1:
+            return list(candidates).index(name)
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.0)
+    raise InputError(f"no view {name!r} in scene {scene.name!r}; nearest: {', '.join(near)}")

@@ -1,0 +1,106 @@
+"""`phomo info`: what a site or a run folder holds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.cli.folders import read_run
+from photoclinometry.errors import InputError
+
+
+def info(path: Path, /) -> None:
+    """Say what a site.toml describes, or what a run folder holds.
+
+    Args:
+        path: A site.toml, a folder with one, or a run folder.
+    """
+    if path.is_file():
+        show_site(path)
+    elif (path / "scene.h5").is_file():
+        show_run(path)
+    elif (path / "site.toml").is_file():
+        show_site(path / "site.toml")
+    else:
+        found = "the folder holds neither site.toml nor scene.h5" if path.is_dir() else "no such file or folder"
+        raise InputError(f"{path}: {found}; give a site.toml or the folder of a finished run")
+
+
+def show_site(path: Path) -> None:
+    """Name, brightness, region, and a table of the views with what is known of them beforehand."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from photoclinometry.io.site import read_site
+
+    site = read_site(path)
+    console = Console(highlight=False)
+    console.print(f"[bold]{site.name}[/bold]: {len(site.views)} views, brightness {site.brightness}, body {site.body}")
+    region = site.region
+    if region is None:
+        console.print("region: chosen automatically")
+    else:
+        parts = {"reference": region.reference, "centre [px]": region.center_px, "size [px]": region.size_px}
+        console.print("region: " + ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items()))
+    table = Table()
+    table.add_column("view", no_wrap=True)
+    for head in ("camera", "size [px]", "focal [px]", "Sun off axis [°]", "Sun sigma [°]", "pose", "file"):
+        table.add_column(head.replace("[", r"\["))
+    for view in site.views:
+        camera = view.camera
+        # The Sun is given from the body towards it, in C; the body lies along +z, so zero phase is at -z.
+        off_axis = np.degrees(np.arctan2(np.hypot(*view.sun[:2]), -view.sun[2]))
+        table.add_row(
+            view.name,
+            camera.model,
+            f"{camera.width} x {camera.height}",
+            f"{camera.focal_px[0]:.1f}",
+            f"{off_axis:.1f}",
+            f"{np.degrees(view.sun_sigma_rad):.3g}",
+            "prior" if view.pose_prior is not None else "-",
+            "found" if view.image.is_file() else "[red]missing[/red]",
+        )
+    console.print(table)
+
+
+def show_run(run: Path) -> None:
+    """What the scene consists of, its views, and the figures that the run recorded."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from photoclinometry.tables import metric_rows, number
+
+    scene = read_run(run)
+    console = Console(highlight=False)
+    model = "geometry alone" if scene.reflectance is None else scene.reflectance.disk
+    console.print(
+        f"[bold]{scene.name}[/bold]: {len(scene.landmarks)} landmarks, {len(scene.views)} views, "
+        f"{len(scene.tracks)} observations, {model}, brightness {scene.brightness}, body {scene.body}"
+    )
+    region = scene.region
+    console.print(
+        f"region: {region.width} x {region.height} pixels from column {region.col}, row {region.row} of "
+        f"{scene.views.name[scene.reference]}; one pixel is {scene.gsd:.4g} long on the ground (scene unit)"
+    )
+    table = Table()
+    table.add_column("view", no_wrap=True)
+    for head in ("keypoints", "scale", "bias"):
+        table.add_column(head, justify="right")
+    keypoints = np.bincount(scene.tracks.view, minlength=len(scene.views))
+    for k, name in enumerate(scene.views.name):
+        table.add_row(name, str(keypoints[k]), number(float(scene.views.scale[k])), number(float(scene.views.bias[k])))
+    console.print(table)
+    if scene.uncertainty:
+        console.print(f"uncertainty of: {', '.join(sorted(scene.uncertainty))}")
+    if (run / "metrics.json").is_file():
+        metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
+        flat = {k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
+        spreads, singles = metric_rows(flat)
+        figures = Table("figure", "mean", "median", "RMS", "90 %")
+        for name, unit, *values in spreads:
+            figures.add_row(f"{name} [{unit}]".replace("[", r"\["), *values)
+        for name, value in singles:
+            figures.add_row(name, value)
+        console.print(figures)
