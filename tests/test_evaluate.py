@@ -8,7 +8,7 @@ import pytest
 
 from photoclinometry.align import align_poses, refine_on_surface, transform_poses, transform_scene
 from photoclinometry.closest import CloudSurface, MeshSurface
-from photoclinometry.compare import compare_with_truth, evaluate_against_map
+from photoclinometry.compare import compare_with_truth, evaluate_against_map, evaluate_against_truth
 from photoclinometry.errors import InputError
 from photoclinometry.evaluate import (
     completeness,
@@ -18,10 +18,13 @@ from photoclinometry.evaluate import (
     view_table,
 )
 from photoclinometry.geometry import Rigid, Similarity, so3_exp, so3_log, tangent_basis, unit
+from photoclinometry.io.truth import read_truth
 from photoclinometry.metrics import albedo_error, normal_error, photometric_error, psnr, spread
 from photoclinometry.raster import grid_faces
 from photoclinometry.reflectance import published
-from photoclinometry.scene import Scene
+from photoclinometry.scene import Landmarks, Region, Scene
+from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.truth import truth_maps
 from photoclinometry.tables import markdown, metric_rows
 from scenes import BumpySurface, bumpy_surface, synthetic_images, synthetic_scene
 
@@ -330,6 +333,38 @@ def test_completeness_counts_lit_pixels_only(scene):
         landmarks=replace(marks, **{k: getattr(marks, k)[keep] for k in ("position", "normal", "albedo", "pixel")}),
     )
     assert completeness(half, lit) == 0.5
+
+
+def test_a_scene_made_of_a_simulations_own_truth_has_no_error(tmp_path):
+    """The whole way through truth.h5, in another frame: what is left is rounding and the surface's fit."""
+    path = simulate_site(SimulationOptions(views=3, image_size=128, region_size=48), tmp_path / "site")
+    truth = read_truth(path.with_name("truth.h5"))
+    region = Region(row=40, col=40, height=48, width=48)
+    maps = truth_maps(truth, truth.views.name[0], region)
+    assert maps.hit.all()
+    example = synthetic_scene(size=48, views=3)
+    position = maps.position.reshape(-1, 3)
+    keypoint = np.stack([truth.views.project(k, position) for k in range(3)], 1).reshape(-1, 2)
+    found = replace(
+        example,
+        views=truth.views,
+        region=region,
+        landmarks=Landmarks(
+            position=position,
+            normal=maps.normal_mean.reshape(-1, 3),
+            albedo=maps.albedo_mean.ravel(),
+            pixel=example.landmarks.pixel - example.landmarks.pixel[0] + np.int32(40),
+        ),
+        tracks=replace(example.tracks, keypoint=keypoint),
+    )
+    metrics = evaluate_against_truth(transform_scene(OTHER_FRAME, found), truth).metrics
+    assert metrics["surface_distance_rms_gsd"] < 1e-3
+    assert metrics["position_error_rms_gsd"] < 1e-3
+    assert metrics["normal_error_mean_deg"] < 0.01
+    assert metrics["albedo_error_mean_percent"] < 1e-6
+    assert metrics["keypoint_error_mean_px"] < 1e-6
+    assert metrics["camera_position_error_rms_m"] < 1e-2
+    assert metrics["normal_error_at_point_mean_deg"] > 0.5  # relief below a pixel
 
 
 def test_geometry_alone_is_evaluated_without_photometry():

@@ -79,17 +79,22 @@ class CloudSurface:
 
 
 @njit(cache=True)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
 def _on_triangle(p, a, b, c):
     """Barycentric weights (of a, b, c) of the point of a triangle nearest to p.
 
     Ericson (2005), Real-Time Collision Detection, section 5.1.5.
     """
     ab, ac, ap = b - a, c - a, p - a
-    d1, d2 = ab @ ap, ac @ ap
+    d1, d2 = _dot(ab, ap), _dot(ac, ap)
     if d1 <= 0.0 and d2 <= 0.0:
         return 1.0, 0.0, 0.0
     bp = p - b
-    d3, d4 = ab @ bp, ac @ bp
+    d3, d4 = _dot(ab, bp), _dot(ac, bp)
     if d3 >= 0.0 and d4 <= d3:
         return 0.0, 1.0, 0.0
     vc = d1 * d4 - d3 * d2
@@ -97,7 +102,7 @@ def _on_triangle(p, a, b, c):
         v = d1 / (d1 - d3)
         return 1.0 - v, v, 0.0
     cp = p - c
-    d5, d6 = ab @ cp, ac @ cp
+    d5, d6 = _dot(ab, cp), _dot(ac, cp)
     if d6 >= 0.0 and d5 <= d6:
         return 0.0, 0.0, 1.0
     vb = d5 * d2 - d1 * d6
@@ -124,7 +129,7 @@ def _closest_one(point, near, vertices, faces, around, start, rim_edge, rim_vert
             weight = _on_triangle(point, a, b, c)
             candidate = weight[0] * a + weight[1] * b + weight[2] * c
             offset = point - candidate
-            square = offset @ offset
+            square = _dot(offset, offset)
             if square < best:
                 best, inside = square, True
                 foot[:] = candidate

@@ -54,7 +54,7 @@ def panels(rows: int, cols: int, width: float, aspect: float, gap: tuple[float, 
 
 def one_panel(aspect: float) -> tuple[Figure, Axes]:
     """A figure for one map (height / width = aspect) with its colour bar."""
-    figure, axes = panels(1, 1, 4.3, aspect, (0.0, 0.0), (0.6, 0.85, 0.5, 0.3))
+    figure, axes = panels(1, 1, 4.3, aspect, (0.0, 0.0), (0.6, 1.0, 0.5, 0.3))
     return figure, axes[0, 0]
 
 

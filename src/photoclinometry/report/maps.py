@@ -95,7 +95,7 @@ def draw_height(path: Path, scene: Scene, unit: str | None) -> Path:
         figure, axes = one_panel(scene.region.height / scene.region.width)
         show_map(axes, mixed, scene.region, "Height above the mean plane, hillshaded")
         bar = ScalarMappable(Normalize(low, high), colour_map("viridis"))
-        add_bar(axes, bar, height, unit or "reference pixels on the ground (GSD)")
+        add_bar(axes, bar, height, unit or "GSD (reference pixels)")
         return save(figure, path)
 
 
