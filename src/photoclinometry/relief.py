@@ -98,15 +98,13 @@ def in_sunlight(scene: Scene, sun: np.ndarray) -> np.ndarray:
     """
     cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
     point = cam_from_body(scene.landmarks.position)
-    (fx, fy), (cx, cy) = (lambda c: (c.focal_px, c.principal_px))(scene.views.cameras[scene.reference])
+    camera = scene.views.cameras[scene.reference]
     lit = np.ones(len(point), bool)
     _march(
         point,
         cam_from_body.rotation @ np.asarray(sun, float),
-        fx,
-        fy,
-        cx,
-        cy,
+        *camera.focal_px,
+        *camera.principal_px,
         scene.region.row,
         scene.region.col,
         scene.grid(point[:, 2]),
