@@ -206,6 +206,11 @@ class Reflectance:
         return np.polynomial.polynomial.polyval(phase, [1.0, *self.phase_coefficients])
 
 
+def has_published(disk: str, body: str | None) -> bool:
+    """Whether Table 2 has coefficients of this model for this body."""
+    return ((body or "").lower(), disk) in _COEFFICIENTS
+
+
 def published(disk: str, body: str | None = None) -> Reflectance:
     """The model with Table 2's coefficients of a body ("vesta", "ceres").
 

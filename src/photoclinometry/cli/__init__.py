@@ -1,0 +1,45 @@
+"""The command `phomo`. A command parses, calls one library function, and says where its result is.
+
+Exit codes: 0 done, 1 the images do not determine what was asked, 2 misuse, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point: parses, runs, and turns the package's errors into one line and an exit code."""
+    import tyro
+
+    from photoclinometry.cli.evaluate import evaluate
+    from photoclinometry.cli.info import info
+    from photoclinometry.cli.render import render
+    from photoclinometry.cli.run import run
+    from photoclinometry.cli.simulate import Simulate, simulate
+    from photoclinometry.errors import InputError, PhotoclinometryError
+
+    def simulate_(arguments: tyro.conf.OmitArgPrefixes[Simulate]) -> None:
+        simulate(arguments)
+
+    simulate_.__doc__ = Simulate.__doc__
+    commands = {"simulate": simulate_, "run": run, "render": render, "evaluate": evaluate, "info": info}
+    try:
+        tyro.extras.subcommand_cli_from_dict(
+            commands,
+            prog="phomo",
+            description="Poses, dense landmarks, normals and albedo of small bodies, from spacecraft images.",
+            args=arguments,
+        )
+    except InputError as error:
+        _fail(error, 2)
+    except PhotoclinometryError as error:
+        _fail(error, 1)
+    except KeyboardInterrupt:
+        _fail("interrupted; the same command goes on from the last finished stage", 130)
+
+
+def _fail(reason: object, code: int) -> None:
+    print(f"phomo: {reason}", file=sys.stderr)
+    raise SystemExit(code)

@@ -1,0 +1,367 @@
+"""The whole of it: a site in, a map out. `run` reads like the list of stages in DESIGN.md."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from photoclinometry import __version__
+from photoclinometry.adjust import Adjustment, AdjustOptions, adjust
+from photoclinometry.densify import DenseTracks, DensifyOptions, densify
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import unit
+from photoclinometry.initialize import initial_albedo, normals_from_neighbours, sample_brightness
+from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
+from photoclinometry.matching.flow import FlowMatcher, FlowOptions
+from photoclinometry.matching.interface import Matcher, padded_region, request_match
+from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
+from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
+from photoclinometry.region import RegionOptions, choose_region
+from photoclinometry.runfolder import RunFolder, digest, open_run
+from photoclinometry.scene import Image, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.sfm import SfmOptions, reconstruct_sparse
+from photoclinometry.sparse import SparseModel
+
+log = logging.getLogger(__name__)
+
+Progress = Callable[[str, int, int], None]
+"""Called as progress(what, done, total); total 0 where it is not known."""
+
+MARGIN_PX = 48
+"""Pixels around the region that dense matching looks at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Everything that shapes a run. Every field has a default that suits most sites."""
+
+    reflectance: Literal["auto", "akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert", "none"] = "auto"
+    """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
+    mcewen. none: geometry alone (dense structure from motion)."""
+    match_rounds: int = 2
+    """Times that the views are matched: first after a pre-warp by the sparse surface, then by the dense one."""
+    sfm: SfmOptions = field(default_factory=SfmOptions)
+    region: RegionOptions = field(default_factory=RegionOptions)
+    flow: FlowOptions = field(default_factory=FlowOptions)
+    densify: DensifyOptions = field(default_factory=DensifyOptions)
+    adjust: AdjustOptions = field(default_factory=AdjustOptions)
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run leaves."""
+
+    scene: Scene
+    adjustment: Adjustment
+    metrics: dict[str, float]
+    report: Path
+    """The report's page."""
+    left_out: tuple[str, ...]
+    """Names of views that did not register."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Place:
+    """The reference view, among all views, and the region, as a stage's result."""
+
+    reference: int
+    region: np.ndarray
+    """row, col, height, width."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Done:
+    """That the adjusted scene of this key is in scene.h5, and how it was reached."""
+
+    summary: str
+
+
+def run(site_file: Path, out: Path, options: RunOptions | None = None, progress: Progress | None = None) -> RunResult:
+    """Maps a site: from `site.toml` and images to everything in the run folder `out`.
+
+    A folder that holds part of the same run is gone on with. Raises InputError (what was given is wrong) and
+    ReconstructionError (the images do not determine a map).
+    """
+    options = options or RunOptions()
+    report_progress = progress or (lambda what, done, total: None)
+    site = read_site(site_file)
+    reflectance = choose_reflectance(options.reflectance, site)
+    folder = open_run(out)
+    write_config(folder, site_file, options)
+    with folder.timed("images"):
+        images = load_images(site, lambda done, total: report_progress("images", done, total))
+    cameras = [view.camera for view in site.views]
+
+    key = digest("sparse", __version__, input_fingerprint(replace(site, region=None)), options.sfm)
+    sparse: SparseModel = folder.stage(
+        "sparse",
+        key,
+        lambda: reconstruct_sparse(images, cameras, folder.path / "stages" / "sfm", options.sfm, report_progress),
+        SparseModel,
+    )
+    views = views_from(site, sparse)
+
+    key = digest("region", key, input_fingerprint(site), options.region)
+    place = folder.stage("region", key, lambda: _choose_place(site, sparse, images, views, options), _Place)
+    region = Region(**dict(zip(("row", "col", "height", "width"), map(int, place.region), strict=True)))
+
+    key = digest("dense", key, options.match_rounds, options.flow, options.densify)
+    dense: DenseTracks = folder.stage(
+        "dense",
+        key,
+        lambda: match_and_densify(
+            sparse, images, views, int(place.reference), region, FlowMatcher(options.flow), options, report_progress
+        ),
+        DenseTracks,
+    )
+
+    with folder.timed("initialise"):
+        scene = initial_scene(site, sparse, images, views, int(place.reference), region, dense, reflectance)
+    key = digest("adjust", key, options.reflectance, options.adjust)
+    adjustment = _adjust_or_read(folder, key, scene, options, report_progress)
+    scene = adjustment.scene
+    left_out = tuple(name for name, there in zip(views.name, sparse.registered, strict=True) if not there)
+    return _write_products(folder, site_file, scene, adjustment, images, options, left_out)
+
+
+def choose_reflectance(name: str, site: Site) -> Reflectance | None:
+    """The reflectance model that `RunOptions.reflectance` means for a site; None for geometry alone."""
+    if name == "none":
+        return None
+    if name != "auto":
+        return published(name, site.body)
+    calibrated = site.brightness == "iof" and has_published("lunar-lambert", site.body)
+    chosen = "lunar-lambert" if calibrated else "mcewen"
+    log.info("reflectance: %s", chosen)
+    return published(chosen, site.body)
+
+
+def views_from(site: Site, sparse: SparseModel) -> Views:
+    """All K views of the site with the poses of the sparse model, in the site's order."""
+    sun_in_cam = unit(np.array([view.sun for view in site.views]))
+    count = len(site.views)
+    return Views(
+        name=tuple(view.name for view in site.views),
+        cameras=tuple(view.camera for view in site.views),
+        body_from_cam=sparse.body_from_cam,
+        sun=np.einsum("kij,kj->ki", sparse.body_from_cam.rotation, sun_in_cam),
+        scale=np.ones(count),
+        bias=np.zeros(count),
+        sun_measured=sun_in_cam,
+        sun_sigma=np.array([view.sun_sigma_rad for view in site.views]),
+    )
+
+
+def _choose_place(site: Site, sparse: SparseModel, images, views: Views, options: RunOptions) -> _Place:
+    reference, region = choose_region(
+        sparse, images, list(views.cameras), views.sun, site.region, options.region
+    )
+    return _Place(reference=reference, region=np.array([region.row, region.col, region.height, region.width]))
+
+
+def match_and_densify(
+    sparse: SparseModel,
+    images: Sequence[Image],
+    views: Views,
+    reference: int,
+    region: Region,
+    matcher: Matcher,
+    options: RunOptions,
+    progress: Progress,
+) -> DenseTracks:
+    """Landmarks and their tracks: every registered view matched with the reference, as often as `match_rounds` says.
+
+    Each round starts from the surface of the one before, so that what is left to match is small and undistorted.
+    """
+    cameras = list(views.cameras)
+    padded = padded_region(region, MARGIN_PX, cameras[reference])
+    depth = sparse_depth(sparse, reference, padded, cameras[reference])
+    targets = [int(k) for k in np.flatnonzero(sparse.registered) if k != reference]
+    dense = None
+    for round_ in range(max(1, options.match_rounds)):
+        matches = {}
+        for done, target in enumerate(targets):
+            progress(f"match {round_ + 1}", done, len(targets))
+            request = request_match(
+                list(images), cameras, views.body_from_cam, reference, target, region, padded, depth
+            )
+            matches[target] = matcher.match(request)
+        progress(f"match {round_ + 1}", len(targets), len(targets))
+        dense = densify(region, reference, matches, cameras, views.body_from_cam, options.densify)
+        pose = views.body_from_cam[reference]
+        depth = landmark_depth(dense.position, dense.pixel, pose, padded, cameras[reference])
+    assert dense is not None
+    return dense
+
+
+def initial_scene(
+    site: Site,
+    sparse: SparseModel,
+    images: Sequence[Image],
+    views: Views,
+    reference: int,
+    region: Region,
+    dense: DenseTracks,
+    reflectance: Reflectance | None,
+) -> Scene:
+    """The scene at which the joint estimate starts: registered views only, first normals, albedos and scales.
+
+    Raises InputError for a view whose Sun lights nothing of what is bright in it.
+    """
+    brightness, lit = sample_brightness(list(images), dense.view, dense.keypoint)
+    kept = np.flatnonzero(sparse.registered)
+    new_index = np.cumsum(sparse.registered) - 1
+    registered = views[kept]
+    normal = normals_from_neighbours(dense.position, registered.body_from_cam.translation)
+    tracks = Tracks(
+        start=dense.start,
+        view=new_index[dense.view].astype(np.int32),
+        keypoint=dense.keypoint,
+        keypoint_sigma=dense.keypoint_sigma,
+        brightness=brightness,
+        lit=lit,
+    )
+    own, albedo = int(new_index[reference]), np.ones(len(normal))
+    if reflectance is not None:
+        _check_suns(registered, dense.position, normal, tracks)
+        free = site.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
+        albedo, scale, _ = initial_albedo(
+            dense.position, normal, tracks.start, tracks.view, brightness, lit, registered, reflectance, own, free
+        )
+        registered = replace(registered, scale=scale)
+    return Scene(
+        name=site.name,
+        body=site.body,
+        brightness=site.brightness,
+        reflectance=reflectance,
+        views=registered,
+        landmarks=Landmarks(position=dense.position, normal=normal, albedo=albedo, pixel=dense.pixel),
+        tracks=tracks,
+        reference=own,
+        region=region,
+    )
+
+
+def _check_suns(views: Views, position: np.ndarray, normal: np.ndarray, tracks: Tracks) -> None:
+    """A Sun below the horizon of nearly all that is bright is a wrong Sun."""
+    center = views.body_from_cam.translation
+    for k, name in enumerate(views.name):
+        seen = tracks.landmark[(tracks.view == k) & tracks.lit]
+        if len(seen) == 0:
+            continue
+        mu0, _, _ = photometric_angles(views.sun[k], center[k], position[seen], normal[seen])
+        if np.mean(mu0 > 0) < 0.1:
+            raise InputError(
+                f"{name}: the Sun direction lights {100 * np.mean(mu0 > 0):.0f} % of the ground that is bright in the "
+                "image; `sun` points from the body towards the Sun, in the camera frame (x right, y down, z forward)"
+            )
+
+
+def _adjust_or_read(
+    folder: RunFolder, key: str, scene: Scene, options: RunOptions, progress: Progress
+) -> Adjustment:
+    """The adjusted scene, from scene.h5 if that is of this key."""
+    from photoclinometry.adjust import Iteration
+    from photoclinometry.io.scene_file import read_scene, write_scene
+
+    file = folder.path / "scene.h5"
+    steps = 0
+
+    def count(iteration: Iteration) -> None:
+        nonlocal steps
+        steps += 1
+        progress("adjust", steps, 0)
+
+    def make() -> _Done:
+        adjustment = adjust(scene, options.adjust, progress=count)
+        write_scene(file, adjustment.scene)
+        summary = {
+            "converged": adjustment.converged,
+            "message": adjustment.message,
+            "log": [asdict(i) for i in adjustment.log],
+            "brightness_sigma": adjustment.brightness_sigma,
+        }
+        return _Done(summary=json.dumps(summary))
+
+    if not file.is_file():
+        key = digest(key, "scene.h5 is missing", str(folder.path))
+    done = json.loads(folder.stage("adjust", key, make, _Done).summary)
+    adjusted = read_scene(file)
+    return Adjustment(
+        adjusted,
+        done["converged"],
+        done["message"],
+        tuple(Iteration(**i) for i in done["log"]),
+        done["brightness_sigma"],
+        adjusted.tracks.lit,
+    )
+
+
+def _write_products(
+    folder: RunFolder,
+    site_file: Path,
+    scene: Scene,
+    adjustment: Adjustment,
+    images: Sequence[Image],
+    options: RunOptions,
+    left_out: tuple[str, ...],
+) -> RunResult:
+    """landmarks.ply, sparse/, metrics.json and the report."""
+    from photoclinometry.evaluate import evaluate_scene, view_table
+    from photoclinometry.io.atomic import write_text
+    from photoclinometry.io.colmap import write_colmap
+    from photoclinometry.io.ply import write_ply
+    from photoclinometry.report import write_report
+    from photoclinometry.tables import json_numbers
+
+    with folder.timed("products"):
+        write_ply(folder.path / "landmarks.ply", scene, mesh=True)
+        write_colmap(folder.path / "sparse", scene)
+        rows = view_table(scene, images)
+        metrics = evaluate_scene(scene, images, per_view=rows)
+        metrics |= {"views_left_out": len(left_out), "converged": float(adjustment.converged)}
+        if scene.reflectance is not None:
+            metrics["brightness_sigma"] = adjustment.brightness_sigma
+    with folder.timed("report"):
+        rows = [{"registered": True, **row} for row in rows]
+        rows += [{"name": name, "registered": False} for name in left_out]
+        page = write_report(
+            folder.path / "report",
+            scene,
+            images,
+            metrics=metrics,
+            per_view=rows,
+            stages=[asdict(stage) for stage in folder.stages],
+            convergence=[i.cost for i in adjustment.log if i.accepted],
+            options={"site": str(site_file), **asdict(options)},
+        )
+    summary = {
+        "metrics": json_numbers(metrics),
+        "views": rows,
+        "left_out": list(left_out),
+        "stages": [asdict(stage) for stage in folder.stages],
+        "message": adjustment.message,
+    }
+    write_text(folder.path / "metrics.json", json.dumps(summary, indent=2) + "\n")
+    return RunResult(scene, adjustment, metrics, page, left_out)
+
+
+def write_config(folder: RunFolder, site_file: Path, options: RunOptions) -> None:
+    """config.toml: the site and every option, defaults included."""
+    import tomli_w
+
+    from photoclinometry.io.atomic import write_text
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: plain(v) for key, v in value.items() if v is not None}
+        return list(value) if isinstance(value, tuple) else value
+
+    content = {"site": str(Path(site_file).resolve()), "version": __version__, **plain(asdict(options))}
+    write_text(folder.path / "config.toml", tomli_w.dumps(content))
