@@ -1,0 +1,185 @@
+"""The default matcher: dense optical flow after a geometric pre-warp, checked forward against backward.
+
+The target is resampled into the reference's frame where the known surface predicts it; what is left is a
+displacement of a few pixels. Both pictures are normalised locally (mean and contrast), which cancels gain, offset
+and slow shading; dense inverse search (DIS, Kroeger et al. 2016, ECCV) with variational refinement finds the
+displacement. A least-squares (Lucas-Kanade) refinement in windows of 2-9 px standard deviation was tried and left
+out: where the light has moved it follows the shading, and raised the median error from 0.09 to 0.11-0.23 px.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from photoclinometry.matching.interface import Matches, MatchRequest
+from photoclinometry.scene import Image, Region
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowOptions:
+    """Dense matching by optical flow."""
+
+    max_round_trip_px: float = 1.0
+    """A match must come back to its pixel within this when matched in return [px]."""
+    min_correlation: float = 0.3
+    """Least correlation of the two normalised pictures around a match."""
+    contrast_window_px: float = 6.0
+    """Standard deviation of the Gaussian window of the local normalisation [px]."""
+    patch_px: int = 8
+    """Side of the patches of the inverse search [px]."""
+    smoothness: float = 20.0
+    """Weight of a smooth displacement against the gradients' agreement (weight 10) in the refinement."""
+    refinement_steps: int = 10
+    """Fixed-point steps of the variational refinement."""
+    sigma_floor_px: float = 0.04
+    """Least standard deviation that a match is given [px]."""
+
+
+@dataclass(frozen=True)
+class FlowMatcher:
+    """Optical flow after the pre-warp (`interface.Matcher`)."""
+
+    options: FlowOptions = field(default_factory=FlowOptions)
+    name: str = "flow"
+
+    def match(self, request: MatchRequest) -> Matches:
+        options = self.options
+        reference = crop(request.reference, request.padded)
+        warped = resample(request.target, request.prediction)
+        a = normalise(*reference, options.contrast_window_px)
+        b = normalise(*warped, options.contrast_window_px)
+        forward, backward = search(a, b, options), search(b, a, options)
+        round_trip = np.linalg.norm(forward + follow(backward, forward), axis=-1)
+        correlation, sigma = fit_quality(a, b, forward)
+        inside = reference[1] & (follow(warped[1].astype(np.float32), forward) > 0.99)
+        valid = inside & (round_trip < options.max_round_trip_px) & (correlation > options.min_correlation)
+        position = follow(request.prediction, forward)
+        valid &= np.isfinite(position).all(-1)
+        sigma = np.sqrt(options.sigma_floor_px**2 + sigma**2 + round_trip**2)
+        certainty = correlation.clip(0, 1) * np.exp(-0.5 * (round_trip / options.max_round_trip_px) ** 2)
+        inner = request.inner
+        return Matches(
+            position=np.where(valid[..., None], position, 0.0)[inner],
+            certainty=np.where(valid, certainty, 0.0).astype(np.float32)[inner],
+            sigma_px=sigma.astype(np.float32)[inner],
+            valid=valid[inner],
+        )
+
+
+def crop(image: Image, region: Region) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness (h, w) float32 and validity (h, w) of a region."""
+    return image.brightness[region.slices].astype(np.float32), image.valid[region.slices]
+
+
+def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness (h, w) float32 at pixel positions (h, w, 2), and validity; the image is smoothed first where
+    it is sampled sparsely (a closer view), so that both pictures resolve the same."""
+    import cv2
+
+    step = np.sqrt(np.abs(np.nanmedian(_jacobian_determinant(xy))))
+    filled = _fill(image.brightness.astype(np.float32), image.valid)
+    if step > 1.2:
+        filled = cv2.GaussianBlur(filled, (0, 0), 0.5 * np.sqrt(step**2 - 1.0))
+    at = np.where(np.isfinite(xy), xy - 0.5, -1e4).astype(np.float32)
+    x, y = at[..., 0], at[..., 1]
+    brightness = cv2.remap(filled, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    weight = cv2.remap(image.valid.astype(np.float32), x, y, cv2.INTER_LINEAR, borderValue=0.0)
+    return brightness, weight > 0.999
+
+
+def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.ndarray:
+    """(h, w) float32: brightness less its local mean, divided by its local standard deviation; 0 where not valid.
+
+    window: standard deviation [px] of the Gaussian weight. The divisor is floored at a fifth of its median: noise
+    in flat or shadowed ground is not to look like texture.
+    """
+    import cv2
+
+    def blur(values):
+        return cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT)
+
+    mask = valid.astype(np.float32)
+    share = np.maximum(blur(mask), 1e-3)
+    value = np.where(valid, brightness, 0.0).astype(np.float32)
+    centred = np.where(valid, value - blur(value) / share, 0.0).astype(np.float32)
+    spread = np.sqrt(np.maximum(blur(centred**2) / share, 0.0))
+    floor = 0.2 * float(np.median(spread[valid])) if valid.any() else 0.0
+    return np.clip(centred / np.maximum(spread, max(floor, 1e-12)), -4.0, 4.0)
+
+
+def search(a: np.ndarray, b: np.ndarray, options: FlowOptions) -> np.ndarray:
+    """(h, w, 2) float32 displacement d with a(x) = b(x + d), by dense inverse search on normalised pictures.
+
+    Only gradients are compared in the refinement, not grey values: under another Sun slopes keep their edges,
+    not their brightness. Down to full resolution: stopping at half of it costs 0.05 px.
+    """
+    import cv2
+
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    flow.setFinestScale(0)
+    flow.setPatchSize(options.patch_px)
+    flow.setPatchStride(max(1, options.patch_px // 2))
+    flow.setVariationalRefinementIterations(options.refinement_steps)
+    flow.setVariationalRefinementAlpha(options.smoothness)
+    flow.setVariationalRefinementGamma(10.0)
+    flow.setVariationalRefinementDelta(0.0)
+    grey = [np.rint(np.clip(128 + 32 * picture, 0, 255)).astype(np.uint8) for picture in (a, b)]
+    return flow.calc(grey[0], grey[1], np.zeros((*a.shape, 2), np.float32))
+
+
+def fit_quality(a: np.ndarray, b: np.ndarray, flow: np.ndarray, window: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
+    """Local correlation (h, w) of a(x) and b(x + flow), and the standard deviation [px] of the displacement.
+
+    The latter is that of least squares: residual variance / (windowed gradient's smaller eigenvalue * number of
+    independent pixels in the window), the number being pi window^2: with it, a floor of 0.04 px and the round
+    trip added, sigmas agree with the errors against simulated truth (moderate change of light).
+    """
+    import cv2
+
+    def blur(values):
+        return cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT)
+
+    moved = follow(b, flow)
+    mean_a, mean_b = blur(a), blur(moved)
+    var_a, var_b = blur(a * a) - mean_a**2, blur(moved * moved) - mean_b**2
+    covariance = blur(a * moved) - mean_a * mean_b
+    correlation = covariance / np.sqrt(np.maximum(var_a * var_b, 1e-8))
+    gx, gy = _gradient(a)
+    xx, xy, yy = blur(gx * gx), blur(gx * gy), blur(gy * gy)
+    smaller = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
+    independent = np.pi * window**2
+    noise = blur((a - moved) ** 2)
+    return correlation, np.sqrt(noise / np.maximum(smaller, 1e-4) / independent)
+
+
+def follow(values: np.ndarray, flow: np.ndarray) -> np.ndarray:
+    """Values (h, w, ...) at x + flow(x), cubic; edges repeat."""
+    import cv2
+
+    height, width = flow.shape[:2]
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    x, y = x + flow[..., 0].astype(np.float32), y + flow[..., 1].astype(np.float32)
+    return cv2.remap(values, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+
+
+def _gradient(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives along x and y, five-point central differences (error of fourth order)."""
+    import cv2
+
+    kernel = np.array([1.0, -8.0, 0.0, 8.0, -1.0], np.float32) / 12.0
+    one = np.ones(1, np.float32)
+    return cv2.sepFilter2D(picture, -1, kernel, one), cv2.sepFilter2D(picture, -1, one, kernel)
+
+
+def _jacobian_determinant(xy: np.ndarray) -> np.ndarray:
+    down, right = np.gradient(xy, axis=0), np.gradient(xy, axis=1)
+    return right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
+
+
+def _fill(brightness: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Brightness with the median of the valid pixels where not valid: resampling must not spread NaN."""
+    if valid.all():
+        return brightness
+    return np.where(valid, brightness, np.median(brightness[valid]) if valid.any() else 0.0).astype(np.float32)

@@ -1,0 +1,109 @@
+"""What a dense matcher is given and what it returns. A new matcher is one class with `name` and `match`.
+
+    class MyMatcher:
+        name = "mine"
+
+        def match(self, request: MatchRequest) -> Matches:
+            ...
+
+Only `reference`, `target` and `region` are needed to match two pictures; `prediction` says where a pixel is
+expected, for matchers that can use it. To match against another picture of the reference, for instance one
+rendered under the target's Sun, replace the reference image: `replace(request, reference=rendered)`, with
+the rendering's own validity mask.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import Rigid
+from photoclinometry.matching.prewarp import predict_pixels
+from photoclinometry.scene import Camera, Image, Region
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchRequest:
+    """Find the pixels of a region of the reference image in the target image."""
+
+    reference: Image
+    """The whole reference image, or a picture of it under another light."""
+    target: Image
+    region: Region
+    """The pixels of the reference whose positions are wanted."""
+    padded: Region
+    """`region` with a margin, cut to the image: windows near the region's edge look there."""
+    prediction: np.ndarray
+    """(padded.height, padded.width, 2) where each padded pixel's centre is expected in the target [px]."""
+
+    def __post_init__(self):
+        expected = (self.padded.height, self.padded.width, 2)
+        if self.prediction.shape != expected:
+            raise InputError(f"prediction has shape {self.prediction.shape}, expected {expected}")
+
+    @property
+    def inner(self) -> tuple[slice, slice]:
+        """Slices that cut `region` out of arrays over `padded`."""
+        row, col = self.region.row - self.padded.row, self.region.col - self.padded.col
+        return slice(row, row + self.region.height), slice(col, col + self.region.width)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matches:
+    """One target's answer for every pixel (h, w) of the region."""
+
+    position: np.ndarray
+    """(h, w, 2) float64: position of the pixel's centre in the target [px]. Defined only where `valid`."""
+    certainty: np.ndarray
+    """(h, w) float32 in [0, 1]."""
+    sigma_px: np.ndarray
+    """(h, w) float32: standard deviation of the position about each axis [px]."""
+    valid: np.ndarray
+    """(h, w) bool."""
+
+
+class Matcher(Protocol):
+    """Anything that answers a request."""
+
+    name: str
+
+    def match(self, request: MatchRequest) -> Matches: ...
+
+
+def padded_region(region: Region, margin: int, camera: Camera) -> Region:
+    """The region grown by a margin [px] on all sides, cut to the image."""
+    row, col = max(0, region.row - margin), max(0, region.col - margin)
+    bottom = min(camera.height, region.row + region.height + margin)
+    right = min(camera.width, region.col + region.width + margin)
+    return Region(row=row, col=col, height=bottom - row, width=right - col)
+
+
+def request_match(
+    images: list[Image],
+    cameras: list[Camera],
+    body_from_cam: Rigid,
+    reference: int,
+    target: int,
+    region: Region,
+    padded: Region,
+    depth: np.ndarray,
+) -> MatchRequest:
+    """The request to match `reference` with `target`, predicted from depth (padded.height, padded.width)."""
+    prediction = predict_pixels(
+        depth,
+        padded,
+        cameras[reference],
+        body_from_cam[reference],
+        cameras[target],
+        body_from_cam[target],
+    )
+    return MatchRequest(
+        reference=images[reference],
+        target=images[target],
+        region=region,
+        padded=padded,
+        prediction=prediction,
+    )
