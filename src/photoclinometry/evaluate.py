@@ -12,7 +12,7 @@ import numpy as np
 
 from photoclinometry.errors import InputError
 from photoclinometry.metrics import photometric_error, psnr, spread
-from photoclinometry.render import draw_landmarks, observation_brightness, render_view
+from photoclinometry.render import draw_landmarks, landmark_faces, observation_brightness, render_view
 from photoclinometry.scene import Image, Scene
 
 SHADOW_FRACTION = 0.1
@@ -47,14 +47,15 @@ def keypoint_residual_px(scene: Scene) -> np.ndarray:
     return residual
 
 
-def view_psnr(scene: Scene, view: int, image: Image) -> dict[str, float]:
+def view_psnr(scene: Scene, view: int, image: Image, faces: np.ndarray | None = None) -> dict[str, float]:
     """PSNR (Eq. 40) of a view's rendering against its image, in camera geometry.
 
     psnr_db: over all valid pixels that the map covers. psnr_lit_db: of those, the pixels between landmarks
     that were measured lit in this view, so without cast shadows, which the rendering leaves out. Brightness 1
     is the image's greatest valid brightness. NaN where there is no such pixel.
     """
-    rendered, mask = render_view(scene, view)
+    faces = landmark_faces(scene) if faces is None else faces
+    rendered, mask = render_view(scene, view, faces=faces)
     mask &= image.valid
     if not image.valid.any():
         return {"psnr_db": float("nan"), "psnr_lit_db": float("nan")}
@@ -62,7 +63,7 @@ def view_psnr(scene: Scene, view: int, image: Image) -> dict[str, float]:
     tracks = scene.tracks
     measured = np.zeros(len(scene.landmarks))
     measured[tracks.landmark[(tracks.view == view) & tracks.lit]] = 1.0
-    lit = mask & (draw_landmarks(scene, view, measured)[0] > 0.999)
+    lit = mask & (draw_landmarks(scene, view, measured, faces)[0] > 0.999)
     brightness = image.brightness.astype(float)
     return {
         "psnr_db": psnr(brightness, rendered, mask, peak),
@@ -96,6 +97,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     by_name = _by_name(scene, images)
     tracks, views = scene.tracks, scene.views
     pixel_residual = keypoint_residual_px(scene)
+    faces = landmark_faces(scene)
     residual = None if scene.reflectance is None else observation_brightness(scene) - tracks.brightness
     rows = []
     for k, name in enumerate(views.name):
@@ -109,7 +111,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
             if lit.any():
                 row["brightness_rms_percent"] = 100.0 * _rms(residual[lit]) / float(tracks.brightness[lit].mean())
             if name in by_name:
-                row |= {key: v for key, v in view_psnr(scene, k, by_name[name]).items() if np.isfinite(v)}
+                row |= {key: v for key, v in view_psnr(scene, k, by_name[name], faces).items() if np.isfinite(v)}
         rows.append(row)
     return rows
 

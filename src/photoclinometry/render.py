@@ -73,28 +73,30 @@ def render_reference(
     return np.where(mask, image, 0.0), mask
 
 
-def render_view(scene: Scene, view: int, sun: np.ndarray | None = None, **options) -> tuple[np.ndarray, np.ndarray]:
+def landmark_faces(scene: Scene) -> np.ndarray:
+    """Triangles (F, 3) of landmark indices over the reference grid (see `raster.grid_faces`)."""
+    position = scene.grid(scene.landmarks.position)
+    index = scene.grid(np.arange(len(scene.landmarks)), fill=0).astype(np.int64).ravel()
+    return index[grid_faces(position, np.isfinite(position[..., 0]))]
+
+
+def render_view(
+    scene: Scene, view: int, sun: np.ndarray | None = None, *, faces: np.ndarray | None = None, **options
+) -> tuple[np.ndarray, np.ndarray]:
     """The map as one view's camera sees it: image (H, W), zero outside the map, and mask (H, W) bool.
 
     The landmarks' grid is a mesh; brightness is computed at its vertices (as `landmark_brightness`, whose
     options these are), interpolated at pixel centres, and the nearest surface hides what is behind it.
+    faces: `landmark_faces(scene)`, to make them only once for many views.
     """
-    return draw_landmarks(scene, view, landmark_brightness(scene, view, sun, **options))
+    return draw_landmarks(scene, view, landmark_brightness(scene, view, sun, **options), faces)
 
 
-def draw_landmarks(scene: Scene, view: int, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def draw_landmarks(
+    scene: Scene, view: int, value: np.ndarray, faces: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Values (J,) of the landmarks drawn in a view: image (H, W), zero outside the map, and mask (H, W)."""
     camera = scene.views.cameras[view]
-    position = scene.grid(scene.landmarks.position)
-    present = np.isfinite(position[..., 0])
-    faces = grid_faces(position, present)
-    in_cam = scene.views.body_from_cam[view].inverse()(
-        np.where(present[..., None], position, scene.landmarks.position[0]).reshape(-1, 3)
-    )
-    return draw_triangles(
-        camera.pixel_from_cam(in_cam),
-        in_cam[:, 2],
-        scene.grid(value, fill=0.0).ravel(),
-        faces,
-        (camera.height, camera.width),
-    )
+    faces = landmark_faces(scene) if faces is None else faces
+    in_cam = scene.views.body_from_cam[view].inverse()(scene.landmarks.position)
+    return draw_triangles(camera.pixel_from_cam(in_cam), in_cam[:, 2], value, faces, (camera.height, camera.width))
