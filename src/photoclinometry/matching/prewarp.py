@@ -41,7 +41,7 @@ def landmark_depth(
     which is as intended: it is the noise of the last round's matches.
     """
     depth = pose.inverse()(position)[:, 2]
-    return fit_depth(pixel[:, ::-1] + 0.5, depth, region, camera, spacing=spacing)
+    return fit_depth(pixel[:, ::-1] + 0.5, depth, region, camera, spacing=spacing, noise_gsd=0.15)
 
 
 def fit_depth(

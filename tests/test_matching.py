@@ -1,0 +1,244 @@
+"""Dense matching: displacement of known warps, the pre-warp's surface, and what is refused."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.geometry import Rigid
+from photoclinometry.matching import MatchRequest
+from photoclinometry.matching.flow import FlowMatcher, normalise, resample
+from photoclinometry.matching.interface import padded_region, request_match
+from photoclinometry.matching.prewarp import fit_depth, landmark_depth, predict_pixels, sparse_depth
+from photoclinometry.scene import Camera, Image, Region
+from photoclinometry.sparse import SparseModel
+from scenes import synthetic_images, synthetic_scene
+
+CAMERA = Camera("PINHOLE", 200, 200, (10_000.0, 10_000.0, 100.0, 100.0))
+REGION = Region(row=50, col=50, height=100, width=100)
+PADDED = padded_region(REGION, 24, CAMERA)
+
+
+def texture(shape, seed=0, sigma=1.5):
+    from scipy.ndimage import gaussian_filter
+
+    noise = np.random.default_rng(seed).normal(size=shape)
+    rough = gaussian_filter(noise, sigma) * sigma + gaussian_filter(noise, 4 * sigma) * 4 * sigma
+    return (1.0 + 0.25 * rough / rough.std()).astype(np.float32)
+
+
+def displaced(amplitude=1.5, gain=1.0, offset=0.0):
+    """A reference, a target of which it is a smooth warp, and where the region's pixels truly lie in it."""
+    import cv2
+
+    target = texture((240, 240))
+    whole = Region(row=0, col=0, height=200, width=200).pixel_centers()
+    true = whole + 20.0
+    true[..., 0] += amplitude * np.sin(whole[..., 1] / 17.0)
+    true[..., 1] += amplitude * np.cos(whole[..., 0] / 23.0)
+    x, y = (true - 0.5).astype(np.float32).transpose(2, 0, 1)
+    reference = gain * cv2.remap(target, x, y, cv2.INTER_CUBIC) + offset
+    request = MatchRequest(
+        reference=Image("a", reference, np.ones(reference.shape, bool)),
+        target=Image("b", target, np.ones(target.shape, bool)),
+        region=REGION,
+        padded=PADDED,
+        prediction=PADDED.pixel_centers() + 20.0,
+    )
+    return request, true[REGION.slices]
+
+
+def error_px(matches, true):
+    return np.linalg.norm(matches.position - true, axis=-1)[matches.valid]
+
+
+@pytest.mark.parametrize("gain", [1.0, 40.0, 0.01])
+def test_a_smooth_displacement_is_found_to_a_tenth_of_a_pixel_whatever_the_gain(gain):
+    request, true = displaced(gain=gain, offset=0.3 * gain)
+    matches = FlowMatcher().match(request)
+    assert matches.valid.mean() > 0.99
+    assert np.median(error_px(matches, true)) < 0.1
+
+
+def test_a_perfect_prediction_is_kept():
+    request, true = displaced()
+    perfect = request.prediction.copy()
+    perfect[request.inner] = true
+    found = FlowMatcher().match(replace(request, prediction=perfect))
+    assert np.median(error_px(found, true)) < 0.03
+
+
+def test_sigmas_tell_the_size_of_errors_under_noise():
+    request, true = displaced()
+    rng = np.random.default_rng(1)
+    noisy = [
+        replace(i, brightness=i.brightness + 0.02 * rng.normal(size=i.brightness.shape).astype(np.float32))
+        for i in (request.reference, request.target)
+    ]
+    matches = FlowMatcher().match(replace(request, reference=noisy[0], target=noisy[1]))
+    z = (matches.position - true)[matches.valid] / matches.sigma_px[matches.valid][:, None]
+    assert 0.3 < np.sqrt(np.median(z**2) / 0.455) < 2.0
+
+
+def test_pictures_of_different_places_do_not_match():
+    request, _ = displaced()
+    stranger = Image("c", texture((240, 240), seed=9), np.ones((240, 240), bool))
+    matches = FlowMatcher().match(replace(request, target=stranger))
+    assert matches.valid.mean() < 0.25
+
+
+def test_invalid_pixels_and_the_outside_of_the_target_do_not_match():
+    request, _ = displaced()
+    valid = np.ones((240, 240), bool)
+    valid[:, :110] = False
+    brightness = np.where(valid, request.target.brightness, np.nan).astype(np.float32)
+    matches = FlowMatcher().match(replace(request, target=Image("b", brightness, valid)))
+    assert not matches.valid[:, :36].any()  # columns 110 and less of the target, less the displacement
+    assert matches.valid[:, 48:].mean() > 0.95
+    assert np.isfinite(matches.position).all()
+    outside = FlowMatcher().match(replace(request, prediction=request.prediction + 500.0))
+    assert not outside.valid.any()
+
+
+def test_a_point_behind_the_target_camera_does_not_match():
+    request, _ = displaced()
+    prediction = request.prediction.copy()
+    prediction[:60] = np.nan
+    matches = FlowMatcher().match(replace(request, prediction=prediction))
+    assert not matches.valid[:30].any()
+    assert matches.valid[-30:].all()
+
+
+def test_a_closer_target_is_smoothed_to_the_references_resolution():
+    fine = Image("fine", texture((400, 400), sigma=1.0), np.ones((400, 400), bool))
+    xy = 2.5 * Region(row=20, col=20, height=100, width=100).pixel_centers()
+    plain = resample(fine, xy / 2.5)[0].std()
+    smoothed, valid = resample(fine, xy)
+    assert valid.all()
+    assert smoothed.std() < plain
+
+
+def test_normalised_pictures_have_no_gain_or_offset():
+    picture, valid = texture((80, 80)), np.ones((80, 80), bool)
+    np.testing.assert_allclose(normalise(picture, valid, 6.0), normalise(30 * picture + 7, valid, 6.0), atol=2e-3)
+
+
+def test_a_prediction_of_the_wrong_size_is_refused():
+    request, _ = displaced()
+    with pytest.raises(InputError, match="prediction has shape"):
+        replace(request, prediction=request.prediction[1:])
+
+
+def test_the_margin_is_cut_at_the_image():
+    region = padded_region(Region(row=5, col=150, height=20, width=50), 24, CAMERA)
+    assert (region.row, region.col, region.height, region.width) == (0, 126, 49, 74)
+
+
+def test_predicted_pixels_are_projections_of_the_surface():
+    scene = synthetic_scene(size=20, views=3)
+    pose, cameras = scene.views.body_from_cam, scene.views.cameras
+    depth = scene.grid(pose[0].inverse()(scene.landmarks.position)[:, 2])
+    for view in (1, 2):
+        found = predict_pixels(depth, scene.region, cameras[0], pose[0], cameras[view], pose[view])
+        true = scene.views.project(view, scene.landmarks.position).reshape(20, 20, 2)
+        np.testing.assert_allclose(found, true, atol=1e-6)
+    behind = Rigid(pose[1].rotation * [1, -1, -1], pose[1].translation)
+    assert np.isnan(predict_pixels(depth, scene.region, cameras[0], pose[0], cameras[1], behind)).all()
+
+
+def test_depth_is_recovered_through_noise_and_outliers():
+    rng = np.random.default_rng(0)
+    gsd, middle = 60.0, 60.0 * 10_000.0
+
+    def relief(xy):
+        return gsd * 6.0 * np.sin(xy[..., 0] / 25.0) * np.cos(xy[..., 1] / 30.0)
+
+    xy = rng.uniform(20, 180, (900, 2))
+    depth = middle + relief(xy) + gsd * rng.normal(scale=0.4, size=900)
+    depth[::10] += gsd * rng.choice([-300, 60, 1000], 90)
+    found = fit_depth(xy, depth, REGION, CAMERA, spacing=8)
+    error = (found - middle - relief(REGION.pixel_centers())) / gsd
+    assert np.sqrt(np.mean(error**2)) < 0.4
+
+
+def test_holes_in_dense_landmarks_are_filled_smoothly():
+    scene = synthetic_scene(size=60, views=2)
+    pose, camera = scene.views.body_from_cam[0], scene.views.cameras[0]
+    row, col = scene.landmarks.pixel.T - scene.region.row
+    keep = np.hypot(row - 30, col - 30) > 4
+    found = landmark_depth(
+        scene.landmarks.position[keep], scene.landmarks.pixel[keep], pose, scene.region, camera, spacing=2
+    )
+    true = scene.grid(pose.inverse()(scene.landmarks.position)[:, 2])
+    error = np.abs(found - true) / scene.gsd
+    assert np.median(error) < 0.15
+    assert error.max() < 1.5
+
+
+def test_too_few_sparse_points_are_refused():
+    pose = Rigid(np.eye(3)[None], np.zeros((1, 3)))
+    sparse = SparseModel(
+        registered=np.ones(1, bool),
+        body_from_cam=pose,
+        points=np.tile([0.0, 0.0, 1e4], (5, 1)),
+        point_start=np.arange(6),
+        point_view=np.zeros(5, np.int32),
+        point_xy=np.full((5, 2), 100.0),
+        mean_reprojection_px=0.0,
+    )
+    with pytest.raises(ReconstructionError, match="only 5 sparse points"):
+        sparse_depth(sparse, 0, REGION, CAMERA)
+
+
+def test_smooth_shaded_relief_matches_to_a_quarter_of_a_pixel_from_other_sides():
+    """The hard case, no texture finer than 8 px: what remains is that shading depends on the viewer."""
+    scene = synthetic_scene(size=100, views=4)
+    lit = replace(scene, views=replace(scene.views, sun=np.tile(scene.views.sun[:1], (4, 1))))
+    images, views = synthetic_images(lit), lit.views
+    padded = padded_region(lit.region, 24, views.cameras[0])
+    few = slice(None, None, 23)  # as many as sparse points
+    depth = views.body_from_cam[0].inverse()(lit.landmarks.position[few])[:, 2]
+    rough = fit_depth(lit.landmarks.pixel[few, ::-1] + 0.5, depth, padded, views.cameras[0], spacing=8)
+    for target in (1, 2, 3):
+        request = request_match(images, list(views.cameras), views.body_from_cam, 0, target, lit.region, padded, rough)
+        matches = FlowMatcher().match(request)
+        true = views.project(target, lit.landmarks.position).reshape(100, 100, 2)
+        assert matches.valid.mean() > 0.95
+        assert np.median(error_px(matches, true)) < 0.25
+
+
+@pytest.mark.data
+def test_real_images_match_along_their_epipolar_lines():
+    """Vesta, 5.6 degrees of rotation: the Sampson distance to the published poses stays below 0.3 px."""
+    import cv2
+    import pycolmap
+
+    from photoclinometry.densify import fundamental_matrix, sampson_error
+
+    folder = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022"
+    if not folder.exists():
+        pytest.skip(f"no real images at {folder}")
+    published = pycolmap.Reconstruction(str(folder / "published"))
+    names = ["00000000.png", "00000001.png"]
+    by_name = {image.name: image for image in published.images.values()}
+    poses = [by_name[name].cam_from_world().inverse() for name in names]
+    pose = Rigid(np.stack([p.rotation.matrix() for p in poses]), np.stack([p.translation for p in poses]))
+    camera = next(iter(published.cameras.values()))
+    cameras = [Camera("PINHOLE", 1024, 1024, tuple(camera.params))] * 2
+    pictures = [cv2.imread(str(folder / "images" / n), cv2.IMREAD_GRAYSCALE) for n in names]
+    images = [Image(n, p.astype(np.float32), p < 255) for n, p in zip(names, pictures, strict=True)]
+    region = Region(row=400, col=400, height=160, width=160)
+    padded = padded_region(region, 24, cameras[0])
+    points = np.array([p.xyz for p in published.points3D.values()])
+    local = pose[0].inverse()(points)
+    xy = cameras[0].pixel_from_cam(local)
+    near = np.all(np.abs(xy - 480) < 150, axis=-1) & (local[:, 2] < np.median(local[:, 2]))
+    depth = fit_depth(xy[near], local[near, 2], padded, cameras[0], spacing=16)
+    request = request_match(images, cameras, pose, 0, 1, region, padded, depth)
+    matches = FlowMatcher().match(request)
+    fundamental = fundamental_matrix(cameras[0], pose[0], cameras[1], pose[1])
+    across = np.sqrt(sampson_error(fundamental, region.pixel_centers(), matches.position))
+    assert matches.valid.mean() > 0.95
+    assert np.median(across[matches.valid]) < 0.3

@@ -1,0 +1,205 @@
+"""Poses from nothing: recovered from rendered views, checked against real ones, and refused with reasons."""
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.geometry import Rigid, Similarity, align_similarity, so3_log
+from photoclinometry.keypoints import sift_keypoints, stretch_for_features
+from photoclinometry.scene import Camera, Image, Region
+from photoclinometry.sfm import SfmOptions, reconstruct_sparse
+from photoclinometry.sparse import connected_groups, normalised, transformed
+from scenes import from_zenith, look_at_origin
+
+FOCAL_PX = 4000.0  # focal / width = 13: longer than what COLMAP takes by default
+CAMERA = Camera("PINHOLE", 300, 300, (FOCAL_PX, FOCAL_PX, 150.0, 150.0))
+OPTIONS = SfmOptions(max_features=1500, threads=2)
+
+
+def views_around(count):
+    """(count,) body_from_cam: 4 to 20 degrees from the zenith, one pixel covers a unit of length."""
+    angle, azimuth = np.radians(np.linspace(4, 20, count)), 2.4 * np.arange(count)
+    centers = FOCAL_PX * from_zenith(angle, azimuth)
+    poses = [look_at_origin(c, 0.1 * k) for k, c in enumerate(centers)]
+    return Rigid(np.stack([p.rotation for p in poses]), centers)
+
+
+def render(pose, seed):
+    """A view of a textured relief: noise of several scales painted on heights of about 8 units."""
+    rng = np.random.default_rng(seed)
+    paint = sum(s * gaussian_filter(rng.normal(size=(512, 512)), s) for s in (1.2, 2.5, 5, 10))
+    height = gaussian_filter(rng.normal(size=(512, 512)), 20) * 500
+    rays = CAMERA.ray_in_cam(Region(row=0, col=0, height=300, width=300).pixel_centers()) @ pose.rotation.T
+    z = 0.0
+    for _ in range(8):  # fixed point: slopes are gentle
+        point = pose.translation + ((z - pose.translation[2]) / rays[..., 2])[..., None] * rays
+        at = point[..., 1::-1].reshape(-1, 2).T + 256
+        z = map_coordinates(height, at, order=1, mode="nearest").reshape(300, 300)
+    bright = map_coordinates(paint, at, order=3, mode="nearest").reshape(300, 300)
+    return (10.0 + bright + 0.01 * rng.normal(size=bright.shape)).astype(np.float32)
+
+
+def site(count=5, seed=0, prefix="a"):
+    poses = views_around(count)
+    pictures = [render(poses[k], seed) for k in range(count)]
+    return [Image(f"{prefix}{k}.fits", p, np.ones(p.shape, bool)) for k, p in enumerate(pictures)], poses
+
+
+@pytest.fixture(scope="module")
+def one_site():
+    return site()
+
+
+@pytest.fixture(scope="module")
+def sparse(one_site, tmp_path_factory):
+    return reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path_factory.mktemp("sfm"), OPTIONS)
+
+
+def rotation_errors_deg(found, true):
+    """Between the relative rotations of all pairs of views."""
+    pairs = [(a, b) for a in range(len(true)) for b in range(a)]
+    difference = [
+        (true.rotation[a].T @ true.rotation[b]).T @ (found.rotation[a].T @ found.rotation[b]) for a, b in pairs
+    ]
+    return np.degrees(np.linalg.norm(so3_log(np.array(difference)), axis=-1))
+
+
+def test_poses_are_recovered_from_images_alone(sparse, one_site):
+    true = one_site[1]
+    assert sparse.registered.all()
+    assert sparse.mean_reprojection_px < 0.3
+    similarity = align_similarity(sparse.body_from_cam.translation, true.translation)
+    off = np.linalg.norm(similarity(sparse.body_from_cam.translation) - true.translation, axis=-1)
+    assert off.max() < 0.01 * FOCAL_PX
+    assert rotation_errors_deg(sparse.body_from_cam, true).max() < 0.3
+
+
+def test_the_gauge_reads_in_ground_sample_distances(sparse):
+    assert np.abs(np.median(sparse.points, axis=0)).max() < 5.0
+    depth = sparse.body_from_cam[0].inverse()(sparse.points)[:, 2]
+    assert np.median(depth) / FOCAL_PX == pytest.approx(1.0, abs=0.05)
+    towards = sparse.body_from_cam.translation.mean(0)
+    np.testing.assert_allclose(towards / np.linalg.norm(towards), [0, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(np.linalg.det(sparse.body_from_cam.rotation), 1.0)
+
+
+def test_the_gauge_does_not_depend_on_the_frame_it_came_from(sparse):
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    other = Similarity(0.02, turn * np.sign(np.linalg.det(turn)), np.array([5.0, -3.0, 100.0]))
+    again = normalised(transformed(sparse, other), [CAMERA] * 5)
+    # The median point moves with the axes, by a little.
+    np.testing.assert_allclose(again.body_from_cam.rotation, sparse.body_from_cam.rotation, atol=5e-3)
+    assert np.ptp(again.points - sparse.points, axis=0).max() < 5.0
+
+
+def test_points_project_to_their_observations(sparse):
+    cam_from_body = sparse.body_from_cam.inverse()[sparse.point_view]
+    local = cam_from_body(sparse.points[sparse.point_of_observation])
+    error = np.linalg.norm(CAMERA.pixel_from_cam(local) - sparse.point_xy, axis=-1)
+    assert error.mean() == pytest.approx(sparse.mean_reprojection_px, rel=0.3)
+    index, xy = sparse.seen_by(2)
+    assert len(index) == len(xy) == np.count_nonzero(sparse.point_view == 2)
+
+
+def test_the_same_seed_gives_the_same_poses(sparse, one_site, tmp_path):
+    again = reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path, OPTIONS)
+    np.testing.assert_allclose(again.points, sparse.points, atol=1e-3)
+
+
+def test_the_global_mapper_agrees(one_site, tmp_path):
+    options = replace(OPTIONS, mapper="global")
+    found = reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path, options)
+    assert found.registered.all()
+    assert rotation_errors_deg(found.body_from_cam, one_site[1]).max() < 0.5
+
+
+def test_views_of_another_place_are_left_out_by_name(one_site, tmp_path, caplog, capfd):
+    """Cameras of two kinds at once: the intrinsics are per view."""
+    strangers = site(count=3, seed=7, prefix="b")[0]
+    twin = Camera("SIMPLE_PINHOLE", 300, 300, (FOCAL_PX, 150.0, 150.0))
+    with caplog.at_level(logging.WARNING):
+        found = reconstruct_sparse(one_site[0] + strangers, [CAMERA] * 4 + [twin] * 4, tmp_path, OPTIONS)
+    assert found.registered.tolist() == [True] * 5 + [False] * 3
+    assert "b1.fits is not registered" in caplog.text
+    assert "different places" in caplog.text
+    assert capfd.readouterr().err == ""
+
+
+def test_images_without_overlap_are_refused_with_advice(tmp_path):
+    strangers = [site(count=1, seed=seed, prefix=f"s{seed}")[0][0] for seed in range(4)]
+    with pytest.raises(ReconstructionError, match=r"0 of 4 views registered.*more features"):
+        reconstruct_sparse(strangers, [CAMERA] * 4, tmp_path, OPTIONS)
+
+
+def test_two_pairs_of_views_are_told_apart(tmp_path):
+    images = site(count=2, seed=0, prefix="a")[0] + site(count=2, seed=7, prefix="b")[0]
+    with pytest.raises(ReconstructionError, match=r"\[a0.fits, a1.fits\]; \[b0.fits, b1.fits\]"):
+        reconstruct_sparse(images, [CAMERA] * 4, tmp_path, OPTIONS)
+
+
+def test_two_images_are_refused(one_site, tmp_path):
+    with pytest.raises(InputError, match="at least 3 views"):
+        reconstruct_sparse(one_site[0][:2], [CAMERA] * 2, tmp_path)
+
+
+def test_an_image_that_shows_nothing_is_refused(one_site, tmp_path):
+    blank = Image("blank.fits", np.full((300, 300), 0.1, np.float32), np.ones((300, 300), bool))
+    with pytest.raises(InputError, match=r"blank\.fits"):
+        reconstruct_sparse([*one_site[0][:2], blank], [CAMERA] * 3, tmp_path)
+
+
+def test_keypoints_keep_away_from_invalid_pixels(one_site):
+    image = one_site[0][0]
+    valid = np.ones((300, 300), bool)
+    valid[:, 150:] = False
+    keypoints, descriptors = sift_keypoints(stretch_for_features(image), valid, 500)
+    assert len(keypoints) == len(descriptors) > 50
+    assert keypoints[:, 0].max() < 150
+
+
+def test_keypoints_are_unbiased_in_half_turns(one_site):
+    """Pixel convention: turning the picture by 180 degrees maps (x, y) to (width - x, height - y)."""
+    picture, valid = stretch_for_features(one_site[0][0]), np.ones((300, 300), bool)
+    a = sift_keypoints(picture, valid, 400)[0][:, :2]
+    b = 300.0 - sift_keypoints(picture[::-1, ::-1].copy(), valid, 400)[0][:, :2]
+    difference = b[:, None] - a[None]
+    nearest = difference[np.arange(len(b)), np.linalg.norm(difference, axis=-1).argmin(1)]
+    assert np.abs(np.median(nearest, axis=0)).max() < 0.02
+
+
+def test_groups_are_chains_of_matching_views():
+    inliers = np.zeros((6, 6), int)
+    for a, b, n in ((0, 2, 50), (2, 4, 30), (1, 3, 100), (4, 5, 5)):
+        inliers[a, b] = inliers[b, a] = n
+    assert connected_groups(inliers, 20) == [[0, 2, 4], [1, 3], [5]]
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("mapper", ["incremental", "global"])
+def test_real_images_of_vesta_agree_with_their_published_poses(mapper, tmp_path):
+    """Camera centres within 0.3 km at 3,860 km, relative rotations within 0.015 degrees on average."""
+    import pycolmap
+
+    from photoclinometry.io.site import load_images, read_site
+
+    folder = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022"
+    if not folder.exists():
+        pytest.skip(f"no real images at {folder}")
+    real = read_site(folder / "site.toml")
+    cameras = [view.camera for view in real.views]
+    found = reconstruct_sparse(load_images(real), cameras, tmp_path, SfmOptions(mapper=mapper))
+    published = pycolmap.Reconstruction(str(folder / "published"))
+    by_name = {Path(i.name).stem: i.cam_from_world().inverse() for i in published.images.values()}
+    poses = [by_name[view.image.stem] for view in real.views]
+    true = Rigid(np.stack([p.rotation.matrix() for p in poses]), np.stack([p.translation for p in poses]))
+    assert found.registered.all()
+    assert found.mean_reprojection_px < 0.12
+    similarity = align_similarity(found.body_from_cam.translation, true.translation)
+    off_km = similarity(found.body_from_cam.translation) - true.translation
+    assert np.sqrt((off_km**2).sum(-1).mean()) < 0.3
+    assert rotation_errors_deg(found.body_from_cam, true).mean() < 0.015
