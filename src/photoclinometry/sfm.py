@@ -23,6 +23,9 @@ from photoclinometry.sparse import SparseModel, connected_groups, normalised
 
 log = logging.getLogger(__name__)
 
+PAIRS_AT_ONCE = 60
+"""Pairs matched between two reports of progress; fewer cost time, as search indices are built anew."""
+
 Progress = Callable[[str, int, int], None]
 """Called as progress(stage, done, total)."""
 
@@ -176,15 +179,17 @@ def _match(count: int, work_dir: Path, options: SfmOptions, progress: Progress |
     database, pairs_file = work_dir / "database.db", work_dir / "pairs.txt"
     pairing = pycolmap.ImportedPairingOptions()
     pairing.match_list_path = str(pairs_file)
-    for view in range(1, count):
-        pairs_file.write_text("".join(f"{_image_file(view)} {_image_file(k)}\n" for k in range(view)))
+    pairs = [(a, b) for a in range(count) for b in range(a)]
+    for done in range(0, len(pairs), PAIRS_AT_ONCE):
+        block = pairs[done : done + PAIRS_AT_ONCE]
+        pairs_file.write_text("".join(f"{_image_file(a)} {_image_file(b)}\n" for a, b in block))
         pycolmap.match_image_pairs(database, matching, pairing, verification, pycolmap.Device.cpu)
         if progress:
-            progress("matches", view * (view + 1) // 2, count * (count - 1) // 2)
+            progress("matches", done + len(block), len(pairs))
     inliers = np.zeros((count, count), int)
     for (a, b), number in _verified_pairs(database):
         inliers[a, b] = inliers[b, a] = number
-    log.info("%d of %d pairs overlap", np.count_nonzero(inliers) // 2, count * (count - 1) // 2)
+    log.info("%d of %d pairs overlap", np.count_nonzero(inliers) // 2, len(pairs))
     return inliers
 
 
