@@ -23,6 +23,9 @@ from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 
 log = logging.getLogger(__name__)
 
+ROUND_DECREASE = 1e-3
+"""Relative decrease at which a round ends while gates and noise still change."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class AdjustOptions:
@@ -32,6 +35,10 @@ class AdjustOptions:
     """Keypoint noise of every observation [px]; left out, each keypoint's own."""
     brightness_sigma: float | None = None
     """Brightness noise, in the images' brightness; left out, estimated from the residuals."""
+    correlation_px: float = 3.0
+    """Side of the square of pixels that share their errors [px]: images are blurred and sampled between pixels, matches
+    are found over windows, and what a model misses of the ground it misses next door too. As many observations count
+    as one: every sigma of a keypoint or of brightness is multiplied by this. 1 for independent errors."""
     smooth_sigma_rad: float = 0.2
     """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none."""
     smooth_neighbours: int = 4
@@ -41,9 +48,9 @@ class AdjustOptions:
     max_emission_deg: float = 85.0
     """Brightness is not used where the camera is lower than this."""
     keypoint_loss: float = 3.0
-    """Huber limit of keypoints, in standard deviations; inf for least squares."""
+    """Huber limit of keypoints, in standard deviations of one; inf for least squares."""
     brightness_loss: float = 3.0
-    """Huber limit of brightness, in standard deviations; inf for least squares."""
+    """Huber limit of brightness, in standard deviations of one; inf for least squares."""
     pose_rotation_sigma_rad: float = 1e-4
     """Gauge: prior on the reference view's rotation [rad]."""
     pose_translation_sigma_gsd: float = 1e-2
@@ -108,14 +115,19 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, progress) 
     """`adjust` in the solver's order of landmarks."""
     tracks = scene.tracks
     layout, place = build_layout(tracks, len(scene.views))
-    keypoint_sigma = options.keypoint_sigma_px or tracks.keypoint_sigma
+    keypoint_sigma = np.asarray(options.keypoint_sigma_px or tracks.keypoint_sigma)
     photometric = scene.reflectance is not None
     smooth = photometric and options.smooth_sigma_rad > 0
     pairs = _pairs(scene, options) if smooth else None
     measured = Measurements(
         np.array([spread(axis, place, layout.place_start[-1]) for axis in tracks.keypoint.T]),
         spread(tracks.brightness, place, layout.place_start[-1]),
-        spread(1.0 / np.broadcast_to(keypoint_sigma, len(tracks)), place, layout.place_start[-1], np.float32),
+        spread(
+            1.0 / np.broadcast_to(keypoint_sigma * options.correlation_px, len(tracks)),
+            place,
+            layout.place_start[-1],
+            np.float32,
+        ),
         np.zeros(layout.place_start[-1], np.float32),
     )
     priors = _priors(scene, options)
@@ -123,10 +135,13 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, progress) 
     history: list[Iteration] = []
     lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
     sigma = _starting_sigma(scene, options, estimate, lit) if photometric else 0.0
+    loose = replace(options.solver, relative_decrease=max(options.solver.relative_decrease, ROUND_DECREASE))
+    final = not photometric or options.max_rounds == 1
     solution = None
     for round_ in range(options.max_rounds if photometric else 1):
+        final = final or round_ == options.max_rounds - 1
         if photometric:
-            measured.brightness_weight[place] = lit / sigma
+            measured.brightness_weight[place] = lit / (sigma * options.correlation_px)
         problem = Problem(
             layout,
             measured,
@@ -134,20 +149,19 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, progress) 
             priors,
             packed,
             smooth_sigma=options.smooth_sigma_rad,
-            limits=(options.keypoint_loss, options.brightness_loss),
+            limits=(options.keypoint_loss / options.correlation_px, options.brightness_loss / options.correlation_px),
         )
-        solution = minimize(problem, estimate, options.solver, step_limit=0.5 * scene.gsd, progress=progress)
+        solver = options.solver if final else loose
+        solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, progress=progress)
         history.extend(solution.log)
         estimate = solution.estimate
-        if not photometric:
+        log.info("round %d: %s; brightness sigma %.4g", round_ + 1, solution.message, sigma)
+        if final:
             break
         new_lit, new_sigma = gate(scene, estimate, options), sigma
         if options.brightness_sigma is None:
             new_sigma = _measured_sigma(scene, estimate, new_lit)
-        log.info("round %d: %s; brightness sigma %.4g", round_ + 1, solution.message, new_sigma)
-        settled = np.mean(new_lit != lit) < 1e-3 and abs(new_sigma / sigma - 1.0) < 0.02
-        if settled or round_ == options.max_rounds - 1:
-            break
+        final = bool(np.mean(new_lit != lit) < 1e-2 and abs(new_sigma / sigma - 1.0) < 0.1)
         lit, sigma = new_lit, new_sigma
     assert solution is not None
     return Adjustment(

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
+from photoclinometry.adjust.layout import LANES
 from photoclinometry.reflectance import _PHASE_FLOOR, phase_angle, photometric_function
 
 CAMERA_SIZE = 10
@@ -82,80 +83,81 @@ def _loss(squared, limit):
 
 
 @njit(**_FAST)
-def _keypoint_rows(j, s, place, k, cameras, landmarks, measured, limit, rows, residual):
-    """Whitened projection rows of one observation (factors.projection); returns its cost."""
-    weight = float(measured.keypoint_weight[place])
-    rotation, center, intrinsics = cameras.rotation[k], cameras.center[k], cameras.intrinsics[k]
-    d0 = landmarks.position[j, 0] - center[0]
-    d1 = landmarks.position[j, 1] - center[1]
-    d2 = landmarks.position[j, 2] - center[2]
-    inverse = 1.0 / (rotation[0, 2] * d0 + rotation[1, 2] * d1 + rotation[2, 2] * d2)
-    x = (rotation[0, 0] * d0 + rotation[1, 0] * d1 + rotation[2, 0] * d2) * inverse
-    y = (rotation[0, 1] * d0 + rotation[1, 1] * d1 + rotation[2, 1] * d2) * inverse
-    u = weight * (intrinsics[0] * x + intrinsics[2] - measured.keypoint[0, place])
-    v = weight * (intrinsics[1] * y + intrinsics[3] - measured.keypoint[1, place])
-    cost, shrink = _loss(u * u + v * v, limit)
-    residual[0, s] = u * shrink
-    residual[1, s] = v * shrink
-    fx = weight * shrink * intrinsics[0] * inverse
-    fy = weight * shrink * intrinsics[1] * inverse
-    for i in range(3):
-        rows[i, s] = fx * (rotation[i, 0] - x * rotation[i, 2])
-        rows[3 + i, s] = fy * (rotation[i, 1] - y * rotation[i, 2])
-    return cost
+def _keypoint_rows(j, place, view, cameras, landmarks, measured, limit, rows, residual):
+    """Whitened projection rows of one landmark in all its slots (factors.projection); returns their cost."""
+    rotation, center, intrinsics = cameras.rotation, cameras.center, cameras.intrinsics
+    weights, keypoint = measured.keypoint_weight, measured.keypoint
+    p0, p1, p2 = landmarks.position[j, 0], landmarks.position[j, 1], landmarks.position[j, 2]
+    total = 0.0
+    for s in range(view.size):
+        k = view[s]
+        weight = float(weights[place + s])
+        d0, d1, d2 = p0 - center[k, 0], p1 - center[k, 1], p2 - center[k, 2]
+        inverse = 1.0 / (rotation[k, 0, 2] * d0 + rotation[k, 1, 2] * d1 + rotation[k, 2, 2] * d2)
+        x = (rotation[k, 0, 0] * d0 + rotation[k, 1, 0] * d1 + rotation[k, 2, 0] * d2) * inverse
+        y = (rotation[k, 0, 1] * d0 + rotation[k, 1, 1] * d1 + rotation[k, 2, 1] * d2) * inverse
+        u = weight * (intrinsics[k, 0] * x + intrinsics[k, 2] - keypoint[0, place + s])
+        v = weight * (intrinsics[k, 1] * y + intrinsics[k, 3] - keypoint[1, place + s])
+        cost, shrink = _loss(u * u + v * v, limit)
+        total += cost
+        residual[0, s] = u * shrink
+        residual[1, s] = v * shrink
+        fx = weight * shrink * intrinsics[k, 0] * inverse
+        fy = weight * shrink * intrinsics[k, 1] * inverse
+        for i in range(3):
+            rows[i, s] = fx * (rotation[k, i, 0] - x * rotation[k, i, 2])
+            rows[3 + i, s] = fy * (rotation[k, i, 1] - y * rotation[k, i, 2])
+    return total
 
 
 @njit(**_FAST)
-def _brightness_rows(j, s, place, k, packed, cameras, landmarks, measured, limit, rows, residual):
-    """Whitened photometric row of one observation (factors.photometric); returns its cost."""
-    weight = float(measured.brightness_weight[place])
-    if weight == 0.0:
-        residual[2, s] = 0.0
-        for i in range(6, STORED):
-            rows[i, s] = 0.0
-        return 0.0
-    position, normal, center, sun = (
-        landmarks.position[j],
-        landmarks.normal[j],
-        cameras.center[k],
-        cameras.sun[k],
-    )
-    e0, e1, e2 = center[0] - position[0], center[1] - position[1], center[2] - position[2]
-    inverse = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-    e0, e1, e2 = e0 * inverse, e1 * inverse, e2 * inverse
-    s0, s1, s2 = sun[0], sun[1], sun[2]
-    n0, n1, n2 = normal[0], normal[1], normal[2]
-    c0, c1, c2 = s1 * e2 - s2 * e1, s2 * e0 - s0 * e2, s0 * e1 - s1 * e0
-    sine = math.sqrt(c0 * c0 + c1 * c1 + c2 * c2)
-    phase = phase_angle(s0 * e0 + s1 * e1 + s2 * e2, sine)
-    rho, by_mu0, by_mu, by_phase = photometric_function(
-        packed, s0 * n0 + s1 * n1 + s2 * n2, e0 * n0 + e1 * n1 + e2 * n2, phase
-    )
-    gain = cameras.scale[k] * landmarks.albedo[j]
-    r = weight * (gain * rho + cameras.bias[k] - measured.brightness[place])
-    cost, shrink = _loss(r * r, limit)
-    residual[2, s] = r * shrink
-    weight *= shrink
-    m0, mu, ph = (
-        gain * weight * by_mu0,
-        gain * weight * by_mu,
-        gain * weight * by_phase / max(sine, _PHASE_FLOOR),
-    )
-    g0, g1, g2 = mu * n0 - ph * s0, mu * n1 - ph * s1, mu * n2 - ph * s2
-    along = g0 * e0 + g1 * e1 + g2 * e2
-    rows[6, s] = -(g0 - along * e0) * inverse
-    rows[7, s] = -(g1 - along * e1) * inverse
-    rows[8, s] = -(g2 - along * e2) * inverse
-    h0, h1, h2 = m0 * s0 + mu * e0, m0 * s1 + mu * e1, m0 * s2 + mu * e2
-    t0, t1, t2 = m0 * n0 - ph * e0, m0 * n1 - ph * e1, m0 * n2 - ph * e2
-    for i in range(2):
-        basis, sun_basis = landmarks.normal_basis[j, :, i], cameras.sun_basis[k, :, i]
-        rows[9 + i, s] = h0 * basis[0] + h1 * basis[1] + h2 * basis[2]
-        rows[12 + i, s] = t0 * sun_basis[0] + t1 * sun_basis[1] + t2 * sun_basis[2]
-    rows[11, s] = weight * cameras.scale[k] * rho
-    rows[14, s] = weight * landmarks.albedo[j] * rho
-    rows[15, s] = weight
-    return cost
+def _brightness_rows(j, place, view, packed, cameras, landmarks, measured, limit, rows, residual):
+    """Whitened photometric rows of one landmark in all its slots (factors.photometric); returns their cost."""
+    center, sun, scale, bias, sun_basis = cameras.center, cameras.sun, cameras.scale, cameras.bias, cameras.sun_basis
+    weights, brightness = measured.brightness_weight, measured.brightness
+    basis, albedo = landmarks.normal_basis, landmarks.albedo[j]
+    p0, p1, p2 = landmarks.position[j, 0], landmarks.position[j, 1], landmarks.position[j, 2]
+    n0, n1, n2 = landmarks.normal[j, 0], landmarks.normal[j, 1], landmarks.normal[j, 2]
+    total = 0.0
+    for s in range(view.size):
+        k = view[s]
+        weight = float(weights[place + s])
+        if weight == 0.0:
+            residual[2, s] = 0.0
+            for i in range(6, STORED):
+                rows[i, s] = 0.0
+            continue
+        e0, e1, e2 = center[k, 0] - p0, center[k, 1] - p1, center[k, 2] - p2
+        inverse = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+        e0, e1, e2 = e0 * inverse, e1 * inverse, e2 * inverse
+        s0, s1, s2 = sun[k, 0], sun[k, 1], sun[k, 2]
+        c0, c1, c2 = s1 * e2 - s2 * e1, s2 * e0 - s0 * e2, s0 * e1 - s1 * e0
+        sine = math.sqrt(c0 * c0 + c1 * c1 + c2 * c2)
+        phase = phase_angle(s0 * e0 + s1 * e1 + s2 * e2, sine)
+        rho, by_mu0, by_mu, by_phase = photometric_function(
+            packed, s0 * n0 + s1 * n1 + s2 * n2, e0 * n0 + e1 * n1 + e2 * n2, phase
+        )
+        gain = scale[k] * albedo
+        r = weight * (gain * rho + bias[k] - brightness[place + s])
+        cost, shrink = _loss(r * r, limit)
+        total += cost
+        residual[2, s] = r * shrink
+        weight *= shrink
+        m0, mu, ph = gain * weight * by_mu0, gain * weight * by_mu, gain * weight * by_phase / max(sine, _PHASE_FLOOR)
+        g0, g1, g2 = mu * n0 - ph * s0, mu * n1 - ph * s1, mu * n2 - ph * s2
+        along = g0 * e0 + g1 * e1 + g2 * e2
+        rows[6, s] = -(g0 - along * e0) * inverse
+        rows[7, s] = -(g1 - along * e1) * inverse
+        rows[8, s] = -(g2 - along * e2) * inverse
+        h0, h1, h2 = m0 * s0 + mu * e0, m0 * s1 + mu * e1, m0 * s2 + mu * e2
+        t0, t1, t2 = m0 * n0 - ph * e0, m0 * n1 - ph * e1, m0 * n2 - ph * e2
+        for i in range(2):
+            rows[9 + i, s] = h0 * basis[j, 0, i] + h1 * basis[j, 1, i] + h2 * basis[j, 2, i]
+            rows[12 + i, s] = t0 * sun_basis[k, 0, i] + t1 * sun_basis[k, 1, i] + t2 * sun_basis[k, 2, i]
+        rows[11, s] = weight * scale[k] * rho
+        rows[14, s] = weight * albedo * rho
+        rows[15, s] = weight
+    return total
 
 
 @njit(**_FAST)
@@ -238,7 +240,7 @@ def _linearize_part(
     camera_gradient = np.zeros((CAMERA_SIZE, widest))
     normal.camera_block[part] = 0.0
     normal.camera_gradient[part] = 0.0
-    normal.cost[part] = 0.0
+    keypoint_cost = brightness_cost = 0.0
     blocks = layout.landmark_start.size - 1
     for b in range(part * blocks // parts, (part + 1) * blocks // parts):
         slots = layout.slot_start[b + 1] - layout.slot_start[b]
@@ -251,27 +253,27 @@ def _linearize_part(
                 centers[i, s] = cameras.center[view[s], i] - pivot[i]
         for j in range(first, layout.landmark_start[b + 1]):
             place = layout.place_start[b] + (j - first) * slots
-            for s in range(slots):
-                normal.cost[part, 0] += _keypoint_rows(
-                    j, s, place + s, view[s], cameras, landmarks, measured, limits[0], rows, residual
-                )
-                normal.cost[part, 1] += _brightness_rows(
-                    j, s, place + s, view[s], packed, cameras, landmarks, measured, limits[1], rows, residual
-                )
+            keypoint_cost += _keypoint_rows(j, place, view, cameras, landmarks, measured, limits[0], rows, residual)
+            brightness_cost += _brightness_rows(
+                j, place, view, packed, cameras, landmarks, measured, limits[1], rows, residual
+            )
             if with_jacobian:
                 _add_landmark(rows, residual, slots, normal.landmark_block[j], normal.landmark_gradient[j])
                 _camera_rows(j, slots, centers, pivot, landmarks.position, rows, columns)
                 _add_cameras(columns, residual, slots, camera_block, camera_gradient)
-                base = STORED * place
-                for i in range(STORED):
-                    for s in range(slots):
-                        stored[base + i * slots + s] = rows[i, s]
+                for g in range(slots // LANES):
+                    base = STORED * (place + LANES * g)
+                    for i in range(STORED):
+                        for lane in range(LANES):
+                            stored[base + LANES * i + lane] = rows[i, LANES * g + lane]
         if with_jacobian:
             for s in range(slots):
                 for c in range(CAMERA_SIZE):
                     normal.camera_gradient[part, view[s], c] += camera_gradient[c, s]
                     for m in range(c + 1):
                         normal.camera_block[part, view[s], c, m] += camera_block[c, m, s]
+    normal.cost[part, 0] = keypoint_cost
+    normal.cost[part, 1] = brightness_cost
 
 
 @njit(parallel=True, **_FAST)
@@ -280,7 +282,7 @@ def linearize(layout, measured, cameras, landmarks, pivot, packed, limits, with_
 
     pivot: (3,) as in `Estimate`. packed: `Reflectance.packed`. limits: (2,) Huber limits of keypoints and of
     brightness, in sigmas.
-    stored: (16 P,) float32; the 16 rows of a landmark's slots lie together. normal: `Normal`, overwritten.
+    stored: (16 P,) float32, for every eight places the 16 rows of eight numbers. normal: `Normal`, overwritten.
     """
     parts = normal.cost.shape[0]
     for part in prange(parts):
@@ -291,100 +293,94 @@ def linearize(layout, measured, cameras, landmarks, pivot, packed, limits, with_
 
 @njit(**_FAST)
 def _gather(view, center, camera_in, out):
-    """Per slot: orbit 0:3, shift 3:6, Sun 6:8, scale 8, bias 9, and how the camera itself moves 10:13."""
+    """Per group of lanes: orbit 0:3, shift 3:6, Sun 6:8, scale 8, bias 9, and how the camera itself moves 10:13."""
     for s in range(view.size):
-        k = view[s]
+        k, g, lane = view[s], s // LANES, s % LANES
         for i in range(CAMERA_SIZE):
-            out[i, s] = camera_in[k, i]
+            out[g, i, lane] = camera_in[k, i]
         c0, c1, c2 = center[k, 0], center[k, 1], center[k, 2]
-        out[10, s] = out[3, s] + out[1, s] * c2 - out[2, s] * c1
-        out[11, s] = out[4, s] + out[2, s] * c0 - out[0, s] * c2
-        out[12, s] = out[5, s] + out[0, s] * c1 - out[1, s] * c0
+        w0, w1, w2 = camera_in[k, 0], camera_in[k, 1], camera_in[k, 2]
+        out[g, 10, lane] = camera_in[k, 3] + w1 * c2 - w2 * c1
+        out[g, 11, lane] = camera_in[k, 4] + w2 * c0 - w0 * c2
+        out[g, 12, lane] = camera_in[k, 5] + w0 * c1 - w1 * c0
 
 
 @njit(**_FAST)
 def _scatter(view, center, back, out):
     """The transpose of `_gather`, added to out (K, 10)."""
     for s in range(view.size):
-        k = view[s]
+        k, g, lane = view[s], s // LANES, s % LANES
         c0, c1, c2 = center[k, 0], center[k, 1], center[k, 2]
-        h0, h1, h2 = back[10, s], back[11, s], back[12, s]
-        out[k, 0] += back[0, s] + (h1 * c2 - h2 * c1)
-        out[k, 1] += back[1, s] + (h2 * c0 - h0 * c2)
-        out[k, 2] += back[2, s] + (h0 * c1 - h1 * c0)
-        out[k, 3] -= back[3, s] + h0
-        out[k, 4] -= back[4, s] + h1
-        out[k, 5] -= back[5, s] + h2
+        h0, h1, h2 = back[g, 10, lane], back[g, 11, lane], back[g, 12, lane]
+        out[k, 0] += back[g, 0, lane] + (h1 * c2 - h2 * c1)
+        out[k, 1] += back[g, 1, lane] + (h2 * c0 - h0 * c2)
+        out[k, 2] += back[g, 2, lane] + (h0 * c1 - h1 * c0)
+        out[k, 3] -= back[g, 3, lane] + h0
+        out[k, 4] -= back[g, 4, lane] + h1
+        out[k, 5] -= back[g, 5, lane] + h2
         for i in range(6, CAMERA_SIZE):
-            out[k, i] += back[i, s]
+            out[k, i] += back[g, i, lane]
 
 
 @njit(**_FAST)
-def _forward(r, p, x, camera, slots, tu, tv, tb):
-    """J x of one landmark's slots: u, v and brightness. r: stored rows; p: position from the pivot."""
-    p0, p1, p2 = p[0], p[1], p[2]
-    x0, x1, x2, x3, x4, x5 = x[0], x[1], x[2], x[3], x[4], x[5]
-    for s in range(slots):
-        # how the landmark moves as seen from the camera
-        m0 = x0 - camera[3, s] + p1 * camera[2, s] - p2 * camera[1, s]
-        m1 = x1 - camera[4, s] + p2 * camera[0, s] - p0 * camera[2, s]
-        m2 = x2 - camera[5, s] + p0 * camera[1, s] - p1 * camera[0, s]
-        tu[s] = r[0, s] * m0 + r[1, s] * m1 + r[2, s] * m2
-        tv[s] = r[3, s] * m0 + r[4, s] * m1 + r[5, s] * m2
-        tb[s] = (
-            r[6, s] * (x0 - camera[10, s])
-            + r[7, s] * (x1 - camera[11, s])
-            + r[8, s] * (x2 - camera[12, s])
-            + r[9, s] * x3
-            + r[10, s] * x4
-            + r[11, s] * x5
-            + r[12, s] * camera[6, s]
-            + r[13, s] * camera[7, s]
-            + r[14, s] * camera[8, s]
-            + r[15, s] * camera[9, s]
-        )
+def _multiply_group(r, c, back, p0, p1, p2, x0, x1, x2, x3, x4, x5):
+    """J^T J x of one landmark and LANES slots: returns its part by landmark, adds to `back` by camera.
 
-
-@njit(**_FAST)
-def _backward(r, p, slots, tu, tv, tb, back, y):
-    """J^T t of one landmark's slots: y (6,) by landmark, added to back (13, slots) by camera."""
-    p0, p1, p2 = p[0], p[1], p[2]
+    r: (16 * LANES,) stored rows; c, back: (13 * LANES,) as in `_gather`; p: position from the pivot. One straight loop
+    at fixed strides, which compiles to vector instructions.
+    """
     y0 = y1 = y2 = y3 = y4 = y5 = np.float32(0.0)
-    for s in range(slots):
-        f0 = r[0, s] * tu[s] + r[3, s] * tv[s]
-        f1 = r[1, s] * tu[s] + r[4, s] * tv[s]
-        f2 = r[2, s] * tu[s] + r[5, s] * tv[s]
-        h0, h1, h2 = r[6, s] * tb[s], r[7, s] * tb[s], r[8, s] * tb[s]
+    for s in range(LANES):
+        # how the landmark moves as seen from the camera
+        m0 = x0 - c[3 * LANES + s] + p1 * c[2 * LANES + s] - p2 * c[LANES + s]
+        m1 = x1 - c[4 * LANES + s] + p2 * c[s] - p0 * c[2 * LANES + s]
+        m2 = x2 - c[5 * LANES + s] + p0 * c[LANES + s] - p1 * c[s]
+        u = r[s] * m0 + r[LANES + s] * m1 + r[2 * LANES + s] * m2
+        v = r[3 * LANES + s] * m0 + r[4 * LANES + s] * m1 + r[5 * LANES + s] * m2
+        b = (
+            r[6 * LANES + s] * (x0 - c[10 * LANES + s])
+            + r[7 * LANES + s] * (x1 - c[11 * LANES + s])
+            + r[8 * LANES + s] * (x2 - c[12 * LANES + s])
+        )
+        b += r[9 * LANES + s] * x3 + r[10 * LANES + s] * x4 + r[11 * LANES + s] * x5
+        b += (
+            r[12 * LANES + s] * c[6 * LANES + s]
+            + r[13 * LANES + s] * c[7 * LANES + s]
+            + r[14 * LANES + s] * c[8 * LANES + s]
+            + r[15 * LANES + s] * c[9 * LANES + s]
+        )
+        f0 = r[s] * u + r[3 * LANES + s] * v
+        f1 = r[LANES + s] * u + r[4 * LANES + s] * v
+        f2 = r[2 * LANES + s] * u + r[5 * LANES + s] * v
+        h0, h1, h2 = r[6 * LANES + s] * b, r[7 * LANES + s] * b, r[8 * LANES + s] * b
         y0 += f0 + h0
         y1 += f1 + h1
         y2 += f2 + h2
-        y3 += r[9, s] * tb[s]
-        y4 += r[10, s] * tb[s]
-        y5 += r[11, s] * tb[s]
-        back[0, s] += f1 * p2 - f2 * p1
-        back[1, s] += f2 * p0 - f0 * p2
-        back[2, s] += f0 * p1 - f1 * p0
-        back[3, s] += f0
-        back[4, s] += f1
-        back[5, s] += f2
-        back[6, s] += r[12, s] * tb[s]
-        back[7, s] += r[13, s] * tb[s]
-        back[8, s] += r[14, s] * tb[s]
-        back[9, s] += r[15, s] * tb[s]
-        back[10, s] += h0
-        back[11, s] += h1
-        back[12, s] += h2
-    y[0], y[1], y[2], y[3], y[4], y[5] = y0, y1, y2, y3, y4, y5
+        y3 += r[9 * LANES + s] * b
+        y4 += r[10 * LANES + s] * b
+        y5 += r[11 * LANES + s] * b
+        back[s] += f1 * p2 - f2 * p1
+        back[LANES + s] += f2 * p0 - f0 * p2
+        back[2 * LANES + s] += f0 * p1 - f1 * p0
+        back[3 * LANES + s] += f0
+        back[4 * LANES + s] += f1
+        back[5 * LANES + s] += f2
+        back[6 * LANES + s] += r[12 * LANES + s] * b
+        back[7 * LANES + s] += r[13 * LANES + s] * b
+        back[8 * LANES + s] += r[14 * LANES + s] * b
+        back[9 * LANES + s] += r[15 * LANES + s] * b
+        back[10 * LANES + s] += h0
+        back[11 * LANES + s] += h1
+        back[12 * LANES + s] += h2
+    return y0, y1, y2, y3, y4, y5
 
 
 @njit(**_FAST)
 def _multiply_part(part, parts, layout, stored, position, center, camera_in, landmark_in, camera_out, landmark_out):
     """`multiply` for one thread's share of the blocks."""
     blocks = layout.landmark_start.size - 1
-    widest = _widest(layout)
-    camera = np.zeros((13, widest), np.float32)
-    back = np.zeros((13, widest), np.float32)
-    t = np.zeros((3, widest), np.float32)
+    camera = np.zeros((_widest(layout) // LANES, 13, LANES), np.float32)
+    back = np.zeros_like(camera)
     camera_out[part] = 0.0
     for b in range(part * blocks // parts, (part + 1) * blocks // parts):
         view = layout.slot_view[layout.slot_start[b] : layout.slot_start[b + 1]]
@@ -393,9 +389,15 @@ def _multiply_part(part, parts, layout, stored, position, center, camera_in, lan
         back[:] = np.float32(0.0)
         for j in range(first, layout.landmark_start[b + 1]):
             base = STORED * (layout.place_start[b] + (j - first) * view.size)
-            r = stored[base : base + STORED * view.size].reshape((STORED, view.size))
-            _forward(r, position[j], landmark_in[j], camera, view.size, t[0], t[1], t[2])
-            _backward(r, position[j], view.size, t[0], t[1], t[2], back, landmark_out[j])
+            p, x, y = position[j], landmark_in[j], landmark_out[j]
+            y[:] = np.float32(0.0)
+            for g in range(view.size // LANES):
+                r = stored[base + STORED * LANES * g : base + STORED * LANES * (g + 1)]
+                t = _multiply_group(
+                    r, camera[g].ravel(), back[g].ravel(), p[0], p[1], p[2], x[0], x[1], x[2], x[3], x[4], x[5]
+                )
+                for i in range(LANDMARK_SIZE):
+                    y[i] += t[i]
         _scatter(view, center, back, camera_out[part])
 
 

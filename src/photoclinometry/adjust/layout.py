@@ -17,6 +17,10 @@ from numba import njit
 
 from photoclinometry.scene import Tracks
 
+LANES = 16
+"""Slots come in multiples of this, so that loops over them have a fixed length that compilers turn into vector
+instructions (LLVM leaves loops of fewer than 16 alone)."""
+
 _FILL = 0.6
 """A block is closed before less than this share of its places would hold an observation."""
 
@@ -29,7 +33,7 @@ class Layout(NamedTuple):
     slot_start: np.ndarray
     """(B + 1,) int64: block b's views are slot_view[slot_start[b]:slot_start[b + 1]]."""
     slot_view: np.ndarray
-    """(S,) int32 view of each slot."""
+    """(S,) int32 view of each slot; a block's last slots may repeat its first view, with nothing measured there."""
     place_start: np.ndarray
     """(B + 1,) int64: the first place of block b; landmark i of it begins i * slots later."""
 
@@ -62,15 +66,19 @@ def build_layout(tracks: Tracks, view_count: int, block_size: int = 32) -> tuple
     landmark_start = np.array(_cut(tracks.start, tracks.view, view_count, block_size), np.int64)
     block = np.searchsorted(landmark_start, tracks.landmark, side="right") - 1
     seen = np.unique(block * view_count + tracks.view)
-    slot_view = (seen % view_count).astype(np.int32)
-    slot_count = np.bincount(seen // view_count, minlength=len(landmark_start) - 1)
+    used = np.bincount(seen // view_count, minlength=len(landmark_start) - 1)
+    slot_count = -(-used // LANES) * LANES
+    slot_start = np.concatenate([[0], np.cumsum(slot_count)])
+    used_start = np.cumsum(used) - used
+    slot_view = np.repeat(seen[used_start] % view_count, slot_count).astype(np.int32)
+    slot_view[np.arange(len(seen)) + np.repeat(slot_start[:-1] - used_start, used)] = seen % view_count
     layout = Layout(
         landmark_start,
-        np.concatenate([[0], np.cumsum(slot_count)]),
+        slot_start,
         slot_view,
         np.concatenate([[0], np.cumsum(np.diff(landmark_start) * slot_count)]),
     )
-    slot = np.searchsorted(seen, block * view_count + tracks.view) - layout.slot_start[block]
+    slot = np.searchsorted(seen, block * view_count + tracks.view) - used_start[block]
     row = tracks.landmark - landmark_start[block]
     return layout, layout.place_start[block] + row * slot_count[block] + slot
 

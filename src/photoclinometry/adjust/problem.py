@@ -88,7 +88,7 @@ class NormalEquations:
     landmark_rest: np.ndarray
     """(J, 6, 6) float32: the part of `landmark_block` that is not from observations."""
     smooth_rows: np.ndarray
-    """(J, M, 5) float32."""
+    """(P, 5) float32, by pair of neighbours."""
     position: np.ndarray
     """(J, 3) float32, from the pivot, where the rows were made."""
     center: np.ndarray
@@ -126,9 +126,9 @@ class Problem:
             np.zeros((threads, views, CAMERA_SIZE)),
             np.zeros((threads, 2)),
         )
-        width = neighbours.index.shape[1] if neighbours is not None else 0
-        self._smooth_rows = np.zeros((landmarks, width, 5))
-        self._smooth_residual = np.zeros((landmarks, width))
+        pairs = len(neighbours.target) if neighbours is not None else 0
+        self._smooth_rows = np.zeros((pairs, 5))
+        self._smooth_residual = np.zeros(pairs)
         self._camera_out = np.zeros((threads, views, CAMERA_SIZE))
 
     def cost(self, estimate: Estimate) -> np.ndarray:

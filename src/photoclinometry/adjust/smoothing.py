@@ -1,9 +1,9 @@
 """The smoothness factors (Eq. 35), which couple neighbours, and the preconditioner that copes with them.
 
-Residual m of landmark j towards its neighbour q is asin(d . n_j) / sigma, with five numbers of Jacobian kept:
-v by the neighbour's position (the landmark's own is -v) and two by the normal. A neighbour that lists the
-landmark back is a separate factor; `Neighbours` keeps who points at whom, so that products are gathered
-without writing to the same landmark from two threads.
+The residual of landmark j towards its neighbour q is asin(d . n_j) / sigma, with five numbers of Jacobian kept: v by
+the neighbour's position (the landmark's own is -v) and two by the normal. A neighbour that lists the landmark back is
+another pair; `Neighbours` keeps who points at whom, so that products are gathered, and no two threads write to the
+same landmark.
 """
 
 from __future__ import annotations
@@ -21,97 +21,98 @@ _LIMIT = 1.0 - 1e-9
 
 
 class Neighbours(NamedTuple):
-    """Directed pairs: landmark j -> index[j, m] where it is not -1, and the same pairs by their target."""
+    """P directed pairs, landmark -> neighbour, sorted by landmark, and the same pairs by neighbour.
 
-    index: np.ndarray
-    """(J, M) int32; -1 where there is none."""
+    Indices are unsigned: compiled code then need not ask whether they count from the end.
+    """
+
+    start: np.ndarray
+    """(J + 1,) uint32: the pairs of landmark j are start[j]:start[j + 1]."""
+    target: np.ndarray
+    """(P,) uint32: the neighbour of each pair."""
+    source: np.ndarray
+    """(P,) uint32: the landmark of each pair."""
     incoming_start: np.ndarray
-    """(J + 1,) int64."""
+    """(J + 1,) uint32: the pairs that point at landmark j are incoming[incoming_start[j]:incoming_start[j + 1]]."""
     incoming: np.ndarray
-    """(pairs,) int64: j * M + m of the pairs that point at a landmark."""
+    """(P,) uint32."""
 
 
 def build_neighbours(index: np.ndarray, present: np.ndarray) -> Neighbours:
     """From neighbour indices (J, M) and a mask of those that count."""
-    index = np.where(present, index, -1).astype(np.int32)
-    pair = np.flatnonzero(index.ravel() >= 0)
-    target = index.ravel()[pair]
-    count = np.bincount(target, minlength=len(index))
-    return Neighbours(index, np.concatenate([[0], np.cumsum(count)]), pair[np.argsort(target, kind="stable")])
+    source, _ = np.nonzero(present)
+    target = index[present]
+
+    def starts(of: np.ndarray) -> np.ndarray:
+        return np.concatenate([[0], np.cumsum(np.bincount(of, minlength=len(index)))])
+
+    lists = starts(source), target, source, starts(target), np.argsort(target, kind="stable")
+    return Neighbours(*(np.ascontiguousarray(values, dtype=np.uint32) for values in lists))
 
 
 @njit(parallel=True, **_FAST)
 def linearize_smoothness(neighbours, position, normal, normal_basis, sigma, rows, residual):
-    """Fills rows (J, M, 5) and residual (J, M), whitened, zero where there is no pair; returns the cost."""
+    """Fills rows (P, 5) and residual (P,), whitened; returns the cost."""
     cost = 0.0
-    for j in prange(position.shape[0]):
-        own = 0.0
-        for m in range(neighbours.index.shape[1]):
-            q = neighbours.index[j, m]
-            if q < 0:
-                residual[j, m] = 0.0
-                rows[j, m] = 0.0
-                continue
-            d0 = position[q, 0] - position[j, 0]
-            d1 = position[q, 1] - position[j, 1]
-            d2 = position[q, 2] - position[j, 2]
-            inverse = 1.0 / math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-            d0, d1, d2 = d0 * inverse, d1 * inverse, d2 * inverse
-            n0, n1, n2 = normal[j, 0], normal[j, 1], normal[j, 2]
-            c = min(max(d0 * n0 + d1 * n1 + d2 * n2, -_LIMIT), _LIMIT)
-            r = math.asin(c) / sigma
-            slope = 1.0 / (math.sqrt(1.0 - c * c) * sigma)
-            residual[j, m] = r
-            own += r * r
-            rows[j, m, 0] = slope * (n0 - c * d0) * inverse
-            rows[j, m, 1] = slope * (n1 - c * d1) * inverse
-            rows[j, m, 2] = slope * (n2 - c * d2) * inverse
-            for i in range(2):
-                basis = normal_basis[j, :, i]
-                rows[j, m, 3 + i] = slope * (d0 * basis[0] + d1 * basis[1] + d2 * basis[2])
-        cost += own
+    for p in prange(residual.size):
+        j, q = neighbours.source[p], neighbours.target[p]
+        d0 = position[q, 0] - position[j, 0]
+        d1 = position[q, 1] - position[j, 1]
+        d2 = position[q, 2] - position[j, 2]
+        inverse = 1.0 / math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+        d0, d1, d2 = d0 * inverse, d1 * inverse, d2 * inverse
+        n0, n1, n2 = normal[j, 0], normal[j, 1], normal[j, 2]
+        c = min(max(d0 * n0 + d1 * n1 + d2 * n2, -_LIMIT), _LIMIT)
+        r = math.asin(c) / sigma
+        slope = 1.0 / (math.sqrt(1.0 - c * c) * sigma)
+        residual[p] = r
+        rows[p, 0] = slope * (n0 - c * d0) * inverse
+        rows[p, 1] = slope * (n1 - c * d1) * inverse
+        rows[p, 2] = slope * (n2 - c * d2) * inverse
+        for i in range(2):
+            basis = normal_basis[j, :, i]
+            rows[p, 3 + i] = slope * (d0 * basis[0] + d1 * basis[1] + d2 * basis[2])
+        cost += r * r
     return cost
 
 
 @njit(parallel=True, **_FAST)
 def add_smoothness(neighbours, rows, residual, block, gradient):
     """Adds the smoothness factors to the landmarks' diagonal blocks (J, 6, 6) and gradients (J, 6)."""
-    width = neighbours.index.shape[1]
     for j in prange(block.shape[0]):
-        for m in range(width):
+        for p in range(neighbours.start[j], neighbours.start[j + 1]):
             for i in range(5):
-                a = -rows[j, m, i] if i < 3 else rows[j, m, i]
-                gradient[j, i] += a * residual[j, m]
+                a = -rows[p, i] if i < 3 else rows[p, i]
+                gradient[j, i] += a * residual[p]
                 for k in range(5):
-                    b = -rows[j, m, k] if k < 3 else rows[j, m, k]
+                    b = -rows[p, k] if k < 3 else rows[p, k]
                     block[j, i, k] += a * b
         for e in range(neighbours.incoming_start[j], neighbours.incoming_start[j + 1]):
-            q, m = neighbours.incoming[e] // width, neighbours.incoming[e] % width
+            p = neighbours.incoming[e]
             for i in range(3):
-                gradient[j, i] += rows[q, m, i] * residual[q, m]
+                gradient[j, i] += rows[p, i] * residual[p]
                 for k in range(3):
-                    block[j, i, k] += rows[q, m, i] * rows[q, m, k]
+                    block[j, i, k] += rows[p, i] * rows[p, k]
 
 
 @njit(**_FAST)
 def _couple(j, neighbours, rows, x):
     """What the neighbours' part x (J, 6) adds to landmark j: the off-diagonal product, without j's own block."""
     a0 = a1 = a2 = a3 = a4 = np.float32(0.0)
-    width = neighbours.index.shape[1]
-    for m in range(width):
-        q = neighbours.index[j, m]
-        if q >= 0:
-            v0, v1, v2 = rows[j, m, 0], rows[j, m, 1], rows[j, m, 2]
-            u = v0 * x[q, 0] + v1 * x[q, 1] + v2 * x[q, 2]
-            a0 -= v0 * u
-            a1 -= v1 * u
-            a2 -= v2 * u
-            a3 += rows[j, m, 3] * u
-            a4 += rows[j, m, 4] * u
-    for e in range(neighbours.incoming_start[j], neighbours.incoming_start[j + 1]):
-        q, m = neighbours.incoming[e] // width, neighbours.incoming[e] % width
-        v0, v1, v2 = rows[q, m, 0], rows[q, m, 1], rows[q, m, 2]
-        u = rows[q, m, 3] * x[q, 3] + rows[q, m, 4] * x[q, 4] - v0 * x[q, 0] - v1 * x[q, 1] - v2 * x[q, 2]
+    for p in range(neighbours.start[j], neighbours.start[j + np.uint32(1)]):
+        q = neighbours.target[p]
+        v0, v1, v2 = rows[p, 0], rows[p, 1], rows[p, 2]
+        u = v0 * x[q, 0] + v1 * x[q, 1] + v2 * x[q, 2]
+        a0 -= v0 * u
+        a1 -= v1 * u
+        a2 -= v2 * u
+        a3 += rows[p, 3] * u
+        a4 += rows[p, 4] * u
+    for e in range(neighbours.incoming_start[j], neighbours.incoming_start[j + np.uint32(1)]):
+        p = neighbours.incoming[e]
+        q = neighbours.source[p]
+        v0, v1, v2 = rows[p, 0], rows[p, 1], rows[p, 2]
+        u = rows[p, 3] * x[q, 3] + rows[p, 4] * x[q, 4] - v0 * x[q, 0] - v1 * x[q, 1] - v2 * x[q, 2]
         a0 += v0 * u
         a1 += v1 * u
         a2 += v2 * u
@@ -122,7 +123,7 @@ def _couple(j, neighbours, rows, x):
 def multiply_landmarks(neighbours, rows, block, x, out):
     """out = block x + coupling x: landmarks' diagonal blocks (J, 6, 6) and the smoothness between them; float32."""
     for j in prange(x.shape[0]):
-        a = _couple(j, neighbours, rows, x)
+        a = _couple(np.uint32(j), neighbours, rows, x)
         for i in range(LANDMARK_SIZE):
             total = block[j, i, 0] * x[j, 0]
             for k in range(1, LANDMARK_SIZE):
@@ -150,7 +151,7 @@ def apply_blocks(inverse, x, factor, out):
 def chebyshev_step(neighbours, rows, inverse, b, x, direction, keep, gain, x_out, direction_out):
     """One term: direction_out = keep direction + gain D^-1 (b - P x), x_out = x + direction_out."""
     for j in prange(x.shape[0]):
-        a = _couple(j, neighbours, rows, x)
+        a = _couple(np.uint32(j), neighbours, rows, x)
         r0, r1, r2 = b[j, 0] - a[0], b[j, 1] - a[1], b[j, 2] - a[2]
         r3, r4, r5 = b[j, 3] - a[3], b[j, 4] - a[4], b[j, 5]
         for i in range(LANDMARK_SIZE):

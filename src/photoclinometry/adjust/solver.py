@@ -9,7 +9,8 @@ cameras did not lower the count of iterations.)
 
 Two safeguards keep it from stalling. A landmark's step is cut to half a ground sample: the smoothness residual
 saturates, and one landmark that leaps becomes a spike that spoils every later step of all. And damping may fall far:
-turning and shifting a narrow-field camera are nearly the same.
+turning and shifting a narrow-field camera are nearly the same. Where a step fails, a shorter one along the same
+direction is tried before damping has to rise.
 """
 
 from __future__ import annotations
@@ -26,6 +27,12 @@ from photoclinometry.adjust.smoothing import apply_blocks, multiply_landmarks, s
 from photoclinometry.errors import NotConvergedError
 
 log = logging.getLogger(__name__)
+
+MAX_TURN = 0.5
+"""A normal turns by this at most in one step [rad]."""
+
+MAX_GLOBAL_TURN = 0.05
+"""A Sun, or a camera about the map, turns by this at most in one step [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,13 +115,11 @@ def minimize(
         wall, cpu = time.perf_counter(), time.process_time()
         camera, landmark, iterations = _solve(problem, equations, damping, options)
         promised = _promised_decrease(equations, damping, camera, landmark)
-        landmark = _limited(landmark, step_limit, estimate)
-        candidate = estimate.step(camera, landmark)
-        new_cost = problem.cost(candidate)
+        candidate, new_cost, share, moved = _descend(problem, estimate, float(cost.sum()), camera, landmark, step_limit)
         accepted = bool(new_cost.sum() <= cost.sum())
-        moved = float(np.sqrt(np.mean(np.sum(landmark[:, :3] ** 2, axis=1))))
         if accepted:
-            gain = (cost.sum() - new_cost.sum()) / promised if promised > 0 else 1.0
+            expected = promised * share * (2.0 - share)
+            gain = share * (cost.sum() - new_cost.sum()) / expected if expected > 0 else 1.0
             decrease = 1.0 - new_cost.sum() / cost.sum() if cost.sum() > 0 else 0.0
             small = small + 1 if decrease < options.relative_decrease else 0
             estimate, growth = candidate, 4.0
@@ -228,13 +233,38 @@ def _damp(block: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
     return grown, added
 
 
-def _limited(landmark: np.ndarray, step_limit: float, estimate: Estimate) -> np.ndarray:
-    """Landmark steps (J, 6), each cut as a whole so that its position moves by `step_limit` at most, its
-    normal by half a radian, and its albedo does not fall below a tenth of what it is."""
+def _descend(problem: Problem, estimate: Estimate, cost: float, camera, landmark, step_limit: float):
+    """The first of the whole step, a quarter and a sixteenth of it that does not raise the cost, else the last.
+
+    Returns the candidate, its cost by term, the share of the step, and how far landmarks moved (root mean square).
+    Trying a shorter step costs a thirtieth of solving for another.
+    """
+    share = _global_share(camera, estimate)
+    for trial in (share, share / 4.0, share / 16.0):
+        moves = _limited(trial * landmark, step_limit, estimate)
+        candidate = estimate.step(trial * camera, moves)
+        new_cost = problem.cost(candidate)
+        if new_cost.sum() <= cost:
+            break
+    moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
+    return candidate, new_cost, trial, moved
+
+
+def _global_share(camera: np.ndarray, estimate: Estimate) -> float:
+    """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale by more
+    than a fifth: beyond, the linear model of a whole view's brightness is worth nothing."""
+    turn = max(np.linalg.norm(camera[:, :3], axis=1).max(), np.linalg.norm(camera[:, 6:8], axis=1).max())
+    gain = np.max(np.abs(camera[:, 8]) / np.abs(estimate.views.scale))
+    return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / 0.2)
+
+
+def _limited(landmark: np.ndarray, max_move: float, estimate: Estimate) -> np.ndarray:
+    """Landmark steps (J, 6), each cut as a whole so that its position moves by `max_move` at most, its normal turns by
+    MAX_TURN, and its albedo does not fall below a tenth of what it is."""
     length = np.linalg.norm(landmark[:, :3], axis=1)
     turn = np.linalg.norm(landmark[:, 3:5], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.minimum(1.0, np.minimum(step_limit / length, 0.5 / turn))
+        share = np.minimum(1.0, np.minimum(max_move / length, MAX_TURN / turn))
         fall = -landmark[:, 5] / (0.9 * np.maximum(estimate.landmarks.albedo, 1e-12))
         share = np.where(fall * share > 1.0, 1.0 / fall, share)
     return landmark * np.nan_to_num(share, nan=1.0)[:, None]
