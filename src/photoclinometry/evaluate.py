@@ -50,12 +50,12 @@ def keypoint_residual_px(scene: Scene) -> np.ndarray:
 def view_psnr(scene: Scene, view: int, image: Image, faces: np.ndarray | None = None) -> dict[str, float]:
     """PSNR (Eq. 40) of a view's rendering against its image, in camera geometry.
 
-    psnr_db: over all valid pixels that the map covers. psnr_lit_db: of those, the pixels between landmarks
-    that were measured lit in this view, so without cast shadows, which the rendering leaves out. Brightness 1
+    psnr_db: over all valid pixels that the map covers, with the shadows that its relief casts. psnr_lit_db: of those,
+    the pixels between landmarks that were measured lit in this view, so without cast shadows. Brightness 1
     is the image's greatest valid brightness. NaN where there is no such pixel.
     """
     faces = landmark_faces(scene) if faces is None else faces
-    rendered, mask = render_view(scene, view, faces=faces)
+    rendered, mask = render_view(scene, view, faces=faces, cast_shadows=True)
     mask &= image.valid
     if not image.valid.any():
         return {"psnr_db": float("nan"), "psnr_lit_db": float("nan")}

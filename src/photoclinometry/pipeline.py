@@ -12,9 +12,9 @@ from typing import Any, Literal
 import numpy as np
 
 from photoclinometry import __version__
-from photoclinometry.adjust import Adjustment, AdjustOptions, adjust
+from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, adjust
 from photoclinometry.densify import DenseTracks, DensifyOptions, densify
-from photoclinometry.errors import InputError
+from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.geometry import unit
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours, sample_brightness
 from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
@@ -124,7 +124,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     with folder.timed("initialise"):
         scene = initial_scene(site, sparse, images, views, int(place.reference), region, dense, reflectance)
     key = digest("adjust", key, options.reflectance, options.adjust)
-    adjustment = _adjust_or_read(folder, key, scene, options, report_progress)
+    adjustment = _adjust_or_read(folder, key, scene, anchors_from(sparse), options, report_progress)
     scene = adjustment.scene
     left_out = tuple(name for name, there in zip(views.name, sparse.registered, strict=True) if not there)
     return _write_products(folder, site_file, scene, adjustment, images, options, left_out)
@@ -159,9 +159,7 @@ def views_from(site: Site, sparse: SparseModel) -> Views:
 
 
 def _choose_place(site: Site, sparse: SparseModel, images, views: Views, options: RunOptions) -> _Place:
-    reference, region = choose_region(
-        sparse, images, list(views.cameras), views.sun, site.region, options.region
-    )
+    reference, region = choose_region(sparse, images, list(views.cameras), views.sun, site.region, options.region)
     return _Place(reference=reference, region=np.array([region.row, region.col, region.height, region.width]))
 
 
@@ -248,6 +246,26 @@ def initial_scene(
     )
 
 
+def anchors_from(sparse: SparseModel) -> Anchors:
+    """The sparse points of the whole images, with their views counted among the registered ones.
+
+    Their keypoints' sigma is the mean reprojection error, a tenth of a pixel at least.
+    """
+    count = len(sparse.point_view)
+    new_index = np.cumsum(sparse.registered) - 1
+    return Anchors(
+        position=sparse.points,
+        tracks=Tracks(
+            start=sparse.point_start,
+            view=new_index[sparse.point_view].astype(np.int32),
+            keypoint=sparse.point_xy,
+            keypoint_sigma=np.full(count, max(0.1, sparse.mean_reprojection_px)),
+            brightness=np.zeros(count),
+            lit=np.zeros(count, bool),
+        ),
+    )
+
+
 def _check_suns(views: Views, position: np.ndarray, normal: np.ndarray, tracks: Tracks) -> None:
     """A Sun below the horizon of nearly all that is bright is a wrong Sun."""
     center = views.body_from_cam.translation
@@ -264,7 +282,7 @@ def _check_suns(views: Views, position: np.ndarray, normal: np.ndarray, tracks: 
 
 
 def _adjust_or_read(
-    folder: RunFolder, key: str, scene: Scene, options: RunOptions, progress: Progress
+    folder: RunFolder, key: str, scene: Scene, anchors: Anchors, options: RunOptions, progress: Progress
 ) -> Adjustment:
     """The adjusted scene, from scene.h5 if that is of this key."""
     from photoclinometry.adjust import Iteration
@@ -279,7 +297,9 @@ def _adjust_or_read(
         progress("adjust", steps, 0)
 
     def make() -> _Done:
-        adjustment = adjust(scene, options.adjust, progress=count)
+        adjustment = adjust(scene, options.adjust, anchors=anchors, progress=count)
+        # Were the run killed between the two files, the old key must not stand beside the new scene.
+        folder.forget("adjust")
         write_scene(file, adjustment.scene)
         summary = {
             "converged": adjustment.converged,
@@ -289,8 +309,8 @@ def _adjust_or_read(
         }
         return _Done(summary=json.dumps(summary))
 
-    if not file.is_file():
-        key = digest(key, "scene.h5 is missing", str(folder.path))
+    if not _is_scene(file):
+        folder.forget("adjust")
     done = json.loads(folder.stage("adjust", key, make, _Done).summary)
     adjusted = read_scene(file)
     return Adjustment(
@@ -301,6 +321,20 @@ def _adjust_or_read(
         done["brightness_sigma"],
         adjusted.tracks.lit,
     )
+
+
+def _is_scene(file: Path) -> bool:
+    """Whether an earlier run left a whole scene; a damaged one is warned of."""
+    from photoclinometry.io.scene_file import read_scene
+
+    if not file.is_file():
+        return False
+    try:
+        read_scene(file)
+    except RunFolderError as error:
+        log.warning("%s; the stage is done again", error)
+        return False
+    return True
 
 
 def _write_products(

@@ -1,6 +1,6 @@
 """The joint estimate: one factor graph of keypoints, brightness, Sun directions and smoothness."""
 
-from photoclinometry.adjust.estimate import Adjustment, AdjustOptions, adjust
+from photoclinometry.adjust.estimate import Adjustment, AdjustOptions, Anchors, adjust
 from photoclinometry.adjust.solver import Iteration, SolverOptions
 
-__all__ = ["AdjustOptions", "Adjustment", "Iteration", "SolverOptions", "adjust"]
+__all__ = ["AdjustOptions", "Adjustment", "Anchors", "Iteration", "SolverOptions", "adjust"]

@@ -35,10 +35,12 @@ class AdjustOptions:
     """Keypoint noise of every observation [px]; left out, each keypoint's own."""
     brightness_sigma: float | None = None
     """Brightness noise, in the images' brightness; left out, estimated from the residuals."""
-    correlation_px: float = 3.0
-    """Side of the square of pixels that share their errors [px]: images are blurred and sampled between pixels, matches
-    are found over windows, and what a model misses of the ground it misses next door too. As many observations count
-    as one: every sigma of a keypoint or of brightness is multiplied by this. 1 for independent errors."""
+    keypoint_correlation_px: float = 6.0
+    """Side of the square of landmarks that share their keypoints' errors [px]: matches are found over windows. As many
+    observations count as one: each one's sigma is multiplied by this. 1 for independent errors."""
+    brightness_correlation_px: float = 3.0
+    """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
+    the ground it misses next door too."""
     smooth_sigma_rad: float = 0.2
     """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none."""
     smooth_neighbours: int = 4
@@ -67,6 +69,17 @@ class AdjustOptions:
     solver: SolverOptions = field(default_factory=SolverOptions)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Anchors:
+    """Sparse landmarks all over the images: only their keypoints count, and hold the poses that the map's own region,
+    a small part of the field of view, determines poorly."""
+
+    position: np.ndarray
+    """(P, 3) in B."""
+    tracks: Tracks
+    """Of the P landmarks; brightness is not used."""
+
+
 @dataclass(frozen=True)
 class Adjustment:
     """The adjusted scene and how it was reached."""
@@ -86,10 +99,12 @@ def adjust(
     scene: Scene,
     options: AdjustOptions | None = None,
     *,
+    anchors: Anchors | None = None,
     progress: Callable[[Iteration], None] | None = None,
 ) -> Adjustment:
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
 
+    anchors: sparse landmarks, from structure from motion, that help to hold the poses.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or no landmarks are
     left to estimate.
@@ -103,34 +118,59 @@ def adjust(
     tracks, picked = _reorder(scene.tracks, order)
     pivot = np.median(scene.landmarks.position, axis=0)
     start = Estimate(scene.views, _take(scene.landmarks, order), pivot)
-    adjustment = _rounds(replace(scene, landmarks=start.landmarks, tracks=tracks), start, options, progress)
+    sorted_scene = replace(scene, landmarks=start.landmarks, tracks=tracks)
+    if anchors is not None:
+        sorted_scene = _with_anchors(sorted_scene, anchors)
+        start = replace(start, landmarks=sorted_scene.landmarks)
+    adjustment = _rounds(sorted_scene, start, options, len(order), progress)
     back = np.argsort(order)
     estimate = adjustment.scene.landmarks
     lit = np.empty(len(tracks), bool)
-    lit[picked] = adjustment.lit
+    lit[picked] = adjustment.lit[: len(tracks)]
     return replace(adjustment, scene=scene.with_estimate(adjustment.scene.views, _take(estimate, back)), lit=lit)
 
 
-def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, progress) -> Adjustment:
-    """`adjust` in the solver's order of landmarks."""
+def _with_anchors(scene: Scene, anchors: Anchors) -> Scene:
+    """The scene with the anchors after its own landmarks, never lit, their normals and albedos without meaning."""
+    own, more, count = scene.tracks, anchors.tracks, len(anchors.position)
+    landmarks = scene.landmarks
+    up = landmarks.normal.mean(0)
+    return replace(
+        scene,
+        landmarks=Landmarks(
+            position=np.concatenate([landmarks.position, anchors.position]),
+            normal=np.concatenate([landmarks.normal, np.tile(up / np.linalg.norm(up), (count, 1))]),
+            albedo=np.concatenate([landmarks.albedo, np.ones(count)]),
+            pixel=np.concatenate([landmarks.pixel, np.zeros((count, 2), np.int32)]),
+        ),
+        tracks=Tracks(
+            start=np.concatenate([own.start, own.start[-1] + more.start[1:]]),
+            view=np.concatenate([own.view, more.view]),
+            keypoint=np.concatenate([own.keypoint, more.keypoint]),
+            keypoint_sigma=np.concatenate([own.keypoint_sigma, more.keypoint_sigma]),
+            brightness=np.concatenate([own.brightness, np.zeros(len(more))]),
+            lit=np.concatenate([own.lit, np.zeros(len(more), bool)]),
+        ),
+    )
+
+
+def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: int, progress) -> Adjustment:
+    """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors."""
     tracks = scene.tracks
     layout, place = build_layout(tracks, len(scene.views))
-    keypoint_sigma = np.asarray(options.keypoint_sigma_px or tracks.keypoint_sigma)
+    dense = tracks.landmark < mapped
+    keypoint_sigma = np.where(dense, options.keypoint_sigma_px or tracks.keypoint_sigma, tracks.keypoint_sigma)
+    keypoint_sigma = keypoint_sigma * np.where(dense, options.keypoint_correlation_px, 1.0)
     photometric = scene.reflectance is not None
     smooth = photometric and options.smooth_sigma_rad > 0
-    pairs = _pairs(scene, options) if smooth else None
+    pairs = _pairs(scene.landmarks.position, mapped, options) if smooth else None
     measured = Measurements(
         np.array([spread(axis, place, layout.place_start[-1]) for axis in tracks.keypoint.T]),
         spread(tracks.brightness, place, layout.place_start[-1]),
-        spread(
-            1.0 / np.broadcast_to(keypoint_sigma * options.correlation_px, len(tracks)),
-            place,
-            layout.place_start[-1],
-            np.float32,
-        ),
+        spread(1.0 / keypoint_sigma, place, layout.place_start[-1], np.float32),
         np.zeros(layout.place_start[-1], np.float32),
     )
-    priors = _priors(scene, options)
+    priors = _priors(scene, options, mapped)
     packed = scene.reflectance.packed if scene.reflectance is not None else np.zeros(3)
     history: list[Iteration] = []
     lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
@@ -141,7 +181,7 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, progress) 
     for round_ in range(options.max_rounds if photometric else 1):
         final = final or round_ == options.max_rounds - 1
         if photometric:
-            measured.brightness_weight[place] = lit / (sigma * options.correlation_px)
+            measured.brightness_weight[place] = lit / (sigma * options.brightness_correlation_px)
         problem = Problem(
             layout,
             measured,
@@ -149,7 +189,10 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, progress) 
             priors,
             packed,
             smooth_sigma=options.smooth_sigma_rad,
-            limits=(options.keypoint_loss / options.correlation_px, options.brightness_loss / options.correlation_px),
+            limits=(
+                options.keypoint_loss / options.keypoint_correlation_px,
+                options.brightness_loss / options.brightness_correlation_px,
+            ),
         )
         solver = options.solver if final else loose
         solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, progress=progress)
@@ -220,18 +263,21 @@ def _starting_sigma(scene: Scene, options: AdjustOptions, estimate: Estimate, li
     return 0.02 * float(np.median(scene.tracks.brightness[lit]))
 
 
-def _pairs(scene: Scene, options: AdjustOptions) -> Neighbours:
-    return build_neighbours(*neighbours(scene.landmarks.position, options.smooth_neighbours))
+def _pairs(position: np.ndarray, mapped: int, options: AdjustOptions) -> Neighbours:
+    """Neighbours among the mapped landmarks; the anchors have none."""
+    index, near = neighbours(position[:mapped], options.smooth_neighbours)
+    alone = ((0, len(position) - mapped), (0, 0))
+    return build_neighbours(np.pad(index, alone), np.pad(near, alone))
 
 
-def _priors(scene: Scene, options: AdjustOptions) -> Priors:
+def _priors(scene: Scene, options: AdjustOptions, mapped: int) -> Priors:
     views, landmarks = scene.views, scene.landmarks
     count, gsd = len(views), scene.gsd
     rotation, translation = np.full(count, np.inf), np.full(count, np.inf)
     rotation[scene.reference] = options.pose_rotation_sigma_rad
     translation[scene.reference] = options.pose_translation_sigma_gsd * gsd
     landmark = np.full(len(landmarks), np.inf)
-    landmark[_central_landmark(scene)] = options.landmark_sigma_gsd * gsd
+    landmark[_central_landmark(scene, mapped)] = options.landmark_sigma_gsd * gsd
     level = float(np.median(scene.tracks.brightness[scene.tracks.lit])) if np.any(scene.tracks.lit) else 1.0
     calibrated = (
         scene.brightness == "iof" and scene.reflectance is not None and scene.reflectance.disk in HAS_PHASE_FUNCTION
@@ -251,9 +297,10 @@ def _priors(scene: Scene, options: AdjustOptions) -> Priors:
     )
 
 
-def _central_landmark(scene: Scene) -> int:
+def _central_landmark(scene: Scene, mapped: int) -> int:
     """The landmark of most observations among those nearest to the middle of the map."""
-    offset = np.linalg.norm(scene.landmarks.pixel - np.median(scene.landmarks.pixel, axis=0), axis=1)
+    pixel = scene.landmarks.pixel[:mapped]
+    offset = np.linalg.norm(pixel - np.median(pixel, axis=0), axis=1)
     nearest = np.argsort(offset, kind="stable")[: max(1, len(offset) // 100)]
     return int(nearest[np.argmax(np.diff(scene.tracks.start)[nearest])])
 

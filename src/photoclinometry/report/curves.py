@@ -35,7 +35,7 @@ def choose_views(scene: Scene, rows: Sequence[Mapping], count: int = RENDERINGS)
 
 def draw_rendering(path: Path, scene: Scene, view: int, image: Image) -> Path:
     """Real image, rendering and their difference, cropped to the map, with the PSNR (Eq. 40)."""
-    rendered, mask = render_view(scene, view)
+    rendered, mask = render_view(scene, view, cast_shadows=True)
     mask &= image.valid
     rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     window = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)

@@ -81,7 +81,7 @@ def _sections(work, scene, images, rows, stages, convergence, errors, unit):
     if scene.reflectance is not None:
         found = draw_renderings(work, scene, by_name, rows)
         if found:
-            note = "From the best to the worst PSNR. Renderings have no cast shadows."
+            note = "From the best to the worst PSNR. The shadows that the relief casts are drawn."
             sections.append(("Renderings", note, page.figures(found, "grid wide")))
         draw_relit(work / "relit.png", scene)
         caption = "Azimuth counts clockwise from up in the image, elevation from the mean plane; shadows are cast."
