@@ -1,0 +1,128 @@
+"""The joint estimate of a whole scene: truth recovered, noise measured, anchors used, bad starts refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.adjust import AdjustOptions, Anchors, adjust
+from photoclinometry.adjust.problem import Estimate
+from photoclinometry.errors import ReconstructionError
+from photoclinometry.geometry import align_similarity, angle_between, so3_log
+from photoclinometry.reflectance import published
+from photoclinometry.scene import Tracks
+from scenes import synthetic_scene
+
+INDEPENDENT = AdjustOptions(keypoint_correlation_px=1, brightness_correlation_px=1)
+
+
+def start_of(scene, seed=1):
+    """The scene with poses, Suns, positions, normals and albedos moved away from the truth."""
+    rng = np.random.default_rng(seed)
+    camera = np.zeros((len(scene.views), 10))
+    camera[1:, :3] = 3e-5 * rng.normal(size=(len(scene.views) - 1, 3))
+    camera[:, 6:8] = 1e-3 * rng.normal(size=(len(scene.views), 2))
+    landmark = rng.normal(size=(len(scene.landmarks), 6)) * np.r_[[20.0] * 3, [0.1] * 2, 0.01]
+    moved = Estimate(scene.views, scene.landmarks, np.zeros(3)).step(camera, landmark)
+    return scene.with_estimate(moved.views, moved.landmarks)
+
+
+def errors(found, true):
+    """Mean position error [GSD], normal error [deg] and albedo error [%] after alignment of the maps."""
+    true_from_found = align_similarity(found.landmarks.position, true.landmarks.position)
+    offset = np.linalg.norm(true_from_found(found.landmarks.position) - true.landmarks.position, axis=1)
+    turn = angle_between(found.landmarks.normal @ true_from_found.rotation.T, true.landmarks.normal)
+    ratio = found.landmarks.albedo / true.landmarks.albedo
+    return offset.mean() / true.gsd, np.degrees(turn).mean(), 100 * np.mean(abs(ratio / np.median(ratio) - 1))
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return synthetic_scene(size=24, views=8, keypoint_noise_px=0.3, brightness_noise=0.01)
+
+
+def test_photometry_recovers_what_keypoints_alone_cannot(noisy):
+    """0.3 px and 1 % noise: normals to 1 degree and albedo to 0.5 %, positions better than by keypoints."""
+    start = start_of(noisy)
+    result = adjust(start, INDEPENDENT)
+    position, normal, albedo = errors(result.scene, noisy)
+    assert result.converged
+    assert position < 0.25
+    assert normal < 1.0
+    assert albedo < 0.5
+    geometry_alone = adjust(replace(start, reflectance=None), INDEPENDENT)
+    assert errors(geometry_alone.scene, noisy)[0] > 1.2 * position
+    np.testing.assert_array_equal(geometry_alone.scene.landmarks.albedo, start.landmarks.albedo)
+
+
+def test_brightness_noise_is_measured(noisy):
+    result = adjust(start_of(noisy), INDEPENDENT)
+    true = 0.01 * float(np.mean(noisy.tracks.brightness))
+    assert result.brightness_sigma == pytest.approx(true, rel=0.1)
+
+
+def test_uncalibrated_brightness_gives_relative_albedo_and_scales():
+    scene = synthetic_scene(
+        size=20, views=8, reflectance=published("mcewen"), keypoint_noise_px=0.2, brightness_noise=0.005
+    )
+    gain = scene.views.scale[scene.reference]
+    first = replace(
+        scene,
+        views=replace(scene.views, scale=scene.views.scale / gain, bias=np.zeros(8)),
+        landmarks=replace(scene.landmarks, albedo=scene.landmarks.albedo * gain),
+    )
+    result = adjust(start_of(first, seed=2), INDEPENDENT)
+    assert errors(result.scene, scene)[2] < 1.5
+    np.testing.assert_allclose(result.scene.views.scale, scene.views.scale / gain, rtol=0.03)
+
+
+def anchors_around(scene, count=150):
+    """Exact points over an area four times as wide as the map, seen in every view with little noise."""
+    rng = np.random.default_rng(4)
+    span = np.ptp(scene.landmarks.position[:, :2], axis=0).max()
+    position = np.column_stack([rng.uniform(-2 * span, 2 * span, (count, 2)), 60.0 * rng.normal(size=count)])
+    views = len(scene.views)
+    keypoint = np.stack([scene.views.project(k, position) for k in range(views)], 1).reshape(-1, 2)
+    tracks = Tracks(
+        start=np.arange(0, count * views + 1, views),
+        view=np.tile(np.arange(views, dtype=np.int32), count),
+        keypoint=keypoint + 0.1 * rng.normal(size=keypoint.shape),
+        keypoint_sigma=np.full(count * views, 0.1),
+        brightness=np.zeros(count * views),
+        lit=np.zeros(count * views, bool),
+    )
+    return Anchors(position=position, tracks=tracks)
+
+
+def test_anchors_hold_the_poses_and_leave_the_map_its_own_landmarks(noisy):
+    def rotation_error(found):
+        true_from_found = align_similarity(found.views.body_from_cam.translation, noisy.views.body_from_cam.translation)
+        turned = true_from_found.rotation @ found.views.body_from_cam.rotation
+        turn = so3_log(np.swapaxes(noisy.views.body_from_cam.rotation, 1, 2) @ turned)
+        return np.linalg.norm(turn - turn.mean(0), axis=1).mean()
+
+    start = start_of(noisy)
+    without, held = adjust(start), adjust(start, anchors=anchors_around(noisy))
+    assert len(held.scene.landmarks) == len(noisy.landmarks)
+    assert len(held.lit) == len(noisy.tracks)
+    np.testing.assert_array_equal(held.scene.landmarks.pixel, noisy.landmarks.pixel)
+    assert rotation_error(held.scene) < 0.5 * rotation_error(without.scene)
+
+
+def test_outlier_keypoints_do_not_spoil_the_map(noisy):
+    """A tenth of the keypoints wrong by 20 px, with the robust loss: within twice the error of clean ones."""
+    rng = np.random.default_rng(6)
+    start = start_of(noisy)
+    wrong = rng.uniform(size=len(start.tracks)) < 0.1
+    keypoint = start.tracks.keypoint + 20.0 * wrong[:, None] * rng.choice([-1.0, 1.0], (len(wrong), 2))
+    spoiled = replace(start, tracks=replace(start.tracks, keypoint=keypoint))
+    clean, robust = adjust(start, INDEPENDENT).scene, adjust(spoiled, INDEPENDENT).scene
+    assert errors(robust, noisy)[0] < 2.0 * errors(clean, noisy)[0]
+
+
+def test_too_little_to_estimate_is_refused(noisy):
+    with pytest.raises(ReconstructionError, match="too few"):
+        adjust(replace(noisy, views=noisy.views[:2]))
+    dark = replace(noisy, tracks=replace(noisy.tracks, lit=np.zeros(len(noisy.tracks), bool)))
+    with pytest.raises(ReconstructionError, match="towards the Sun"):
+        adjust(dark)
