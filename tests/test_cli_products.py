@@ -44,7 +44,7 @@ def place(tmp_path_factory):
     run.mkdir()
     write_scene(run / "scene.h5", scene)
     (run / "config.toml").write_text(f"site = '{site}'\n")
-    (run / "metrics.json").write_text(json.dumps({"psnr_mean_db": 41.5, "views": 4}))
+    (run / "metrics.json").write_text(json.dumps({"metrics": {"psnr_mean_db": 41.5, "views": 4}}))
     return SimpleNamespace(scene=scene, site=site, run=run)
 
 

@@ -62,6 +62,10 @@ class RunFolder:
                 _write(file, key, found)
         return found
 
+    def forget(self, name: str) -> None:
+        """Takes back that a stage is finished; the next run does it again."""
+        (self.path / "stages" / f"{name}.npz").unlink(missing_ok=True)
+
     @contextmanager
     def timed(self, name: str):
         """Times a stage and logs it; yields its `Stage`."""
@@ -128,11 +132,12 @@ def _read(file: Path, key: str, kind: type) -> Any | None:
     if not file.is_file():
         return None
     try:
-        with np.load(file) as stored:
+        with open(file, "rb") as stream, np.load(stream) as stored:
             if str(stored["key"]) != key:
                 return None
             return kind(**{f.name: _field(stored, f.name) for f in fields(kind)})
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    # zipfile meets damage with nearly every built-in exception.
+    except Exception as error:
         log.warning("%s: damaged (%s); the stage is done again", file, error)
         return None
 

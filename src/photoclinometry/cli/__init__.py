@@ -17,14 +17,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from photoclinometry.cli.info import info
     from photoclinometry.cli.render import render
     from photoclinometry.cli.run import run
-    from photoclinometry.cli.simulate import Simulate, simulate
+    from photoclinometry.cli.simulate import simulate
     from photoclinometry.errors import InputError, PhotoclinometryError
 
-    def simulate_(arguments: tyro.conf.OmitArgPrefixes[Simulate]) -> None:
-        simulate(arguments)
-
-    simulate_.__doc__ = Simulate.__doc__
-    commands = {"simulate": simulate_, "run": run, "render": render, "evaluate": evaluate, "info": info}
+    commands = {"simulate": simulate, "run": run, "render": render, "evaluate": evaluate, "info": info}
     try:
         tyro.extras.subcommand_cli_from_dict(
             commands,

@@ -95,7 +95,7 @@ def show_run(run: Path) -> None:
     if scene.uncertainty:
         console.print(f"uncertainty of: {', '.join(sorted(scene.uncertainty))}")
     if (run / "metrics.json").is_file():
-        metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
+        metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))["metrics"]
         flat = {k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
         spreads, singles = metric_rows(flat)
         figures = Table("figure", "mean", "median", "RMS", "90 %")

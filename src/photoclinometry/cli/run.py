@@ -30,6 +30,9 @@ def run(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     from photoclinometry import pipeline
+    from photoclinometry.io.site import read_site
+
+    read_site(site)  # a mistake there leaves no run folder behind
 
     console = Console(stderr=True)
     columns = (TextColumn("{task.description:18}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -53,19 +56,24 @@ def run(
     print(result.report)
 
 
-class log_to:  # noqa: N801
+class log_to:
     """While open, the package's log goes to OUT/log (all of it) and to the terminal (stages, warnings)."""
 
     def __init__(self, out: Path, console):
         self.out, self.console = Path(out), console
 
     def __enter__(self):
+        from photoclinometry.errors import RunFolderError
         from photoclinometry.runfolder import open_run
 
         self.logger = logging.getLogger("photoclinometry")
         self.level = self.logger.level
         open_run(self.out)
-        file = logging.FileHandler(self.out / "log", encoding="utf-8")
+        try:
+            file = logging.FileHandler(self.out / "log", encoding="utf-8")
+        except OSError as error:
+            reason = error.strerror or error
+            raise RunFolderError(f"{self.out / 'log'}: cannot be written: {reason}; choose another --out") from error
         file.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
         terminal = _Terminal(self.console)
         terminal.setLevel(logging.INFO)

@@ -22,8 +22,11 @@ class Simulate:
     options: Annotated[SimulationOptions, tyro.conf.arg(name="")] = field(default_factory=SimulationOptions)
 
 
-def simulate(arguments: Simulate) -> Path:
-    """Runs the command; prints where the site is, and returns the path of its site.toml."""
+def simulate(arguments: Annotated[Simulate, tyro.conf.arg(name="")]) -> Path:
+    """Simulate a site: images with shadows, optics and noise, site.toml, and truth.h5.
+
+    Prints where the site is.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 

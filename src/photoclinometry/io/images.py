@@ -59,7 +59,10 @@ def read_image(path: Path | str) -> Image:
 
 
 def write_fits(path: Path | str, array: np.ndarray) -> None:
-    """A 2-D array as a FITS file with checksums; floats are stored as float32. Raises RunFolderError."""
+    """A 2-D array as a FITS file with checksums; floats are stored as float32. Same array, same bytes.
+
+    Raises RunFolderError.
+    """
     from astropy.io import fits
 
     array = np.asarray(array)
@@ -68,7 +71,10 @@ def write_fits(path: Path | str, array: np.ndarray) -> None:
     if array.dtype.kind == "f":
         array = array.astype(np.float32)
     stream = io.BytesIO()
-    fits.PrimaryHDU(array).writeto(stream, checksum=True)
+    hdu = fits.PrimaryHDU(array)
+    # Left to itself, astropy writes the time beside the checksum.
+    hdu.add_checksum(when="checksum")
+    hdu.writeto(stream)
     write_bytes(path, stream.getvalue())
 
 

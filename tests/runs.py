@@ -1,0 +1,34 @@
+"""A small simulated site and a run of it, made once for all tests that look at either."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from photoclinometry import pipeline
+from photoclinometry.simulate.site import SimulationOptions, simulate_site
+
+SITE = SimulationOptions(image_size=192, views=6, region_size=32)
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A finished run; for reading only."""
+
+    site: Path
+    """site.toml."""
+    truth: Path
+    run: Path
+    result: pipeline.RunResult
+
+    def copy(self, folder: Path) -> Path:
+        """The run folder again, to spoil."""
+        return Path(shutil.copytree(self.run, folder))
+
+
+def map_small_site(folder: Path) -> Mapped:
+    """Simulates and maps the small site in `folder`."""
+    site = simulate_site(SITE, folder / "site")
+    result = pipeline.run(site, folder / "run")
+    return Mapped(site, site.with_name("truth.h5"), folder / "run", result)

@@ -1,0 +1,191 @@
+"""The command `phomo`: exit codes, what it says and where, and the files it leaves."""
+
+import json
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry import pipeline
+from photoclinometry.cli import main
+from photoclinometry.errors import ImageError, NotConvergedError, ReconstructionError
+from photoclinometry.io.images import read_image
+from sites import write_small_site
+
+
+def phomo(*arguments) -> int:
+    """Runs the command; its exit code."""
+    try:
+        main([str(a) for a in arguments])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+@pytest.fixture
+def site(tmp_path):
+    return write_small_site(tmp_path / "site")
+
+
+@pytest.fixture
+def fails(monkeypatch):
+    """Makes the pipeline raise."""
+
+    def set_error(error):
+        def stand_in(*_):
+            raise error
+
+        monkeypatch.setattr(pipeline, "run", stand_in)
+
+    return set_error
+
+
+@pytest.mark.parametrize("command", [(), ("run",), ("simulate",), ("render",), ("evaluate",), ("info",)])
+def test_help_is_no_failure(command, capsys):
+    assert phomo(*command, "--help") == 0
+    assert len(capsys.readouterr().out.splitlines()) > 5
+
+
+def test_help_of_run_explains_options(capsys):
+    phomo("run", "--help")
+    help_text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for said in ("--reflectance", "--densify.min-views", "--adjust.smooth-sigma-rad", "Folder for the run", "Lowe's"):
+        assert said in help_text
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (ImageError("images/2.fits: is dark; remove this view"), 2),
+        (ReconstructionError("2 of 9 views registered; add views"), 1),
+        (NotConvergedError("stopped after 60 iterations"), 1),
+    ],
+)
+def test_an_error_is_one_line_and_an_exit_code(site, tmp_path, capsys, fails, error, code):
+    fails(error)
+    assert phomo("run", site, "--out", tmp_path / "run") == code
+    said = capsys.readouterr()
+    assert said.err.strip().splitlines()[-1] == f"phomo: {error}"
+    assert "Traceback" not in said.err + said.out
+    assert str(error) in (tmp_path / "run" / "log").read_text()
+
+
+def test_an_interrupted_run_says_that_it_can_go_on(site, tmp_path, capsys, fails):
+    fails(KeyboardInterrupt())
+    assert phomo("run", site, "--out", tmp_path / "run") == 130
+    assert "goes on from the last finished stage" in capsys.readouterr().err
+    assert "stopped: KeyboardInterrupt" in (tmp_path / "run" / "log").read_text()
+
+
+def test_our_own_mistakes_keep_their_traceback(site, tmp_path, fails):
+    fails(ZeroDivisionError("a bug"))
+    with pytest.raises(ZeroDivisionError):
+        phomo("run", site, "--out", tmp_path / "run")
+
+
+def test_simulate_writes_a_site_once(tmp_path, capsys):
+    arguments = ("simulate", "--out", tmp_path / "s", "--views", 3, "--image-size", 48, "--detector.no-noise")
+    assert phomo(*arguments) == 0
+    assert "truth.h5" in capsys.readouterr().err
+    assert phomo("info", tmp_path / "s") == 0
+    assert "3 views" in capsys.readouterr().out
+    assert phomo(*arguments) == 2
+    assert "--overwrite" in capsys.readouterr().err
+
+
+def test_a_missing_site_is_misuse_and_leaves_no_folder(tmp_path, capsys):
+    assert phomo("run", tmp_path / "none.toml", "--out", tmp_path / "run") == 2
+    assert "none.toml: there is no such file" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_misspelt_key_is_answered_by_the_nearest(site, tmp_path, capsys):
+    site.write_text(site.read_text().replace("center_px", "centre_px"))
+    assert phomo("run", site, "--out", tmp_path / "run") == 2
+    message = capsys.readouterr().err
+    assert "site.toml: region: centre_px" in message
+    assert "did you mean 'center_px'?" in message
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("arguments", [(), ("fly",), ("run",), ("run", "a.toml"), ("run", "a.toml", "--oout", "b")])
+def test_a_command_that_is_none_is_misuse(arguments, capsys):
+    assert phomo(*arguments) == 2
+    assert capsys.readouterr().err
+
+
+def test_output_in_the_way_is_misuse(site, tmp_path, capsys):
+    assert phomo("run", site, "--out", site) == 2
+    assert "is not a run folder" in capsys.readouterr().err
+    assert phomo("run", site, "--out", site / "run") == 2
+    assert "part of the path is a file" in capsys.readouterr().err
+    assert phomo("run", site, "--out", site.parent) == 2
+    assert "choose another --out" in capsys.readouterr().err
+
+
+def test_a_log_that_cannot_be_written_is_misuse(site, tmp_path, capsys):
+    (tmp_path / "run" / "log").mkdir(parents=True)
+    (tmp_path / "run" / "run.json").write_text('{"format": 1, "version": "0"}')
+    assert phomo("run", site, "--out", tmp_path / "run") == 2
+    assert "log: cannot be written: Is a directory" in capsys.readouterr().err
+    assert not logging.getLogger("photoclinometry").handlers
+
+
+def test_run_logs_reports_and_prints_where(mapped, tmp_path, capsys, monkeypatch):
+    """A finished run once more: all is read back, stages go to log and terminal, the page's path to stdout."""
+    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    folder = mapped.copy(tmp_path / "run")
+    level = logging.getLogger("photoclinometry").level
+    assert phomo("run", mapped.site, "--out", folder) == 0
+    said = capsys.readouterr()
+    assert said.out.strip() == str(folder / "report" / "index.html")
+    assert "adjust: read back from the earlier run" in said.err
+    assert f"{len(mapped.result.scene.landmarks)} landmarks in 6 views, mean PSNR" in said.err
+    log = (folder / "log").read_text()
+    assert "INFO photoclinometry.runfolder: dense: read back from the earlier run" in log
+    assert logging.getLogger("photoclinometry").level == level
+    assert not logging.getLogger("photoclinometry").handlers
+
+
+def test_run_says_what_went_less_than_well(mapped, tmp_path, capsys, monkeypatch):
+    adjustment = replace(mapped.result.adjustment, converged=False, message="stopped after 60 iterations")
+    result = replace(mapped.result, adjustment=adjustment, left_out=("images/004.fits",))
+    monkeypatch.setattr(pipeline, "run", lambda *_: result)
+    assert phomo("run", mapped.site, "--out", tmp_path / "run") == 0
+    message = capsys.readouterr().err
+    assert "not registered, left out: images/004.fits" in message
+    assert "the joint estimate has not converged: stopped after 60 iterations" in message
+
+
+def test_info_describes_a_site_and_a_finished_run(mapped, capsys):
+    assert phomo("info", mapped.site) == 0
+    assert "6 views, brightness iof, body vesta" in capsys.readouterr().out
+    assert phomo("info", mapped.run) == 0
+    said = capsys.readouterr().out
+    assert "lunar-lambert, brightness iof" in said
+    assert "images/005.fits" in said
+    assert "PSNR" in said
+
+
+@pytest.mark.parametrize("suffix", ["fits", "png"])
+def test_render_draws_what_the_camera_saw(mapped, tmp_path, suffix):
+    """Linear in the image: the correlation of a rendering with its image is nearly one."""
+    out = tmp_path / f"view.{suffix}"
+    assert phomo("render", mapped.run, "--out", out, "--view", "003") == 0
+    drawn = read_image(out)
+    seen = read_image(mapped.site.parent / "images" / "003.fits").brightness
+    assert drawn.brightness.shape == seen.shape
+    there = drawn.valid & (drawn.brightness > 0)
+    assert there.sum() > 500
+    assert np.corrcoef(drawn.brightness[there], seen[there])[0, 1] > 0.95
+
+
+def test_evaluate_measures_a_run_against_the_truth(mapped, tmp_path, capsys):
+    arguments = ("--truth", mapped.truth, "--no-images", "--out", tmp_path)
+    assert phomo("evaluate", mapped.run, *arguments) == 0
+    metrics = json.loads((tmp_path / "evaluation.json").read_text())
+    assert metrics["surface_distance_mean_gsd"] < 0.2
+    assert "evaluation.json" in capsys.readouterr().err
+    assert phomo("evaluate", tmp_path, "--truth", mapped.truth) == 2
+    assert "no scene.h5" in capsys.readouterr().err

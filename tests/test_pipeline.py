@@ -1,0 +1,253 @@
+"""A whole run on a small simulated site: what it recovers, what it leaves, and how it goes on."""
+
+import json
+import logging
+import subprocess
+import sys
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry import pipeline
+from photoclinometry.adjust import AdjustOptions
+from photoclinometry.compare import evaluate_against_truth
+from photoclinometry.errors import InputError, ReconstructionError, RunFolderError, SiteError
+from photoclinometry.io.colmap import read_colmap
+from photoclinometry.io.ply import read_ply
+from photoclinometry.io.scene_file import read_scene
+from photoclinometry.io.site import RegionRequest, read_site, write_site
+from photoclinometry.io.truth import read_truth
+from photoclinometry.pipeline import RunOptions, choose_reflectance, run
+
+KEPT = ("sparse", "region", "dense", "adjust")
+"""The stages that a run folder keeps."""
+
+
+def resumed(folder):
+    """The stages that the last run in a folder read back."""
+    stages = json.loads((folder / "metrics.json").read_text())["stages"]
+    return [s["stage"] for s in stages if s["resumed"]]
+
+
+def changed_site(mapped, **changes):
+    """The site with something else in it, as a file beside the first."""
+    path = mapped.site.with_name("changed.toml")
+    write_site(path, replace(read_site(mapped.site), **changes))
+    return path
+
+
+@pytest.fixture
+def adjust_nothing(monkeypatch):
+    """The joint estimate stops at once, for tests of what surrounds it."""
+    from photoclinometry.adjust import Adjustment
+
+    calls = []
+
+    def stand_in(scene, options, **_):
+        calls.append(options)
+        return Adjustment(scene, True, "not adjusted", (), 0.001, scene.tracks.lit)
+
+    monkeypatch.setattr(pipeline, "adjust", stand_in)
+    return calls
+
+
+@pytest.fixture(autouse=True)
+def no_figures(monkeypatch, request):
+    """Figures are drawn once, for the shared run; `test_report.py` proves them."""
+    request.getfixturevalue("mapped")
+    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")
+
+
+def test_a_run_recovers_the_truth(mapped):
+    metrics = evaluate_against_truth(mapped.result.scene, read_truth(mapped.truth)).metrics
+    assert mapped.result.adjustment.converged
+    assert len(mapped.result.scene.landmarks) > 0.95 * 32 * 32
+    assert metrics["surface_distance_mean_gsd"] < 0.2
+    assert metrics["normal_error_mean_deg"] < 4.0
+    assert metrics["albedo_error_mean_percent"] < 3.0
+    assert metrics["sun_error_mean_deg"] < 1.0
+    assert metrics["camera_pointing_error_mean_deg"] < 1.0
+
+
+def test_every_product_is_there_and_reads_back(mapped):
+    scene = mapped.result.scene
+    stored = read_scene(mapped.run / "scene.h5")
+    np.testing.assert_array_equal(stored.landmarks.position, scene.landmarks.position)
+    np.testing.assert_array_equal(stored.tracks.brightness, scene.tracks.brightness)
+    ply = read_ply(mapped.run / "landmarks.ply")
+    np.testing.assert_allclose(ply.position, scene.landmarks.position, rtol=1e-6, atol=1e-6)
+    assert ply.normal.shape == ply.position.shape
+    assert len(ply.albedo) == len(ply.position)
+    assert len(ply.faces) > len(ply.position)
+    names, _, poses, points = read_colmap(mapped.run / "sparse")
+    assert sorted(names) == sorted(scene.views.name)
+    assert len(points) == len(scene.landmarks)
+    at = [scene.views.name.index(name) for name in names]
+    np.testing.assert_allclose(poses.translation, scene.views.body_from_cam.translation[at], rtol=1e-9)
+    assert mapped.result.report == mapped.run / "report" / "index.html"
+    assert "<html" in mapped.result.report.read_text()
+
+
+def test_metrics_and_config_say_what_was_done(mapped):
+    metrics = json.loads((mapped.run / "metrics.json").read_text())
+    assert metrics["left_out"] == []
+    assert metrics["metrics"]["converged"] == 1
+    assert metrics["metrics"]["psnr_mean_db"] > 30
+    assert [v["name"] for v in metrics["views"]] == [v.name for v in read_site(mapped.site).views]
+    assert [s["stage"] for s in metrics["stages"]][1:4] == ["sparse", "region", "dense"]
+    assert all(s["wall_s"] >= 0 and not s["resumed"] for s in metrics["stages"])
+    config = tomllib.loads((mapped.run / "config.toml").read_text())
+    assert config["site"] == str(mapped.site.resolve())
+    assert config["reflectance"] == "auto"
+    assert config["flow"].keys() <= {f for f in RunOptions().flow.__dataclass_fields__}
+
+
+def test_a_second_run_reads_every_stage_back(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    again = run(mapped.site, folder)
+    assert resumed(folder) == list(KEPT)
+    assert not adjust_nothing
+    np.testing.assert_array_equal(again.scene.landmarks.position, mapped.result.scene.landmarks.position)
+    assert again.adjustment.log == mapped.result.adjustment.log
+    assert again.adjustment.brightness_sigma == mapped.result.adjustment.brightness_sigma
+    assert again.metrics == mapped.result.metrics
+
+
+def test_changed_options_redo_what_depends_on_them_and_no_more(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    run(mapped.site, folder, RunOptions(adjust=AdjustOptions(smooth_neighbours=6)))
+    assert resumed(folder) == ["sparse", "region", "dense"]
+    run(mapped.site, folder, RunOptions(reflectance="akimov"))
+    assert resumed(folder) == ["sparse", "region", "dense"]
+    run(mapped.site, folder, RunOptions(match_rounds=1, reflectance="akimov"))
+    assert resumed(folder) == ["sparse", "region"]
+    assert len(adjust_nothing) == 3
+
+
+def test_a_changed_region_redoes_region_and_later(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    result = run(changed_site(mapped, region=RegionRequest(size_px=(24, 20))), folder)
+    assert resumed(folder) == ["sparse"]
+    assert (result.scene.region.width, result.scene.region.height) == (24, 20)
+
+
+def test_an_interrupted_run_goes_on_where_it_was(mapped, tmp_path, monkeypatch, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    options = RunOptions(adjust=AdjustOptions(smooth_sigma_rad=0.3))
+    stand_in = pipeline.adjust
+
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "adjust", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run(mapped.site, folder, options)
+    monkeypatch.setattr(pipeline, "adjust", stand_in)
+    run(mapped.site, folder, options)
+    assert resumed(folder) == ["sparse", "region", "dense"]
+    run(mapped.site, folder, options)
+    assert resumed(folder) == list(KEPT)
+
+
+def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monkeypatch, adjust_nothing):
+    """Killed between scene.h5 and the note that it is finished, the run of the earlier options starts it anew."""
+    folder = mapped.copy(tmp_path / "run")
+
+    def killed(**_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pipeline, "_Done", killed)
+        with pytest.raises(KeyboardInterrupt):
+            run(mapped.site, folder, RunOptions(reflectance="akimov"))
+    assert read_scene(folder / "scene.h5").reflectance.disk == "akimov"
+    run(mapped.site, folder)
+    assert resumed(folder) == ["sparse", "region", "dense"]
+    assert read_scene(folder / "scene.h5").reflectance.disk == "lunar-lambert"
+
+
+@pytest.mark.parametrize("damage", [None, b"", b"\x89HDF nothing"])
+def test_a_missing_or_damaged_scene_is_made_again(mapped, tmp_path, adjust_nothing, damage):
+    folder = mapped.copy(tmp_path / "run")
+    (folder / "scene.h5").unlink()
+    if damage is not None:
+        (folder / "scene.h5").write_bytes(damage)
+    run(mapped.site, folder)
+    assert resumed(folder) == ["sparse", "region", "dense"]
+    run(mapped.site, folder)
+    assert resumed(folder) == list(KEPT)
+
+
+def test_a_damaged_stage_is_made_again_with_a_warning(mapped, tmp_path, adjust_nothing, caplog):
+    folder = mapped.copy(tmp_path / "run")
+    file = folder / "stages" / "dense.npz"
+    file.write_bytes(file.read_bytes()[:1000])
+    run(mapped.site, folder)
+    assert resumed(folder) == ["sparse", "region", "adjust"]
+    assert any("dense.npz: damaged" in r.getMessage() for r in caplog.records if r.levelno == logging.WARNING)
+
+
+def test_geometry_alone_leaves_photometry_out(mapped, tmp_path):
+    folder = mapped.copy(tmp_path / "run")
+    result = run(mapped.site, folder, RunOptions(reflectance="none"))
+    assert resumed(folder) == ["sparse", "region", "dense"]
+    assert result.scene.reflectance is None
+    assert read_scene(folder / "scene.h5").reflectance is None
+    np.testing.assert_array_equal(result.scene.landmarks.albedo, 1.0)
+    assert not [name for name in result.metrics if "psnr" in name or "photometric" in name or "brightness" in name]
+    metrics = evaluate_against_truth(result.scene, read_truth(mapped.truth)).metrics
+    assert metrics["surface_distance_mean_gsd"] < 0.3
+    assert not [name for name in metrics if "albedo" in name]
+
+
+def test_auto_takes_lunar_lambert_for_calibrated_images_of_a_known_body_only(mapped):
+    site = read_site(mapped.site)
+    assert choose_reflectance("none", site) is None
+    assert choose_reflectance("auto", site).disk == "lunar-lambert"
+    assert choose_reflectance("auto", replace(site, brightness="dn")).disk == "mcewen"
+    assert choose_reflectance("auto", replace(site, body=None)).disk == "mcewen"
+    assert choose_reflectance("minnaert", site).disk == "minnaert"
+
+
+def test_a_sun_from_behind_the_ground_is_named(mapped, tmp_path, adjust_nothing):
+    views = list(read_site(mapped.site).views)
+    views[3] = replace(views[3], sun=-views[3].sun)
+    message = r"images/003\.fits: the Sun direction lights 0 % .*`sun` points from the body towards the Sun"
+    with pytest.raises(InputError, match=message):
+        run(changed_site(mapped, views=tuple(views)), tmp_path / "run")
+    assert not adjust_nothing
+
+
+def test_images_of_nothing_alike_do_not_make_a_map(mapped, tmp_path):
+    """Every image of another place: the failure is the images', not the user's."""
+    from scipy.ndimage import gaussian_filter
+
+    from photoclinometry.io.images import write_fits
+
+    site = read_site(mapped.site)
+    rng = np.random.default_rng(0)
+    for view in site.views:
+        ground = gaussian_filter(rng.normal(size=(view.camera.height, view.camera.width)), 2.0)
+        write_fits(tmp_path / view.name, 0.15 + 0.2 * ground)
+    write_site(tmp_path / "site.toml", site)
+    with pytest.raises(ReconstructionError):
+        run(tmp_path / "site.toml", tmp_path / "run")
+
+
+def test_a_wrong_site_or_folder_leaves_nothing_behind(mapped, tmp_path):
+    with pytest.raises(SiteError, match="no such file"):
+        run(tmp_path / "none.toml", tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+    (tmp_path / "notes.txt").write_text("x")
+    with pytest.raises(RunFolderError, match="is not a run folder"):
+        run(mapped.site, tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    heavy = ("pycolmap", "matplotlib", "cv2", "astropy", "small_gicp", "embreex")
+    code = f"import sys, photoclinometry; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
