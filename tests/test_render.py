@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter
 
 from photoclinometry.errors import InputError
 from photoclinometry.raster import draw_triangles, grid_faces
@@ -179,10 +180,15 @@ def test_a_gentle_site_under_a_high_sun_has_no_cast_shadow(scene):
     np.testing.assert_array_equal(image, render_reference(scene)[0])
 
 
-def test_a_low_sun_leaves_shadow_only_at_the_bias(scene):
+def test_a_low_sun_leaves_shadow_at_the_bias_and_soft_edges_between(scene):
     low = sun_from_angles(local_frame(scene), 0.3, np.deg2rad(5.0))
     with_shadow, _ = render_reference(scene, sun=low, cast_shadows=True)
     without, _ = render_reference(scene, sun=low)
-    shadowed = with_shadow != without
-    assert 0.02 < shadowed.mean() < 0.9
-    assert (with_shadow[shadowed] == scene.views.bias[0]).all()
+    lit = scene.grid(in_sunlight(scene, low)) > 0
+    near_lit, near_shadow = uniform_filter(lit.astype(float), 3) > 1e-9, uniform_filter((~lit).astype(float), 3) > 1e-9
+    bias = scene.views.bias[0]
+    assert 0.02 < (~near_lit).mean() < 0.9
+    assert (with_shadow[~near_lit] == bias).all()
+    np.testing.assert_array_equal(with_shadow[~near_shadow], without[~near_shadow])
+    edge = near_lit & near_shadow & (without > bias)
+    assert ((with_shadow[edge] > bias) & (with_shadow[edge] < without[edge])).all()

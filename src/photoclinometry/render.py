@@ -45,8 +45,22 @@ def landmark_brightness(
     )
     radiance = landmarks.albedo * _model(scene)(*angles)
     if cast_shadows:
-        radiance = np.where(in_sunlight(scene, towards_sun), radiance, 0.0)
+        radiance = radiance * sunlit_share(scene, towards_sun)
     return views.scale[view] * radiance + views.bias[view] if with_scale_and_bias else radiance
+
+
+def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
+    """(J,) share of a landmark's surroundings, three reference pixels wide, that no other part of the map shades.
+
+    An image averages over its pixels and point-spread function, so that cast shadows have edges of about that width.
+    """
+    from scipy.ndimage import uniform_filter
+
+    lit = scene.grid(in_sunlight(scene, sun).astype(float))
+    present = np.isfinite(lit)
+    share = uniform_filter(np.where(present, lit, 0.0), 3) / np.maximum(uniform_filter(present.astype(float), 3), 0.1)
+    row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
+    return np.minimum(share[row, col], 1.0)
 
 
 def observation_brightness(scene: Scene, *, with_scale_and_bias: bool = True) -> np.ndarray:

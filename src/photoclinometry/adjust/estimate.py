@@ -26,6 +26,9 @@ log = logging.getLogger(__name__)
 ROUND_DECREASE = 1e-3
 """Relative decrease at which a round ends while gates and noise still change."""
 
+ROUND_STEPS = 8
+"""Steps at most of such a round."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class AdjustOptions:
@@ -175,7 +178,11 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     history: list[Iteration] = []
     lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
     sigma = _starting_sigma(scene, options, estimate, lit) if photometric else 0.0
-    loose = replace(options.solver, relative_decrease=max(options.solver.relative_decrease, ROUND_DECREASE))
+    loose = replace(
+        options.solver,
+        relative_decrease=max(options.solver.relative_decrease, ROUND_DECREASE),
+        max_steps=min(options.solver.max_steps, ROUND_STEPS),
+    )
     final = not photometric or options.max_rounds == 1
     solution = None
     for round_ in range(options.max_rounds if photometric else 1):
