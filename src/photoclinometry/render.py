@@ -54,13 +54,15 @@ def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
 
     An image averages over its pixels and point-spread function, so that cast shadows have edges of about that width.
     """
-    from scipy.ndimage import uniform_filter
+    from scipy.ndimage import convolve
 
     lit = scene.grid(in_sunlight(scene, sun).astype(float))
     present = np.isfinite(lit)
-    share = uniform_filter(np.where(present, lit, 0.0), 3) / np.maximum(uniform_filter(present.astype(float), 3), 0.1)
+    window = np.ones((3, 3))
+    around = convolve(present.astype(float), window, mode="constant")
+    share = convolve(np.where(present, lit, 0.0), window, mode="constant") / np.maximum(around, 1.0)
     row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
-    return np.minimum(share[row, col], 1.0)
+    return share[row, col]
 
 
 def observation_brightness(scene: Scene, *, with_scale_and_bias: bool = True) -> np.ndarray:
