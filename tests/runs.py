@@ -6,6 +6,8 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+import numba
+
 from photoclinometry import pipeline
 from photoclinometry.simulate.site import SimulationOptions, simulate_site
 
@@ -30,5 +32,11 @@ class Mapped:
 def map_small_site(folder: Path) -> Mapped:
     """Simulates and maps the small site in `folder`."""
     site = simulate_site(SITE, folder / "site")
-    result = pipeline.run(site, folder / "run")
+    threads = numba.get_num_threads()
+    # So small a map spends its time waiting for threads, milliseconds for each step on a busy machine.
+    numba.set_num_threads(1)
+    try:
+        result = pipeline.run(site, folder / "run")
+    finally:
+        numba.set_num_threads(threads)
     return Mapped(site, site.with_name("truth.h5"), folder / "run", result)
