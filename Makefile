@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test check clean
+.PHONY: demo test lint check clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -12,16 +12,19 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(READY)  ## simulate a small site, map it, and say where the report is
-	$(BIN)/phomo simulate --preset demo --out demo/site
+	test -f demo/site/site.toml || $(BIN)/phomo simulate --preset demo --out demo/site
 	$(BIN)/phomo run demo/site/site.toml --out demo/run
 	$(BIN)/phomo evaluate demo/run --truth demo/site/truth.h5
+	@echo report: demo/run/report/index.html
 
-check: $(READY)
+lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
 
-test: check
+check: lint  ## types too; pyright fetches its own checker from the npm registry
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+test: lint
 	$(BIN)/python -m pytest
 
 clean:

@@ -49,14 +49,10 @@ class Similarity:
         return self.scale * np.asarray(points) @ self.rotation.T + self.translation
 
     def inverse(self) -> Similarity:
-        return Similarity(
-            1.0 / self.scale, self.rotation.T, -self.rotation.T @ self.translation / self.scale
-        )
+        return Similarity(1.0 / self.scale, self.rotation.T, -self.rotation.T @ self.translation / self.scale)
 
     def __matmul__(self, other: Similarity) -> Similarity:
-        return Similarity(
-            self.scale * other.scale, self.rotation @ other.rotation, self(other.translation)
-        )
+        return Similarity(self.scale * other.scale, self.rotation @ other.rotation, self(other.translation))
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

@@ -108,10 +108,7 @@ class Views:
             name=tuple(self.name[k] for k in chosen),
             cameras=tuple(self.cameras[k] for k in chosen),
             body_from_cam=self.body_from_cam[chosen],
-            **{
-                key: getattr(self, key)[chosen]
-                for key in ("sun", "scale", "bias", "sun_measured", "sun_sigma")
-            },
+            **{key: getattr(self, key)[chosen] for key in ("sun", "scale", "bias", "sun_measured", "sun_sigma")},
         )
 
 
@@ -173,9 +170,7 @@ class Region:
 
     def pixel_centers(self) -> np.ndarray:
         """(height, width, 2) pixel coordinates (x, y) of the pixel centres."""
-        x, y = np.meshgrid(
-            self.col + 0.5 + np.arange(self.width), self.row + 0.5 + np.arange(self.height)
-        )
+        x, y = np.meshgrid(self.col + 0.5 + np.arange(self.width), self.row + 0.5 + np.arange(self.height))
         return np.stack([x, y], -1)
 
 
