@@ -247,7 +247,7 @@ def test_a_wrong_site_or_folder_leaves_nothing_behind(mapped, tmp_path):
 
 
 def test_importing_the_package_loads_nothing_heavy():
-    heavy = ("pycolmap", "matplotlib", "cv2", "astropy", "small_gicp", "embreex")
+    heavy = ("pycolmap", "matplotlib", "cv2", "astropy", "embreex")
     code = f"import sys, photoclinometry; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

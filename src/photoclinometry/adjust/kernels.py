@@ -10,7 +10,7 @@ precision throughout was measured to be wrong (the cost was off by 2e-5).
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, prange
@@ -26,7 +26,7 @@ STORED = 16
 """u by position 0:3, v by position 3:6; brightness by position 6:9, normal 9:11, albedo 11, Sun 12:14, scale 14, and
 its weight 15."""
 
-_FAST = dict(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+_FAST: dict[str, Any] = dict(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 
 
 class CameraState(NamedTuple):

@@ -107,7 +107,7 @@ def _cut(start, view, view_count, block_size):
     return cuts
 
 
-def spread(values: np.ndarray, place: np.ndarray, size: int, dtype=np.float64) -> np.ndarray:
+def spread(values: np.ndarray, place: np.ndarray, size: int, dtype: type = np.float64) -> np.ndarray:
     """Per-observation values (N,) laid out over `size` places, zero elsewhere."""
     out = np.zeros(size, dtype)
     out[place] = values

@@ -14,7 +14,7 @@ from photoclinometry.adjust.smoothing import Neighbours, add_smoothness, lineari
 from photoclinometry.geometry import Rigid, skew, so3_exp, so3_log, sphere_step, tangent_basis
 from photoclinometry.scene import Landmarks, Views
 
-COST_TERMS = ("keypoint", "brightness", "smoothness", "sun", "prior")
+COST_TERMS: tuple[str, ...] = ("keypoint", "brightness", "smoothness", "sun", "prior")
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,15 @@ Exit codes: 0 done, 1 the images do not determine what was asked, 2 misuse, 130 
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: parses, runs, and turns the package's errors into one line and an exit code."""
+    # Threads that wait should sleep, not spin: compiled loops are short, and other programs want the cores too.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     import tyro
 
     from photoclinometry.cli.evaluate import evaluate

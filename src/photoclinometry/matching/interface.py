@@ -68,7 +68,8 @@ class Matches:
 class Matcher(Protocol):
     """Anything that answers a request."""
 
-    name: str
+    @property
+    def name(self) -> str: ...
 
     def match(self, request: MatchRequest) -> Matches: ...
 
