@@ -107,7 +107,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     )
     views = views_from(site, sparse)
 
-    key = digest("region", key, input_fingerprint(site), options.region)
+    key = digest("region", key, site.region, options.region)
     place = folder.stage("region", key, lambda: _choose_place(site, sparse, images, views, options), _Place)
     region = Region(**dict(zip(("row", "col", "height", "width"), map(int, place.region), strict=True)))
 

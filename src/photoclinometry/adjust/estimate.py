@@ -16,9 +16,10 @@ from photoclinometry.adjust.layout import Measurements, build_layout, morton_ord
 from photoclinometry.adjust.problem import Estimate, Priors, Problem
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
 from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize
-from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.errors import ReconstructionError
 from photoclinometry.initialize import neighbours
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, photometric_angles
+from photoclinometry.render import observation_brightness
 from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 
 log = logging.getLogger(__name__)
@@ -231,15 +232,6 @@ def gate(scene: Scene, estimate: Estimate, options: AdjustOptions) -> np.ndarray
     return scene.tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
 
 
-def predicted_brightness(scene: Scene, views: Views, landmarks: Landmarks) -> np.ndarray:
-    """Brightness (N,) that the model gives for each observation (Eqs. 29, 30)."""
-    if scene.reflectance is None:
-        raise InputError("this scene was made without a reflectance model: it predicts no brightness")
-    tracks = scene.tracks
-    rho = scene.reflectance(*_angles(tracks, views, landmarks))
-    return views.scale[tracks.view] * landmarks.albedo[tracks.landmark] * rho + views.bias[tracks.view]
-
-
 def _angles(tracks: Tracks, views: Views, landmarks: Landmarks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """mu0, mu, phase (N,) of each observation."""
     view, landmark = tracks.view, tracks.landmark
@@ -250,7 +242,9 @@ def _angles(tracks: Tracks, views: Views, landmarks: Landmarks) -> tuple[np.ndar
 def _measured_sigma(scene: Scene, estimate: Estimate, lit: np.ndarray) -> float:
     """Brightness noise from the residuals: their median absolute value, scaled to a Gaussian's sigma and for
     the degrees of freedom that each landmark's normal and albedo take."""
-    residual = (predicted_brightness(scene, estimate.views, estimate.landmarks) - scene.tracks.brightness)[lit]
+    residual = (
+        observation_brightness(scene.with_estimate(estimate.views, estimate.landmarks)) - scene.tracks.brightness
+    )[lit]
     observations = len(residual)
     landmarks = np.count_nonzero(np.bincount(scene.tracks.landmark[lit]))
     freedom = max(observations - 3 * landmarks, 0.1 * observations) / observations

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from photoclinometry.adjust import kernels
+from photoclinometry.adjust.factors import sun_direction
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, STORED, CameraState, LandmarkState
 from photoclinometry.adjust.layout import Layout, Measurements
 from photoclinometry.adjust.smoothing import Neighbours, add_smoothness, linearize_smoothness
@@ -258,8 +259,6 @@ def _pose_offset(now: Views, start: Views) -> tuple[np.ndarray, np.ndarray]:
 
 def _sun_rows(views: Views) -> tuple[np.ndarray, np.ndarray]:
     """Whitened Sun residuals (K, 2) and Jacobians (K, 2, 5), see `factors.sun_direction`."""
-    from photoclinometry.adjust.factors import sun_direction
-
     rows = [
         sun_direction(*args)
         for args in zip(views.body_from_cam.rotation, views.sun, views.sun_measured, views.sun_sigma, strict=True)
