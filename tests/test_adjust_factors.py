@@ -152,32 +152,33 @@ def problem_of(scene, limits=(np.inf, np.inf), hide=0.0):
     return problem, brightness_weight, index, ~far
 
 
+def observation_factors(scene, estimate):
+    """For every observation: landmark, view, `factors.projection` and `factors.photometric` at problem_of's sigmas."""
+    views, points, tracks = estimate.views, estimate.landmarks, scene.tracks
+    for n, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
+        pose, position = views.body_from_cam[k], points.position[j]
+        projection = factors.projection(
+            pose.rotation, pose.translation, views.intrinsics[k], position, tracks.keypoint[n], 0.5, estimate.pivot
+        )
+        photometric = factors.photometric(
+            scene.reflectance.packed, pose.translation, views.sun[k], views.scale[k], views.bias[k],
+            position, points.normal[j], points.albedo[j], tracks.brightness[n], 0.003, estimate.pivot,
+        )  # fmt: skip
+        yield j, k, projection, photometric
+
+
 @pytest.mark.parametrize("limits", [(np.inf, np.inf), (1.0, 1.5)], ids=["squares", "huber"])
 def test_kernels_equal_the_factors(limits):
     """Cost, by kind of factor, of a scene in which a third of the observations are missing."""
     scene = some_tracks_missing(synthetic_scene(size=9, views=5, keypoint_noise_px=0.3, brightness_noise=0.01))
     problem, weight, index, present = problem_of(scene, limits, hide=0.3)
     estimate = perturbed(scene)
-    views, points, tracks = estimate.views, estimate.landmarks, scene.tracks
+    views, points = estimate.views, estimate.landmarks
     expected = np.zeros(4)
-    for n, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
-        pose = views.body_from_cam[k]
-        r = factors.projection(
-            pose.rotation,
-            pose.translation,
-            views.intrinsics[k],
-            points.position[j],
-            tracks.keypoint[n],
-            0.5,
-            estimate.pivot,
-        )[0]
+    for n, (_, _, (r, *_), (brightness, _)) in enumerate(observation_factors(scene, estimate)):
         expected[0] += factors.huber(r @ r, limits[0])
         if weight[n]:
-            r = factors.photometric(
-                scene.reflectance.packed, pose.translation, views.sun[k], views.scale[k], views.bias[k],
-                points.position[j], points.normal[j], points.albedo[j], tracks.brightness[n], 0.003, estimate.pivot,
-            )[0]  # fmt: skip
-            expected[1] += factors.huber(r * r, limits[1])
+            expected[1] += factors.huber(brightness * brightness, limits[1])
     for j, m in zip(*np.nonzero(present), strict=True):
         expected[2] += (
             factors.smoothness(points.position[j], points.normal[j], points.position[index[j, m]], 0.2)[0] ** 2
@@ -242,24 +243,11 @@ def test_product_equals_the_dense_normal_matrix():
 
 def dense_jacobian(scene, estimate):
     """(3 N, 10 K + 6 J) whitened Jacobian of projection and brightness, from the factors."""
-    views, points, tracks = estimate.views, estimate.landmarks, scene.tracks
-    base = 10 * len(views)
-    rows = np.zeros((3 * len(tracks), base + 6 * len(points)))
-    for n, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
-        pose, l, c = views.body_from_cam[k], base + 6 * j, 10 * k
-        _, by_position, by_pose = factors.projection(
-            pose.rotation,
-            pose.translation,
-            views.intrinsics[k],
-            points.position[j],
-            tracks.keypoint[n],
-            0.5,
-            estimate.pivot,
-        )
+    base = 10 * len(estimate.views)
+    rows = np.zeros((3 * len(scene.tracks), base + 6 * len(estimate.landmarks)))
+    for n, (j, k, projection, (_, row)) in enumerate(observation_factors(scene, estimate)):
+        _, by_position, by_pose = projection
+        l, c = base + 6 * j, 10 * k
         rows[3 * n : 3 * n + 2, l : l + 3], rows[3 * n : 3 * n + 2, c : c + 6] = by_position, by_pose
-        _, row = factors.photometric(
-            scene.reflectance.packed, pose.translation, views.sun[k], views.scale[k], views.bias[k],
-            points.position[j], points.normal[j], points.albedo[j], tracks.brightness[n], 0.003, estimate.pivot,
-        )  # fmt: skip
         rows[3 * n + 2, l : l + 6], rows[3 * n + 2, c : c + 10] = row[:6], row[6:]
     return rows

@@ -11,46 +11,20 @@ from photoclinometry.adjust.solver import SolverOptions, minimize
 from photoclinometry.errors import NotConvergedError
 from photoclinometry.geometry import so3_log
 from scenes import synthetic_scene
-from test_adjust_factors import dense_jacobian, perturbed, problem_of, some_tracks_missing
+from test_adjust_factors import dense_jacobian, observation_factors, perturbed, problem_of, some_tracks_missing
 
 TIGHT = SolverOptions(relative_decrease=1e-13, cg_tolerance=1e-8, max_steps=100, max_cg_iterations=2000)
 
 
 def residuals_of(scene, problem, index, present):
     """All whitened residuals as a function of an estimate, from the factors in plain NumPy."""
-    tracks, priors = scene.tracks, problem.priors
+    priors = problem.priors
 
     def residuals(estimate):
         views, points = estimate.views, estimate.landmarks
         out = []
-        for n, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
-            pose = views.body_from_cam[k]
-            out.extend(
-                factors.projection(
-                    pose.rotation,
-                    pose.translation,
-                    views.intrinsics[k],
-                    points.position[j],
-                    tracks.keypoint[n],
-                    0.5,
-                    estimate.pivot,
-                )[0]
-            )
-            out.append(
-                factors.photometric(
-                    scene.reflectance.packed,
-                    pose.translation,
-                    views.sun[k],
-                    views.scale[k],
-                    views.bias[k],
-                    points.position[j],
-                    points.normal[j],
-                    points.albedo[j],
-                    tracks.brightness[n],
-                    0.003,
-                    estimate.pivot,
-                )[0]
-            )
+        for _, _, (by_keypoint, *_), (by_brightness, _) in observation_factors(scene, estimate):
+            out.extend([*by_keypoint, by_brightness])
         for j, m in zip(*np.nonzero(present), strict=True):
             out.append(factors.smoothness(points.position[j], points.normal[j], points.position[index[j, m]], 0.2)[0])
         for k in range(len(views)):
