@@ -131,6 +131,8 @@ def problem_of(scene, limits=(np.inf, np.inf), hide=0.0):
         spread(tracks.brightness, place, size),
         spread(np.full(len(tracks), 2.0), place, size, np.float32),
         spread(brightness_weight, place, size, np.float32),
+        np.broadcast_to(np.asarray(limits[0], float), landmarks).copy(),
+        limits[1],
     )
     grid = np.arange(landmarks).reshape(scene.region.height, scene.region.width)
     index = np.stack([np.roll(grid, s, a).ravel() for a in (0, 1) for s in (-1, 1)], -1)
@@ -148,7 +150,7 @@ def problem_of(scene, limits=(np.inf, np.inf), hide=0.0):
         position=scene.landmarks.position,
     )
     neighbours = build_neighbours(index, ~far)
-    problem = Problem(layout, measured, neighbours, priors, scene.reflectance.packed, smooth_sigma=0.2, limits=limits)
+    problem = Problem(layout, measured, neighbours, priors, scene.reflectance.packed, smooth_sigma=0.2)
     return problem, brightness_weight, index, ~far
 
 
@@ -167,7 +169,9 @@ def observation_factors(scene, estimate):
         yield j, k, projection, photometric
 
 
-@pytest.mark.parametrize("limits", [(np.inf, np.inf), (1.0, 1.5)], ids=["squares", "huber"])
+@pytest.mark.parametrize(
+    "limits", [(np.inf, np.inf), (np.linspace(0.5, 1.5, 81), 1.5)], ids=["squares", "huber by landmark"]
+)
 def test_kernels_equal_the_factors(limits):
     """Cost, by kind of factor, of a scene in which a third of the observations are missing."""
     scene = some_tracks_missing(synthetic_scene(size=9, views=5, keypoint_noise_px=0.3, brightness_noise=0.01))
@@ -175,8 +179,9 @@ def test_kernels_equal_the_factors(limits):
     estimate = perturbed(scene)
     views, points = estimate.views, estimate.landmarks
     expected = np.zeros(4)
-    for n, (_, _, (r, *_), (brightness, _)) in enumerate(observation_factors(scene, estimate)):
-        expected[0] += factors.huber(r @ r, limits[0])
+    keypoint_limit = np.broadcast_to(limits[0], 81)
+    for n, (j, _, (r, *_), (brightness, _)) in enumerate(observation_factors(scene, estimate)):
+        expected[0] += factors.huber(r @ r, keypoint_limit[j])
         if weight[n]:
             expected[1] += factors.huber(brightness * brightness, limits[1])
     for j, m in zip(*np.nonzero(present), strict=True):

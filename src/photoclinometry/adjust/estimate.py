@@ -162,7 +162,8 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors."""
     tracks = scene.tracks
     layout, place = build_layout(tracks, len(scene.views))
-    dense = tracks.landmark < mapped
+    own = np.arange(len(scene.landmarks)) < mapped
+    dense = own[tracks.landmark]
     keypoint_sigma = np.where(dense, options.keypoint_sigma_px or tracks.keypoint_sigma, tracks.keypoint_sigma)
     keypoint_sigma = keypoint_sigma * np.where(dense, options.keypoint_correlation_px, 1.0)
     photometric = scene.reflectance is not None
@@ -173,6 +174,8 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
         spread(tracks.brightness, place, layout.place_start[-1]),
         spread(1.0 / keypoint_sigma, place, layout.place_start[-1], np.float32),
         np.zeros(layout.place_start[-1], np.float32),
+        options.keypoint_loss / np.where(own, options.keypoint_correlation_px, 1.0),
+        options.brightness_loss / options.brightness_correlation_px,
     )
     priors = _priors(scene, options, mapped)
     packed = scene.reflectance.packed if scene.reflectance is not None else np.zeros(3)
@@ -197,10 +200,6 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
             priors,
             packed,
             smooth_sigma=options.smooth_sigma_rad,
-            limits=(
-                options.keypoint_loss / options.keypoint_correlation_px,
-                options.brightness_loss / options.brightness_correlation_px,
-            ),
         )
         solver = options.solver if final else loose
         solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, progress=progress)

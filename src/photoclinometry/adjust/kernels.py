@@ -83,10 +83,10 @@ def _loss(squared, limit):
 
 
 @njit(**_FAST)
-def _keypoint_rows(j, place, view, cameras, landmarks, measured, limit, rows, residual):
+def _keypoint_rows(j, place, view, cameras, landmarks, measured, rows, residual):
     """Whitened projection rows of one landmark in all its slots (factors.projection); returns their cost."""
     rotation, center, intrinsics = cameras.rotation, cameras.center, cameras.intrinsics
-    weights, keypoint = measured.keypoint_weight, measured.keypoint
+    weights, keypoint, limit = measured.keypoint_weight, measured.keypoint, measured.keypoint_limit[j]
     p0, p1, p2 = landmarks.position[j, 0], landmarks.position[j, 1], landmarks.position[j, 2]
     total = 0.0
     for s in range(view.size):
@@ -111,10 +111,10 @@ def _keypoint_rows(j, place, view, cameras, landmarks, measured, limit, rows, re
 
 
 @njit(**_FAST)
-def _brightness_rows(j, place, view, packed, cameras, landmarks, measured, limit, rows, residual):
+def _brightness_rows(j, place, view, packed, cameras, landmarks, measured, rows, residual):
     """Whitened photometric rows of one landmark in all its slots (factors.photometric); returns their cost."""
     center, sun, scale, bias, sun_basis = cameras.center, cameras.sun, cameras.scale, cameras.bias, cameras.sun_basis
-    weights, brightness = measured.brightness_weight, measured.brightness
+    weights, brightness, limit = measured.brightness_weight, measured.brightness, measured.brightness_limit
     basis, albedo = landmarks.normal_basis, landmarks.albedo[j]
     p0, p1, p2 = landmarks.position[j, 0], landmarks.position[j, 1], landmarks.position[j, 2]
     n0, n1, n2 = landmarks.normal[j, 0], landmarks.normal[j, 1], landmarks.normal[j, 2]
@@ -227,9 +227,7 @@ def _widest(layout):
 
 
 @njit(**_FAST)
-def _linearize_part(
-    part, parts, layout, measured, cameras, landmarks, pivot, packed, limits, with_jacobian, stored, normal
-):
+def _linearize_part(part, parts, layout, measured, cameras, landmarks, pivot, packed, with_jacobian, stored, normal):
     """`linearize` for one thread's share of the blocks."""
     widest = _widest(layout)
     rows = np.zeros((STORED, widest))
@@ -253,10 +251,8 @@ def _linearize_part(
                 centers[i, s] = cameras.center[view[s], i] - pivot[i]
         for j in range(first, layout.landmark_start[b + 1]):
             place = layout.place_start[b] + (j - first) * slots
-            keypoint_cost += _keypoint_rows(j, place, view, cameras, landmarks, measured, limits[0], rows, residual)
-            brightness_cost += _brightness_rows(
-                j, place, view, packed, cameras, landmarks, measured, limits[1], rows, residual
-            )
+            keypoint_cost += _keypoint_rows(j, place, view, cameras, landmarks, measured, rows, residual)
+            brightness_cost += _brightness_rows(j, place, view, packed, cameras, landmarks, measured, rows, residual)
             if with_jacobian:
                 _add_landmark(rows, residual, slots, normal.landmark_block[j], normal.landmark_gradient[j])
                 _camera_rows(j, slots, centers, pivot, landmarks.position, rows, columns)
@@ -277,18 +273,15 @@ def _linearize_part(
 
 
 @njit(parallel=True, **_FAST)
-def linearize(layout, measured, cameras, landmarks, pivot, packed, limits, with_jacobian, stored, normal):
+def linearize(layout, measured, cameras, landmarks, pivot, packed, with_jacobian, stored, normal):
     """Cost of projection and brightness and, if asked, their Jacobian (`stored`) and normal equations.
 
-    pivot: (3,) as in `Estimate`. packed: `Reflectance.packed`. limits: (2,) Huber limits of keypoints and of
-    brightness, in sigmas.
+    pivot: (3,) as in `Estimate`. packed: `Reflectance.packed`.
     stored: (16 P,) float32, for every eight places the 16 rows of eight numbers. normal: `Normal`, overwritten.
     """
     parts = normal.cost.shape[0]
     for part in prange(parts):
-        _linearize_part(
-            part, parts, layout, measured, cameras, landmarks, pivot, packed, limits, with_jacobian, stored, normal
-        )
+        _linearize_part(part, parts, layout, measured, cameras, landmarks, pivot, packed, with_jacobian, stored, normal)
 
 
 @njit(**_FAST)

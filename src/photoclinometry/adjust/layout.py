@@ -39,7 +39,7 @@ class Layout(NamedTuple):
 
 
 class Measurements(NamedTuple):
-    """What was measured at each of P places; weights are zero where nothing was."""
+    """What was measured at each of P places; weights are zero where nothing was. And the losses of what was."""
 
     keypoint: np.ndarray
     """(2, P) float64 [px]."""
@@ -49,6 +49,10 @@ class Measurements(NamedTuple):
     """(P,) float32, 1 / sigma [1/px]."""
     brightness_weight: np.ndarray
     """(P,) float32, 1 / sigma."""
+    keypoint_limit: np.ndarray
+    """(J,) float64: Huber limit of each landmark's keypoints, in sigmas; infinite for least squares."""
+    brightness_limit: float
+    """Huber limit of every brightness, in sigmas."""
 
 
 def morton_order(pixel: np.ndarray) -> np.ndarray:

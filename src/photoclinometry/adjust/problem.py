@@ -108,13 +108,10 @@ class Problem:
         packed_reflectance: np.ndarray,
         *,
         smooth_sigma: float,
-        limits: tuple[float, float] = (np.inf, np.inf),
     ):
-        """neighbours: None leaves smoothness out. smooth_sigma [rad]. limits: Huber limits of keypoints and of
-        brightness, in standard deviations; infinite for least squares."""
+        """neighbours: None leaves smoothness out. smooth_sigma [rad]."""
         self.layout, self.measured, self.neighbours, self.priors = layout, measured, neighbours, priors
         self.packed, self.smooth_sigma = packed_reflectance, smooth_sigma
-        self.limits = np.array(limits, float)
         self.with_brightness = bool(np.any(measured.brightness_weight))
         views, landmarks = len(priors.views), len(priors.position)
         threads = numba.get_num_threads()
@@ -195,7 +192,7 @@ class Problem:
         )
         landmarks = LandmarkState(points.position, points.normal, tangent_basis(points.normal), points.albedo)
         kernels.linearize(
-            self.layout, self.measured, cameras, landmarks, estimate.pivot, self.packed, self.limits,
+            self.layout, self.measured, cameras, landmarks, estimate.pivot, self.packed,
             with_jacobian, self._stored, self._normal,
         )  # fmt: skip
         cost = np.zeros(len(COST_TERMS))
