@@ -63,7 +63,7 @@ def read_colmap(folder: Path | str) -> tuple[tuple[str, ...], tuple[Camera, ...]
 
 
 def _cameras_bytes(scene: Scene) -> bytes:
-    cameras = _distinct(scene)
+    cameras = distinct_cameras(scene)
     parts = [struct.pack("<Q", len(cameras))]
     for number, camera in enumerate(cameras, start=1):
         parts.append(struct.pack("<IiQQ", number, _MODEL_IDS[camera.model], camera.width, camera.height))
@@ -71,7 +71,8 @@ def _cameras_bytes(scene: Scene) -> bytes:
     return b"".join(parts)
 
 
-def _distinct(scene: Scene) -> list[Camera]:
+def distinct_cameras(scene: Scene) -> list[Camera]:
+    """The intrinsics of the views, each once, in the order of their first use."""
     return list(dict.fromkeys(scene.views.cameras))
 
 
@@ -84,7 +85,7 @@ def _images_bytes(scene: Scene, point_of_landmark: np.ndarray) -> tuple[bytes, n
     wxyz = Rotation.from_matrix(cam_from_body.rotation).as_quat(canonical=True, scalar_first=True)
     point = point_of_landmark[tracks.landmark]
     index = np.zeros(len(tracks), np.int64)
-    cameras = _distinct(scene)
+    cameras = distinct_cameras(scene)
     parts = [struct.pack("<Q", len(views))]
     for k, name in enumerate(views.name):
         seen = np.flatnonzero((tracks.view == k) & (point > 0))
@@ -98,27 +99,36 @@ def _images_bytes(scene: Scene, point_of_landmark: np.ndarray) -> tuple[bytes, n
 
 
 def _points_bytes(scene: Scene, chosen: np.ndarray, index: np.ndarray) -> bytes:
-    """points3D.bin; the error of a point is the RMS reprojection error of its track [px]."""
+    """points3D.bin; the error of a point is that of `reprojection_rms_px`."""
     tracks, landmarks = scene.tracks, scene.landmarks
-    squared = np.zeros(len(tracks))
-    for k in range(len(scene.views)):
-        seen = tracks.view == k
-        predicted = scene.views.project(k, landmarks.position[tracks.landmark[seen]])
-        squared[seen] = np.sum((predicted - tracks.keypoint[seen]) ** 2, -1)
-    grey = _grey_levels(landmarks.albedo)
+    errors = reprojection_rms_px(scene)
+    grey = grey_levels(landmarks.albedo)
     parts = [struct.pack("<Q", len(chosen))]
     for number, j in enumerate(chosen, start=1):
         rows = slice(tracks.start[j], tracks.start[j + 1])
         track = np.empty(rows.stop - rows.start, _ELEMENT)
         track["image"], track["index"] = tracks.view[rows] + 1, index[rows]
-        error = float(np.sqrt(squared[rows].mean())) if len(track) else -1.0
         colour = (int(grey[j]),) * 3
-        parts.append(struct.pack("<Q3d3BdQ", number, *landmarks.position[j], *colour, error, len(track)))
+        parts.append(struct.pack("<Q3d3BdQ", number, *landmarks.position[j], *colour, errors[j], len(track)))
         parts.append(track.tobytes())
     return b"".join(parts)
 
 
-def _grey_levels(albedo: np.ndarray) -> np.ndarray:
+def reprojection_rms_px(scene: Scene) -> np.ndarray:
+    """(J,) RMS distance between each landmark's keypoints and its projections [px]; COLMAP's -1 without any."""
+    tracks, landmarks = scene.tracks, scene.landmarks
+    landmark = tracks.landmark
+    squared = np.zeros(len(tracks))
+    for k in range(len(scene.views)):
+        seen = tracks.view == k
+        predicted = scene.views.project(k, landmarks.position[landmark[seen]])
+        squared[seen] = np.sum((predicted - tracks.keypoint[seen]) ** 2, -1)
+    count = np.diff(tracks.start)
+    mean = np.bincount(landmark, squared, len(count)) / np.maximum(count, 1)
+    return np.where(count > 0, np.sqrt(mean), -1.0)
+
+
+def grey_levels(albedo: np.ndarray) -> np.ndarray:
     """(J,) uint8: 0 for black, 255 for the 99th percentile of the albedo and above."""
     top = float(np.nanpercentile(albedo, 99)) if len(albedo) else 1.0
     return np.clip(np.nan_to_num(255.0 * albedo / (top if top > 0 else 1.0)), 0, 255).astype(np.uint8)
