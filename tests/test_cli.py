@@ -41,7 +41,7 @@ def fails(monkeypatch):
     return set_error
 
 
-@pytest.mark.parametrize("command", [(), ("run",), ("simulate",), ("render",), ("evaluate",), ("info",)])
+@pytest.mark.parametrize("command", [(), ("run",), ("refine",), ("simulate",), ("render",), ("evaluate",), ("info",)])
 def test_help_is_no_failure(command, capsys):
     assert phomo(*command, "--help") == 0
     assert len(capsys.readouterr().out.splitlines()) > 5

@@ -202,13 +202,12 @@ def test_geometry_alone_leaves_photometry_out(mapped, tmp_path):
     assert not [name for name in metrics if "albedo" in name]
 
 
-def test_auto_takes_lunar_lambert_for_calibrated_images_of_a_known_body_only(mapped):
-    site = read_site(mapped.site)
-    assert choose_reflectance("none", site) is None
-    assert choose_reflectance("auto", site).disk == "lunar-lambert"
-    assert choose_reflectance("auto", replace(site, brightness="dn")).disk == "mcewen"
-    assert choose_reflectance("auto", replace(site, body=None)).disk == "mcewen"
-    assert choose_reflectance("minnaert", site).disk == "minnaert"
+def test_auto_takes_lunar_lambert_for_calibrated_images_of_a_known_body_only():
+    assert choose_reflectance("none", "iof", "vesta") is None
+    assert choose_reflectance("auto", "iof", "vesta").disk == "lunar-lambert"
+    assert choose_reflectance("auto", "dn", "vesta").disk == "mcewen"
+    assert choose_reflectance("auto", "iof", None).disk == "mcewen"
+    assert choose_reflectance("minnaert", "iof", "vesta").disk == "minnaert"
 
 
 def test_a_sun_from_behind_the_ground_is_named(mapped, tmp_path, adjust_nothing):

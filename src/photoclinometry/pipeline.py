@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -91,9 +91,10 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     options = options or RunOptions()
     report_progress = progress or (lambda what, done, total: None)
     site = read_site(site_file)
-    reflectance = choose_reflectance(options.reflectance, site)
+    reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
     folder = open_run(out)
-    write_config(folder, site_file, options)
+    config = {"site": str(Path(site_file).resolve()), **asdict(options)}
+    write_config(folder, config)
     with folder.timed("images"):
         images = load_images(site, lambda done, total: report_progress("images", done, total))
     cameras = [view.camera for view in site.views]
@@ -124,22 +125,22 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     with folder.timed("initialise"):
         scene = initial_scene(site, sparse, images, views, int(place.reference), region, dense, reflectance)
     key = digest("adjust", key, options.reflectance, options.adjust)
-    adjustment = _adjust_or_read(folder, key, scene, anchors_from(sparse), options, report_progress)
-    scene = adjustment.scene
+    adjustment = adjust_or_read(folder, key, scene, options.adjust, report_progress, anchors_from(sparse))
     left_out = tuple(name for name, there in zip(views.name, sparse.registered, strict=True) if not there)
-    return _write_products(folder, site_file, scene, adjustment, images, options, left_out)
+    return write_products(folder, adjustment, images, config, left_out)
 
 
-def choose_reflectance(name: str, site: Site) -> Reflectance | None:
-    """The reflectance model that `RunOptions.reflectance` means for a site; None for geometry alone."""
+def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:
+    """The reflectance model that `RunOptions.reflectance` means for a site's brightness and body; None for geometry
+    alone."""
     if name == "none":
         return None
     if name != "auto":
-        return published(name, site.body)
-    calibrated = site.brightness == "iof" and has_published("lunar-lambert", site.body)
+        return published(name, body)
+    calibrated = brightness == "iof" and has_published("lunar-lambert", body)
     chosen = "lunar-lambert" if calibrated else "mcewen"
     log.info("reflectance: %s", chosen)
-    return published(chosen, site.body)
+    return published(chosen, body)
 
 
 def views_from(site: Site, sparse: SparseModel) -> Views:
@@ -281,10 +282,15 @@ def _check_suns(views: Views, position: np.ndarray, normal: np.ndarray, tracks: 
             )
 
 
-def _adjust_or_read(
-    folder: RunFolder, key: str, scene: Scene, anchors: Anchors, options: RunOptions, progress: Progress
+def adjust_or_read(
+    folder: RunFolder,
+    key: str,
+    scene: Scene,
+    options: AdjustOptions,
+    progress: Progress,
+    anchors: Anchors | None = None,
 ) -> Adjustment:
-    """The adjusted scene, from scene.h5 if that is of this key."""
+    """The adjusted scene, from the run folder's scene.h5 if that is of this key, else estimated and kept there."""
     from photoclinometry.adjust import Iteration
     from photoclinometry.io.scene_file import read_scene, write_scene
 
@@ -297,7 +303,7 @@ def _adjust_or_read(
         progress("adjust", steps, 0)
 
     def make() -> _Done:
-        adjustment = adjust(scene, options.adjust, anchors=anchors, progress=count)
+        adjustment = adjust(scene, options, anchors=anchors, progress=count)
         # Were the run killed between the two files, the old key must not stand beside the new scene.
         folder.forget("adjust")
         write_scene(file, adjustment.scene)
@@ -337,16 +343,17 @@ def _is_scene(file: Path) -> bool:
     return True
 
 
-def _write_products(
+def write_products(
     folder: RunFolder,
-    site_file: Path,
-    scene: Scene,
     adjustment: Adjustment,
     images: Sequence[Image],
-    options: RunOptions,
+    config: Mapping[str, Any],
     left_out: tuple[str, ...],
 ) -> RunResult:
-    """landmarks.ply, sparse/, metrics.json and the report."""
+    """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
+
+    config: what shaped the run, for the report; left_out: names of views that are not in the scene.
+    """
     from photoclinometry.evaluate import evaluate_scene, view_table
     from photoclinometry.io.atomic import write_text
     from photoclinometry.io.colmap import write_colmap
@@ -354,6 +361,7 @@ def _write_products(
     from photoclinometry.report import write_report
     from photoclinometry.tables import json_numbers
 
+    scene = adjustment.scene
     with folder.timed("products"):
         write_ply(folder.path / "landmarks.ply", scene, mesh=True)
         write_colmap(folder.path / "sparse", scene)
@@ -373,7 +381,7 @@ def _write_products(
             per_view=rows,
             stages=[asdict(stage) for stage in folder.stages],
             convergence=[i.cost for i in adjustment.log if i.accepted],
-            options={"site": str(site_file), **asdict(options)},
+            options=config,
         )
     summary = {
         "metrics": json_numbers(metrics),
@@ -386,8 +394,8 @@ def _write_products(
     return RunResult(scene, adjustment, metrics, page, left_out)
 
 
-def write_config(folder: RunFolder, site_file: Path, options: RunOptions) -> None:
-    """config.toml: the site and every option, defaults included."""
+def write_config(folder: RunFolder, config: Mapping[str, Any]) -> None:
+    """config.toml: what was mapped, and every option, defaults included."""
     import tomli_w
 
     from photoclinometry.io.atomic import write_text
@@ -397,5 +405,4 @@ def write_config(folder: RunFolder, site_file: Path, options: RunOptions) -> Non
             return {key: plain(v) for key, v in value.items() if v is not None}
         return list(value) if isinstance(value, tuple) else value
 
-    content = {"site": str(Path(site_file).resolve()), "version": __version__, **plain(asdict(options))}
-    write_text(folder.path / "config.toml", tomli_w.dumps(content))
+    write_text(folder.path / "config.toml", tomli_w.dumps({"version": __version__, **plain(dict(config))}))

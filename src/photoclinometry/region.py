@@ -222,9 +222,10 @@ def pixels_of_landmarks(xy: np.ndarray, camera: Camera) -> tuple[np.ndarray, Reg
     for rank in range(len(around)):
         choice = order[homeless, rank]
         wanted = own[homeless] + around[choice]
-        cell = np.ravel_multi_index(tuple((wanted - corner).T), free.shape)
+        cell = np.asarray(np.ravel_multi_index(tuple((wanted - corner).T), free.shape))
         by_distance = np.argsort(distance[homeless, choice], kind="stable")
-        settled = by_distance[np.unique(cell[by_distance], return_index=True)[1]]
+        _, first = np.unique(cell[by_distance], return_index=True)
+        settled = by_distance[first]
         settled = settled[free.flat[cell[settled]]]
         free.flat[cell[settled]] = False
         pixel[homeless[settled]] = wanted[settled]

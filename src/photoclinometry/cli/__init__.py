@@ -18,12 +18,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from photoclinometry.cli.evaluate import evaluate
     from photoclinometry.cli.info import info
+    from photoclinometry.cli.refine import refine
     from photoclinometry.cli.render import render
     from photoclinometry.cli.run import run
     from photoclinometry.cli.simulate import simulate
     from photoclinometry.errors import InputError, PhotoclinometryError
 
-    commands = {"simulate": simulate, "run": run, "render": render, "evaluate": evaluate, "info": info}
+    commands = {
+        "simulate": simulate,
+        "run": run,
+        "refine": refine,
+        "render": render,
+        "evaluate": evaluate,
+        "info": info,
+    }
     try:
         tyro.extras.subcommand_cli_from_dict(
             commands,

@@ -13,6 +13,7 @@ Driver et al. (2025), data and code: github.com/travisdriver/phomo, huggingface.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,6 +45,7 @@ from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 DEFAULT_KEYPOINT_SIGMA_PX = 1.0
 """The paper's value; the files hold no standard deviations."""
 
+_FILES = ("cameras.txt", "images.txt", "points3D.txt")
 _UNIT = 1e-12
 """Vectors this near to unit length are taken as they stand, so that what was written reads back the same."""
 
@@ -81,8 +83,8 @@ def read_text_model(
     themselves.
     """
     folder = Path(folder)
-    images_file, points_file = folder / "images.txt", folder / "points3D.txt"
-    images = read_images(images_file, read_cameras(folder / "cameras.txt"))
+    cameras_file, images_file, points_file = (folder / name for name in _FILES)
+    images = read_images(images_file, read_cameras(cameras_file))
     points = read_points(points_file)
     views = _views(images, sun_sigma_rad)
     image, row = keypoint_rows(points_file, points, images)
@@ -120,6 +122,15 @@ def read_text_model(
     return TextModel(scene=scene, image_id=np.array([i.id for i in images], np.int64), point_id=points.id)
 
 
+def model_fingerprint(folder: Path) -> str:
+    """A digest of the files of a model that has been read: another model has another."""
+    whole = hashlib.sha256()
+    for name in _FILES:
+        with open(folder / name, "rb") as file:
+            whole.update(hashlib.file_digest(file, "sha256").digest())
+    return whole.hexdigest()
+
+
 def write_text_model(
     folder: Path | str, scene: Scene, *, image_id: np.ndarray | None = None, point_id: np.ndarray | None = None
 ) -> None:
@@ -138,11 +149,12 @@ def write_text_model(
     index = _index_in_view(scene.tracks, len(scene.views))
     with atomic_path(folder) as temporary:
         temporary.mkdir()
-        for name, lines in (
-            ("cameras.txt", _camera_lines(scene)),
-            ("images.txt", _image_lines(scene, images, points)),
-            ("points3D.txt", _point_lines(scene, images, points, index)),
-        ):
+        parts = (
+            _camera_lines(scene),
+            _image_lines(scene, images, points),
+            _point_lines(scene, images, points, index),
+        )
+        for name, lines in zip(_FILES, parts, strict=True):
             with open(temporary / name, "w", encoding="utf-8", newline="\n") as file:
                 file.writelines(line + "\n" for line in lines)
 

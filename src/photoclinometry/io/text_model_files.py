@@ -157,7 +157,7 @@ def read_points(path: Path) -> PointLines:
     _check_count(path, "points", len(ids))
     again = _repeated(ids)
     if again is not None:
-        raise fault(path, line[again], f"point {ids[again]} is there twice; give each point its own number")
+        raise fault(path, int(line[again]), f"point {ids[again]} is there twice; give each point its own number")
     return PointLines(line, ids, column, np.concatenate([[0], np.cumsum(length)]), image_id, index)
 
 
@@ -167,13 +167,13 @@ def _points(path: Path, rows: Rows) -> tuple[np.ndarray, ...]:
     wrong = np.flatnonzero((size < _POINT_NUMBERS) | ((size - _POINT_NUMBERS) % 2 != 0))
     if len(wrong):
         what = f"holds {size[wrong[0]]} values, expected {POINT_FIELDS} and pairs of IMAGE_ID POINT2D_IDX; cut short?"
-        raise fault(path, rows.line[wrong[0]], what)
+        raise fault(path, int(rows.line[wrong[0]]), what)
     fixed = rows.start[:-1, None] + np.arange(_POINT_NUMBERS)
     column = rows.value[fixed]
     zero = np.flatnonzero(~column[:, 4:7].any(-1))
     if len(zero):
         what = f"the normal of point {column[zero[0], 0]:.0f} is zero; was this model made of geometry alone?"
-        raise fault(path, rows.line[zero[0]], what)
+        raise fault(path, int(rows.line[zero[0]]), what)
     tracked = np.ones(len(rows.value), bool)
     tracked[fixed] = False
     pair = rows.value[tracked].reshape(-1, 2)
@@ -183,7 +183,7 @@ def _points(path: Path, rows: Rows) -> tuple[np.ndarray, ...]:
         bad = first_not_whole(values)
         if bad is not None:
             what = f"{values[bad]:.17g} is no POINT3D_ID, IMAGE_ID or POINT2D_IDX, which are whole numbers from 0"
-            raise fault(path, rows.line[row[bad]], what)
+            raise fault(path, int(rows.line[row[bad]]), what)
     ids, pair = column[:, 0].astype(np.int64), pair.astype(np.int64)
     return rows.line, ids, column, length, pair[:, 0], pair[:, 1]
 
@@ -197,7 +197,7 @@ def keypoint_rows(path: Path, points: PointLines, images: Sequence[ImageLines]) 
 
     def complain(observation: int, what: str) -> InputError:
         j = point[observation]
-        return fault(path, points.line[j], f"the track of point {points.id[j]} {what}")
+        return fault(path, int(points.line[j]), f"the track of point {points.id[j]} {what}")
 
     numbers = np.array([i.id for i in images])
     order = np.argsort(numbers)

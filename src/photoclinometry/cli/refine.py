@@ -1,0 +1,38 @@
+"""`phomo refine`: from a text model to a better one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from photoclinometry.cli.terminal import log_to, progress_bars, say_result
+from photoclinometry.refine import RefineOptions
+
+
+def refine(
+    model: tyro.conf.Positional[Path],
+    /,
+    out: Path,
+    options: Annotated[RefineOptions, tyro.conf.arg(name="")] = RefineOptions(),  # noqa: B008
+) -> None:
+    """Refine a model in the text format of the paper's authors by the joint estimate alone.
+
+    The folder gets the refined model, in model/, and what `phomo run` leaves: landmarks.ply, sparse/, scene.h5,
+    metrics.json and a report. The images are not needed.
+
+    Args:
+        model: Folder with cameras.txt, images.txt and points3D.txt.
+        out: Folder for the result; new, empty, or that of an earlier run of the same model.
+        options: What the files do not say, and how the estimate is made.
+    """
+    from rich.console import Console
+
+    from photoclinometry import refine as library
+
+    start = library.read_start(model, options)  # a mistake there leaves no run folder behind
+    console = Console(stderr=True)
+    with progress_bars(console) as progress, log_to(out, console):
+        result = library.refine(start, out, options, progress)
+    say_result(console, result, "too few lit observations")

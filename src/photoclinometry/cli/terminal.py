@@ -1,0 +1,89 @@
+"""What a long command shows while it works: progress bars, and the package's log."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from photoclinometry.pipeline import Progress, RunResult
+
+
+@contextmanager
+def progress_bars(console) -> Iterator[Progress]:
+    """A bar on the console for everything whose progress is told."""
+    from rich import progress as bar
+
+    columns = (
+        bar.TextColumn("{task.description:18}"),
+        bar.BarColumn(),
+        bar.MofNCompleteColumn(),
+        bar.TimeElapsedColumn(),
+    )
+    with bar.Progress(*columns, console=console) as bars:
+        tasks: dict[str, bar.TaskID] = {}
+
+        def progress(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(what, total=None)
+            bars.update(tasks[what], completed=done, total=total or None)
+
+        yield progress
+
+
+def say_result(console, result: RunResult, why_left_out: str) -> None:
+    """What was mapped and what is wanting, on the console; the report's page on standard output."""
+    for name in result.left_out:
+        console.print(f"{why_left_out}, left out: {name}", highlight=False)
+    psnr = result.metrics.get("psnr_mean_db")
+    quality = f", mean PSNR {psnr:.1f} dB" if psnr is not None else ""
+    console.print(f"{len(result.scene.landmarks)} landmarks in {len(result.scene.views)} views{quality}")
+    if not result.adjustment.converged:
+        console.print(f"the joint estimate has not converged: {result.adjustment.message}")
+    print(result.report)
+
+
+class log_to:
+    """While open, the package's log goes to OUT/log (all of it) and to the terminal (stages, warnings)."""
+
+    def __init__(self, out: Path, console):
+        self.out, self.console = Path(out), console
+
+    def __enter__(self):
+        from photoclinometry.errors import RunFolderError
+        from photoclinometry.runfolder import open_run
+
+        self.logger = logging.getLogger("photoclinometry")
+        self.level = self.logger.level
+        open_run(self.out)
+        try:
+            file = logging.FileHandler(self.out / "log", encoding="utf-8")
+        except OSError as error:
+            reason = error.strerror or error
+            raise RunFolderError(f"{self.out / 'log'}: cannot be written: {reason}; choose another --out") from error
+        file.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+        terminal = _Terminal(self.console)
+        terminal.setLevel(logging.INFO)
+        self.handlers = [file, terminal]
+        self.logger.setLevel(logging.DEBUG)
+        for handler in self.handlers:
+            self.logger.addHandler(handler)
+        return self
+
+    def __exit__(self, *exception):
+        if exception[0] is not None:
+            self.logger.error("stopped: %s: %s", exception[0].__name__, exception[1])
+        for handler in self.handlers:
+            self.logger.removeHandler(handler)
+            handler.close()
+        self.logger.setLevel(self.level)
+
+
+class _Terminal(logging.Handler):
+    def __init__(self, console):
+        super().__init__()
+        self.console = console
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.console.print(record.getMessage(), highlight=False, markup=False)

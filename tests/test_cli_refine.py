@@ -1,0 +1,49 @@
+"""`phomo refine`: what it says, where, and that mistakes leave nothing behind."""
+
+import pytest
+
+from photoclinometry.cli import main
+from photoclinometry.io.text_model import read_text_model, write_text_model
+from scenes import synthetic_scene
+
+
+def phomo(*arguments) -> int:
+    """Runs the command; its exit code."""
+    try:
+        main([str(a) for a in arguments])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("text") / "model"
+    write_text_model(folder, synthetic_scene(size=12, views=4, keypoint_noise_px=0.05, brightness_noise=1e-3))
+    return folder
+
+
+def test_refine_writes_a_run_folder_that_the_other_commands_read(model, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    out = tmp_path / "out"
+    options = ("--reflectance", "lunar-lambert", "--body", "vesta", "--min-observations", 4)
+    assert phomo("refine", model, "--out", out, *options, "--adjust.solver.max-steps", 3) == 0
+    said = capsys.readouterr()
+    assert said.out.strip() == str(out / "report" / "index.html")
+    assert "144 landmarks in 4 views" in said.err
+    assert "adjust" in (out / "log").read_text()
+    assert len(read_text_model(out / "model").scene.landmarks) == 144
+    assert phomo("info", out) == 0
+    assert "144 landmarks, 4 views" in capsys.readouterr().out
+    assert phomo("evaluate", out, "--no-images") == 0
+    assert "keypoint residual" in capsys.readouterr().out
+    assert phomo("evaluate", out) == 2
+    assert "give --site PATH/site.toml, or --no-images" in capsys.readouterr().err
+
+
+def test_a_mistake_leaves_no_folder(model, tmp_path, capsys):
+    assert phomo("refine", tmp_path / "none", "--out", tmp_path / "out") == 2
+    assert "cameras.txt: there is no such file" in capsys.readouterr().err
+    assert phomo("refine", model, "--out", tmp_path / "out", "--reflectance", "lunar-lambert") == 2
+    assert "no published lunar-lambert coefficients for body None" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
