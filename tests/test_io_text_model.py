@@ -124,6 +124,17 @@ def test_the_estimated_suns_are_written(model, scene):
     np.testing.assert_allclose(read_text_model(model).scene.views.sun, sun, atol=2e-15)
 
 
+def test_line_ends_of_windows_and_images_without_keypoints_are_read(model):
+    image = "5 1 0 0 0 0 0 9 0 0 -1 0 empty.png 1 0\n\n"
+    expected = read_text_model(write_files(model)).scene
+    lines = {k: v.replace("\n", "\r\n") for k, v in {"images": IMAGES + image, "points": POINTS}.items()}
+    found = read_text_model(write_files(model, **lines)).scene
+    assert found.views.name == ("a.png", "b.png", "empty.png")
+    assert found.tracks.view.tolist() == expected.tracks.view.tolist()
+    assert found.tracks.keypoint.tobytes() == expected.tracks.keypoint.tobytes()
+    assert found.landmarks.position.tobytes() == expected.landmarks.position.tobytes()
+
+
 def test_the_files_own_numbers_are_kept(tmp_path, model):
     found = read_text_model(write_files(model))
     write_text_model(tmp_path / "again", found.scene, image_id=found.image_id, point_id=found.point_id)
@@ -193,7 +204,7 @@ def test_a_missing_file_is_named(model, name):
         (" 100 80 1000.0 1000.0 50.0 40.0", "", r"line 2: holds 2 values, expected CAMERA_ID MODEL"),
         ("0 PINHOLE", "0 OPENCV", r"line 2: camera 0: camera model 'OPENCV' is not supported .* undistort"),
         ("40.0\n", "\n", r"line 2: camera 0: camera model PINHOLE has 4 parameters, got 3"),
-        ("1000.0 50", "nan 50", r"line 2: value 2 is 'nan'"),
+        ("1000.0 50", "nan 50", r"line 2: value 6 is 'nan'"),
         ("40.0\n", "40.0\n0 PINHOLE 9 9 9 9 9 9\n", r"line 3: camera 0 is there twice"),
         ("# ", "# Number of cameras: 2\n# ", r": holds 1 cameras, 2 are announced"),
         ("# CAMERA_ID, MODEL", "\xe9", r"line 1: is not UTF-8"),

@@ -82,7 +82,7 @@ def read_cameras(path: Path) -> dict[int, Camera]:
         if len(words) < 5:
             raise fault(path, line, f"holds {len(words)} values, expected {CAMERA_FIELDS}")
         number, width, height = _integers(path, line, "CAMERA_ID, WIDTH and HEIGHT", *words[:1], *words[2:4])
-        params = parse_numbers(path, line, " ".join(words[4:]).encode())
+        params = parse_numbers(path, line, " ".join(["0"] * 4 + words[4:]).encode())[4:]
         if number in cameras:
             raise fault(path, line, f"camera {number} is there twice; give each camera its own number")
         try:
