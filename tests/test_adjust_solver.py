@@ -13,7 +13,14 @@ from photoclinometry.geometry import so3_log
 from scenes import synthetic_scene
 from test_adjust_factors import dense_jacobian, observation_factors, perturbed, problem_of, some_tracks_missing
 
-TIGHT = SolverOptions(relative_decrease=1e-13, cg_tolerance=1e-8, max_steps=100, max_cg_iterations=2000)
+TIGHT = SolverOptions(
+    relative_decrease=1e-13,
+    absolute_decrease=0,
+    truncation=1e-10,
+    final_truncation=1e-12,
+    max_steps=100,
+    max_cg_iterations=2000,
+)
 
 
 def residuals_of(scene, problem, index, present):

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.adjust.kernels import _FAST, LANDMARK_SIZE
+from photoclinometry.adjust.krylov import conjugate_gradients
 
 _LIMIT = 1.0 - 1e-9
 """|d . n| is kept below this: the slope of asin is infinite at 1, where a neighbour lies along the normal."""
@@ -168,6 +169,35 @@ def chebyshev_step(neighbours, rows, inverse, b, x, direction, keep, gain, x_out
             d = keep * direction[j, i] + gain * defect
             direction_out[j, i] = d
             x_out[j, i] = x[j, i] + d
+
+
+def lowest_eigenvalue(
+    neighbours: Neighbours, rows: np.ndarray, block: np.ndarray, inverse: np.ndarray, iterations: int = 12
+) -> float:
+    """About the smallest eigenvalue of D^-1 P (see `solve_approximately`), from above.
+
+    The smallest Ritz value of some conjugate gradients with a random right-hand side. block, inverse: (J, 6, 6)
+    float32, D and D^-1.
+    """
+    shape = inverse.shape[:2]
+
+    def multiply(x: np.ndarray) -> np.ndarray:
+        out = np.empty(shape, np.float32)
+        multiply_landmarks(neighbours, rows, block, x.reshape(shape).astype(np.float32), out)
+        return out.ravel().astype(float)
+
+    def precondition(x: np.ndarray) -> np.ndarray:
+        out = np.empty(shape, np.float32)
+        apply_blocks(inverse, x.reshape(shape).astype(np.float32), np.float32(1.0), out)
+        return out.ravel().astype(float)
+
+    b = np.random.default_rng(0).normal(size=shape).ravel()
+    return float(conjugate_gradients(multiply, precondition, b, max_iterations=iterations).ritz_values()[0])
+
+
+def chebyshev_degree(low: float, reduction: float) -> int:
+    """Degree at which errors along eigenvalues of (low, 2) shrink by the factor `reduction`."""
+    return math.ceil(math.acosh(1.0 / reduction) / math.acosh((2.0 + low) / (2.0 - low)))
 
 
 def solve_approximately(

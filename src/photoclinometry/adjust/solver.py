@@ -4,8 +4,8 @@
 
 H is never formed: observations are multiplied through their stored rows (`kernels.multiply`), smoothness pair
 by pair. The preconditioner is each view's 10 x 10 block and, for landmarks, a Chebyshev polynomial that deals
-with the coupling of neighbours, which is what makes this problem stiff. (An exact Schur complement onto the
-cameras did not lower the count of iterations.)
+with the coupling of neighbours, as much as there is of it. (An exact Schur complement onto the cameras did not lower
+the count of iterations, nor did weakly determined directions remembered from earlier solves.)
 
 Two safeguards keep it from stalling. A landmark's step is cut to half a ground sample: the smoothness residual
 saturates, and one landmark that leaps becomes a spike that spoils every later step of all. And damping may fall far:
@@ -19,14 +19,32 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
+from photoclinometry.adjust.krylov import conjugate_gradients
 from photoclinometry.adjust.problem import COST_TERMS, Estimate, NormalEquations, Problem
-from photoclinometry.adjust.smoothing import apply_blocks, multiply_landmarks, solve_approximately
+from photoclinometry.adjust.smoothing import (
+    apply_blocks,
+    chebyshev_degree,
+    lowest_eigenvalue,
+    multiply_landmarks,
+    solve_approximately,
+)
 from photoclinometry.errors import NotConvergedError
 
 log = logging.getLogger(__name__)
+
+FAST = 0.02
+"""Share of the cost by which a step lowers it while there is no use in solving the next one well."""
+
+ENOUGH = 1e-3
+"""A linear solve ends when what is left to gain is less than this share of what counts as convergence."""
+
+_LIGHT_DAMPING = 1e-4
+"""Damping up to which the linear model's promise is that of the problem itself."""
 
 MAX_TURN = 0.5
 """A normal turns by this at most in one step [rad]."""
@@ -42,19 +60,24 @@ class SolverOptions:
     max_steps: int = 30
     """Levenberg-Marquardt steps at most."""
     relative_decrease: float = 1e-5
-    """Converged when two successive steps lower the cost by less than this share."""
+    """Converged when two successive steps lower the cost by less than this share, or one that promised no more ..."""
+    absolute_decrease: float = 0.5
+    """... or by less than this, in squared standard deviations: no variable then moves by a standard deviation."""
     initial_damping: float = 1e-5
     """Added to the diagonal of the normal equations, relative to it."""
     min_damping: float = 1e-12
     """Damping never falls below this."""
-    cg_tolerance: float = 1e-2
-    """A linear solve ends when its preconditioned residual has fallen by this factor (0.1 was too lax)."""
+    truncation: float = 0.1
+    """A linear solve ends when its last iteration lowered the linear model's cost by less than this share of the mean
+    over its iterations (Nash and Sofer 1990, doi:10.1016/0167-6377(90)90064-D), while the cost falls fast ..."""
+    final_truncation: float = 1e-3
+    """... and by less than this share afterwards: what is weakly determined comes last, after a lull."""
     max_cg_iterations: int = 200
     """Conjugate-gradient iterations at most, per step."""
-    chebyshev_degree: int = 8
-    """Degree of the landmarks' preconditioner."""
-    chebyshev_low: float = 0.04
-    """Lower end of the eigenvalues that it treats, out of (0, 2]."""
+    chebyshev_low: float = 0.02
+    """Lowest eigenvalue that the landmarks' preconditioner treats, out of (0, 2]; fewer where there are none so low."""
+    chebyshev_reduction: float = 0.4
+    """By how much it shrinks errors; sets the polynomial's degree."""
 
 
 @dataclass(frozen=True)
@@ -109,32 +132,47 @@ def minimize(
     estimate, damping = start, options.initial_damping
     cost, equations = problem.linearize(estimate)
     history = [_iteration(cost, damping, 0, True, 0.0, 0.0, 0.0)]
-    small, growth = 0, 4.0
+    small, growth, fast = 0, 4.0, True
     message = f"no convergence within {options.max_steps} steps"
     for _ in range(options.max_steps):
         wall, cpu = time.perf_counter(), time.process_time()
-        camera, landmark, iterations = _solve(problem, equations, damping, options)
-        promised = _promised_decrease(equations, damping, camera, landmark)
-        candidate, new_cost, share, moved = _descend(problem, estimate, float(cost.sum()), camera, landmark, step_limit)
-        accepted = bool(new_cost.sum() <= cost.sum())
+        total = float(cost.sum())
+        system = _Damped(problem, equations, damping, options)
+        solve = conjugate_gradients(
+            system.multiply,
+            system.precondition,
+            -np.concatenate([equations.camera_gradient.ravel(), equations.landmark_gradient.ravel()]),
+            max_iterations=options.max_cg_iterations,
+            truncation=options.truncation if fast else options.final_truncation,
+            enough=ENOUGH * max(options.relative_decrease * total, options.absolute_decrease),
+        )
+        camera, landmark = system.split(solve.x)
+        trial = _descend(problem, estimate, total, camera, landmark, step_limit)
+        new_cost, moved, used = trial.cost, trial.moved, damping
+        accepted = bool(new_cost.sum() <= total)
         if accepted:
-            expected = promised * share * (2.0 - share)
-            gain = share * (cost.sum() - new_cost.sum()) / expected if expected > 0 else 1.0
-            decrease = 1.0 - new_cost.sum() / cost.sum() if cost.sum() > 0 else 0.0
-            small = small + 1 if decrease < options.relative_decrease else 0
-            estimate, growth = candidate, 4.0
-            cost, equations = problem.linearize(estimate)
-            used, damping = damping, max(damping * _relief(gain), options.min_damping)
+            promised = _promised_decrease(system, damping, trial.moves)
+            gain = (total - new_cost.sum()) / promised if promised > 0 else 1.0
+            limit = max(options.relative_decrease * total, options.absolute_decrease)
+            small = small + 1 if total - new_cost.sum() <= limit else 0
+            fast = total - new_cost.sum() > FAST * total
+            if small and promised <= limit and damping <= _LIGHT_DAMPING:
+                small = 2
+            estimate, cost, growth = trial.estimate, new_cost, 4.0
+            damping = max(damping * _relief(gain), options.min_damping)
         else:
-            used, damping = damping, damping * growth
-            growth *= 2.0
+            damping, growth = damping * growth, 2.0 * growth
+        if trial.equations is not None:
+            equations = trial.equations
+        else:
+            _, equations = problem.linearize(estimate)
         spent = time.perf_counter() - wall, time.process_time() - cpu
-        history.append(_iteration(cost if accepted else new_cost, used, iterations, accepted, moved, *spent))
+        history.append(_iteration(new_cost, used, solve.iterations, accepted, moved, *spent))
         if progress is not None:
             progress(history[-1])
         log.debug("step %d: %s", len(history) - 1, history[-1])
         if small == 2:
-            message = f"converged: two steps lowered the cost by less than {options.relative_decrease:g}"
+            message = "converged: the cost no longer falls"
             break
         if damping > 1e8:
             # no downhill step however short: the cost is flat to rounding
@@ -146,11 +184,14 @@ def minimize(
     return Solution(estimate, converged, message, tuple(history))
 
 
-def _promised_decrease(equations: NormalEquations, damping: float, camera: np.ndarray, landmark: np.ndarray) -> float:
-    """By how much the linear model lowers the cost along the solution of the damped equations."""
+def _promised_decrease(system: _Damped, damping: float, moves: np.ndarray) -> float:
+    """By how much the linear model lowers the cost along the moves made (10 K + 6 J,)."""
+    equations = system.equations
+    camera, landmark = system.split(moves)
     damped = np.einsum("kcc,kc->", equations.camera_block, camera**2)
     damped += np.einsum("jcc,jc->", equations.landmark_block, landmark**2)
-    return -_dot(equations.camera_gradient, equations.landmark_gradient, camera, landmark) + damping * float(damped)
+    downhill = np.vdot(equations.camera_gradient, camera) + np.vdot(equations.landmark_gradient, landmark)
+    return float(damping * damped - 2.0 * downhill - np.vdot(moves, system.multiply(moves)))
 
 
 def _relief(gain: float) -> float:
@@ -159,70 +200,66 @@ def _relief(gain: float) -> float:
     return float(np.clip(1.0 - (2.0 * gain - 1.0) ** 3, 0.1, 2.0))
 
 
-def _solve(problem: Problem, equations: NormalEquations, damping: float, options: SolverOptions):
-    """Camera step (K, 10), landmark step (J, 6) and the conjugate-gradient iterations taken."""
-    system = _Damped(problem, equations, damping, options)
-    residual_c, residual_l = -equations.camera_gradient, -equations.landmark_gradient
-    x_c, x_l = np.zeros_like(residual_c), np.zeros_like(residual_l)
-    z_c, z_l = system.precondition(residual_c, residual_l)
-    p_c, p_l = z_c.copy(), z_l.astype(float)
-    fit = first = _dot(residual_c, residual_l, z_c, z_l)
-    iterations = 0
-    while iterations < options.max_cg_iterations and fit > options.cg_tolerance**2 * first:
-        iterations += 1
-        h_c, h_l = system.multiply(p_c, p_l)
-        alpha = fit / _dot(p_c, p_l, h_c, h_l)
-        x_c += alpha * p_c
-        x_l += alpha * p_l
-        residual_c = residual_c - alpha * h_c
-        residual_l = residual_l - alpha * h_l
-        z_c, z_l = system.precondition(residual_c, residual_l)
-        fit, last = _dot(residual_c, residual_l, z_c, z_l), fit
-        p_c = z_c + (fit / last) * p_c
-        p_l *= fit / last
-        p_l += z_l
-    return x_c, x_l, iterations
-
-
 class _Damped:
-    """The damped normal equations: product and preconditioner."""
+    """The damped normal equations of one step: product and preconditioner of vectors (10 K + 6 J,)."""
 
     def __init__(self, problem: Problem, equations: NormalEquations, damping: float, options: SolverOptions):
-        self.problem, self.equations, self.options = problem, equations, options
+        self.problem, self.equations = problem, equations
         camera, self.camera_damping = _damp(equations.camera_block, damping)
         self.camera_inverse = np.linalg.inv(camera)
-        landmark, landmark_damping = _damp(equations.landmark_block, damping)
-        self.landmark_inverse = np.linalg.inv(landmark).astype(np.float32)
+        block, landmark_damping = _damp(equations.landmark_block, damping)
+        self.landmark_inverse = np.linalg.inv(block).astype(np.float32)
         self.landmark_rest = equations.landmark_rest.copy()
         np.einsum("jii->ji", self.landmark_rest)[:] += landmark_damping
+        self.low = self.degree = 1
+        if problem.neighbours is not None:
+            found = lowest_eigenvalue(
+                problem.neighbours, equations.smooth_rows, block.astype(np.float32), self.landmark_inverse
+            )
+            self.low = min(max(found, options.chebyshev_low), 1.0)
+            self.degree = chebyshev_degree(self.low, options.chebyshev_reduction)
 
-    def multiply(self, camera: np.ndarray, landmark: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        single = landmark.astype(np.float32)
-        out_c, out_l = self.problem.multiply_observations(self.equations, camera, single)
-        out_c += np.einsum("kij,kj->ki", self.equations.camera_rest, camera) + self.camera_damping * camera
+    def split(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The cameras' part (K, 10) and the landmarks' (J, 6) of a vector, as views of it."""
+        cameras = self.camera_damping.size
+        return vector[:cameras].reshape(-1, CAMERA_SIZE), vector[cameras:].reshape(-1, LANDMARK_SIZE)
+
+    def multiply(self, vector: np.ndarray) -> np.ndarray:
+        camera, landmark = self.split(vector)
+        single, out = landmark.astype(np.float32), np.empty_like(vector)
+        out_c, out_l = self.split(out)
+        observed_c, observed_l = self.problem.multiply_observations(self.equations, camera, single)
+        out_c[:] = observed_c + np.einsum("kij,kj->ki", self.equations.camera_rest, camera)
+        out_c += self.camera_damping * camera
         rest = np.empty_like(single)
         if self.problem.neighbours is not None:
             rows = self.equations.smooth_rows
             multiply_landmarks(self.problem.neighbours, rows, self.landmark_rest, single, rest)
         else:
             apply_blocks(self.landmark_rest, single, np.float32(1.0), rest)
-        return out_c, out_l.astype(float) + rest
+        out_l[:] = observed_l
+        out_l += rest
+        return out
 
-    def precondition(self, camera: np.ndarray, landmark: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        single = landmark.astype(np.float32)
-        out_c = np.einsum("kij,kj->ki", self.camera_inverse, camera)
+    def precondition(self, vector: np.ndarray) -> np.ndarray:
+        camera, landmark = self.split(vector)
+        single, out = landmark.astype(np.float32), np.empty_like(vector)
+        out_c, out_l = self.split(out)
+        out_c[:] = np.einsum("kij,kj->ki", self.camera_inverse, camera)
         if self.problem.neighbours is None:
-            out_l = np.empty_like(single)
-            apply_blocks(self.landmark_inverse, single, np.float32(1.0), out_l)
-            return out_c, out_l
-        return out_c, solve_approximately(
-            self.problem.neighbours,
-            self.equations.smooth_rows,
-            self.landmark_inverse,
-            single,
-            self.options.chebyshev_degree,
-            self.options.chebyshev_low,
-        )
+            solved = np.empty_like(single)
+            apply_blocks(self.landmark_inverse, single, np.float32(1.0), solved)
+        else:
+            solved = solve_approximately(
+                self.problem.neighbours,
+                self.equations.smooth_rows,
+                self.landmark_inverse,
+                single,
+                self.degree,
+                self.low,
+            )
+        out_l[:] = solved
+        return out
 
 
 def _damp(block: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
@@ -233,21 +270,37 @@ def _damp(block: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
     return grown, added
 
 
-def _descend(problem: Problem, estimate: Estimate, cost: float, camera, landmark, step_limit: float):
+class _Trial(NamedTuple):
+    """A step tried."""
+
+    estimate: Estimate
+    cost: np.ndarray
+    """By term (5,)."""
+    equations: NormalEquations | None
+    """There, where they were made along with the cost."""
+    moves: np.ndarray
+    """(10 K + 6 J,) made."""
+    moved: float
+    """Root mean square of the landmarks' moves."""
+
+
+def _descend(problem: Problem, estimate: Estimate, cost: float, camera, landmark, step_limit: float) -> _Trial:
     """The first of the whole step, a quarter and a sixteenth of it that does not raise the cost, else the last.
 
-    Returns the candidate, its cost by term, the share of the step, and how far landmarks moved (root mean square).
-    Trying a shorter step costs a thirtieth of solving for another.
+    Most whole steps are good, so the normal equations are made there at once. Trying a shorter step costs a
+    thirtieth of solving for another.
     """
-    share = _global_share(camera, estimate)
-    for trial in (share, share / 4.0, share / 16.0):
-        moves = _limited(trial * landmark, step_limit, estimate)
-        candidate = estimate.step(trial * camera, moves)
-        new_cost = problem.cost(candidate)
+    whole = _global_share(camera, estimate)
+    for share in (whole, whole / 4.0, whole / 16.0):
+        moves = _limited(share * landmark, step_limit, estimate)
+        candidate = estimate.step(share * camera, moves)
+        new_cost, equations = problem.linearize(candidate) if share == whole else (problem.cost(candidate), None)
         if new_cost.sum() <= cost:
             break
+        equations = None
     moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
-    return candidate, new_cost, trial, moved
+    made = np.concatenate([share * camera.ravel(), moves.ravel()])
+    return _Trial(candidate, new_cost, equations, made, moved)
 
 
 def _global_share(camera: np.ndarray, estimate: Estimate) -> float:
@@ -268,10 +321,6 @@ def _limited(landmark: np.ndarray, max_move: float, estimate: Estimate) -> np.nd
         fall = -landmark[:, 5] / (0.9 * np.maximum(estimate.landmarks.albedo, 1e-12))
         share = np.where(fall * share > 1.0, 1.0 / fall, share)
     return landmark * np.nan_to_num(share, nan=1.0)[:, None]
-
-
-def _dot(a_c, a_l, b_c, b_l) -> float:
-    return float(np.vdot(a_c, b_c) + np.vdot(a_l, b_l))
 
 
 def _iteration(cost, damping, iterations, accepted, moved, wall_s, cpu_s) -> Iteration:
