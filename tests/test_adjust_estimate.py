@@ -58,7 +58,7 @@ def test_photometry_recovers_what_keypoints_alone_cannot(noisy):
 def test_brightness_noise_is_measured(noisy):
     result = adjust(start_of(noisy), INDEPENDENT)
     true = 0.01 * float(np.mean(noisy.tracks.brightness))
-    assert result.brightness_sigma == pytest.approx(true, rel=0.1)
+    assert result.noise.brightness_sigma == pytest.approx(true, rel=0.1)
 
 
 def test_uncalibrated_brightness_gives_relative_albedo_and_scales():

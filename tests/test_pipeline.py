@@ -111,7 +111,7 @@ def test_a_second_run_reads_every_stage_back(mapped, tmp_path, adjust_nothing):
     assert not adjust_nothing
     np.testing.assert_array_equal(again.scene.landmarks.position, mapped.result.scene.landmarks.position)
     assert again.adjustment.log == mapped.result.adjustment.log
-    assert again.adjustment.brightness_sigma == mapped.result.adjustment.brightness_sigma
+    assert again.adjustment.noise == mapped.result.adjustment.noise
     assert again.metrics == mapped.result.metrics
 
 

@@ -291,7 +291,7 @@ def adjust_or_read(
     anchors: Anchors | None = None,
 ) -> Adjustment:
     """The adjusted scene, from the run folder's scene.h5 if that is of this key, else estimated and kept there."""
-    from photoclinometry.adjust import Iteration
+    from photoclinometry.adjust import Iteration, Noise
     from photoclinometry.io.scene_file import read_scene, write_scene
 
     file = folder.path / "scene.h5"
@@ -311,7 +311,7 @@ def adjust_or_read(
             "converged": adjustment.converged,
             "message": adjustment.message,
             "log": [asdict(i) for i in adjustment.log],
-            "brightness_sigma": adjustment.brightness_sigma,
+            "noise": asdict(adjustment.noise),
         }
         return _Done(summary=json.dumps(summary))
 
@@ -324,7 +324,7 @@ def adjust_or_read(
         done["converged"],
         done["message"],
         tuple(Iteration(**i) for i in done["log"]),
-        done["brightness_sigma"],
+        Noise(**done["noise"]),
         adjusted.tracks.lit,
     )
 
@@ -368,8 +368,7 @@ def write_products(
         rows = view_table(scene, images)
         metrics = evaluate_scene(scene, images, per_view=rows)
         metrics |= {"views_left_out": len(left_out), "converged": float(adjustment.converged)}
-        if scene.reflectance is not None:
-            metrics["brightness_sigma"] = adjustment.brightness_sigma
+        metrics |= {name: value for name, value in asdict(adjustment.noise).items() if value}
     with folder.timed("report"):
         rows = [{"registered": True, **row} for row in rows]
         rows += [{"name": name, "registered": False} for name in left_out]

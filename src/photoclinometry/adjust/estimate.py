@@ -12,14 +12,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust.layout import Measurements, build_layout, morton_order, spread
+from photoclinometry.adjust.layout import Layout, Measurements, build_layout, morton_order, spread
+from photoclinometry.adjust.noise import (
+    Noise,
+    brightness_noise,
+    brightness_residuals,
+    correlation_px,
+    keypoint_factor,
+    keypoint_residuals,
+)
 from photoclinometry.adjust.problem import Estimate, Priors, Problem
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
 from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize
 from photoclinometry.errors import ReconstructionError
 from photoclinometry.initialize import neighbours
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, photometric_angles
-from photoclinometry.render import observation_brightness
 from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 
 log = logging.getLogger(__name__)
@@ -30,19 +37,23 @@ ROUND_DECREASE = 1e-3
 ROUND_STEPS = 8
 """Steps at most of such a round."""
 
+STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
+"""Correlations until they are measured."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class AdjustOptions:
     """Noise, gates, losses and priors of the joint estimate."""
 
     keypoint_sigma_px: float | None = None
-    """Keypoint noise of every observation [px]; left out, each keypoint's own."""
+    """Keypoint noise of every observation [px]; left out, each keypoint's own, times a factor from the residuals."""
     brightness_sigma: float | None = None
     """Brightness noise, in the images' brightness; left out, estimated from the residuals."""
-    keypoint_correlation_px: float = 6.0
+    keypoint_correlation_px: float | None = None
     """Side of the square of landmarks that share their keypoints' errors [px]: matches are found over windows. As many
-    observations count as one: each one's sigma is multiplied by this. 1 for independent errors."""
-    brightness_correlation_px: float = 3.0
+    observations count as one: each one's sigma is multiplied by this. 1 for independent errors; left out, estimated
+    from the residuals."""
+    brightness_correlation_px: float | None = None
     """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
     the ground it misses next door too."""
     smooth_sigma_rad: float = 0.2
@@ -93,8 +104,8 @@ class Adjustment:
     message: str
     log: tuple[Iteration, ...]
     """All rounds, one after the other."""
-    brightness_sigma: float
-    """Noise that the brightness was given, in the images' brightness; zero without photometry."""
+    noise: Noise
+    """What the measurements' errors were taken to be."""
     lit: np.ndarray
     """(N,) bool: observations whose brightness was used, in the order of the scene's tracks."""
 
@@ -160,67 +171,65 @@ def _with_anchors(scene: Scene, anchors: Anchors) -> Scene:
 
 def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: int, progress) -> Adjustment:
     """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors."""
-    tracks = scene.tracks
+    tracks, photometric = scene.tracks, scene.reflectance is not None
     layout, place = build_layout(tracks, len(scene.views))
-    own = np.arange(len(scene.landmarks)) < mapped
-    dense = own[tracks.landmark]
-    keypoint_sigma = np.where(dense, options.keypoint_sigma_px or tracks.keypoint_sigma, tracks.keypoint_sigma)
-    keypoint_sigma = keypoint_sigma * np.where(dense, options.keypoint_correlation_px, 1.0)
-    photometric = scene.reflectance is not None
     smooth = photometric and options.smooth_sigma_rad > 0
     pairs = _pairs(scene.landmarks.position, mapped, options) if smooth else None
-    measured = Measurements(
-        np.array([spread(axis, place, layout.place_start[-1]) for axis in tracks.keypoint.T]),
-        spread(tracks.brightness, place, layout.place_start[-1]),
-        spread(1.0 / keypoint_sigma, place, layout.place_start[-1], np.float32),
-        np.zeros(layout.place_start[-1], np.float32),
-        options.keypoint_loss / np.where(own, options.keypoint_correlation_px, 1.0),
-        options.brightness_loss / options.brightness_correlation_px,
-    )
+    own = np.arange(len(scene.landmarks)) < mapped
+    if options.keypoint_sigma_px is not None:
+        sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
+        scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
     priors = _priors(scene, options, mapped)
     packed = scene.reflectance.packed if scene.reflectance is not None else np.zeros(3)
-    history: list[Iteration] = []
-    lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
-    sigma = _starting_sigma(scene, options, estimate, lit) if photometric else 0.0
     loose = replace(
         options.solver,
         relative_decrease=max(options.solver.relative_decrease, ROUND_DECREASE),
         max_steps=min(options.solver.max_steps, ROUND_STEPS),
+        final_truncation=options.solver.truncation,
     )
-    final = not photometric or options.max_rounds == 1
-    solution = None
-    for round_ in range(options.max_rounds if photometric else 1):
+    history: list[Iteration] = []
+    lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
+    noise = _starting_noise(scene, options, lit)
+    final, solution = False, None
+    for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
-        if photometric:
-            measured.brightness_weight[place] = lit / (sigma * options.brightness_correlation_px)
-        problem = Problem(
-            layout,
-            measured,
-            pairs,
-            priors,
-            packed,
-            smooth_sigma=options.smooth_sigma_rad,
-        )
+        measured = _weighted(scene, options, layout, place, lit, own, noise)
+        problem = Problem(layout, measured, pairs, priors, packed, smooth_sigma=options.smooth_sigma_rad)
         solver = options.solver if final else loose
         solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, progress=progress)
         history.extend(solution.log)
         estimate = solution.estimate
-        log.info("round %d: %s; brightness sigma %.4g", round_ + 1, solution.message, sigma)
+        log.info("round %d: %s; %s", round_ + 1, solution.message, noise)
         if final:
             break
-        new_lit, new_sigma = gate(scene, estimate, options), sigma
-        if options.brightness_sigma is None:
-            new_sigma = _measured_sigma(scene, estimate, new_lit)
-        final = bool(np.mean(new_lit != lit) < 1e-2 and abs(new_sigma / sigma - 1.0) < 0.1)
-        lit, sigma = new_lit, new_sigma
+        new_lit = gate(scene, estimate, options) if photometric else lit
+        new_noise = _measured_noise(scene, estimate, options, new_lit, own, noise)
+        final = bool(np.mean(new_lit != lit) < 1e-2 and new_noise.close_to(noise))
+        lit, noise = new_lit, new_noise
     assert solution is not None
     return Adjustment(
         scene.with_estimate(estimate.views, estimate.landmarks),
         solution.converged,
         solution.message,
         tuple(history),
-        sigma,
+        noise,
         lit,
+    )
+
+
+def _weighted(scene: Scene, options: AdjustOptions, layout: Layout, place, lit, own, noise: Noise) -> Measurements:
+    """The measurements with the weights and loss limits that `noise` gives them; own: (J,) landmarks of the map."""
+    tracks, size = scene.tracks, int(layout.place_start[-1])
+    factor = np.where(own, noise.keypoint_factor * noise.keypoint_correlation_px, noise.anchor_factor)
+    limit = options.keypoint_loss / np.where(own, noise.keypoint_correlation_px, 1.0)
+    brightness_weight = lit / (noise.brightness_sigma * noise.brightness_correlation_px) if lit.any() else lit
+    return Measurements(
+        np.array([spread(axis, place, size) for axis in tracks.keypoint.T]),
+        spread(tracks.brightness, place, size),
+        spread(1.0 / (tracks.keypoint_sigma * factor[tracks.landmark]), place, size, np.float32),
+        spread(brightness_weight, place, size, np.float32),
+        limit,
+        options.brightness_loss / noise.brightness_correlation_px,
     )
 
 
@@ -238,29 +247,44 @@ def _angles(tracks: Tracks, views: Views, landmarks: Landmarks) -> tuple[np.ndar
     return photometric_angles(views.sun[view], center, landmarks.position[landmark], landmarks.normal[landmark])
 
 
-def _measured_sigma(scene: Scene, estimate: Estimate, lit: np.ndarray) -> float:
-    """Brightness noise from the residuals: their median absolute value, scaled to a Gaussian's sigma and for
-    the degrees of freedom that each landmark's normal and albedo take."""
-    residual = (
-        observation_brightness(scene.with_estimate(estimate.views, estimate.landmarks)) - scene.tracks.brightness
-    )[lit]
-    observations = len(residual)
-    landmarks = np.count_nonzero(np.bincount(scene.tracks.landmark[lit]))
-    freedom = max(observations - 3 * landmarks, 0.1 * observations) / observations
-    floor = 1e-4 * np.median(scene.tracks.brightness[lit])
-    return max(1.4826 * float(np.median(np.abs(residual))) / np.sqrt(freedom), floor)
-
-
-def _starting_sigma(scene: Scene, options: AdjustOptions, estimate: Estimate, lit: np.ndarray) -> float:
-    """The given brightness noise, or two percent of the median brightness."""
-    if not np.any(lit):
+def _starting_noise(scene: Scene, options: AdjustOptions, lit: np.ndarray) -> Noise:
+    """What is given, and guesses for what is to be measured: two percent of the median brightness."""
+    if scene.reflectance is not None and not np.any(lit):
         raise ReconstructionError(
             "no brightness is usable: every observation is in shadow or lit below the horizon; "
             "check the Sun directions (towards the Sun, in the camera frame: x right, y down, z forward)"
         )
-    if options.brightness_sigma is not None:
-        return options.brightness_sigma
-    return 0.02 * float(np.median(scene.tracks.brightness[lit]))
+    brightness = 0.02 * float(np.median(scene.tracks.brightness[lit])) if np.any(lit) else 0.0
+    return Noise(
+        keypoint_factor=1.0,
+        keypoint_correlation_px=options.keypoint_correlation_px or STARTING_KEYPOINT_CORRELATION_PX,
+        anchor_factor=1.0,
+        brightness_sigma=options.brightness_sigma or brightness,
+        brightness_correlation_px=options.brightness_correlation_px or STARTING_BRIGHTNESS_CORRELATION_PX,
+    )
+
+
+def _measured_noise(scene: Scene, estimate: Estimate, options: AdjustOptions, lit, own, noise: Noise) -> Noise:
+    """`noise` with everything that is not given measured from the residuals of the estimate."""
+    scene = scene.with_estimate(estimate.views, estimate.landmarks)
+    tracks, found = scene.tracks, {}
+    residual, dense = keypoint_residuals(scene), own[tracks.landmark]
+    pixel = scene.landmarks.pixel[tracks.landmark]
+    if options.keypoint_sigma_px is None:
+        found["keypoint_factor"] = keypoint_factor(scene, residual, own)
+    if not own.all():
+        found["anchor_factor"] = keypoint_factor(scene, residual, ~own)
+    if options.keypoint_correlation_px is None:
+        found["keypoint_correlation_px"] = max(
+            correlation_px(residual[dense, axis], tracks.view[dense], pixel[dense]) for axis in (0, 1)
+        )
+    if lit.any():
+        residual = brightness_residuals(scene)
+        if options.brightness_sigma is None:
+            found["brightness_sigma"] = brightness_noise(scene, residual, lit)
+        if options.brightness_correlation_px is None:
+            found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit])
+    return replace(noise, **found)
 
 
 def _pairs(position: np.ndarray, mapped: int, options: AdjustOptions) -> Neighbours:

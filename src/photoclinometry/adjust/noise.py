@@ -1,0 +1,130 @@
+"""How large the measurements' errors are, and over how much ground they are alike, found from the residuals.
+
+Neighbouring landmarks do not err independently. Matches are found over windows and follow the shading where the light
+has moved; images are blurred; what a reflectance model misses of the ground it misses next door too. Were errors that n
+landmarks share counted n times, what all landmarks determine together (poses, Suns, the large shape) would be
+trusted far too much. So n such observations count as one: each one's standard deviation is multiplied by sqrt(n).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy import fft
+
+from photoclinometry.render import observation_brightness
+from photoclinometry.scene import Scene
+
+_MAX_VIEWS = 8
+"""Views from which the correlation is measured, evenly chosen."""
+
+_CUT = 0.05
+"""Correlation below which lags are left out: beyond, there is mostly the noise of the correlation itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """What the errors of all measurements are taken to be."""
+
+    keypoint_factor: float
+    """On each keypoint's own standard deviation."""
+    keypoint_correlation_px: float
+    """Square root of the number of landmarks whose keypoints share an error."""
+    anchor_factor: float
+    """On each anchor keypoint's own standard deviation; their errors are independent."""
+    brightness_sigma: float
+    """In the images' brightness; zero without photometry."""
+    brightness_correlation_px: float
+    """As for keypoints."""
+
+    def close_to(self, other: Noise) -> bool:
+        """Whether no standard deviation differs by more than a tenth, no correlation by more than a fifth."""
+        for f in fields(self):
+            a, b = getattr(self, f.name), getattr(other, f.name)
+            if abs(a - b) > (0.2 if f.name.endswith("_px") else 0.1) * b:
+                return False
+        return True
+
+
+def keypoint_residuals(scene: Scene) -> np.ndarray:
+    """Predicted minus measured keypoints (N, 2) [px]."""
+    tracks, residual = scene.tracks, np.empty_like(scene.tracks.keypoint)
+    landmark = tracks.landmark
+    for k in range(len(scene.views)):
+        mine = tracks.view == k
+        predicted = scene.views.project(k, scene.landmarks.position[landmark[mine]])
+        residual[mine] = predicted - tracks.keypoint[mine]
+    return residual
+
+
+def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> float:
+    """Standard deviation of the whitened residuals of landmarks `which` (J,), each of which takes three of freedom."""
+    mine = which[scene.tracks.landmark]
+    whitened = residual[mine] / scene.tracks.keypoint_sigma[mine, None]
+    return robust_sigma(whitened, parameters=3 * np.count_nonzero(which))
+
+
+def brightness_residuals(scene: Scene) -> np.ndarray:
+    """Predicted minus measured brightness (N,), lit or not."""
+    return observation_brightness(scene) - scene.tracks.brightness
+
+
+def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> float:
+    """Standard deviation of the lit residuals; each landmark's normal and albedo take three of freedom.
+
+    At least 1e-4 of the median brightness: nothing is measured better.
+    """
+    landmarks = np.count_nonzero(np.bincount(scene.tracks.landmark[lit]))
+    floor = 1e-4 * float(np.median(scene.tracks.brightness[lit]))
+    return max(robust_sigma(residual[lit], parameters=3 * landmarks), floor)
+
+
+def robust_sigma(residual: np.ndarray, parameters: int) -> float:
+    """Standard deviation from the median absolute residual, with `parameters` fitted to the residuals."""
+    freedom = max(residual.size - parameters, 0.1 * residual.size) / residual.size
+    return 1.4826 * float(np.median(np.abs(residual)) / np.sqrt(freedom))
+
+
+def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray) -> float:
+    """Square root of the number of observations that share an error: the median over views, 1 at least.
+
+    values: (N,) residuals; view: (N,); pixel: (N, 2) row and column of each one's landmark in the reference image.
+    In a view, the variance of the sum of all residuals over the sum of their variances, from their autocorrelation
+    up to the lag at which it has died away.
+    """
+    shared = []
+    views = np.unique(view)
+    for k in views[np.linspace(0, len(views) - 1, min(len(views), _MAX_VIEWS)).astype(int)]:
+        mine = view == k
+        if np.count_nonzero(mine) >= 100:
+            shared.append(_shared(values[mine], pixel[mine]))
+    return float(np.sqrt(max(1.0, np.median(shared)))) if shared else 1.0
+
+
+def _shared(values: np.ndarray, pixel: np.ndarray) -> float:
+    """How many of one view's residuals share an error."""
+    middle = np.median(values)
+    spread = 1.4826 * np.median(np.abs(values - middle))
+    if spread == 0.0:
+        return 1.0
+    row, col = (pixel - pixel.min(0)).T
+    field, there = np.zeros((2, row.max() + 1, col.max() + 1), np.float32)
+    field[row, col] = np.clip((values - middle) / spread, -3, 3)
+    there[row, col] = 1.0
+    products, pairs = _autocorrelation(field), np.round(_autocorrelation(there))
+    distance = np.hypot(*np.meshgrid(*(fft.fftfreq(n, 1 / n) for n in products.shape), indexing="ij"))
+    ring = distance.round().astype(int)
+    enough = pairs >= 0.1 * len(values) * (len(values) / field.size)
+    total = np.bincount(ring[enough], products[enough])
+    count = np.bincount(ring[enough], pairs[enough])
+    correlation = np.divide(total, count, out=np.zeros_like(total), where=count > 0) * (len(values) / products[0, 0])
+    died = np.flatnonzero(correlation < _CUT)
+    end = died[0] if len(died) else len(correlation)
+    return float(total[:end].sum() / products[0, 0])
+
+
+def _autocorrelation(field: np.ndarray) -> np.ndarray:
+    """Sums of products at every lag; lags wrap around an array of twice the size, so that ends do not meet."""
+    shape = [fft.next_fast_len(2 * n, real=True) for n in field.shape]
+    return fft.irfft2(np.abs(fft.rfft2(field, shape)) ** 2, shape)

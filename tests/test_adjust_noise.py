@@ -1,0 +1,87 @@
+"""How the errors of measurements are found from residuals: their size, and over how much ground they are alike."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from photoclinometry.adjust.noise import (
+    Noise,
+    brightness_noise,
+    brightness_residuals,
+    correlation_px,
+    keypoint_factor,
+    keypoint_residuals,
+    robust_sigma,
+)
+from scenes import synthetic_scene
+
+SIZE = 160
+
+
+def fields(sigma_px: float, views: int = 4, seed: int = 0):
+    """Residuals of `views` views on a grid, smoothed by a Gaussian of `sigma_px`; view and pixel of each."""
+    noise = np.random.default_rng(seed).normal(size=(views, SIZE, SIZE))
+    smooth = np.stack([gaussian_filter(f, sigma_px, mode="wrap") for f in noise]) if sigma_px else noise
+    pixel = np.stack(np.divmod(np.arange(SIZE**2), SIZE), -1)
+    return smooth.ravel(), np.repeat(np.arange(views), SIZE**2), np.tile(pixel, (views, 1))
+
+
+@pytest.mark.parametrize("sigma_px", [1.5, 3.0])
+def test_correlation_is_that_of_smoothed_noise(sigma_px):
+    """White noise smoothed by a Gaussian has the autocorrelation exp(-d^2 / 4 sigma^2), whose integral is 4 pi sigma^2;
+    cut off where it falls below 0.05, a twentieth of it is missing."""
+    assert correlation_px(*fields(sigma_px)) == pytest.approx(np.sqrt(4 * np.pi * 0.95) * sigma_px, rel=0.1)
+
+
+def test_independent_errors_share_nothing():
+    assert correlation_px(*fields(0.0)) == pytest.approx(1.0, abs=0.05)
+
+
+def test_fewer_landmarks_share_an_error_where_some_are_missing():
+    """What counts is the number of landmarks, not the area: of every second landmark, half as many share an error."""
+    values, view, pixel = fields(3.0)
+    kept = np.random.default_rng(1).uniform(size=len(values)) < 0.5
+    whole, half = correlation_px(values, view, pixel), correlation_px(values[kept], view[kept], pixel[kept])
+    assert half == pytest.approx(whole * np.sqrt(0.5), rel=0.1)
+
+
+def test_a_few_outliers_do_not_hide_the_correlation():
+    values, view, pixel = fields(3.0)
+    spoilt = values.copy()
+    spoilt[np.random.default_rng(2).choice(len(values), len(values) // 100)] = 100.0
+    assert correlation_px(spoilt, view, pixel) == pytest.approx(correlation_px(values, view, pixel), rel=0.1)
+
+
+def test_too_few_residuals_are_taken_for_independent():
+    values, view, pixel = fields(3.0)
+    assert correlation_px(values[:50], view[:50], pixel[:50]) == 1.0
+
+
+def test_noise_of_a_true_scene_is_what_was_drawn():
+    """At the truth nothing was fitted: the residuals are the noise itself, whitened by the keypoints' own sigma."""
+    scene = synthetic_scene(size=30, views=6, keypoint_noise_px=0.2, brightness_noise=0.01)
+    whitened = keypoint_residuals(scene) / scene.tracks.keypoint_sigma[:, None]
+    assert robust_sigma(whitened, parameters=0) == pytest.approx(1.0, rel=0.03)
+    lit = np.ones(len(scene.tracks), bool)
+    drawn = 0.01 * synthetic_scene(size=30, views=6).tracks.brightness.mean()
+    assert robust_sigma(brightness_residuals(scene), parameters=0) == pytest.approx(drawn, rel=0.03)
+    # as if three had been fitted to a landmark's twelve coordinates and three to its six brightnesses
+    everyone = np.ones(len(scene.landmarks), bool)
+    assert keypoint_factor(scene, keypoint_residuals(scene), everyone) == pytest.approx(np.sqrt(12 / 9), rel=0.03)
+    assert brightness_noise(scene, brightness_residuals(scene), lit) == pytest.approx(drawn * np.sqrt(2), rel=0.03)
+
+
+def test_noise_that_hardly_changed_is_close():
+    noise = Noise(
+        keypoint_factor=0.5,
+        keypoint_correlation_px=20.0,
+        anchor_factor=1.0,
+        brightness_sigma=0.0,
+        brightness_correlation_px=3.0,
+    )
+    from dataclasses import replace
+
+    assert noise.close_to(noise)
+    assert replace(noise, keypoint_correlation_px=23.0, keypoint_factor=0.54).close_to(noise)
+    assert not replace(noise, keypoint_correlation_px=25.0).close_to(noise)
+    assert not replace(noise, anchor_factor=1.2).close_to(noise)
