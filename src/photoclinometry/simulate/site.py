@@ -160,7 +160,7 @@ def check_output_folder(folder: Path, overwrite: bool) -> None:
         raise InputError(f"{folder}: a simulated site is there already; pass --overwrite, or choose another folder")
 
 
-_POSES, _SUNS, _SUN_NOISE, _POSE_NOISE, _HOT_PIXELS, _EXPOSURE = range(2, 8)
+_POSES, _SUNS, _SUN_NOISE, _POSE_NOISE, _HOT_PIXELS, _EXPOSURE, _SMEAR = range(2, 9)
 
 
 def _stream(options: SimulationOptions, *purpose: int) -> np.random.Generator:
@@ -228,7 +228,9 @@ def _radiance_image(raycaster: Raycaster, views: Views, k: int, photometry, opti
     )
     if not complete:
         log.warning("%s sees past the edge of the simulated ground; it is dark there", views.name[k])
-    return pixel_average(fine, options.supersampling, margin, options.detector.psf_sigma_px)
+    angle = _stream(options, _SMEAR, k).uniform(0.0, np.pi)
+    smear = (options.detector.smear_px * np.cos(angle), options.detector.smear_px * np.sin(angle))
+    return pixel_average(fine, options.supersampling, margin, options.detector.psf_sigma_px, smear)
 
 
 def _site(folder: Path, options: SimulationOptions, preset: Preset, views: Views) -> Site:
