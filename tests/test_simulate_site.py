@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import angle_between
+from photoclinometry.geometry import angle_between, so3_log
 from photoclinometry.io.images import read_image
 from photoclinometry.io.site import load_images, read_site
 from photoclinometry.io.truth import read_truth, write_truth
@@ -12,7 +12,7 @@ from photoclinometry.scene import Region
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.presets import PRESETS
 from photoclinometry.simulate.raycast import Raycaster
-from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.site import SimulationOptions, draw_views, pose_priors, simulate_site
 from photoclinometry.simulate.truth import nearest_surface, truth_maps
 
 SMALL = SimulationOptions(views=3, image_size=64, seed=5)
@@ -74,7 +74,7 @@ def test_uncalibrated_images_are_a_scale_and_bias_away_from_calibrated_ones(trut
         np.testing.assert_allclose(b, views.scale[k] * a + views.bias[k], atol=0.51)
 
 
-def test_suns_and_pose_priors_are_off_by_about_what_they_state(tmp_path):
+def test_suns_and_pose_priors_of_the_site_are_off_by_about_what_they_state(tmp_path):
     site = read_site(simulate_site(replace(SMALL, pose_sigma=(0.01, 20.0)), tmp_path / "priors"))
     truth = read_truth(tmp_path / "priors" / "truth.h5")
     for k, view in enumerate(site.views):
@@ -82,8 +82,34 @@ def test_suns_and_pose_priors_are_off_by_about_what_they_state(tmp_path):
         assert 0 < angle_between(pose.rotation @ view.sun, truth.views.sun[k]) < 4e-3
         prior = view.pose_prior
         assert prior.rotation_sigma_rad == pytest.approx(np.radians(0.01))
+        assert prior.translation_sigma == 20.0
         off = prior.cam_from_body @ pose
-        assert 0 < np.linalg.norm(off.rotation - np.eye(3)) < 6 * np.radians(0.01)
+        assert 0 < np.linalg.norm(so3_log(off.rotation)) < 5 * np.radians(0.01)
+
+
+def test_pose_priors_scatter_by_what_they_state():
+    """About each axis of C, of 600 views; independent of each other."""
+    options = replace(SMALL, views=600, pose_sigma=(0.01, 20.0))
+    _, views = draw_views(options, PRESETS["demo"])
+    priors, true = pose_priors(options, views.body_from_cam), views.body_from_cam.inverse()
+    turn = np.array([so3_log(p.cam_from_body.rotation @ true.rotation[k].T) for k, p in enumerate(priors)])
+    shift = np.array([p.cam_from_body.translation - true.translation[k] for k, p in enumerate(priors)])
+    errors = np.concatenate([turn / np.radians(0.01), shift / 20.0], 1)
+    np.testing.assert_allclose(np.cov(errors.T), np.eye(6), atol=0.2)  # its own spread is 0.06 on the diagonal
+    np.testing.assert_allclose(errors.mean(0), 0.0, atol=0.2)
+
+
+def test_smear_blurs_the_images_and_leaves_the_truth(truth, tmp_path):
+    quiet = replace(SMALL, detector=Detector(noise=False))
+    moved = replace(SMALL, detector=Detector(noise=False, smear_px=5.0))
+    still, blurred = (simulate_site(o, tmp_path / n).parent for o, n in ((quiet, "still"), (moved, "moved")))
+    for name in truth.views.name:
+        a, b = (read_image(folder / name).brightness for folder in (still, blurred))
+        roughness = [np.abs(np.diff(i, axis=0)).mean() + np.abs(np.diff(i, axis=1)).mean() for i in (a, b)]
+        assert roughness[1] < 0.9 * roughness[0]
+        assert b.mean() == pytest.approx(a.mean(), rel=0.02)
+    copy = read_truth(blurred / "truth.h5")
+    np.testing.assert_array_equal(copy.views.body_from_cam.translation, truth.views.body_from_cam.translation)
 
 
 def test_truth_survives_its_file(truth, tmp_path):

@@ -281,7 +281,7 @@ def _radiance_image(raycaster: Raycaster, views: Views, k: int, photometry, opti
 
 def _site(folder: Path, options: SimulationOptions, preset: Preset, views: Views) -> Site:
     size = options.region_size or min(preset.region_px, views.cameras[0].width // 2)
-    priors = _pose_priors(options, views.body_from_cam)
+    priors = pose_priors(options, views.body_from_cam)
     return Site(
         name=_name(options),
         body=preset.body,
@@ -302,7 +302,7 @@ def _site(folder: Path, options: SimulationOptions, preset: Preset, views: Views
     )
 
 
-def _pose_priors(options: SimulationOptions, body_from_cam: Rigid) -> list[PosePrior | None]:
+def pose_priors(options: SimulationOptions, body_from_cam: Rigid) -> list[PosePrior | None]:
     """Poses as a navigation team would give them, off by the standard deviations they state."""
     count = len(body_from_cam)
     if options.pose_sigma is None:
