@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import angle_between, so3_log
+from photoclinometry.geometry import Rigid, angle_between, so3_log
 from photoclinometry.io.images import read_image
 from photoclinometry.io.site import load_images, read_site
 from photoclinometry.io.truth import read_truth, write_truth
@@ -13,7 +13,8 @@ from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.presets import PRESETS
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.site import SimulationOptions, draw_views, pose_priors, simulate_site
-from photoclinometry.simulate.truth import nearest_surface, truth_maps
+from photoclinometry.simulate.trajectory import looking_at
+from photoclinometry.simulate.truth import nearest_surface, truth_maps, visibility
 
 SMALL = SimulationOptions(views=3, image_size=64, seed=5)
 REGION = Region(row=10, col=12, height=30, width=36)
@@ -141,6 +142,33 @@ def test_truth_maps_are_the_surface_there_and_its_averages_are_near(truth):
     assert maps.albedo_mean.mean() == pytest.approx(maps.albedo.mean(), rel=0.01)
     assert maps.albedo_mean.std() <= maps.albedo.std()
     assert ((maps.shadow >= 0) & (maps.shadow <= 1)).all()
+
+
+def test_a_view_sees_its_own_pixels_and_not_what_is_hidden_or_outside(truth):
+    """What a view sees lies on its rays, so it sees all of it, and lit is what its map of shadows says. From low above
+    the horizon much is hidden, as marching along the lines of sight finds, too."""
+    name = truth.views.name[1]
+    maps = truth_maps(truth, name, REGION)
+    points = maps.position.reshape(-1, 3)
+    seen, lit = visibility(truth, name, points)
+    assert seen.all()
+    clear = (maps.shadow == 0) | (maps.shadow == 1)
+    assert (lit.reshape(clear.shape) == (maps.shadow == 0))[clear].all()
+    assert not visibility(truth, name, points + [0.0, 0.0, 50.0])[0].any()
+    assert not visibility(truth, name, points + [5e3, 0.0, 0.0])[0].any()
+
+    low = looking_at(np.array([600e3, 80e3, 200e3]), points[len(points) // 2], 0.0)
+    poses = Rigid(np.array([low.rotation] * 3), np.array([low.translation] * 3))
+    grazing = replace(truth, views=replace(truth.views, body_from_cam=poses))
+    t = 1.0 - np.linspace(4e-5, 0.02, 4000)[:, None]  # the last 12 km, 3 m apart, 25 m before the point
+    seen, _ = visibility(grazing, name, points)
+    assert 0.05 < seen.mean() < 0.95
+    for n in range(0, len(points), 37):
+        path = low.translation + t * (points[n] - low.translation)
+        within = np.abs(path[:, :2]).max(1) < -truth.surface.origin[0]
+        clearance = (path[:, 2] - truth.surface.height_at(path[:, :2]))[within]
+        if abs(clearance.min()) > 1.0:
+            assert seen[n] == (clearance.min() > 0)
 
 
 def test_images_follow_from_the_truth(site, truth):
