@@ -67,7 +67,7 @@ def _from_map(
     path: Path, dtm: Dtm, scale: float, center: tuple[float, ...] | None, grid: Grid, gsd: float
 ) -> tuple[Relief, np.ndarray]:
     """Heights of a map, on the sphere that it is a map of, and where they are missing (n, n)."""
-    from scipy.ndimage import map_coordinates
+    from scipy.ndimage import distance_transform_edt, map_coordinates
 
     _check_fine(path, math.sqrt(dtm.pixel[0] * dtm.pixel[1]), "pixels", gsd)
     rows, cols = dtm.height.shape
@@ -77,8 +77,9 @@ def _from_map(
     row = (dtm.corner[1] - center[1] - grid.axis) / dtm.pixel[1] - 0.5
     at = np.stack(np.meshgrid(row, col, indexing="ij"))
     missing = map_coordinates((~dtm.valid).astype(np.float32), at, order=1, mode="constant", cval=1.0) > 0.0
-    filled = np.where(dtm.valid, dtm.height, dtm.height[dtm.valid].mean())
-    height = scale * map_coordinates(filled, at, order=3, mode="nearest", prefilter=True)
+    # Splines reach beyond the samples around a point: gaps outside of the grid are filled smoothly.
+    nearest = distance_transform_edt(~dtm.valid, return_distances=False, return_indices=True)
+    height = scale * map_coordinates(dtm.height[tuple(nearest)], at, order=3, mode="nearest")
     middle = float(height[grid.half, grid.half])
     height -= middle
     if dtm.radius is not None:
