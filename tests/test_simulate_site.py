@@ -63,6 +63,22 @@ def test_other_lighting_shows_the_same_ground_from_the_same_places(truth, tmp_pa
     assert angle_between(other.views.sun, truth.views.sun).max() > 0.1
 
 
+def test_any_pinhole_camera_can_be_simulated(tmp_path):
+    """Oblong pixels and images, a boresight far from the middle: all of every frame is ground, at the preset's GSD."""
+    options = replace(SMALL, image_size=64, image_height=40, intrinsics=(2000.0, 2200.0, 12.0, 35.0))
+    site = read_site(simulate_site(options, tmp_path / "oblong"))
+    camera = site.views[0].camera
+    assert (camera.width, camera.height, camera.params) == (64, 40, (2000.0, 2200.0, 12.0, 35.0))
+    truth = read_truth(tmp_path / "oblong" / "truth.h5")
+    assert np.mean(np.linalg.norm(truth.views.body_from_cam.translation, axis=1)) == pytest.approx(60 * 2100, rel=0.05)
+    for k, name in enumerate(truth.views.name):
+        maps = truth_maps(truth, name, Region(row=0, col=0, height=40, width=64))
+        assert maps.hit.all()
+        region = Region(row=0, col=0, height=40, width=64)
+        np.testing.assert_allclose(truth.views.project(k, maps.position), region.pixel_centers(), atol=1e-6)
+        assert truth.views.project(k, np.zeros(3)) == pytest.approx([12.0, 35.0], abs=40.0)  # pointing errors of 15 px
+
+
 def test_uncalibrated_images_are_a_scale_and_bias_away_from_calibrated_ones(truth, tmp_path):
     quiet = replace(SMALL, detector=Detector(noise=False))
     iof = simulate_site(quiet, tmp_path / "iof").parent
@@ -236,6 +252,9 @@ def test_a_failed_simulation_leaves_nothing_behind(tmp_path):
         ({"seed": -1}, "seed"),
         ({"supersampling": 0}, "supersampling"),
         ({"image_size": 8}, "32 px"),
+        ({"image_height": 8}, "32 px"),
+        ({"intrinsics": (-1.0, 2000.0, 32.0, 32.0)}, "focal length must be positive"),
+        ({"intrinsics": (32.0, 32.0, 2000.0, 2000.0)}, "order of intrinsics is fx fy cx cy"),
     ],
 )
 def test_impossible_options_are_refused(change, message):

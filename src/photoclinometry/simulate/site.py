@@ -63,6 +63,11 @@ class SimulationOptions:
     """Number of images, 3 or more."""
     image_size: int | None = None
     """Width and height of the images [px]."""
+    image_height: int | None = None
+    """Height of the images [px], where they are not square."""
+    intrinsics: tuple[float, float, float, float] | None = None
+    """fx fy cx cy [px]; by default those of Dawn's camera, about the middle. The distance follows from the ground
+    sample distance, and the boresight, at (cx, cy), is what points at the site."""
     surface: Path | None = None
     """Ground of your own: a mesh (PLY, OBJ) or a projected terrain model (GeoTIFF). The preset then gives the camera,
     the number of views and the body, for its reflectance and mean albedo."""
@@ -110,8 +115,14 @@ class SimulationOptions:
             raise InputError(f"a site needs at least 3 views, got {self.views}")
         if not 1 <= self.supersampling <= 8:
             raise InputError(f"supersampling must be 1 to 8, got {self.supersampling}")
-        if (self.image_size or preset.image_size) < 32:
-            raise InputError(f"images must be at least 32 px wide, got {self.image_size}")
+        camera = _camera(self, preset)
+        if min(camera.width, camera.height) < 32:
+            raise InputError(f"images must be at least 32 px wide and high, got {camera.width} x {camera.height}")
+        if not all(0 <= c <= size for c, size in zip(camera.principal_px, (camera.width, camera.height), strict=True)):
+            raise InputError(
+                f"the boresight (cx, cy) = {camera.principal_px} lies outside of the {camera.width} x {camera.height} "
+                "image that points with it; the order of intrinsics is fx fy cx cy"
+            )
         if not 0 <= self.max_emission_deg <= 60:
             raise InputError(f"max_emission_deg must be 0 to 60, got {self.max_emission_deg}")
 
@@ -192,9 +203,22 @@ def _name(options: SimulationOptions) -> str:
     return options.surface.stem if options.surface else options.preset
 
 
+def _camera(options: SimulationOptions, preset: Preset) -> Camera:
+    width = options.image_size or preset.image_size
+    height = options.image_height or width
+    return Camera(
+        "PINHOLE",
+        width,
+        height,
+        options.intrinsics or (preset.focal_px, preset.focal_px, 0.5 * width, 0.5 * height),
+    )
+
+
 def _preset(options: SimulationOptions) -> Preset:
-    """The preset, with the ground sample distance of a given surface."""
+    """The preset, with a given camera's focal length and the ground sample distance of a given surface."""
     preset = named_preset(options.preset)
+    if options.intrinsics is not None:
+        preset = replace(preset, focal_px=0.5 * (options.intrinsics[0] + options.intrinsics[1]))
     if options.surface is None:
         return preset
     gsd = options.gsd or min(preset.gsd)
@@ -215,8 +239,7 @@ def _surface(options: SimulationOptions, preset: Preset, camera: Camera) -> tupl
 
 def draw_views(options: SimulationOptions, preset: Preset) -> tuple[tuple[Camera, ...], Views]:
     """The cameras and the true views of a site, with Suns as measured; scale 1 and bias 0."""
-    count, size = options.views or preset.views, options.image_size or preset.image_size
-    camera = Camera("PINHOLE", size, size, (preset.focal_px, preset.focal_px, 0.5 * size, 0.5 * size))
+    count, camera = options.views or preset.views, _camera(options, preset)
     gsd = np.array([preset.gsd[k % len(preset.gsd)] for k in range(count)])
     poses = draw_poses(
         _stream(options, _POSES),
@@ -280,7 +303,7 @@ def _radiance_image(raycaster: Raycaster, views: Views, k: int, photometry, opti
 
 
 def _site(folder: Path, options: SimulationOptions, preset: Preset, views: Views) -> Site:
-    size = options.region_size or min(preset.region_px, views.cameras[0].width // 2)
+    size = options.region_size or min(preset.region_px, min(views.cameras[0].width, views.cameras[0].height) // 2)
     priors = pose_priors(options, views.body_from_cam)
     return Site(
         name=_name(options),
