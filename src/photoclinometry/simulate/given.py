@@ -10,6 +10,7 @@ import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class Relief:
     albedo: np.ndarray | None
     """(n, n) float32 normal albedo, where the file has one."""
     body_from_file: Similarity
-    """From the file's coordinates to B; of a map, from (easting, northing, height)."""
+    """From the file's coordinates to B; of a map, from (easting, northing, height) [m], but for the sphere under it."""
 
 
 def given_relief(path: Path, grid: Grid, gsd: float, unit_name: str, center: tuple[float, ...] | None) -> Relief:
@@ -78,8 +79,8 @@ def _from_map(
     at = np.stack(np.meshgrid(row, col, indexing="ij"))
     missing = map_coordinates((~dtm.valid).astype(np.float32), at, order=1, mode="constant", cval=1.0) > 0.0
     # Splines reach beyond the samples around a point: gaps outside of the grid are filled smoothly.
-    nearest = distance_transform_edt(~dtm.valid, return_distances=False, return_indices=True)
-    height = scale * map_coordinates(dtm.height[tuple(nearest)], at, order=3, mode="nearest")
+    nearest: Any = distance_transform_edt(~dtm.valid, return_distances=False, return_indices=True)
+    height = scale * map_coordinates(dtm.height[nearest[0], nearest[1]], at, order=3, mode="nearest")
     middle = float(height[grid.half, grid.half])
     height -= middle
     if dtm.radius is not None:
