@@ -60,6 +60,21 @@ def test_is_reciprocal(model):
 
 
 @each_model
+@pytest.mark.parametrize("incidence_deg", [0, 30, 60, 80, 88])
+def test_reflects_no_more_light_than_comes_in(model, incidence_deg):
+    """The integral of I/F mu / (pi mu0) over all directions, from ground of normal albedo 0.55, Vesta's brightest.
+
+    Models without a phase function come close to all of it at grazing incidence, the others reflect less than 0.4.
+    """
+    x, weight = np.polynomial.legendre.leggauss(80)
+    mu0, mu, azimuth = np.cos(np.radians(incidence_deg)), 0.5 * (1 + x)[:, None], 0.5 * np.pi * (1 + x)
+    cosine = mu0 * mu + np.sqrt(1 - mu0 * mu0) * np.sqrt(1 - mu * mu) * np.cos(azimuth)
+    out = 0.55 * model(mu0, mu, np.arccos(np.clip(cosine, -1, 1)))
+    scattered = 0.5 * weight @ (out * mu) @ weight / mu0
+    assert 0.2 < scattered < (0.4 if model.phase_coefficients else 0.96)
+
+
+@each_model
 def test_is_one_where_everything_is_overhead(model):
     assert model(1.0, 1.0, 0.0) == pytest.approx(1.0, abs=1e-12)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.errors import InputError
-from photoclinometry.simulate.camera_model import Detector, expose, hot_pixel_charge, pixel_average
+from photoclinometry.simulate.camera_model import Detector, expose, hot_pixel_charge, pixel_average, smear_kernel
 
 
 def test_noise_has_the_variance_of_photons_reading_and_rounding():
@@ -75,13 +75,51 @@ def test_pixels_average_their_samples_behind_the_point_spread_function():
     assert profile @ (x - mean) ** 2 == pytest.approx(sigma**2 + 1 / 12, rel=0.05)
 
 
+@pytest.mark.parametrize("angle_deg", [0.0, 37.0, 90.0, 130.0])
+def test_motion_spreads_a_point_evenly_along_its_path(angle_deg):
+    """The variance along the path is length^2 / 12, the centre stays: what a truth of mid-exposure asks for."""
+    along = np.array([np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))])
+    kernel = smear_kernel(tuple(9.0 * along))
+    half = len(kernel) // 2
+    offset = np.stack(np.meshgrid(*[np.arange(-half, half + 1)] * 2), -1)
+    assert kernel.sum() == pytest.approx(1.0)
+    assert kernel.min() >= 0
+    np.testing.assert_allclose(np.tensordot(kernel, offset), 0.0, atol=1e-12)
+    across = np.array([-along[1], along[0]])
+    assert np.sum(kernel * (offset @ along) ** 2) == pytest.approx(81.0 / 12.0, abs=0.26)  # sharing adds 1/4 at most
+    assert np.sum(kernel * (offset @ across) ** 2) < 0.26
+
+
+def test_smeared_pixels_are_the_mean_over_the_motion():
+    """A plane wave that runs along the motion fades by sinc(length / wavelength)."""
+    s, margin = 4, 6
+    x = (np.arange((32 + 2 * margin) * s) + 0.5) / s
+    fine = np.tile(1.0 + 0.5 * np.sin(2 * np.pi * x / 11.0), (len(x), 1))
+    still, moved = pixel_average(fine, s, margin, 0.0), pixel_average(fine, s, margin, 0.0, (4.0, 0.0))
+    fade = np.polyfit(still.ravel() - 1.0, moved.ravel() - 1.0, 1)
+    assert fade[0] == pytest.approx(np.sinc(4.0 / 11.0), abs=4e-3)
+    across = pixel_average(fine, s, margin, 0.0, (0.0, 4.0))
+    np.testing.assert_allclose(across, still, atol=1e-12)
+
+
 def test_a_constant_stays_constant():
     fine = np.full((40, 40, 3), 0.7)
     np.testing.assert_allclose(pixel_average(fine, 2, 3, 0.6), 0.7, rtol=1e-12)
+    np.testing.assert_allclose(pixel_average(fine, 2, 3, 0.6, (2.0, 3.0)), 0.7, rtol=1e-12)
 
 
-def test_impossible_detectors_are_refused():
-    with pytest.raises(InputError, match="bits"):
-        Detector(bits=24)
-    with pytest.raises(InputError, match="exposure_level"):
-        Detector(exposure_level=0.0)
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"bits": 24}, "bits"),
+        ({"bits": 8}, "offset_dn 100 to 300 .* 0 to 128"),
+        ({"offset_dn": (300.0, 100.0)}, "offset_dn"),
+        ({"exposure_level": 0.0}, "exposure_level"),
+        ({"smear_px": -1.0}, "smear"),
+        ({"smear_px": 100.0}, "64 px is the most"),
+        ({"hot_pixels": 1.5}, "share of the pixels"),
+    ],
+)
+def test_impossible_detectors_are_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        Detector(**change)

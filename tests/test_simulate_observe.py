@@ -3,18 +3,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.errors import InputError
 from photoclinometry.geometry import unit
-from photoclinometry.reflectance import published
+from photoclinometry.reflectance import photometric_angles, published
 from photoclinometry.scene import Camera, Region
 from photoclinometry.simulate.hapke import published_hapke
 from photoclinometry.simulate.observe import cast, radiance, sample_points
 from photoclinometry.simulate.photometry import as_dict, from_dict, named_photometry, radiance_factor
+from photoclinometry.simulate.presets import PRESETS, build_surface
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.surface import Surface, sphere_drop
 from photoclinometry.simulate.trajectory import looking_at
 from test_simulate_surface import rough_surface
 
 CAMERA = Camera("PINHOLE", 48, 40, (2000.0, 2000.0, 24.0, 20.0))
+FRAME = Region(row=0, col=0, height=40, width=48)
 SUN = unit([0.5, -0.3, 0.7])
 MODELS = {
     "hapke": published_hapke("vesta"),
@@ -40,7 +43,7 @@ def test_a_tilted_plane_has_the_brightness_of_the_closed_form(model):
     normal = unit([-0.2, 0.1, 1.0])
     pose = view()
     image, complete = radiance(Raycaster(plane), CAMERA, pose, SUN, model, 1, 0)
-    pixels = sample_points(Region(row=0, col=0, height=40, width=48), 1, 0)
+    pixels = sample_points(FRAME, 1, 0)
     rays = CAMERA.ray_in_cam(pixels) @ pose.rotation.T
     position = pose.translation - (pose.translation @ normal) / (rays @ normal)[..., None] * rays
     expected = radiance_factor(model, np.full((40, 48), 0.3), *angles(position, normal, pose.translation))
@@ -48,22 +51,75 @@ def test_a_tilted_plane_has_the_brightness_of_the_closed_form(model):
     np.testing.assert_allclose(image, expected, rtol=2e-6)
 
 
-def test_a_sphere_has_the_brightness_of_the_closed_form():
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_a_sphere_has_the_brightness_of_the_closed_form(model):
     """Rays meet x^2 + y^2 + (z + R)^2 = R^2 exactly; the grid's interpolation is all that differs."""
     radius, axis = 200.0, np.arange(-60.0, 60.5, 0.5)
     x, y = np.meshgrid(axis, axis)
     cap = Surface(sphere_drop(x, y, radius), np.full(x.shape, 0.3), 0.5, (-60.0, -60.0))
-    pose, model = view(), MODELS["lunar-lambert"]
+    pose = view()
     image, complete = radiance(Raycaster(cap), CAMERA, pose, SUN, model, 1, 0)
-    pixels = sample_points(Region(row=0, col=0, height=40, width=48), 1, 0)
+    pixels = sample_points(FRAME, 1, 0)
     rays = unit(CAMERA.ray_in_cam(pixels) @ pose.rotation.T)
     middle = np.array([0.0, 0.0, -radius])
     b = rays @ (pose.translation - middle)
     c = np.sum((pose.translation - middle) ** 2) - radius**2
     position = pose.translation + (-b - np.sqrt(b * b - c))[..., None] * rays
-    expected = 0.3 * model(*angles(position, unit(position - middle), pose.translation))
+    where = angles(position, unit(position - middle), pose.translation)
+    expected = radiance_factor(model, np.full((40, 48), 0.3), *where)
     assert complete
     np.testing.assert_allclose(image, expected, rtol=1e-5)
+
+
+def image_by_embree(surface, finer, pose, sun, model):
+    """I/F (h, w) of the surface as flat facets, `finer` to a sample, through the Embree ray tracer; and lit (h, w)."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    x0, x1, y0, y1 = surface.extent
+    n = (surface.height.shape[0] - 1) * finer + 1
+    grid = np.stack(np.meshgrid(np.linspace(x0, x1, n), np.linspace(y0, y1, n)), -1)
+    vertex = np.concatenate([grid, surface.height_at(grid)[..., None]], -1).reshape(-1, 3)
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()[:, None]
+    triangle = vertex[np.concatenate([corner + [0, 1, n], corner + [1, n + 1, n]])]
+    scene = EmbreeScene()
+    TriangleMesh(scene, triangle.astype(np.float32))
+    facet = unit(np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0]))
+
+    pixels = sample_points(FRAME, 1, 0).reshape(-1, 2)
+    ray = unit(CAMERA.ray_in_cam(pixels) @ pose.rotation.T)
+    start = pose.translation + 0.95 * np.linalg.norm(pose.translation) * ray  # single precision wants short ways
+    hit = scene.run(start.astype(np.float32), ray.astype(np.float32), output=True)
+    position, normal = start + hit["tfar"][:, None] * ray, facet[hit["primID"]]
+    above = (position + 1e-3 * surface.spacing * normal).astype(np.float32)
+    lit = scene.run(above, np.tile(sun, (len(ray), 1)).astype(np.float32)) < 0
+    lit &= normal @ sun > 0
+    out = surface.albedo_at(position[:, :2]) * model(*photometric_angles(sun, pose.translation, position, normal)) * lit
+    return out.reshape(CAMERA.height, CAMERA.width), lit.reshape(CAMERA.height, CAMERA.width)
+
+
+def test_a_crater_is_the_same_through_a_mesh_ray_tracer():
+    """Embree sees flat facets, this renderer the smooth surface. What they differ by in the light is the facets' slope
+    error, which halves with their size; where only one of them sees shadow, its edge passes through the pixel."""
+    pytest.importorskip("embreex")
+    surface = build_surface(PRESETS["demo"], 2700.0, 3)
+    model, sun = MODELS["lunar-lambert"], unit([0.8, 0.3, 0.45])
+    pose = looking_at(np.array([20e3, -13e3, 87e3]), np.array([1200.0, 0.0, 0.0]), 0.4)
+    image, complete = radiance(Raycaster(surface), CAMERA, pose, sun, model, 1, 0)
+    assert complete
+    off = []
+    for finer in (2, 4):
+        by_mesh, lit = image_by_embree(surface, finer, pose, sun, model)
+        both = lit & (image > 0)
+        off.append(np.median(np.abs(by_mesh - image)[both] / image[both]))
+        only_one = lit ^ (image > 0)
+    assert 0.05 < np.mean(image == 0) < 0.6
+    assert off[1] < 0.006
+    assert off[1] == pytest.approx(off[0] / 2, rel=0.25)
+    assert only_one.mean() < 0.01
+    fine = cast(Raycaster(surface), CAMERA, pose, sun, sample_points(FRAME, 8, 0)).lit
+    share = fine.reshape(40, 8, 48, 8).mean((1, 3))[only_one]
+    assert ((share > 0) & (share < 1)).all()
 
 
 def test_shading_is_brighter_on_the_side_that_faces_the_sun():
@@ -81,6 +137,16 @@ def test_rays_off_the_surface_are_dark_and_reported():
     assert not complete
     assert image[0, 0] == 0
     assert image[20, 24] > 0
+
+
+def test_phase_angles_beyond_a_published_fit_are_refused():
+    """Lunar-Lambert with the coefficients of Ceres turns negative beyond 113 degrees."""
+    flat = Surface(np.zeros((121, 121)), np.full((121, 121), 0.1), 1.0, (-60.0, -60.0))
+    low_sun, low_camera = unit([-1.0, 0.0, 0.05]), view(center=(1500.0, 0.0, 900.0))
+    with pytest.raises(InputError, match=r"negative.*hapke"):
+        radiance(Raycaster(flat), CAMERA, low_camera, low_sun, published("lunar-lambert", "ceres"), 1, 0)
+    image, _ = radiance(Raycaster(flat), CAMERA, low_camera, low_sun, published_hapke("ceres"), 1, 0)
+    assert image.min() >= 0
 
 
 def test_cast_goes_through_the_pixels():

@@ -129,21 +129,46 @@ def test_shadow_of_a_wall_has_the_length_of_the_sun_s_cotangent(elevation):
     assert end - 39.0 == pytest.approx(12.0 / np.tan(np.radians(elevation)), abs=0.5)
 
 
-def test_shadow_of_a_cone_ends_where_its_tip_casts_it():
-    x, y = np.meshgrid(np.arange(301.0), np.arange(201.0))
-    cone = np.maximum(40.0 - np.hypot(x - 80.0, y - 100.0), 0.0)
-    along = np.arange(125.0, 260.0, 0.5)
-    lit = shadow_along_x(flat_with(cone), 100.0, along, direction(20.0, 180.0))
-    assert along[np.argmax(lit)] - 80.0 == pytest.approx(40.0 / np.tan(np.radians(20.0)), abs=3.0)
+def lit_on_plane(height, sun, margin=1.5):
+    """lit (n,) at plane points xy (n, 2) around a body in the middle of a grid, and those points from the middle."""
+    half = len(height) // 2
+    surface = Surface(height, np.full(height.shape, 0.3), 1.0, (-half, -half))
+    xy = np.random.default_rng(0).uniform(-0.95 * half, 0.95 * half, (20_000, 2))
+    xy = xy[np.hypot(*xy.T) > 40.0 + margin]
+    origin = np.array([300.0, -200.0, 1e5])
+    return Raycaster(surface).trace(origin, np.pad(xy, ((0, 0), (0, 1))) - origin, sun).lit, xy
 
 
-def test_shadow_of_a_half_sphere_on_a_plane():
-    """On the plane the shadow of a sphere of radius R reaches R / sin(elevation) from its centre."""
-    x, y = np.meshgrid(np.arange(361.0), np.arange(161.0))
-    ball = np.sqrt(np.maximum(40.0**2 - (x - 80.0) ** 2 - (y - 80.0) ** 2, 0.0))
-    along = np.arange(125.0, 300.0, 0.5)
-    lit = shadow_along_x(flat_with(ball), 80.0, along, direction(25.0, 180.0))
-    assert along[np.argmax(lit)] - 80.0 == pytest.approx(40.0 / np.sin(np.radians(25.0)), abs=1.0)
+def check_shadow(lit, shadow, size):
+    """Everything farther than `size` inside or outside of the shadow's edge, in multiples of the body, agrees."""
+    inside, outside = shadow < 1.0 - size, shadow > 1.0 + size
+    assert inside.sum() > 200
+    assert not lit[inside].any()
+    assert lit[outside].all()
+
+
+@pytest.mark.parametrize(("elevation", "azimuth"), [(20.0, 180.0), (25.0, 75.0)])
+def test_shadow_of_a_cone_on_a_plane(elevation, azimuth):
+    """Height and base radius 40. At height 40 k it is a disk of radius 40 (1 - k), and that disk's shadow is shifted by
+    k times the tip's; outside the base a point is in shadow if it is in one of them."""
+    x, y = np.meshgrid(np.arange(-160.0, 161.0), np.arange(-160.0, 161.0))
+    sun = direction(elevation, azimuth)
+    lit, xy = lit_on_plane(np.maximum(40.0 - np.hypot(x, y), 0.0), sun)
+    tip = -40.0 * sun[:2] / sun[2]
+    k = np.linspace(0.0, 0.99, 400)[:, None]
+    off = [np.hypot(*(xy - at * tip).T) / (40.0 * (1.0 - at)) for at in k]
+    check_shadow(lit, np.min(off, 0), 0.05)
+
+
+@pytest.mark.parametrize(("elevation", "azimuth"), [(25.0, 180.0), (35.0, 75.0)])
+def test_shadow_of_a_half_sphere_on_a_plane(elevation, azimuth):
+    """Radius 40. The line from a point towards the Sun passes the centre at |point x sun|; behind the sphere, that is
+    a shadow if it is less than the radius."""
+    x, y = np.meshgrid(np.arange(-160.0, 161.0), np.arange(-160.0, 161.0))
+    sun = direction(elevation, azimuth)
+    lit, xy = lit_on_plane(np.sqrt(np.maximum(40.0**2 - x**2 - y**2, 0.0)), sun)
+    passes = np.linalg.norm(np.cross(np.pad(xy, ((0, 0), (0, 1))), sun), axis=1) / 40.0
+    check_shadow(lit, np.where(xy @ sun[:2] < 0, passes, np.inf), 0.02)
 
 
 def test_ground_turned_away_from_the_sun_is_not_lit_and_open_ground_is():

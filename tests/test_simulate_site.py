@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import angle_between
+from photoclinometry.geometry import Rigid, angle_between, so3_log
 from photoclinometry.io.images import read_image
 from photoclinometry.io.site import load_images, read_site
 from photoclinometry.io.truth import read_truth, write_truth
@@ -12,8 +12,9 @@ from photoclinometry.scene import Region
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.presets import PRESETS
 from photoclinometry.simulate.raycast import Raycaster
-from photoclinometry.simulate.site import SimulationOptions, simulate_site
-from photoclinometry.simulate.truth import nearest_surface, truth_maps
+from photoclinometry.simulate.site import SimulationOptions, draw_views, pose_priors, simulate_site
+from photoclinometry.simulate.trajectory import looking_at
+from photoclinometry.simulate.truth import nearest_surface, truth_maps, visibility
 
 SMALL = SimulationOptions(views=3, image_size=64, seed=5)
 REGION = Region(row=10, col=12, height=30, width=36)
@@ -62,6 +63,22 @@ def test_other_lighting_shows_the_same_ground_from_the_same_places(truth, tmp_pa
     assert angle_between(other.views.sun, truth.views.sun).max() > 0.1
 
 
+def test_any_pinhole_camera_can_be_simulated(tmp_path):
+    """Oblong pixels and images, a boresight far from the middle: all of every frame is ground, at the preset's GSD."""
+    options = replace(SMALL, image_size=64, image_height=40, intrinsics=(2000.0, 2200.0, 12.0, 35.0))
+    site = read_site(simulate_site(options, tmp_path / "oblong"))
+    camera = site.views[0].camera
+    assert (camera.width, camera.height, camera.params) == (64, 40, (2000.0, 2200.0, 12.0, 35.0))
+    truth = read_truth(tmp_path / "oblong" / "truth.h5")
+    assert np.mean(np.linalg.norm(truth.views.body_from_cam.translation, axis=1)) == pytest.approx(60 * 2100, rel=0.05)
+    for k, name in enumerate(truth.views.name):
+        maps = truth_maps(truth, name, Region(row=0, col=0, height=40, width=64))
+        assert maps.hit.all()
+        region = Region(row=0, col=0, height=40, width=64)
+        np.testing.assert_allclose(truth.views.project(k, maps.position), region.pixel_centers(), atol=1e-6)
+        assert truth.views.project(k, np.zeros(3)) == pytest.approx([12.0, 35.0], abs=40.0)  # pointing errors of 15 px
+
+
 def test_uncalibrated_images_are_a_scale_and_bias_away_from_calibrated_ones(truth, tmp_path):
     quiet = replace(SMALL, detector=Detector(noise=False))
     iof = simulate_site(quiet, tmp_path / "iof").parent
@@ -74,7 +91,7 @@ def test_uncalibrated_images_are_a_scale_and_bias_away_from_calibrated_ones(trut
         np.testing.assert_allclose(b, views.scale[k] * a + views.bias[k], atol=0.51)
 
 
-def test_suns_and_pose_priors_are_off_by_about_what_they_state(tmp_path):
+def test_suns_and_pose_priors_of_the_site_are_off_by_about_what_they_state(tmp_path):
     site = read_site(simulate_site(replace(SMALL, pose_sigma=(0.01, 20.0)), tmp_path / "priors"))
     truth = read_truth(tmp_path / "priors" / "truth.h5")
     for k, view in enumerate(site.views):
@@ -82,8 +99,34 @@ def test_suns_and_pose_priors_are_off_by_about_what_they_state(tmp_path):
         assert 0 < angle_between(pose.rotation @ view.sun, truth.views.sun[k]) < 4e-3
         prior = view.pose_prior
         assert prior.rotation_sigma_rad == pytest.approx(np.radians(0.01))
+        assert prior.translation_sigma == 20.0
         off = prior.cam_from_body @ pose
-        assert 0 < np.linalg.norm(off.rotation - np.eye(3)) < 6 * np.radians(0.01)
+        assert 0 < np.linalg.norm(so3_log(off.rotation)) < 5 * np.radians(0.01)
+
+
+def test_pose_priors_scatter_by_what_they_state():
+    """About each axis of C, of 600 views; independent of each other."""
+    options = replace(SMALL, views=600, pose_sigma=(0.01, 20.0))
+    _, views = draw_views(options, PRESETS["demo"])
+    priors, true = pose_priors(options, views.body_from_cam), views.body_from_cam.inverse()
+    turn = np.array([so3_log(p.cam_from_body.rotation @ true.rotation[k].T) for k, p in enumerate(priors)])
+    shift = np.array([p.cam_from_body.translation - true.translation[k] for k, p in enumerate(priors)])
+    errors = np.concatenate([turn / np.radians(0.01), shift / 20.0], 1)
+    np.testing.assert_allclose(np.cov(errors.T), np.eye(6), atol=0.2)  # its own spread is 0.06 on the diagonal
+    np.testing.assert_allclose(errors.mean(0), 0.0, atol=0.2)
+
+
+def test_smear_blurs_the_images_and_leaves_the_truth(truth, tmp_path):
+    quiet = replace(SMALL, detector=Detector(noise=False))
+    moved = replace(SMALL, detector=Detector(noise=False, smear_px=5.0))
+    still, blurred = (simulate_site(o, tmp_path / n).parent for o, n in ((quiet, "still"), (moved, "moved")))
+    for name in truth.views.name:
+        a, b = (read_image(folder / name).brightness for folder in (still, blurred))
+        roughness = [np.abs(np.diff(i, axis=0)).mean() + np.abs(np.diff(i, axis=1)).mean() for i in (a, b)]
+        assert roughness[1] < 0.9 * roughness[0]
+        assert b.mean() == pytest.approx(a.mean(), rel=0.02)
+    copy = read_truth(blurred / "truth.h5")
+    np.testing.assert_array_equal(copy.views.body_from_cam.translation, truth.views.body_from_cam.translation)
 
 
 def test_truth_survives_its_file(truth, tmp_path):
@@ -115,6 +158,33 @@ def test_truth_maps_are_the_surface_there_and_its_averages_are_near(truth):
     assert maps.albedo_mean.mean() == pytest.approx(maps.albedo.mean(), rel=0.01)
     assert maps.albedo_mean.std() <= maps.albedo.std()
     assert ((maps.shadow >= 0) & (maps.shadow <= 1)).all()
+
+
+def test_a_view_sees_its_own_pixels_and_not_what_is_hidden_or_outside(truth):
+    """What a view sees lies on its rays, so it sees all of it, and lit is what its map of shadows says. From low above
+    the horizon much is hidden, as marching along the lines of sight finds, too."""
+    name = truth.views.name[1]
+    maps = truth_maps(truth, name, REGION)
+    points = maps.position.reshape(-1, 3)
+    seen, lit = visibility(truth, name, points)
+    assert seen.all()
+    clear = (maps.shadow == 0) | (maps.shadow == 1)
+    assert (lit.reshape(clear.shape) == (maps.shadow == 0))[clear].all()
+    assert not visibility(truth, name, points + [0.0, 0.0, 50.0])[0].any()
+    assert not visibility(truth, name, points + [5e3, 0.0, 0.0])[0].any()
+
+    low = looking_at(np.array([600e3, 80e3, 200e3]), points[len(points) // 2], 0.0)
+    poses = Rigid(np.array([low.rotation] * 3), np.array([low.translation] * 3))
+    grazing = replace(truth, views=replace(truth.views, body_from_cam=poses))
+    t = 1.0 - np.linspace(4e-5, 0.02, 4000)[:, None]  # the last 12 km, 3 m apart, 25 m before the point
+    seen, _ = visibility(grazing, name, points)
+    assert 0.05 < seen.mean() < 0.95
+    for n in range(0, len(points), 37):
+        path = low.translation + t * (points[n] - low.translation)
+        within = np.abs(path[:, :2]).max(1) < -truth.surface.origin[0]
+        clearance = (path[:, 2] - truth.surface.height_at(path[:, :2]))[within]
+        if abs(clearance.min()) > 1.0:
+            assert seen[n] == (clearance.min() > 0)
 
 
 def test_images_follow_from_the_truth(site, truth):
@@ -182,6 +252,9 @@ def test_a_failed_simulation_leaves_nothing_behind(tmp_path):
         ({"seed": -1}, "seed"),
         ({"supersampling": 0}, "supersampling"),
         ({"image_size": 8}, "32 px"),
+        ({"image_height": 8}, "32 px"),
+        ({"intrinsics": (-1.0, 2000.0, 32.0, 32.0)}, "focal length must be positive"),
+        ({"intrinsics": (32.0, 32.0, 2000.0, 2000.0)}, "order of intrinsics is fx fy cx cy"),
     ],
 )
 def test_impossible_options_are_refused(change, message):

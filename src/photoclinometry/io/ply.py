@@ -67,7 +67,7 @@ def read_ply(path: Path | str) -> PlyMap:
     polygons = face.get("vertex_indices", face.get("vertex_index"))
     faces = None
     if isinstance(polygons, tuple):
-        faces = _triangles(*polygons)
+        faces = fan_triangles(*polygons)
         if len(faces) and (faces.min() < 0 or faces.max() >= len(position)):
             raise InputError(f"{path}: faces name vertices that are not there; export it again")
     normal = _columns(path, vertex, ("nx", "ny", "nz"))
@@ -117,7 +117,7 @@ def _columns(path: Path, vertex: dict, names: tuple[str, ...]) -> np.ndarray | N
     return np.stack(columns, -1).astype(np.float64)
 
 
-def _triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """(m, 3) int64: polygons cut into fans about their first corner; fewer than 3 corners are no face."""
     with np.errstate(invalid="ignore"):
         corners = corners.astype(np.int64)

@@ -1,4 +1,4 @@
-"""From radiance to numbers in a file: point-spread function, pixels, electrons, and the digitiser.
+"""From radiance to numbers in a file: point-spread function, smear, pixels, electrons, and the digitiser.
 
     electrons = Poisson(exposure I/F) + read noise        exposure [electrons per I/F] differs by image
     DN        = round(electrons / (full well / 2^bits) + offset), saturated at 2^bits - 1
@@ -21,6 +21,9 @@ class Detector:
 
     psf_sigma_px: float = 0.5
     """Gaussian point-spread function before the pixels integrate, standard deviation [px]."""
+    smear_px: float = 0.0
+    """How far the scene moves across the detector while an image is exposed [px], in a direction drawn per image.
+    Poses and Suns in the truth are those of mid-exposure."""
     noise: bool = True
     """Shot and read noise, and whole DN; off: exact radiance."""
     full_well_e: float = 150_000.0
@@ -41,17 +44,27 @@ class Detector:
     """Mean number of cosmic ray hits per image."""
 
     def __post_init__(self):
-        if self.psf_sigma_px < 0 or self.full_well_e <= 0 or self.read_noise_e < 0:
-            raise InputError("PSF, full well and read noise must not be negative")
+        if min(self.psf_sigma_px, self.smear_px, self.read_noise_e, self.cosmic_rays) < 0 or self.full_well_e <= 0:
+            raise InputError("PSF, smear, read noise, cosmic rays and full well must not be negative")
+        if self.smear_px > 64:
+            raise InputError(f"a smear of {self.smear_px:g} px leaves nothing to see; 64 px is the most")
+        if not 0 <= self.hot_pixels < 1:
+            raise InputError(f"hot_pixels is a share of the pixels, 0 to 1, got {self.hot_pixels:g}")
         if not 8 <= self.bits <= 16:
             raise InputError(f"a detector has 8 to 16 bits, got {self.bits}")
         if not (0 < self.exposure_level <= 1 and 0 <= self.exposure_spread < 1):
             raise InputError("exposure_level must be within (0, 1], exposure_spread within [0, 1)")
+        low, high = self.offset_dn
+        if not 0 <= low <= high <= 0.5 * 2**self.bits:
+            raise InputError(
+                f"offset_dn {low:g} to {high:g} must be a range within the lower half of {self.bits} bits, "
+                f"0 to {2 ** (self.bits - 1)}"
+            )
 
     @property
     def margin_px(self) -> int:
         """How far beyond the frame light still counts [px]."""
-        return int(np.ceil(4.0 * self.psf_sigma_px))
+        return int(np.ceil(4.0 * self.psf_sigma_px + 0.5 * self.smear_px))
 
 
 @dataclass(frozen=True)
@@ -78,14 +91,42 @@ class Exposure:
         return np.where(self.saturated, 65535, np.clip(np.round(self.dn), 0, 65534)).astype(np.uint16)
 
 
-def pixel_average(fine: np.ndarray, supersampling: int, margin_px: int, sigma_px: float) -> np.ndarray:
+def smear_kernel(smear: tuple[float, float]) -> np.ndarray:
+    """(n, n) weights of even motion along a line of `smear` (x, y) samples about the centre, n odd; their sum is 1.
+
+    Points along the line share themselves between their four neighbours. Across both axes that blurs by at most 1/4
+    sample^2, which is why images are smeared before their samples are averaged to pixels.
+    """
+    length = float(np.hypot(*smear))
+    half = int(np.ceil(0.5 * length)) + 1
+    kernel = np.zeros((2 * half + 1, 2 * half + 1))
+    count = 8 * half
+    at = ((np.arange(count) + 0.5) / count - 0.5)[:, None] * np.array(smear) + half
+    low = np.floor(at).astype(int)
+    f = at - low
+    for i in range(2):
+        for j in range(2):
+            weight = np.abs(1 - i - f[:, 1]) * np.abs(1 - j - f[:, 0]) / count
+            np.add.at(kernel, (low[:, 1] + i, low[:, 0] + j), weight)
+    return kernel
+
+
+def pixel_average(
+    fine: np.ndarray, supersampling: int, margin_px: int, sigma_px: float, smear_px: tuple[float, float] = (0.0, 0.0)
+) -> np.ndarray:
     """Pixels (h, w, ...) from samples ((h + 2 margin) s, (w + 2 margin) s, ...).
 
-    The samples are blurred by the point-spread function and averaged over each pixel; the margin is dropped.
+    The samples are blurred by the point-spread function and by motion of `smear_px` (x, y), and averaged over each
+    pixel; the margin is dropped.
     """
     from scipy.ndimage import gaussian_filter
 
     s = supersampling
+    if any(smear_px):
+        import cv2
+
+        kernel = smear_kernel((smear_px[0] * s, smear_px[1] * s))
+        fine = cv2.filter2D(fine, -1, kernel, borderType=cv2.BORDER_REPLICATE)
     if sigma_px > 0:
         fine = gaussian_filter(fine, sigma_px * s, mode="nearest", axes=(0, 1))
     rows, cols = fine.shape[0] // s, fine.shape[1] // s

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid
 from photoclinometry.reflectance import photometric_angles
 from photoclinometry.scene import Camera, Region
@@ -67,7 +68,8 @@ def radiance(
 ) -> tuple[np.ndarray, bool]:
     """I/F ((height + 2 margin) s, (width + 2 margin) s) float32 over one view's frame and a margin.
 
-    Zero in shadow and off the surface; the second result says whether every ray hit the surface.
+    Zero in shadow and off the surface; the second result says whether every ray hit the surface. Raises InputError
+    if the photometry is negative somewhere, as fits of phase functions are beyond the phase angles they were made from.
     """
     frame = Region(row=0, col=0, height=camera.height, width=camera.width)
     pixels = sample_points(frame, supersampling, margin_px)
@@ -87,6 +89,11 @@ def radiance(
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         complete = all(list(pool.map(strip, range(0, len(out), step))))
+    if out.min() < 0:
+        raise InputError(
+            "the reflectance model is negative here: its coefficients do not reach such large phase angles; choose "
+            "--reflectance hapke, or a smaller --max-emission-deg"
+        )
     return out, complete
 
 

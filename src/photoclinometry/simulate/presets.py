@@ -50,7 +50,19 @@ def build_surface(preset: Preset, half_extent: float, seed: int) -> Surface:
     axis = grid.axis
     for i, y in enumerate(axis):
         relief[i] += sphere_drop(axis, np.full_like(axis, y), BODY_RADIUS[preset.body])
-    return Surface(relief, normal_albedo, grid.spacing, (float(axis[0]), float(axis[0])))
+    return surface_of_relief(relief, normal_albedo, grid, preset.mean_albedo, seed)
+
+
+def surface_of_relief(
+    relief: np.ndarray, normal_albedo: np.ndarray | None, grid: Grid, mean: float, seed: int
+) -> Surface:
+    """Given heights (n, n) with their albedo (n, n); without one, mottled and with dark patches, of the given mean."""
+    if normal_albedo is None:
+        rng, everywhere = np.random.default_rng([seed, 1]), np.ones(grid.shape, np.float32)
+        log_albedo = albedo.mottling(grid, rng, 0.12, grid.half_extent)
+        log_albedo += albedo.deposits(grid, rng, -0.3, 40.0 * grid.spacing, 0.10, 0.12, everywhere)
+        normal_albedo = albedo.from_log(log_albedo, mean)
+    return Surface(relief, normal_albedo, grid.spacing, (float(grid.axis[0]), float(grid.axis[0])))
 
 
 def named_preset(name: str) -> Preset:

@@ -24,6 +24,8 @@ _NUDGE = 1e-7
 """How far beyond a cell's edge [samples] a ray is put, so that it counts as inside the next cell."""
 _TOLERANCE = 1e-7
 """Crossings are solved to this height above the surface [samples]."""
+_ENTRY_LEVEL = 2
+"""Camera rays begin at this level of the pyramid: they come in steeply, and near the ground."""
 _SHADOW_OFFSET = 1e-3
 """A ray towards the Sun starts this far above the surface [samples], along the normal."""
 
@@ -236,7 +238,7 @@ def _trace(height, albedo, bound, levels, frame, origin, directions, sun, hit, d
         us, vs = min(max(us, 0.0), cols - 1.0 - 1e-9), min(max(vs, 0.0), rows - 1.0 - 1e-9)
         if zs < cell_height(height, int(vs), int(us), us, vs):
             continue
-        t = _first_hit(height, bound, levels, us, vs, zs, du, dv, dz, top, tolerance)
+        t = _first_hit(height, bound, levels, us, vs, zs, du, dv, dz, min(top, _ENTRY_LEVEL), tolerance)
         if t < 0.0:
             continue
         hit[n] = True

@@ -105,9 +105,11 @@ def ground_half_extent(
     away from nadir, ground 2.5 percent of the image's width below the sphere.
     """
     focal = float(np.mean(camera.focal_px))
-    off_axis = 0.5 * math.hypot(camera.width, camera.height) + 3.0 * pointing_jitter_px + 8.0
+    corner = np.array([[x, y] for x in (0, camera.width) for y in (0, camera.height)], float)
+    farthest = float(np.linalg.norm(camera.ray_in_cam(corner)[:, :2], axis=1).max())
+    off_axis = focal * farthest + 3.0 * pointing_jitter_px + 8.0
     far = 1.05 * distance
-    low = radius - 0.025 * camera.width * far / focal
+    low = radius - 0.025 * max(camera.width, camera.height) * far / focal
     center = np.array([far * math.sin(max_emission), radius + far * math.cos(max_emission)])
     angle = -max_emission - math.atan(off_axis / focal)
     ray = np.array([math.sin(angle), -math.cos(angle)])

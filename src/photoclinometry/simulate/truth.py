@@ -92,6 +92,27 @@ def truth_maps(truth: Truth, view: str, region: Region, raycaster: Raycaster | N
     )
 
 
+def visibility(
+    truth: Truth, view: str, points: np.ndarray, raycaster: Raycaster | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which surface points (n, 3) of B a view sees, within its frame and with nothing before them, and which of those
+    the Sun lights; both (n,) bool.
+
+    Points within a tenth of the surface's sample spacing of it, along the line of sight, count as on it. raycaster: as
+    for `truth_maps`. Raises InputError for an unknown view.
+    """
+    k = truth.view_index(view)
+    raycaster = raycaster or Raycaster(truth.surface)
+    camera, center = truth.views.cameras[k], truth.views.body_from_cam.translation[k]
+    rays = np.asarray(points, float) - center
+    hits = raycaster.trace(center, rays, truth.views.sun[k])
+    pixel = truth.views.project(k, points)
+    inside = (pixel >= 0).all(-1) & (pixel <= (camera.width, camera.height)).all(-1)
+    before = (1.0 - np.where(hits.hit, hits.distance, 0.0)) * np.linalg.norm(rays, axis=-1)
+    seen = hits.hit & inside & (np.abs(before) < 0.1 * truth.surface.spacing)
+    return seen, seen & hits.lit
+
+
 def nearest_surface(surface: Surface, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signed distance (n,) [m] from points (n, 3) to the surface, above positive, and the foot (n, 3).
 

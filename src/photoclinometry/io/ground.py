@@ -1,0 +1,47 @@
+"""Surfaces given by a person: a mesh as PLY or OBJ, or heights on a map as GeoTIFF, told apart by content."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.io.geotiff import Dtm, read_dtm
+from photoclinometry.io.obj import read_obj
+from photoclinometry.io.ply import read_ply
+
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in the file's own frame and unit."""
+
+    vertices: np.ndarray
+    """(V, 3) float64."""
+    faces: np.ndarray
+    """(F, 3) int64, counter-clockwise as seen from outside."""
+    albedo: np.ndarray | None = None
+    """(V,) normal albedo, where the file has one."""
+
+
+def read_ground(path: Path | str) -> Mesh | Dtm:
+    """The surface in a PLY, GeoTIFF or OBJ file. Raises InputError."""
+    path = Path(path)
+    try:
+        with open(path, "rb") as stream:
+            head = stream.read(4)
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such surface; check the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    if head in _TIFF:
+        return read_dtm(path)
+    if not head.startswith(b"ply"):
+        return Mesh(*read_obj(path))
+    ply = read_ply(path)
+    if ply.faces is None or len(ply.faces) == 0:
+        raise InputError(f"{path}: holds points without faces; export it as a mesh")
+    return Mesh(ply.position, ply.faces, ply.albedo)

@@ -1,0 +1,57 @@
+"""Wavefront OBJ: the vertices and faces of a shape; everything else in the file is passed over.
+
+http://paulbourke.net/dataformats/obj/
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.io.ply import fan_triangles
+
+
+def read_obj(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) float64 and triangles (F, 3) int64; larger polygons are cut into fans. Raises InputError."""
+    path = Path(path)
+    vertex_lines, face_lines = [], []
+    for line in _lines(path):
+        if line.startswith(b"v "):
+            vertex_lines.append(line)
+        elif line.startswith(b"f "):
+            face_lines.append(line)
+    try:
+        vertices = np.array([line.split()[1:4] for line in vertex_lines], np.float64).reshape(-1, 3)
+        faces = _faces(face_lines, len(vertices))
+    except ValueError as error:
+        raise InputError(f"{path}: is no whole OBJ file ({error}); export it again") from error
+    if len(vertices) == 0 or len(faces) == 0:
+        raise InputError(
+            f"{path}: is no OBJ mesh ({len(vertices)} vertices, {len(faces)} faces); export a mesh as OBJ or PLY"
+        )
+    if not np.isfinite(vertices).all():
+        raise InputError(f"{path}: some vertices are not finite; remove them")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(f"{path}: faces name vertices that are not there; export it again")
+    return vertices, faces
+
+
+def _lines(path: Path) -> list[bytes]:
+    try:
+        return path.read_bytes().splitlines()
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file; check the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _faces(lines: list[bytes], vertices: int) -> np.ndarray:
+    """Triangles by row of the vertices. Corners are `v`, `v/vt/vn` or `v//vn`, counted from 1, or back from -1."""
+    corners = [[word.split(b"/", 1)[0] for word in line.split()[1:]] for line in lines]
+    index = np.array([word for corner in corners for word in corner], np.int64)
+    if (index == 0).any():
+        raise ValueError("a face names vertex 0, and vertices count from 1")
+    index = np.where(index > 0, index - 1, index + vertices)
+    return fan_triangles(np.array([len(corner) for corner in corners], np.int64), index)

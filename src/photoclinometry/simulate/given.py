@@ -1,0 +1,245 @@
+"""Ground that a person gives instead of a preset's: a mesh or a terrain model becomes heights over a tangent plane.
+
+The frame B of the simulated site is then upright on the place that the cameras look at: its origin on the ground, z
+along the mean normal around it, y north: along the file's z axis, or along its y axis where z is closer to upright.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import Similarity, unit
+from photoclinometry.io.geotiff import Dtm
+from photoclinometry.io.ground import Mesh, read_ground
+from photoclinometry.raster import draw_triangles
+from photoclinometry.simulate.surface import sphere_drop
+from photoclinometry.simulate.terrain import Grid
+
+log = logging.getLogger(__name__)
+
+METRES = {"m": 1.0, "km": 1000.0}
+MAX_FACET_GSD = 3.0
+"""Ground whose facets or pixels are larger than this many ground samples would show them in the images."""
+_MAX_OVERLAP = 0.02
+"""Share of the ground that may lie under other ground: boulders that overhang. The upper ground is taken."""
+
+
+@dataclass(frozen=True)
+class Relief:
+    """Given ground on a grid of the tangent plane."""
+
+    height: np.ndarray
+    """(n, n) float32, z in B [m], curvature included."""
+    albedo: np.ndarray | None
+    """(n, n) float32 normal albedo, where the file has one."""
+    body_from_file: Similarity
+    """From the file's coordinates to B; of a map, from (easting, northing, height) [m], but for the sphere under it."""
+
+
+def given_relief(path: Path, grid: Grid, gsd: float, unit_name: str, center: tuple[float, ...] | None) -> Relief:
+    """The ground of a file over a grid that the views need whole; gsd [m]: the finest of theirs.
+
+    unit_name: "m" or "km", of a mesh's coordinates and of a map's heights; center: a point of the surface, (x, y, z) in
+    the mesh's coordinates or (easting, northing) [m] on the map; by default the middle. Raises InputError.
+    """
+    ground = read_ground(path)
+    scale = METRES[unit_name]
+    dimensions = 2 if isinstance(ground, Dtm) else 3
+    if center is not None and len(center) != dimensions:
+        raise InputError(
+            f"{path}: --surface-center takes {dimensions} numbers for this kind of file, got {len(center)}"
+        )
+    if isinstance(ground, Dtm):
+        relief, missing = _from_map(path, ground, scale, center, grid, gsd)
+    else:
+        relief, missing = _from_mesh(path, ground, scale, center, grid, gsd)
+    _check_cover(path, missing, grid, gsd, unit_name)
+    return relief
+
+
+def _from_map(
+    path: Path, dtm: Dtm, scale: float, center: tuple[float, ...] | None, grid: Grid, gsd: float
+) -> tuple[Relief, np.ndarray]:
+    """Heights of a map, on the sphere that it is a map of, and where they are missing (n, n)."""
+    from scipy.ndimage import distance_transform_edt, map_coordinates
+
+    _check_fine(path, math.sqrt(dtm.pixel[0] * dtm.pixel[1]), "pixels", gsd)
+    rows, cols = dtm.height.shape
+    if center is None:
+        center = (dtm.corner[0] + 0.5 * cols * dtm.pixel[0], dtm.corner[1] - 0.5 * rows * dtm.pixel[1])
+    col = (center[0] + grid.axis - dtm.corner[0]) / dtm.pixel[0] - 0.5
+    row = (dtm.corner[1] - center[1] - grid.axis) / dtm.pixel[1] - 0.5
+    at = np.stack(np.meshgrid(row, col, indexing="ij"))
+    missing = map_coordinates((~dtm.valid).astype(np.float32), at, order=1, mode="constant", cval=1.0) > 0.0
+    # Splines reach beyond the samples around a point: gaps outside of the grid are filled smoothly.
+    nearest: Any = distance_transform_edt(~dtm.valid, return_distances=False, return_indices=True)
+    height = scale * map_coordinates(dtm.height[nearest[0], nearest[1]], at, order=3, mode="nearest")
+    middle = float(height[grid.half, grid.half])
+    height -= middle
+    if dtm.radius is not None:
+        height += sphere_drop(grid.axis, grid.axis[:, None], dtm.radius)
+    origin = np.array([center[0], center[1], middle])
+    return Relief(height.astype(np.float32), None, Similarity(1.0, np.eye(3), -origin)), missing
+
+
+def _from_mesh(
+    path: Path, mesh: Mesh, scale: float, center: tuple[float, ...] | None, grid: Grid, gsd: float
+) -> tuple[Relief, np.ndarray]:
+    """Heights of a mesh over the plane upright at `center`, and where there are none (n, n)."""
+    vertices, faces = scale * mesh.vertices, mesh.faces
+    reach = math.sqrt(2.0) * grid.half_extent
+    closed = _is_closed(faces)
+    if closed and _volume(vertices, faces) < 0:
+        faces = faces[:, ::-1]
+    if closed and center is None:
+        raise InputError(f"{path}: is a closed shape; choose a place on it with --surface-center X Y Z")
+    origin = _middle(path, vertices, faces, None if center is None else scale * np.array(center), reach)
+    _check_fine(path, _facet_size(vertices, _faces_within(vertices, faces, origin, reach)), "facets", gsd)
+    body_from_file = Similarity(scale, *_upright(path, vertices, faces, origin, reach))
+    local = body_from_file(mesh.vertices)
+    faces = _faces_seen_from_above(local, faces, grid)
+    pixel = local[:, :2] / grid.spacing + grid.half + 0.5
+    order = np.argsort(-local[faces, 2].mean(1), kind="stable")
+    top, drawn = _draw(pixel, local[:, 2], faces[order], grid)
+    bottom, _ = _draw(pixel, local[:, 2], faces[order[::-1]], grid)
+    _check_single(path, top - bottom > 0.1 * gsd, drawn)
+    albedo = None
+    if mesh.albedo is not None:
+        _check_albedo(path, mesh.albedo)
+        albedo = _draw(pixel, mesh.albedo, faces[order], grid)[0].astype(np.float32)
+    return Relief(top.astype(np.float32), albedo, body_from_file), ~drawn
+
+
+def _draw(pixel: np.ndarray, value: np.ndarray, faces: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """`value` (V,) at the samples of the grid (n, n), of the first face that covers each, and where there is one."""
+    return draw_triangles(pixel, np.ones(len(pixel)), value, faces, grid.shape)
+
+
+def _is_closed(faces: np.ndarray) -> bool:
+    """Whether every edge has faces on both sides."""
+    first, second = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).T
+    _, count = np.unique(first * (faces.max() + 1) + second, return_counts=True)
+    return bool((count > 1).all())
+
+
+def _volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Of a closed shape; negative if its faces look inwards."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return float(np.sum(a * np.cross(b, c)) / 6.0)
+
+
+def _middle(path: Path, vertices: np.ndarray, faces: np.ndarray, center: np.ndarray | None, reach: float) -> np.ndarray:
+    """The vertex (3,) nearest to `center` [m], or to the middle of the mesh."""
+    if center is None:
+        used = vertices[np.unique(faces)]
+        center = 0.5 * (used.min(0) + used.max(0))
+        return used[np.argmin(np.linalg.norm(used - center, axis=1))]
+    distance = np.linalg.norm(vertices - center, axis=1)
+    nearest = int(np.argmin(distance))
+    if distance[nearest] > reach:
+        raise InputError(
+            f"{path}: the surface is {distance[nearest]:.4g} m from --surface-center at the nearest, more than the "
+            f"{reach:.4g} m that the views see; check the point and --surface-unit"
+        )
+    return vertices[nearest]
+
+
+def _faces_within(vertices: np.ndarray, faces: np.ndarray, origin: np.ndarray, reach: float) -> np.ndarray:
+    """The faces (F', 3) with a corner within `reach` of `origin`."""
+    near = np.linalg.norm(vertices - origin, axis=1) < reach
+    return faces[near[faces].any(1)]
+
+
+def _facet_size(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Median length of the faces' edges."""
+    corner = vertices[faces]
+    return float(np.median(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1)))
+
+
+def _upright(
+    path: Path, vertices: np.ndarray, faces: np.ndarray, origin: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,) from the file's axes [m] to B."""
+    corner = vertices[_faces_within(vertices, faces, origin, reach)]
+    area = 0.5 * np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    total, size = area.sum(0), np.linalg.norm(area, axis=1).sum()
+    if np.linalg.norm(total) < 0.3 * size:
+        raise InputError(
+            f"{path}: faces all ways within {reach:.4g} m of the site, so it is no height field there; choose a "
+            "smaller --gsd or --image-size, or check --surface-unit"
+        )
+    up = unit(total)
+    _check_outward(path, vertices, origin, up)
+    north = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < math.sqrt(0.5) else np.array([0.0, 1.0, 0.0])
+    east = unit(np.cross(north, up))
+    rotation = np.stack([east, np.cross(up, east), up])
+    return rotation, -rotation @ origin
+
+
+def _check_outward(path: Path, vertices: np.ndarray, origin: np.ndarray, up: np.ndarray) -> None:
+    """Upwards is away from the centre of a body-fixed frame, and not against z in a frame that begins near the site."""
+    quarter = 0.25 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if up @ origin < -quarter or (up @ origin <= quarter and up[2] < -0.5):
+        raise InputError(f"{path}: its faces look downwards or into the body; reverse the order of their corners")
+
+
+def _faces_seen_from_above(local: np.ndarray, faces: np.ndarray, grid: Grid) -> np.ndarray:
+    """The faces (F', 3) over the grid whose outside is upwards."""
+    corner = local[faces]
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    upwards = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] > 0.0
+    edge = grid.half_extent + grid.spacing
+    over = (corner[..., :2].min(1) < edge).all(-1) & (corner[..., :2].max(1) > -edge).all(-1)
+    return faces[upwards & over]
+
+
+def _check_fine(path: Path, size: float, what: str, gsd: float) -> None:
+    if size > MAX_FACET_GSD * gsd:
+        raise InputError(
+            f"{path}: is too coarse: its {what} are {size:.4g} m wide, images of {gsd:.4g} m per pixel would show "
+            f"them; choose --gsd {size / MAX_FACET_GSD:.3g} or more, give a finer surface, or check --surface-unit"
+        )
+
+
+def _check_single(path: Path, double: np.ndarray, drawn: np.ndarray) -> None:
+    share = double.sum() / max(drawn.sum(), 1)
+    if 0 < share <= _MAX_OVERLAP:
+        log.warning("%s: %.2g %% of the ground lies under other ground and is left out", path, 100 * share)
+    if share > _MAX_OVERLAP:
+        raise InputError(
+            f"{path}: is no height field: {100 * share:.2g} % of the ground lies under other ground; choose another "
+            "--surface-center, or cut overhangs and other parts of the body away"
+        )
+
+
+def _check_albedo(path: Path, albedo: np.ndarray) -> None:
+    if not (np.isfinite(albedo).all() and albedo.min() > 0 and albedo.max() <= 1):
+        raise InputError(
+            f"{path}: albedo from {albedo.min():.4g} to {albedo.max():.4g}; give normal albedo (I/F) above 0, up to 1, "
+            "or leave the property out"
+        )
+
+
+def _check_cover(path: Path, missing: np.ndarray, grid: Grid, gsd: float, unit_name: str) -> None:
+    if not missing.any():
+        return
+    if missing[grid.half, grid.half]:
+        raise InputError(f"{path}: has no ground at the site itself; choose another --surface-center")
+    from_center = np.maximum(np.abs(grid.axis), np.abs(grid.axis)[:, None])
+    whole = float(from_center[missing].min())
+    unit_hint = ""
+    if unit_name == "m" and whole < 0.05 * grid.half_extent:
+        unit_hint = "if it is in kilometres, pass --surface-unit km; or "
+    raise InputError(
+        f"{path}: has ground without gaps only within {whole:.4g} m of the site, in x and y, and images of {gsd:.4g} "
+        f"m per pixel need {grid.half_extent:.4g} m; {unit_hint}choose --gsd "
+        f"{0.95 * gsd * whole / grid.half_extent:.2g}, smaller images (--image-size) or another --surface-center, or "
+        "fill the gaps"
+    )
