@@ -11,8 +11,9 @@ import numpy as np
 from photoclinometry.align import Closest, align_poses, refine_on_surface, transform_poses, transform_scene
 from photoclinometry.closest import CloudSurface, MeshSurface
 from photoclinometry.errors import InputError
+from photoclinometry.evaluate import completeness
 from photoclinometry.geometry import Rigid, Similarity, angle_between, so3_log
-from photoclinometry.metrics import albedo_error, albedo_factor, normal_error, spread
+from photoclinometry.metrics import albedo_error, albedo_factor, landmark_error, normal_error, spread
 from photoclinometry.scene import Scene, Views
 
 if TYPE_CHECKING:
@@ -34,9 +35,12 @@ class Comparison:
 def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
     """Compare with the exact surface, poses and Suns of a simulated site. Raises InputError.
 
-    The scene is aligned by its cameras' poses, then to the true surface. Normals and albedos are compared at
-    the landmark's reference pixel, at the point (`_at_point`) and averaged over point-spread function and
-    pixel, which is what images can resolve.
+    The scene is aligned by its cameras' poses, then to the true surface. Positions are compared three ways:
+    with the nearest point of the surface (`surface_distance`), with the nearest of the true points behind the
+    reference pixels, as if they were somebody's map (Eq. 36, `landmark_error`), and with the true point behind
+    the landmark's own pixel (`position_error`), which also sees the map slide along the ground. Normals and
+    albedos are compared at the landmark's reference pixel, at the point (`_at_point`) and averaged over
+    point-spread function and pixel, which is what images can resolve.
     """
     from photoclinometry.simulate.truth import nearest_surface, truth_maps
 
@@ -53,7 +57,10 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
 
     maps = truth_maps(truth, scene.views.name[scene.reference], scene.region)
     true_views = truth.views[[index[k] for k in range(len(scene.views))]]
-    return compare_with_truth(scene, true_views, maps, closest)
+    found = compare_with_truth(scene, true_views, maps, closest)
+    lit = maps.hit & (maps.shadow < 0.5)
+    found.metrics["completeness_truly_lit_percent"] = 100.0 * completeness(scene, lit)
+    return found
 
 
 def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Closest) -> Comparison:
@@ -77,12 +84,13 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
     true_position = at(maps.position)
     errors = {
         "surface_distance_m": fit.distance,
+        "landmark_error_m": landmark_error(aligned.landmarks.position, maps.position[maps.hit]),
         "position_error_m": np.linalg.norm(aligned.landmarks.position - true_position, axis=-1),
         "normal_error_deg": np.degrees(normal_error(aligned.landmarks.normal, at(maps.normal_mean))),
         "normal_error_at_point_deg": np.degrees(normal_error(aligned.landmarks.normal, at(maps.normal))),
     }
     metrics = _spreads(errors)
-    for key in ("surface_distance", "position_error"):
+    for key in ("surface_distance", "landmark_error", "position_error"):
         metrics |= spread(errors[f"{key}_m"] / aligned.gsd, key, "gsd")
     metrics |= _alignment_metrics(by_poses, fit.similarity, fit.determined, aligned)
     metrics |= pose_metrics(scene.views.body_from_cam, true_views.body_from_cam, by_poses, "m")
@@ -145,7 +153,8 @@ def evaluate_against_map(
         angle = np.degrees(normal_error(aligned.landmarks.normal, normals[nearest]))
         errors["normal_error_deg"] = np.where(inside, angle, np.nan)
     metrics |= _spreads(errors) | {"overlap_percent": 100.0 * float(inside.mean())}
-    metrics |= spread(fit.distance / aligned.gsd, "surface_distance", "gsd")
+    for key in ("surface_distance", "landmark_error"):
+        metrics |= spread(errors[f"{key}_{unit}"] / aligned.gsd, key, "gsd")
     metrics |= _alignment_metrics(by_poses, fit.similarity, fit.determined, aligned)
     if reference.albedo is not None and scene.reflectance is not None:
         theirs = np.where(inside, reference.albedo[nearest], np.nan)

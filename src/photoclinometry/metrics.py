@@ -26,6 +26,16 @@ def spread(values: np.ndarray, name: str, unit: str) -> dict[str, float]:
     }
 
 
+def landmark_error(position: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """Distance (n,) of points (n, 3) to the nearest point of a reference map (m, 3) (Eq. 36).
+
+    Between points, so that it is never less than the distance to the surface, and a coarse map makes it larger.
+    """
+    from scipy.spatial import KDTree
+
+    return KDTree(reference).query(position)[0]
+
+
 def normal_error(normal: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Angle [rad] between normals (..., 3), of any length (Eq. 37; atan2 where the paper has arccos)."""
     return angle_between(normal, reference)
