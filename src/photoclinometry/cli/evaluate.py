@@ -30,9 +30,10 @@ def evaluate(
     Args:
         run: Folder of a finished run.
         truth: truth.h5 of a simulated site: compares surface, normals, albedos, poses, Suns and keypoints.
-        reference: PLY file of another map of the place, a mesh or points: compares surface, normals, albedos.
+        reference: Another map of the place, to compare surface, normals and albedos with: a PLY file (mesh or
+            points), a GeoTIFF of heights (needs the extra `geo`), another run's folder, or its scene.h5.
         cameras: COLMAP model folder with poses in the frame of the reference map. Its views, matched by name,
-            give the first alignment; without it the run must be in the map's frame already.
+            give the first alignment; another run brings its own. Without any the run must be in the map's frame.
         unit: Length unit of the reference map, for the names of the figures.
         site: The site.toml, if it has moved since the run.
         images: Read the images too, for PSNR and completeness.
@@ -68,15 +69,16 @@ def truth_metrics(scene: Scene, truth: Path) -> dict[str, float]:
 
 
 def map_metrics(scene: Scene, reference: Path, cameras: Path | None, unit: str) -> dict[str, float]:
-    """Figures against a PLY file, aligned by a COLMAP model's poses where there is one."""
+    """Figures against another map, aligned by a COLMAP model's poses, or its own, where there are any."""
     from photoclinometry.compare import evaluate_against_map
     from photoclinometry.io.colmap import read_colmap
-    from photoclinometry.io.ply import read_ply
+    from photoclinometry.io.reference import read_reference
 
-    names, poses = None, None
+    other = read_reference(reference)
+    names, poses = other.names, other.body_from_cam
     if cameras is not None:
         names, _, poses, _ = read_colmap(cameras)
-    return evaluate_against_map(scene, read_ply(reference), names=names, body_from_cam=poses, unit=unit).metrics
+    return evaluate_against_map(scene, other.surface, names=names, body_from_cam=poses, unit=unit).metrics
 
 
 def show(metrics: Mapping[str, float], name: str, folder: Path) -> None:
