@@ -191,7 +191,7 @@ class Scene:
     """Index of the reference view."""
     region: Region
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
-    """Standard deviations by name, first axis J or K; empty until computed."""
+    """Standard deviations by name, first axis J or K; empty until computed. `calibrate.py` lists names and axes."""
 
     @property
     def gsd(self) -> float:

@@ -51,7 +51,7 @@ def split_unit(key: str) -> tuple[str, str]:
 
 def words(name: str) -> str:
     """ "photometric_error" -> "photometric error"."""
-    text = name.replace("_", " ").replace("psnr", "PSNR").replace("gsd", "GSD")
+    text = name.replace("_", " ").replace("psnr", "PSNR").replace("gsd", "GSD").replace("nees", "NEES")
     return text
 
 
