@@ -112,6 +112,18 @@ class Views:
         )
 
 
+def join_views(first: Views, second: Views) -> Views:
+    """All views of `first`, then all of `second`."""
+    arrays = ("sun", "scale", "bias", "sun_measured", "sun_sigma")
+    a, b = first.body_from_cam, second.body_from_cam
+    return Views(
+        name=first.name + second.name,
+        cameras=first.cameras + second.cameras,
+        body_from_cam=Rigid(np.concatenate([a.rotation, b.rotation]), np.concatenate([a.translation, b.translation])),
+        **{key: np.concatenate([getattr(first, key), getattr(second, key)]) for key in arrays},
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Landmarks:
     """J surface points; each was made from one pixel of the reference view."""

@@ -39,7 +39,6 @@ def evaluate(
         images: Read the images too, for PSNR and completeness.
         out: Folder for the files. Default: evaluation/ in the run folder.
     """
-    from photoclinometry.evaluate import evaluate_scene
     from photoclinometry.io.atomic import write_text
     from photoclinometry.tables import json_numbers, markdown
 
@@ -48,7 +47,7 @@ def evaluate(
     if cameras is not None and reference is None:
         raise InputError("--cameras aligns a run with a map: give --reference too")
     scene = read_run(run)
-    metrics = evaluate_scene(scene, run_images(site_path(run, site), scene) if images else None)
+    metrics = image_metrics(scene, run, site_path(run, site) if images else None)
     if truth is not None:
         metrics |= truth_metrics(scene, truth)
     if reference is not None:
@@ -58,6 +57,19 @@ def evaluate(
     write_text(folder / "evaluation.md", markdown(metrics, f"Evaluation of {scene.name}"))
     show(metrics, scene.name, folder)
     return metrics
+
+
+def image_metrics(scene: Scene, run: Path, site: Path | None) -> dict[str, float]:
+    """Figures of a run against its images, those held out from it included; without `site` against none."""
+    from photoclinometry.evaluate import evaluate_scene, held_out_table
+    from photoclinometry.io.held_out import NAME, read_held_out
+
+    if site is None:
+        return evaluate_scene(scene)
+    held_out = read_held_out(run / NAME)
+    images = run_images(site, scene.views.name + (held_out.name if held_out else ()))
+    used = images[: len(scene.views)]
+    return evaluate_scene(scene, used, held_out=held_out_table(scene, held_out, images) if held_out else ())
 
 
 def truth_metrics(scene: Scene, truth: Path) -> dict[str, float]:
