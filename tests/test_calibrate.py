@@ -7,10 +7,12 @@ import pytest
 
 from photoclinometry.align import transform_scene
 from photoclinometry.calibrate import sigma_metrics, tangent_error
+from photoclinometry.compare import compare_with_truth
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, Similarity, so3_exp, sphere_step
 from photoclinometry.metrics import calibration, normalised_square
-from scenes import synthetic_scene
+from scenes import bumpy_surface, synthetic_scene
+from test_evaluate import on_bumps, truth_of
 
 OF_LANDMARKS = ("position", "normal", "albedo")
 KINDS = (*OF_LANDMARKS, "rotation", "translation", "sun", "scale", "bias")
@@ -127,6 +129,20 @@ def test_relative_albedos_are_compared_after_the_common_factor():
     )
     found = sigma_metrics(doubled, true.views, true.landmarks, 0.5)
     assert found == pytest.approx(sigma_metrics(scene, true.views, true.landmarks, 1.0))
+
+
+def test_an_evaluation_against_truth_includes_what_the_scene_states():
+    scene = synthetic_scene(size=16)
+    true, rng = truth_of(scene), np.random.default_rng(0)
+    albedo = scene.landmarks.albedo + 0.01 * rng.normal(size=256)
+    stated = {"albedo": np.full(256, 0.01), "position": np.full((256, 3), 1.0)}
+    found = replace(scene, landmarks=replace(scene.landmarks, albedo=albedo), uncertainty=stated)
+    metrics = compare_with_truth(found, scene.views, true, on_bumps(bumpy_surface())).metrics
+    assert metrics["albedo_sigma_nees"] == pytest.approx(1.0, abs=0.3)
+    assert metrics["position_sigma_nees"] == pytest.approx(0.0, abs=1e-9)
+    assert not any(
+        "sigma" in key for key in compare_with_truth(scene, scene.views, true, on_bumps(bumpy_surface())).metrics
+    )
 
 
 def test_uncertainties_of_a_wrong_shape_are_refused_and_unknown_ones_left_alone():
