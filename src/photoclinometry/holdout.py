@@ -17,15 +17,13 @@ import numpy as np
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, skew, so3_exp
 from photoclinometry.initialize import predicted_ratio, sample_brightness
-from photoclinometry.matching.interface import Matcher, padded_region, request_match
+from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION
 from photoclinometry.scene import Camera, Image, Scene, Views
 
 log = logging.getLogger(__name__)
 
-MARGIN_PX = 48
-"""Pixels around the region that matching looks at."""
 MIN_MATCHES = 50
 """A held-out view with fewer landmarks found in it is left out."""
 

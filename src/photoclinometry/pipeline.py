@@ -19,9 +19,10 @@ from photoclinometry.geometry import unit
 from photoclinometry.holdout import Resected, held_out_mask, held_out_views, resect_views
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours, sample_brightness
 from photoclinometry.io import held_out as held_out_file
+from photoclinometry.io.options import write_options
 from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
-from photoclinometry.matching.interface import Matcher, padded_region, request_match
+from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
 from photoclinometry.region import RegionOptions, choose_region
@@ -34,9 +35,6 @@ log = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
 """Called as progress(what, done, total); total 0 where it is not known."""
-
-MARGIN_PX = 48
-"""Pixels around the region that dense matching looks at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -426,13 +424,4 @@ def write_products(
 
 def write_config(folder: RunFolder, config: Mapping[str, Any]) -> None:
     """config.toml: what was mapped, and every option, defaults included."""
-    import tomli_w
-
-    from photoclinometry.io.atomic import write_text
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: plain(v) for key, v in value.items() if v is not None}
-        return list(value) if isinstance(value, tuple) else value
-
-    write_text(folder.path / "config.toml", tomli_w.dumps({"version": __version__, **plain(dict(config))}))
+    write_options(folder.path / "config.toml", config)

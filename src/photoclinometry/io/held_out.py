@@ -10,10 +10,9 @@ import numpy as np
 from photoclinometry.errors import RunFolderError
 from photoclinometry.geometry import Rigid
 from photoclinometry.io.atomic import write_text
-from photoclinometry.scene import Camera, Views
+from photoclinometry.scene import VIEW_ARRAYS, Camera, Views
 
 NAME = "held_out.json"
-_ARRAYS = ("sun", "scale", "bias", "sun_measured", "sun_sigma")
 
 
 def write_held_out(path: Path, views: Views) -> None:
@@ -23,7 +22,7 @@ def write_held_out(path: Path, views: Views) -> None:
         "cameras": [[c.model, c.width, c.height, list(c.params)] for c in views.cameras],
         "rotation": views.body_from_cam.rotation.tolist(),
         "translation": views.body_from_cam.translation.tolist(),
-        **{key: getattr(views, key).tolist() for key in _ARRAYS},
+        **{key: getattr(views, key).tolist() for key in VIEW_ARRAYS},
     }
     write_text(path, json.dumps(content, indent=1) + "\n")
 
@@ -38,7 +37,7 @@ def read_held_out(path: Path) -> Views | None:
             name=tuple(content["name"]),
             cameras=tuple(Camera(m, w, h, tuple(p)) for m, w, h, p in content["cameras"]),
             body_from_cam=Rigid(np.array(content["rotation"], float), np.array(content["translation"], float)),
-            **{key: np.array(content[key], float) for key in _ARRAYS},
+            **{key: np.array(content[key], float) for key in VIEW_ARRAYS},
         )
     except (ValueError, KeyError, TypeError) as error:
         raise RunFolderError(f"{path}: damaged ({error}); run the site again") from error

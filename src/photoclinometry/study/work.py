@@ -10,6 +10,7 @@ from pathlib import Path
 from photoclinometry import __version__, pipeline
 from photoclinometry.errors import InputError, ReconstructionError
 from photoclinometry.io.atomic import write_text
+from photoclinometry.io.options import write_options
 from photoclinometry.io.truth import read_truth
 from photoclinometry.runfolder import adopt_stages, digest
 from photoclinometry.simulate.site import simulate_site
@@ -47,17 +48,9 @@ def run_study(options: StudyOptions, out: Path, progress: Progress | None = None
 
 
 def _open(out: Path, options: StudyOptions) -> None:
-    import tomli_w
-
     if out.exists() and not (out / MARK).is_file() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}: exists and is not a study; choose another folder")
-
-    def plain(value):
-        if isinstance(value, dict):
-            return {key: plain(v) for key, v in value.items() if v is not None}
-        return list(value) if isinstance(value, tuple) else value
-
-    write_text(out / MARK, tomli_w.dumps(plain({"version": __version__, **asdict(options)})))
+    write_options(out / MARK, asdict(options))
 
 
 def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
