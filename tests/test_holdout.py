@@ -104,6 +104,15 @@ def test_a_view_that_shows_something_else_is_left_out():
     assert len(held_out_views(scene.views, resected)) == 0
 
 
+def test_an_uncalibrated_view_in_the_dark_is_left_out():
+    """Its ground can be found, but no brightness is a measurement that its scale could be fitted to."""
+    scene = under_one_sun(synthetic_scene(size=24, reflectance=published("mcewen")))
+    images = synthetic_images(scene)
+    below = replace(scene.views, sun_measured=-scene.views.sun_measured)
+    assert len(resect_views(without(scene, 4), scene.views, np.array([4]), images, FlowMatcher()).index) == 1
+    assert len(resect_views(without(scene, 4), below, np.array([4]), images, FlowMatcher()).index) == 0
+
+
 def test_held_out_figures_are_those_of_their_own_views():
     """An exact view held out has the PSNR that it has as a view, and changes no other figure."""
     scene = synthetic_scene(size=20)

@@ -25,7 +25,7 @@ from photoclinometry.scene import Camera, Image, Scene, Views
 log = logging.getLogger(__name__)
 
 MIN_MATCHES = 50
-"""A held-out view with fewer landmarks found in it is left out."""
+"""A held-out view with fewer landmarks found in it is left out; so is one that needs its exposure fitted to fewer."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ def held_out_views(views: Views, resected: Resected) -> Views:
 
 
 def _resect_one(scene: Scene, views: Views, k: int, images: Sequence[Image], matcher: Matcher):
-    """(view, pose, scale, bias, number of matches, their RMS residual [px]), or None with too few matches."""
+    """(view, pose, scale, bias, number of matches, their RMS residual [px]), or None where these are too few."""
     marks, reference = scene.landmarks, views.name.index(scene.views.name[scene.reference])
     camera, reference_pose = views.cameras[reference], scene.views.body_from_cam[scene.reference]
     padded = padded_region(scene.region, MARGIN_PX, camera)
@@ -115,8 +115,10 @@ def _resect_one(scene: Scene, views: Views, k: int, images: Sequence[Image], mat
             return None
         keypoint, sigma = matches.position[row, col][seen], matches.sigma_px[row, col][seen]
         pose, residual = resect(marks.position[seen], keypoint, sigma, views.cameras[k], pose)
-    scale, bias = _exposure(scene, views, k, images[k], pose, seen, keypoint)
-    return k, pose, scale, bias, len(seen), float(np.sqrt(np.mean(residual**2)))
+    exposure = _exposure(scene, views, k, images[k], pose, seen, keypoint)
+    if exposure is None:
+        return None
+    return k, pose, *exposure, len(seen), float(np.sqrt(np.mean(residual**2)))
 
 
 def resect(
@@ -157,11 +159,14 @@ def _residual(position, keypoint, camera, pose, pivot, extent):
     return offset, np.linalg.norm(offset, axis=-1), np.concatenate([by_turn, by_shift], -1)
 
 
-def _exposure(scene: Scene, views: Views, k: int, image: Image, pose: Rigid, seen, keypoint) -> tuple[float, float]:
+def _exposure(
+    scene: Scene, views: Views, k: int, image: Image, pose: Rigid, seen: np.ndarray, keypoint: np.ndarray
+) -> tuple[float, float] | None:
     """Scale and bias of a held-out image: 1 and 0 where the model says how bright it should be.
 
     Otherwise they are fitted to the image itself (a straight line through predicted and measured brightness, once
-    more without what is beyond 3 sigma), since nothing else tells an uncalibrated exposure.
+    more without what is beyond 3 sigma), since nothing else tells an uncalibrated exposure; None where too little
+    of it is lit.
     """
     model = scene.reflectance
     if model is None or (scene.brightness == "iof" and model.disk in HAS_PHASE_FUNCTION):
@@ -173,11 +178,10 @@ def _exposure(scene: Scene, views: Views, k: int, image: Image, pose: Rigid, see
     ratio, usable = predicted_ratio(marks.position[seen], marks.normal[seen], np.arange(len(seen)), zeros, alone, model)
     measured, lit = sample_brightness([image], zeros, keypoint)
     predicted, used = marks.albedo[seen] * ratio, lit & usable
-    line = np.array([1.0, 0.0])
-    for _ in range(2):
-        if used.sum() < MIN_MATCHES:
-            break
-        line = np.polyfit(predicted[used], measured[used], 1)
-        off = measured - np.polyval(line, predicted)
-        used &= np.abs(off) <= 3.0 * np.std(off[used])
-    return float(line[0]), float(line[1])
+    if used.sum() < MIN_MATCHES:
+        return None
+    line = np.polyfit(predicted[used], measured[used], 1)
+    off = measured - np.polyval(line, predicted)
+    used &= np.abs(off) <= 3.0 * np.std(off[used])
+    scale, bias = np.polyfit(predicted[used], measured[used], 1)
+    return float(scale), float(bias)
