@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint check clean
+.PHONY: demo test lint check bench bench-full bench-update clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -26,6 +26,15 @@ check: lint  ## types too; pyright fetches its own checker from the npm registry
 
 test: lint
 	$(BIN)/python -m pytest
+
+bench: $(READY)  ## minutes: accuracy, CPU seconds and memory against benchmarks/baselines/small.json
+	$(BIN)/python benchmarks/bench.py
+
+bench-full: $(READY)  ## hours: the full-size sites
+	$(BIN)/python benchmarks/bench.py --suite full
+
+bench-update: $(READY)  ## the small suite's outcome becomes the baseline
+	$(BIN)/python benchmarks/bench.py --update
 
 clean:
 	rm -rf demo build dist

@@ -41,7 +41,10 @@ def fails(monkeypatch):
     return set_error
 
 
-@pytest.mark.parametrize("command", [(), ("run",), ("refine",), ("simulate",), ("render",), ("evaluate",), ("info",)])
+COMMANDS = ("run", "refine", "simulate", "render", "evaluate", "info", "study")
+
+
+@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
 def test_help_is_no_failure(command, capsys):
     assert phomo(*command, "--help") == 0
     assert len(capsys.readouterr().out.splitlines()) > 5

@@ -106,8 +106,10 @@ def test_evaluate_against_its_own_map_finds_no_difference(place, tmp_path):
     write_ply(tmp_path / "map.ply", place.scene, mesh=True)
     write_colmap(tmp_path / "sparse", place.scene)
     arguments = ("--reference", tmp_path / "map.ply", "--cameras", tmp_path / "sparse", "--no-images")
-    metrics = command(evaluate, place.run, *arguments, "--out", tmp_path / "evaluation")
+    metrics = command(evaluate, place.run, *arguments, "--maps", "--out", tmp_path / "evaluation")
     assert metrics["surface_distance_rms_m"] < 1e-3
+    drawn = {path.name for path in (tmp_path / "evaluation" / "maps").iterdir()}
+    assert {"difference_surface_distance_m.png", "difference_albedo_error_percent.png"} <= drawn
     assert metrics["normal_error_rms_deg"] < 1e-3
     assert metrics["camera_position_error_rms_m"] < 1e-3
     assert "psnr_mean_db" not in metrics

@@ -19,7 +19,7 @@ from photoclinometry.evaluate import (
 )
 from photoclinometry.geometry import Rigid, Similarity, so3_exp, so3_log, tangent_basis, unit
 from photoclinometry.io.truth import read_truth
-from photoclinometry.metrics import albedo_error, normal_error, photometric_error, psnr, spread
+from photoclinometry.metrics import albedo_error, landmark_error, normal_error, photometric_error, psnr, spread
 from photoclinometry.raster import grid_faces
 from photoclinometry.reflectance import published
 from photoclinometry.scene import Landmarks, Region, Scene
@@ -98,6 +98,12 @@ def test_normal_and_albedo_errors_by_hand():
     normal = np.array([0.0, np.sin(1e-9), np.cos(1e-9)])
     assert normal_error(normal, np.array([0.0, 0.0, 5.0])) == pytest.approx(1e-9)  # arccos would give 0
     assert albedo_error(np.array(0.33), np.array(0.30)) == pytest.approx(0.1)
+
+
+def test_landmark_error_by_hand():
+    """The nearest of two points, 3-4-5; and the surface between them is nearer than either."""
+    reference = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
+    assert landmark_error(np.array([[3.0, 4.0, 0.0], [9.0, 0.0, 0.0]]), reference) == pytest.approx([5.0, 1.0])
 
 
 def test_spread_ignores_gaps_and_signs():
@@ -194,6 +200,7 @@ def test_an_exact_scene_in_another_frame_has_no_error(scene):
     metrics = compare(transform_scene(OTHER_FRAME.inverse(), scene), scene)
     for key in (
         "surface_distance_rms_m",
+        "landmark_error_rms_m",
         "position_error_rms_m",
         "normal_error_mean_deg",
         "camera_position_error_rms_m",
@@ -256,6 +263,7 @@ def test_noise_on_heights_is_the_distance_to_the_surface(scene):
     metrics = compare(replace(scene, landmarks=replace(marks, position=noisy)), scene)
     assert metrics["surface_distance_rms_m"] == pytest.approx(6.0, rel=0.05)
     assert metrics["surface_distance_rms_gsd"] == pytest.approx(0.1, rel=0.05)
+    assert metrics["surface_distance_rms_gsd"] <= metrics["landmark_error_rms_gsd"] <= metrics["position_error_rms_gsd"]
 
 
 @pytest.mark.parametrize("kind", ["mesh", "cloud"])
@@ -365,6 +373,7 @@ def test_a_scene_made_of_a_simulations_own_truth_has_no_error(tmp_path):
     assert metrics["keypoint_error_mean_px"] < 1e-6
     assert metrics["camera_position_error_rms_m"] < 1e-2
     assert metrics["normal_error_at_point_mean_deg"] > 0.5  # relief below a pixel
+    assert metrics["completeness_truly_lit_percent"] == 100.0
 
 
 def test_geometry_alone_is_evaluated_without_photometry():

@@ -113,11 +113,14 @@ def refine_on_surface(
     determined = 7
     for _ in range(iterations):
         moved = similarity(points)
-        center = moved.mean(0)
-        extent = float(np.sqrt(np.mean(np.sum((moved - center) ** 2, -1))))
         plane = normals @ similarity.rotation.T
-        distance = surface_distance(moved, plane, closest)
-        step, determined = _icp_step((moved - center) / extent, plane, distance / extent)
+        foot, inside = closest(moved)
+        distance = np.where(inside, _signed_distance(moved, foot, plane), np.nan)
+        # Derivatives are taken at the feet: taken at the points, their noise would count as relief, which
+        # shrinking the map would cure.
+        center = foot.mean(0)
+        extent = float(np.sqrt(np.mean(np.sum((foot - center) ** 2, -1))))
+        step, determined = _icp_step((foot - center) / extent, plane, distance / extent)
         turn, move, growth = so3_exp(step[:3]), extent * step[3:6], np.exp(step[6])
         update = Similarity(float(growth), turn, center + move - growth * turn @ center)
         similarity = update @ similarity
@@ -131,9 +134,12 @@ def refine_on_surface(
 def surface_distance(points: np.ndarray, normals: np.ndarray, closest: Closest) -> np.ndarray:
     """Distance (n,) of points to a surface, positive on the side of their normals; NaN beside the surface."""
     foot, inside = closest(points)
+    return np.where(inside, _signed_distance(points, foot, normals), np.nan)
+
+
+def _signed_distance(points: np.ndarray, foot: np.ndarray, normals: np.ndarray) -> np.ndarray:
     offset = points - foot
-    distance = np.copysign(np.linalg.norm(offset, axis=-1), np.sum(offset * normals, -1))
-    return np.where(inside, distance, np.nan)
+    return np.copysign(np.linalg.norm(offset, axis=-1), np.sum(offset * normals, -1))
 
 
 def _icp_step(points, normals, distance):
@@ -142,7 +148,9 @@ def _icp_step(points, normals, distance):
     if used.sum() < 7:
         raise InputError("the map and the reference surface do not overlap: check frame and unit of both")
     center = np.median(distance[used])
-    deviation = 1.4826 * np.median(np.abs(distance[used] - center))
+    # Of a normal distribution that share lies within one sigma. The median deviation would be nought where the
+    # distances have two heaps, and then drop one of them.
+    deviation = np.quantile(np.abs(distance[used] - center), 0.6827)
     used &= np.abs(distance - center) <= 3.0 * deviation + 1e-12
     p, n, d = points[used], normals[used], distance[used]
     jacobian = np.concatenate([np.cross(p, n), n, np.sum(p * n, -1, keepdims=True)], -1)

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from photoclinometry.align import Closest, align_poses, refine_on_surface, transform_poses, transform_scene
+from photoclinometry.calibrate import sigma_metrics
 from photoclinometry.closest import CloudSurface, MeshSurface
 from photoclinometry.errors import InputError
+from photoclinometry.evaluate import completeness
 from photoclinometry.geometry import Rigid, Similarity, angle_between, so3_log
-from photoclinometry.metrics import albedo_error, albedo_factor, normal_error, spread
-from photoclinometry.scene import Scene, Views
+from photoclinometry.metrics import albedo_error, albedo_factor, landmark_error, normal_error, spread
+from photoclinometry.reflectance import HAS_PHASE_FUNCTION
+from photoclinometry.scene import Landmarks, Scene, Views
 
 if TYPE_CHECKING:
     from photoclinometry.io.ply import PlyMap
@@ -34,9 +37,12 @@ class Comparison:
 def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
     """Compare with the exact surface, poses and Suns of a simulated site. Raises InputError.
 
-    The scene is aligned by its cameras' poses, then to the true surface. Normals and albedos are compared at
-    the landmark's reference pixel, at the point (`_at_point`) and averaged over point-spread function and
-    pixel, which is what images can resolve.
+    The scene is aligned by its cameras' poses, then to the true surface. Positions are compared three ways:
+    with the nearest point of the surface (`surface_distance`), with the nearest of the true points behind the
+    reference pixels, as if they were somebody's map (Eq. 36, `landmark_error`), and with the true point behind
+    the landmark's own pixel (`position_error`), which also sees the map slide along the ground. Normals and
+    albedos are compared at the landmark's reference pixel, at the point (`_at_point`) and averaged over
+    point-spread function and pixel, which is what images can resolve.
     """
     from photoclinometry.simulate.truth import nearest_surface, truth_maps
 
@@ -53,7 +59,10 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
 
     maps = truth_maps(truth, scene.views.name[scene.reference], scene.region)
     true_views = truth.views[[index[k] for k in range(len(scene.views))]]
-    return compare_with_truth(scene, true_views, maps, closest)
+    found = compare_with_truth(scene, true_views, maps, closest)
+    lit = maps.hit & (maps.shadow < 0.5)
+    found.metrics["completeness_truly_lit_percent"] = 100.0 * completeness(scene, lit)
+    return found
 
 
 def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Closest) -> Comparison:
@@ -74,30 +83,33 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
         picked[~seen] = np.nan
         return picked
 
-    true_position = at(maps.position)
+    true = Landmarks(
+        position=at(maps.position),
+        normal=at(maps.normal_mean),
+        albedo=at(maps.albedo_mean),
+        pixel=scene.landmarks.pixel,
+    )
     errors = {
         "surface_distance_m": fit.distance,
-        "position_error_m": np.linalg.norm(aligned.landmarks.position - true_position, axis=-1),
-        "normal_error_deg": np.degrees(normal_error(aligned.landmarks.normal, at(maps.normal_mean))),
+        "landmark_error_m": landmark_error(aligned.landmarks.position, maps.position[maps.hit]),
+        "position_error_m": np.linalg.norm(aligned.landmarks.position - true.position, axis=-1),
+        "normal_error_deg": np.degrees(normal_error(aligned.landmarks.normal, true.normal)),
         "normal_error_at_point_deg": np.degrees(normal_error(aligned.landmarks.normal, at(maps.normal))),
     }
     metrics = _spreads(errors)
-    for key in ("surface_distance", "position_error"):
+    for key in ("surface_distance", "landmark_error", "position_error"):
         metrics |= spread(errors[f"{key}_m"] / aligned.gsd, key, "gsd")
     metrics |= _alignment_metrics(by_poses, fit.similarity, fit.determined, aligned)
     metrics |= pose_metrics(scene.views.body_from_cam, true_views.body_from_cam, by_poses, "m")
     metrics |= spread(np.degrees(angle_between(aligned.views.sun, true_views.sun)), "sun_error", "deg")
-    metrics |= spread(_keypoint_error(scene, true_views, true_position), "keypoint_error", "px")
+    metrics |= spread(_keypoint_error(scene, true_views, true.position), "keypoint_error", "px")
+    factor = 1.0
     if scene.reflectance is not None:
-        found, extra = _albedo_metrics(scene, at(maps.albedo_mean), "albedo_error")
-        at_point, extra_point = _albedo_metrics(scene, at(maps.albedo), "albedo_error_at_point")
-        errors |= found | at_point
-        metrics |= extra | extra_point
-        factor = extra["albedo_factor"]  # albedo * factor = truth, so scale / factor = truth
-        off = scene.views.scale / factor / true_views.scale - 1.0
-        metrics |= spread(100.0 * off, "scale_error", "percent")
-        off = (scene.views.bias - true_views.bias) / scene.tracks.brightness[scene.tracks.lit].mean()
-        metrics |= spread(100.0 * off, "bias_error", "percent_of_brightness")
+        found, extra = _photometry_metrics(scene, true_views, true.albedo, at(maps.albedo))
+        errors, metrics = errors | found, metrics | extra
+        if scene.brightness == "dn" or scene.reflectance.disk not in HAS_PHASE_FUNCTION:
+            factor = extra["albedo_factor"]
+    metrics |= sigma_metrics(scene, true_views, true, factor)
     return Comparison(metrics, aligned, errors)
 
 
@@ -145,7 +157,8 @@ def evaluate_against_map(
         angle = np.degrees(normal_error(aligned.landmarks.normal, normals[nearest]))
         errors["normal_error_deg"] = np.where(inside, angle, np.nan)
     metrics |= _spreads(errors) | {"overlap_percent": 100.0 * float(inside.mean())}
-    metrics |= spread(fit.distance / aligned.gsd, "surface_distance", "gsd")
+    for key in ("surface_distance", "landmark_error"):
+        metrics |= spread(errors[f"{key}_{unit}"] / aligned.gsd, key, "gsd")
     metrics |= _alignment_metrics(by_poses, fit.similarity, fit.determined, aligned)
     if reference.albedo is not None and scene.reflectance is not None:
         theirs = np.where(inside, reference.albedo[nearest], np.nan)
@@ -207,6 +220,17 @@ def _albedo_metrics(scene: Scene, reference: np.ndarray, name: str) -> tuple[dic
     if scene.brightness == "iof":
         errors[f"{name}_absolute_percent"] = 100.0 * albedo_error(albedo, reference)
     return errors, metrics | _spreads(errors)
+
+
+def _photometry_metrics(scene: Scene, true_views: Views, albedo: np.ndarray, at_point: np.ndarray) -> tuple[dict, dict]:
+    """Errors and figures of albedos (J,), scales and biases, against true albedos at the images' resolution and not."""
+    errors, metrics = _albedo_metrics(scene, albedo, "albedo_error")
+    found, extra = _albedo_metrics(scene, at_point, "albedo_error_at_point")
+    factor = metrics["albedo_factor"]  # albedo * factor = truth, so scale / factor = truth
+    off = scene.views.scale / factor / true_views.scale - 1.0
+    metrics |= extra | spread(100.0 * off, "scale_error", "percent")
+    off = (scene.views.bias - true_views.bias) / scene.tracks.brightness[scene.tracks.lit].mean()
+    return errors | found, metrics | spread(100.0 * off, "bias_error", "percent_of_brightness")
 
 
 def _keypoint_error(scene: Scene, true_views: Views, true_position: np.ndarray) -> np.ndarray:

@@ -7,13 +7,14 @@ truth.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from photoclinometry.errors import InputError
 from photoclinometry.metrics import photometric_error, psnr, spread
 from photoclinometry.render import draw_landmarks, landmark_faces, observation_brightness, render_view
-from photoclinometry.scene import Image, Scene
+from photoclinometry.scene import Image, Scene, Views, join_views
 
 SHADOW_FRACTION = 0.1
 """A reference pixel darker than this share of the region's median brightness counts as shadow."""
@@ -116,12 +117,37 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     return rows
 
 
+def held_out_table(scene: Scene, held_out: Views, images: Sequence[Image] | None = None) -> list[dict]:
+    """One row per view that the scene was not made from: name, held_out, scale, bias, PSNR (Eq. 40).
+
+    held_out: in the scene's frame. images: any, of which theirs are looked up by name.
+    """
+    joined = replace(scene, views=join_views(scene.views, held_out))
+    by_name = _by_name(joined, images)
+    faces = landmark_faces(scene)
+    rows = []
+    for k, name in enumerate(held_out.name):
+        row: dict = {"name": name, "held_out": True}
+        if scene.reflectance is not None:
+            row |= {"scale": float(held_out.scale[k]), "bias": float(held_out.bias[k])}
+            if name in by_name:
+                quality = view_psnr(joined, len(scene.views) + k, by_name[name], faces)["psnr_db"]
+                row |= {"psnr_db": quality} if np.isfinite(quality) else {}
+        rows.append(row)
+    return rows
+
+
 def evaluate_scene(
-    scene: Scene, images: Sequence[Image] | None = None, *, per_view: Sequence[Mapping] | None = None
+    scene: Scene,
+    images: Sequence[Image] | None = None,
+    *,
+    per_view: Sequence[Mapping] | None = None,
+    held_out: Sequence[Mapping] = (),
 ) -> dict[str, float]:
     """The figures of a scene that need no truth (Eqs. 39, 40, and the rest of this file).
 
-    per_view: what `view_table(scene, images)` gave, where it is at hand already.
+    per_view: what `view_table(scene, images)` gave, where it is at hand already. held_out: what `held_out_table`
+    gave, for the figures of views that the scene was not made from.
     """
     rows = view_table(scene, images) if per_view is None else per_view
     tracks = scene.tracks
@@ -138,10 +164,15 @@ def evaluate_scene(
         metrics |= spread(percent, "photometric_error", "percent")
         percent = 100.0 * landmark_photometric_error(scene, remove_scale_and_bias=True)
         metrics |= spread(percent, "photometric_error_without_scale_and_bias", "percent")
-    for key in ("psnr_db", "psnr_lit_db"):
-        values = [row[key] for row in rows if key in row]
+    if held_out:
+        metrics["views_held_out"] = len(held_out)
+    for name, key, table in (
+        ("psnr", "psnr_db", rows),
+        ("psnr_lit", "psnr_lit_db", rows),
+        ("psnr_held_out", "psnr_db", held_out),
+    ):
+        values = [row[key] for row in table if key in row]
         if values:
-            name = key.removesuffix("_db")
             metrics |= {f"{name}_mean_db": float(np.mean(values)), f"{name}_min_db": float(np.min(values))}
     reference = _by_name(scene, images).get(scene.views.name[scene.reference])
     if reference is not None:

@@ -16,25 +16,25 @@ from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, adjust
 from photoclinometry.densify import DenseTracks, DensifyOptions, densify
 from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.geometry import unit
+from photoclinometry.holdout import Resected, held_out_mask, held_out_views, resect_views
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours, sample_brightness
+from photoclinometry.io import held_out as held_out_file
+from photoclinometry.io.options import write_options
 from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
-from photoclinometry.matching.interface import Matcher, padded_region, request_match
+from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
 from photoclinometry.region import RegionOptions, choose_region
 from photoclinometry.runfolder import RunFolder, digest, open_run
 from photoclinometry.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
-from photoclinometry.sparse import SparseModel
+from photoclinometry.sparse import SparseModel, without_views
 
 log = logging.getLogger(__name__)
 
 Progress = Callable[[str, int, int], None]
 """Called as progress(what, done, total); total 0 where it is not known."""
-
-MARGIN_PX = 48
-"""Pixels around the region that dense matching looks at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +46,8 @@ class RunOptions:
     mcewen. none: geometry alone (dense structure from motion)."""
     match_rounds: int = 2
     """Times that the views are matched: first after a pre-warp by the sparse surface, then by the dense one."""
+    hold_out: tuple[str, ...] = ()
+    """Views to leave out of the map, and measure it on: only their poses are found, from the finished map."""
     sfm: SfmOptions = field(default_factory=SfmOptions)
     region: RegionOptions = field(default_factory=RegionOptions)
     flow: FlowOptions = field(default_factory=FlowOptions)
@@ -91,6 +93,8 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     options = options or RunOptions()
     report_progress = progress or (lambda what, done, total: None)
     site = read_site(site_file)
+    chosen = site.region.reference if site.region else None
+    held_out = held_out_mask([view.name for view in site.views], options.hold_out, chosen)
     reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
     folder = open_run(out)
     config = {"site": str(Path(site_file).resolve()), **asdict(options)}
@@ -107,8 +111,11 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         SparseModel,
     )
     views = views_from(site, sparse)
+    left_out = tuple(name for name, there in zip(views.name, sparse.registered, strict=True) if not there)
+    held = np.flatnonzero(held_out & sparse.registered)
+    sparse = without_views(sparse, held_out)
 
-    key = digest("region", key, site.region, options.region)
+    key = digest("region", key, site.region, options.region, sorted(options.hold_out))
     place = folder.stage("region", key, lambda: _choose_place(site, sparse, images, views, options), _Place)
     region = Region(**dict(zip(("row", "col", "height", "width"), map(int, place.region), strict=True)))
 
@@ -126,8 +133,9 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         scene = initial_scene(site, sparse, images, views, int(place.reference), region, dense, reflectance)
     key = digest("adjust", key, options.reflectance, options.adjust)
     adjustment = adjust_or_read(folder, key, scene, options.adjust, report_progress, anchors_from(sparse))
-    left_out = tuple(name for name, there in zip(views.name, sparse.registered, strict=True) if not there)
-    return write_products(folder, adjustment, images, config, left_out)
+    key = digest("held out", key, options.flow)
+    aside = _resect_or_read(folder, key, adjustment.scene, views, held, images, options)
+    return write_products(folder, adjustment, images, config, left_out, aside)
 
 
 def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:
@@ -329,6 +337,23 @@ def adjust_or_read(
     )
 
 
+def _resect_or_read(
+    folder: RunFolder, key: str, scene: Scene, views: Views, held: np.ndarray, images, options: RunOptions
+) -> Views | None:
+    """The views (K',) held out, placed in the map's frame; None where there are none. Kept in held_out.json, too."""
+    file = folder.path / held_out_file.NAME
+    if not len(held):
+        file.unlink(missing_ok=True)
+        return None
+
+    def make() -> Resected:
+        return resect_views(scene, views, held, images, FlowMatcher(options.flow))
+
+    found = held_out_views(views, folder.stage("held_out", key, make, Resected))
+    held_out_file.write_held_out(file, found)
+    return found
+
+
 def _is_scene(file: Path) -> bool:
     """Whether an earlier run left a whole scene; a damaged one is warned of."""
     from photoclinometry.io.scene_file import read_scene
@@ -349,12 +374,14 @@ def write_products(
     images: Sequence[Image],
     config: Mapping[str, Any],
     left_out: tuple[str, ...],
+    held_out: Views | None = None,
 ) -> RunResult:
     """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
 
-    config: what shaped the run, for the report; left_out: names of views that are not in the scene.
+    config: what shaped the run, for the report; left_out: names of views that are not in the scene; held_out: views
+    that the scene was not made from, in its frame.
     """
-    from photoclinometry.evaluate import evaluate_scene, view_table
+    from photoclinometry.evaluate import evaluate_scene, held_out_table, view_table
     from photoclinometry.io.atomic import write_text
     from photoclinometry.io.colmap import write_colmap
     from photoclinometry.io.ply import write_ply
@@ -366,11 +393,12 @@ def write_products(
         write_ply(folder.path / "landmarks.ply", scene, mesh=True)
         write_colmap(folder.path / "sparse", scene)
         rows = view_table(scene, images)
-        metrics = evaluate_scene(scene, images, per_view=rows)
+        aside = held_out_table(scene, held_out, images) if held_out else []
+        metrics = evaluate_scene(scene, images, per_view=rows, held_out=aside)
         metrics |= {"views_left_out": len(left_out), "converged": float(adjustment.converged)}
         metrics |= {name: value for name, value in asdict(adjustment.noise).items() if value}
     with folder.timed("report"):
-        rows = [{"registered": True, **row} for row in rows]
+        rows = [{"registered": True, **row} for row in rows + aside]
         rows += [{"name": name, "registered": False} for name in left_out]
         page = write_report(
             folder.path / "report",
@@ -395,13 +423,4 @@ def write_products(
 
 def write_config(folder: RunFolder, config: Mapping[str, Any]) -> None:
     """config.toml: what was mapped, and every option, defaults included."""
-    import tomli_w
-
-    from photoclinometry.io.atomic import write_text
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: plain(v) for key, v in value.items() if v is not None}
-        return list(value) if isinstance(value, tuple) else value
-
-    write_text(folder.path / "config.toml", tomli_w.dumps({"version": __version__, **plain(dict(config))}))
+    write_options(folder.path / "config.toml", config)

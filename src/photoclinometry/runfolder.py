@@ -10,8 +10,9 @@ import hashlib
 import json
 import logging
 import resource
+import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
@@ -93,6 +94,21 @@ def open_run(path: Path) -> RunFolder:
         raise RunFolderError(f"{path}: exists and is not a run folder; choose another --out, or empty it")
     write_text(mark, json.dumps({"format": FORMAT, "version": __version__}) + "\n")
     return RunFolder(path)
+
+
+def adopt_stages(source: Path, target: Path, names: Sequence[str]) -> None:
+    """Copies finished stages of another run folder that `target` lacks, such as those of the same images.
+
+    Nothing is taken on trust: a run uses a stage only if its key is the one that it needs. Raises RunFolderError.
+    """
+    if source == target:
+        return
+    for name in names:
+        file, own = (folder / "stages" / f"{name}.npz" for folder in (source, target))
+        if file.is_file() and not own.is_file():
+            open_run(target)
+            with atomic_path(own) as temporary:
+                shutil.copyfile(file, temporary)
 
 
 def _check_version(mark: Path) -> None:

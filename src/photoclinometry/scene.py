@@ -69,6 +69,10 @@ class Image:
     """(height, width) bool: finite, not saturated, not flagged."""
 
 
+VIEW_ARRAYS = ("sun", "scale", "bias", "sun_measured", "sun_sigma")
+"""What `Views` has one row of for each view, beside its name, camera and pose."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Views:
     """K exposures: what is estimated about each, and the Sun directions measured."""
@@ -108,8 +112,19 @@ class Views:
             name=tuple(self.name[k] for k in chosen),
             cameras=tuple(self.cameras[k] for k in chosen),
             body_from_cam=self.body_from_cam[chosen],
-            **{key: getattr(self, key)[chosen] for key in ("sun", "scale", "bias", "sun_measured", "sun_sigma")},
+            **{key: getattr(self, key)[chosen] for key in VIEW_ARRAYS},
         )
+
+
+def join_views(first: Views, second: Views) -> Views:
+    """All views of `first`, then all of `second`."""
+    a, b = first.body_from_cam, second.body_from_cam
+    return Views(
+        name=first.name + second.name,
+        cameras=first.cameras + second.cameras,
+        body_from_cam=Rigid(np.concatenate([a.rotation, b.rotation]), np.concatenate([a.translation, b.translation])),
+        **{key: np.concatenate([getattr(first, key), getattr(second, key)]) for key in VIEW_ARRAYS},
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,7 +206,7 @@ class Scene:
     """Index of the reference view."""
     region: Region
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
-    """Standard deviations by name, first axis J or K; empty until computed."""
+    """Standard deviations by name, first axis J or K; empty until computed. `calibrate.py` lists names and axes."""
 
     @property
     def gsd(self) -> float:

@@ -43,6 +43,26 @@ class SparseModel:
         return self.point_of_observation[mine], self.point_xy[mine]
 
 
+def without_views(sparse: SparseModel, views: np.ndarray) -> SparseModel:
+    """The model without what some views (K,) bool contributed as observations; they count as not registered.
+
+    Poses stay; points that fewer than two other views observe are dropped.
+    """
+    point = sparse.point_of_observation
+    keep = ~views[sparse.point_view]
+    count = np.bincount(point[keep], minlength=len(sparse.points))
+    keep &= count[point] >= 2
+    kept = count >= 2
+    return replace(
+        sparse,
+        registered=sparse.registered & ~views,
+        points=sparse.points[kept],
+        point_start=np.concatenate([[0], np.cumsum(count[kept])]).astype(np.int64),
+        point_view=sparse.point_view[keep],
+        point_xy=sparse.point_xy[keep],
+    )
+
+
 def normalised(sparse: SparseModel, cameras: list[Camera]) -> SparseModel:
     """The same model in a gauge that suits numbers and people.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 STATISTICS = ("mean", "median", "rms", "p90")
 _SPREAD = re.compile(rf"(?P<name>.+)_(?P<statistic>{'|'.join(STATISTICS)})_(?P<unit>.+)")
@@ -51,7 +51,7 @@ def split_unit(key: str) -> tuple[str, str]:
 
 def words(name: str) -> str:
     """ "photometric_error" -> "photometric error"."""
-    text = name.replace("_", " ").replace("psnr", "PSNR").replace("gsd", "GSD")
+    text = name.replace("_", " ").replace("psnr", "PSNR").replace("gsd", "GSD").replace("nees", "NEES")
     return text
 
 
@@ -78,12 +78,13 @@ def markdown(metrics: Mapping[str, float], title: str) -> str:
     spreads, singles = metric_rows(metrics)
     lines = [f"# {title}", ""]
     if spreads:
-        lines += _markdown_table(("quantity", "unit", "mean", "median", "RMS", "90 %"), spreads)
+        lines += markdown_table(("quantity", "unit", "mean", "median", "RMS", "90 %"), spreads)
     if singles:
-        lines += _markdown_table(("quantity", "value"), singles)
+        lines += markdown_table(("quantity", "value"), singles)
     return "\n".join(lines)
 
 
-def _markdown_table(head, rows) -> list[str]:
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a Markdown table, the first column of words, the others of numbers; an empty line at the end."""
     shown = [head, ("---", *["---:"] * (len(head) - 1)), *rows]
     return [f"| {' | '.join(row)} |" for row in shown] + [""]

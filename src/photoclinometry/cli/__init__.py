@@ -22,6 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from photoclinometry.cli.render import render
     from photoclinometry.cli.run import run
     from photoclinometry.cli.simulate import simulate
+    from photoclinometry.cli.study import study
     from photoclinometry.errors import InputError, PhotoclinometryError
 
     commands = {
@@ -31,6 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "render": render,
         "evaluate": evaluate,
         "info": info,
+        "study": study,
     }
     try:
         tyro.extras.subcommand_cli_from_dict(

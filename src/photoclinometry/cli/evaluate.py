@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from photoclinometry.cli.folders import read_run, run_images, site_path
 from photoclinometry.errors import InputError
 from photoclinometry.scene import Scene
+
+if TYPE_CHECKING:
+    from photoclinometry.compare import Comparison
 
 
 def evaluate(
@@ -20,6 +24,7 @@ def evaluate(
     unit: str = "m",
     site: Path | None = None,
     images: bool = True,
+    maps: bool = False,
     out: Path | None = None,
 ) -> dict[str, float]:
     """Measure a run: photometric error, PSNR and completeness, and how far it is from truth or another map.
@@ -30,15 +35,16 @@ def evaluate(
     Args:
         run: Folder of a finished run.
         truth: truth.h5 of a simulated site: compares surface, normals, albedos, poses, Suns and keypoints.
-        reference: PLY file of another map of the place, a mesh or points: compares surface, normals, albedos.
+        reference: Another map of the place, to compare surface, normals and albedos with: a PLY file (mesh or
+            points), a GeoTIFF of heights (needs the extra `geo`), another run's folder, or its scene.h5.
         cameras: COLMAP model folder with poses in the frame of the reference map. Its views, matched by name,
-            give the first alignment; without it the run must be in the map's frame already.
+            give the first alignment; another run brings its own. Without any the run must be in the map's frame.
         unit: Length unit of the reference map, for the names of the figures.
         site: The site.toml, if it has moved since the run.
         images: Read the images too, for PSNR and completeness.
+        maps: Also draw what differs from the truth or the other map, one picture for each kind of error.
         out: Folder for the files. Default: evaluation/ in the run folder.
     """
-    from photoclinometry.evaluate import evaluate_scene
     from photoclinometry.io.atomic import write_text
     from photoclinometry.tables import json_numbers, markdown
 
@@ -47,36 +53,65 @@ def evaluate(
     if cameras is not None and reference is None:
         raise InputError("--cameras aligns a run with a map: give --reference too")
     scene = read_run(run)
-    metrics = evaluate_scene(scene, run_images(site_path(run, site), scene) if images else None)
-    if truth is not None:
-        metrics |= truth_metrics(scene, truth)
-    if reference is not None:
-        metrics |= map_metrics(scene, reference, cameras, unit)
+    metrics = image_metrics(scene, run, site_path(run, site) if images else None)
     folder = out or run / "evaluation"
+    found = None
+    if truth is not None:
+        found = against_truth(scene, truth)
+    if reference is not None:
+        found = against_map(scene, reference, cameras, unit)
+    if found is not None:
+        metrics |= found.metrics
+        if maps:
+            draw_differences(folder / "maps", found)
     write_text(folder / "evaluation.json", json.dumps(json_numbers(metrics), indent=2) + "\n")
     write_text(folder / "evaluation.md", markdown(metrics, f"Evaluation of {scene.name}"))
     show(metrics, scene.name, folder)
     return metrics
 
 
-def truth_metrics(scene: Scene, truth: Path) -> dict[str, float]:
-    """Figures against truth.h5."""
+def image_metrics(scene: Scene, run: Path, site: Path | None) -> dict[str, float]:
+    """Figures of a run against its images, those held out from it included; without `site` against none."""
+    from photoclinometry.evaluate import evaluate_scene, held_out_table
+    from photoclinometry.io.held_out import NAME, read_held_out
+
+    if site is None:
+        return evaluate_scene(scene)
+    held_out = read_held_out(run / NAME)
+    images = run_images(site, scene.views.name + (held_out.name if held_out else ()))
+    used = images[: len(scene.views)]
+    return evaluate_scene(scene, used, held_out=held_out_table(scene, held_out, images) if held_out else ())
+
+
+def against_truth(scene: Scene, truth: Path) -> Comparison:
+    """The comparison with truth.h5."""
     from photoclinometry.compare import evaluate_against_truth
     from photoclinometry.io.truth import read_truth
 
-    return evaluate_against_truth(scene, read_truth(truth)).metrics
+    return evaluate_against_truth(scene, read_truth(truth))
 
 
-def map_metrics(scene: Scene, reference: Path, cameras: Path | None, unit: str) -> dict[str, float]:
-    """Figures against a PLY file, aligned by a COLMAP model's poses where there is one."""
+def against_map(scene: Scene, reference: Path, cameras: Path | None, unit: str) -> Comparison:
+    """The comparison with another map, aligned by a COLMAP model's poses, or its own, where there are any."""
     from photoclinometry.compare import evaluate_against_map
     from photoclinometry.io.colmap import read_colmap
-    from photoclinometry.io.ply import read_ply
+    from photoclinometry.io.reference import read_reference
 
-    names, poses = None, None
+    other = read_reference(reference)
+    names, poses = other.names, other.body_from_cam
     if cameras is not None:
         names, _, poses, _ = read_colmap(cameras)
-    return evaluate_against_map(scene, read_ply(reference), names=names, body_from_cam=poses, unit=unit).metrics
+    return evaluate_against_map(scene, other.surface, names=names, body_from_cam=poses, unit=unit)
+
+
+def draw_differences(folder: Path, found: Comparison) -> None:
+    """A map of every kind of error, as PNG; the folder appears whole. Raises RunFolderError."""
+    from photoclinometry.io.atomic import atomic_path
+    from photoclinometry.report.maps import draw_values
+
+    with atomic_path(folder) as work:
+        work.mkdir()
+        draw_values(work, found.aligned, found.errors, "difference")
 
 
 def show(metrics: Mapping[str, float], name: str, folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,15 +46,15 @@ def site_path(run: Path, given: Path | None = None) -> Path:
     return path
 
 
-def run_images(site: Path, scene: Scene) -> list[Image]:
-    """The images of the scene's views. Raises SiteError, ImageError, and RunFolderError for another site."""
+def run_images(site: Path, names: Sequence[str]) -> list[Image]:
+    """The images of a run's views. Raises SiteError, ImageError, and RunFolderError for another site."""
     from photoclinometry.io.site import load_images, read_site
 
     images = {image.name: image for image in load_images(read_site(site))}
-    missing = [name for name in scene.views.name if name not in images]
+    missing = [name for name in names if name not in images]
     if missing:
         raise RunFolderError(f"{site}: has no view {missing[0]!r}, which the run used; is this another site?")
-    return [images[name] for name in scene.views.name]
+    return [images[name] for name in names]
 
 
 def view_index(scene: Scene, name: str | None) -> int:

@@ -24,6 +24,9 @@ from photoclinometry.geometry import Rigid
 from photoclinometry.matching.prewarp import predict_pixels
 from photoclinometry.scene import Camera, Image, Region
 
+MARGIN_PX = 48
+"""Pixels around the region that dense matching looks at."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MatchRequest:

@@ -60,8 +60,8 @@ def local_normals(scene: Scene) -> np.ndarray:
     return scene.grid(scene.landmarks.normal) @ local_frame(scene).rotation
 
 
-def draw_normals(path: Path, scene: Scene) -> Path:
-    """Normals as colours: red to the right, green up in the image, blue out of the ground.
+def normal_colours(scene: Scene) -> np.ndarray:
+    """Normals as colours (h, w, 3): red to the right, green up in the image, blue out of the ground.
 
     Components along the ground are stretched alike, so that the steepest two per cent saturate.
     """
@@ -69,8 +69,11 @@ def draw_normals(path: Path, scene: Scene) -> Path:
     across = limits(np.hypot(normal[..., 0], normal[..., 1]), high=98.0, zero=True)[1]
     red, green = (0.5 + 0.5 * normal[..., k] / across for k in (0, 1))
     colour = np.clip(np.stack([red, green, normal[..., 2]], -1), 0.0, 1.0)
-    colour = np.where(np.isfinite(colour), colour, MISSING)
-    return draw_one(path, colour, scene.region, "Normals")
+    return np.where(np.isfinite(colour), colour, MISSING)
+
+
+def draw_normals(path: Path, scene: Scene) -> Path:
+    return draw_one(path, normal_colours(scene), scene.region, "Normals")
 
 
 def draw_slope(path: Path, scene: Scene) -> Path:

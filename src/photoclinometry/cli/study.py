@@ -1,0 +1,40 @@
+"""`phomo study`: many simulated sites, many models, and the paper's tables and figures."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from photoclinometry.study import StudyOptions
+
+
+def study(
+    out: Path,
+    options: Annotated[StudyOptions, tyro.conf.arg(name="")] = StudyOptions(),  # noqa: B008
+) -> Path:
+    """Simulate sites, map each with every model, and write tables and figures against the exact truth.
+
+    Every combination of preset, lighting, surface, seed and model is one run; they are made one at a time. A study
+    that was stopped goes on where it was; called with other options it keeps what it can. Writes study.md, study.json
+    and figures/.
+
+    Args:
+        out: Folder for the study; new, empty, or that of an earlier one.
+        options: What is simulated and how it is mapped.
+    """
+    from rich.console import Console
+
+    from photoclinometry.study import run_study
+
+    console = Console(stderr=True)
+
+    def progress(what: str, done: int, total: int) -> None:
+        console.print(f"{done}/{total} {what}", highlight=False)
+
+    path = run_study(options, out, progress)
+    logging.getLogger(__name__).info("study: %s", path)
+    print(path)
+    return path

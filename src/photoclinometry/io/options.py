@@ -1,0 +1,23 @@
+"""Options of a run or a study as TOML, to read and to compare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from photoclinometry import __version__
+from photoclinometry.io.atomic import write_text
+
+
+def write_options(path: Path, options: Mapping[str, Any]) -> None:
+    """The options and the package's version; tuples become lists, and what is None is left out, since TOML has none."""
+    import tomli_w
+
+    write_text(path, tomli_w.dumps(_plain({"version": __version__, **options})))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(v) for key, v in value.items() if v is not None}
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,46 @@
+"""A map to compare with, in any of the forms that it may come in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import Rigid
+from photoclinometry.io.ply import PlyMap, grid_faces, read_ply
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A reference surface, and the camera poses that go with it where the file knows them."""
+
+    surface: PlyMap
+    names: tuple[str, ...] | None = None
+    """Views with a pose in the surface's frame."""
+    body_from_cam: Rigid | None = None
+    """Their poses."""
+
+
+def read_reference(path: Path | str) -> Reference:
+    """A PLY file, a GeoTIFF of heights, a run folder, or its scene.h5. Raises InputError."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".ply":
+        return Reference(read_ply(path))
+    if suffix in (".tif", ".tiff"):
+        from photoclinometry.io.dtm import read_dtm
+
+        return Reference(read_dtm(path))
+    if suffix in (".h5", ".hdf5") or path.is_dir():
+        return _from_scene(path / "scene.h5" if path.is_dir() else path)
+    raise InputError(f"{path}: no map to compare with; give a .ply, a GeoTIFF (.tif), a run folder or its scene.h5")
+
+
+def _from_scene(path: Path) -> Reference:
+    from photoclinometry.io.scene_file import read_scene
+
+    scene = read_scene(path)
+    marks = scene.landmarks
+    albedo = None if scene.reflectance is None else marks.albedo
+    surface = PlyMap(marks.position, marks.normal, albedo, grid_faces(scene))
+    return Reference(surface, scene.views.name, scene.views.body_from_cam)

@@ -1,0 +1,164 @@
+"""A study's pictures, after Figs. 8, 9, 11, 13 and 14 of the paper, with the truth in the place of its baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.compare import Comparison
+from photoclinometry.evaluate import landmark_photometric_error
+from photoclinometry.reflectance import published
+from photoclinometry.report.draw import (
+    add_bar,
+    bare,
+    colour_map,
+    limits,
+    panels,
+    save,
+    show_map,
+    style,
+    symmetric_limits,
+)
+from photoclinometry.report.maps import draw_relit, normal_colours
+from photoclinometry.scene import Scene
+from photoclinometry.study.record import Record
+
+COUNTERPART = {"akimov": "akimov+", "mcewen": "lunar-lambert"}
+"""Models without a phase function, and the paper's models of the same kind with one."""
+CELL_FIGURES = (
+    ("errors.png", "Fig. 8: errors of albedo, normals and surface against truth."),
+    ("map.png", "Fig. 9: albedo, normals (red: right, green: up, blue: out of the ground), photometric error."),
+    ("relit.png", "Fig. 13: the map under other Suns."),
+)
+
+
+def draw_cell(folder: Path, scene: Scene, found: Comparison) -> None:
+    """The pictures of one run (`CELL_FIGURES`)."""
+    draw_errors(folder / "errors.png", found)
+    if scene.reflectance is not None:
+        draw_map(folder / "map.png", scene)
+        draw_relit(folder / "relit.png", scene)
+
+
+def draw_errors(path: Path, found: Comparison) -> Path:
+    """Errors of albedo, normals and surface against the truth, side by side (Fig. 8)."""
+    scene = found.aligned
+    distance = scene.grid(found.errors["surface_distance_m"])
+    shown: list[tuple] = [("Normal error", "degrees", scene.grid(found.errors["normal_error_deg"]), "magma", None)]
+    shown.append(("Distance to the true surface", "m", distance, "RdBu_r", symmetric_limits(distance, 98.0)))
+    if "albedo_error_percent" in found.errors:
+        shown.insert(0, ("Albedo error", "%", scene.grid(found.errors["albedo_error_percent"]), "magma", None))
+    with style():
+        aspect = scene.region.height / scene.region.width
+        figure, axes = panels(1, len(shown), 3.2, aspect, (1.65, 0.0), (0.6, 1.0, 0.5, 0.3))
+        for panel, (title, unit, values, cmap, clim) in zip(axes[0], shown, strict=True):
+            clim = limits(values, high=98.0, zero=True) if clim is None else clim
+            show_map(panel, values, scene.region, title, label=unit, cmap=cmap, clim=clim)
+        return save(figure, path)
+
+
+def draw_map(path: Path, scene: Scene) -> Path:
+    """Albedo, normals and photometric error (Fig. 9)."""
+    percent = 100.0 * scene.grid(landmark_photometric_error(scene))
+    with style():
+        aspect = scene.region.height / scene.region.width
+        figure, axes = panels(1, 3, 3.2, aspect, (1.65, 0.0), (0.6, 1.0, 0.5, 0.3))
+        label = "normal albedo" if scene.brightness == "iof" else "relative albedo"
+        show_map(axes[0, 0], scene.grid(scene.landmarks.albedo), scene.region, "Albedo", label=label)
+        show_map(axes[0, 1], normal_colours(scene), scene.region, "Normals")
+        clim = limits(percent, high=98.0, zero=True)
+        title = "Photometric error (Eq. 39)"
+        show_map(axes[0, 2], percent, scene.region, title, label="%", cmap="magma", clim=clim)
+        return save(figure, path)
+
+
+def draw_heights(path: Path, without: Record, with_it: Record) -> Path:
+    """True heights, height errors without and with photometry, and a scan along one row (Fig. 11).
+
+    The scan is the row with the largest relief; gaps are where either map has no landmark.
+    """
+    truth, records = with_it.arrays["true_height"], (without, with_it)
+    errors = [record.arrays["height"] - record.arrays["true_height"] for record in records]
+    titles = ("Height error, geometry alone", f"Height error, {with_it.cell.model}")
+    row = scan_row(truth)
+    with style():
+        aspect = truth.shape[0] / truth.shape[1]
+        height = 3.2 * float(np.clip(aspect, 0.3, 2.0))
+        figure, axes = panels(1, 3, 3.2, aspect, (1.05, 0.0), (0.65, 0.85, 3.9, 0.3))
+        shown = bare(axes[0, 0], "True height").imshow(truth - np.nanmin(truth), cmap=colour_map("viridis"))
+        add_bar(axes[0, 0], shown, truth - np.nanmin(truth), "m")
+        low, high = symmetric_limits(np.stack([np.ravel(errors[0])]), 98.0)
+        for panel, title, error in zip(axes[0, 1:], titles, errors, strict=True):
+            mean = f"{title}: mean {np.nanmean(np.abs(error)):.2f} m"
+            shown = bare(panel, mean).imshow(error, cmap=colour_map("RdBu_r"), vmin=low, vmax=high)
+            add_bar(panel, shown, error, "m")
+        for panel in axes[0]:
+            panel.axhline(row, color="black", lw=0.8, ls="--")
+        _draw_scan(figure, 0.3 + height, truth, records, errors, row)
+        return save(figure, path)
+
+
+def _draw_scan(figure, top: float, truth: np.ndarray, records, errors, row: int) -> None:
+    """Heights and their errors along a row, below `top` inches of the figure's upper edge."""
+    width, full = figure.get_size_inches()
+    along = np.arange(truth.shape[1]) * float(records[1].arrays["gsd"]) / 1000.0
+    names = ("geometry alone", records[1].cell.model)
+    for place, (high, label) in enumerate(((1.55, "height [m]"), (1.2, "error [m]"))):
+        bottom = full - top - 0.45 - 1.55 - place * (1.2 + 0.15)
+        axes = figure.add_axes((0.65 / width, bottom / full, 1.0 - 1.5 / width, high / full))
+        base = np.nanmin(truth)
+        for name, record, error, colour in zip(names, records, errors, ("tab:orange", "tab:blue"), strict=True):
+            values = error[row] if place else record.arrays["height"][row] - base
+            axes.plot(along, values, lw=1.2, color=colour, label=name)
+        axes.plot(along, 0.0 * along if place else truth[row] - base, lw=1.0, color="black", label="truth")
+        axes.set_ylabel(label)
+        axes.set_xlim(along[0], along[-1])
+        if place:
+            axes.set_xlabel("along the dashed row [km]")
+        else:
+            axes.set_xticklabels([])
+            axes.legend(frameon=False, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 0.98))
+
+
+def scan_row(height: np.ndarray) -> int:
+    """The row of (h, w) heights with the greatest relief among those that are at least nine tenths there."""
+    there = np.isfinite(height)
+    whole = there.mean(1) >= min(0.9, there.mean(1).max())
+    relief = np.where(there, height, -np.inf).max(1) - np.where(there, height, np.inf).min(1)
+    relief[~whole] = -np.inf
+    return int(relief.argmax())
+
+
+def draw_scales(path: Path, records: Sequence[Record], body: str) -> Path:
+    """Scale of every image against its phase angle, for models without a phase function (Fig. 14).
+
+    The line is the phase function published for the counterpart of each model; a constant where the ground was
+    simulated without any. The scales have a factor in common with the albedos; it is chosen so that their median lies
+    on the line.
+    """
+    with style():
+        figure, axes = panels(1, len(records), 3.6, 0.75, (0.75, 0.0), (0.65, 0.15, 0.5, 0.3))
+        for panel, record in zip(axes[0], records, strict=True):
+            phase, scale = np.asarray(record.arrays["phase"]), np.asarray(record.arrays["scale"])
+            angle = np.linspace(0.9 * phase.min(), 1.05 * phase.max(), 100)
+            panel.set_title(f"{record.cell.model}: scale of each image")
+            curve, name = _expected_scale(record, body)
+            scale = scale * np.median(curve(phase) / scale)
+            panel.plot(np.degrees(angle), curve(angle), color="black", label=name)
+            panel.set_ylim(0.8 * min(scale.min(), curve(angle).min()), 1.3 * max(scale.max(), curve(angle).max()))
+            panel.legend(frameon=False, loc="upper right")
+            panel.plot(np.degrees(phase), scale, "o", ms=4, color="tab:blue")
+            panel.set_xlabel("phase angle [degrees]")
+        axes[0, 0].set_ylabel("scale, common factor removed [-]")
+        return save(figure, path)
+
+
+def _expected_scale(record: Record, body: str):
+    """What scales should follow as a function of phase [rad], and its name."""
+    ground = record.cell.simulation.reflectance
+    if ground in COUNTERPART:
+        return np.ones_like, f"the {ground} ground has no phase function"
+    counterpart = COUNTERPART[record.cell.model]
+    return published(counterpart, body).phase_function, f"phase function of {counterpart}"

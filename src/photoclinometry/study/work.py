@@ -1,0 +1,92 @@
+"""The study itself: one run at a time, each finished part kept, so that a killed study goes on where it was."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+from photoclinometry import __version__, pipeline
+from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.io.atomic import write_text
+from photoclinometry.io.options import write_options
+from photoclinometry.io.truth import read_truth
+from photoclinometry.runfolder import adopt_stages, digest
+from photoclinometry.simulate.site import simulate_site
+from photoclinometry.study.plan import Cell, StudyOptions, cells
+from photoclinometry.study.record import Record, measure, read_record, write_record
+
+log = logging.getLogger(__name__)
+
+MARK = "study.toml"
+"""The options of the last call; marks a folder as a study's."""
+
+Progress = Callable[[str, int, int], None]
+"""Called as progress(what, done, total)."""
+
+
+def run_study(options: StudyOptions, out: Path, progress: Progress | None = None) -> Path:
+    """Simulates, maps and measures every cell, then writes study.md, study.json and figures/; returns study.md.
+
+    The folder may hold part of the same study, or another selection of cells: what is finished is kept. A run whose
+    images do not determine a map is a dash in the tables. Raises InputError.
+    """
+    from photoclinometry.study.page import write_page
+
+    out = Path(out)
+    _open(out, options)
+    todo = cells(options)
+    records = []
+    for done, cell in enumerate(todo):
+        if progress is not None:
+            progress(cell.name, done, len(todo))
+        records.append(_cell_or_read(out, cell, options))
+    if progress is not None:
+        progress("tables and figures", len(todo), len(todo))
+    return write_page(out, options, records)
+
+
+def _open(out: Path, options: StudyOptions) -> None:
+    if out.exists() and not (out / MARK).is_file() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out}: exists and is not a study; choose another folder")
+    write_options(out / MARK, asdict(options))
+
+
+def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
+    folder = out / "results" / cell.name
+    key = digest("study cell", __version__, cell.simulation, cell.run_options(options), cell.model == options.shown)
+    found = read_record(folder, cell, key)
+    if found is not None:
+        log.info("%s: read back", cell.name)
+        return found
+    from photoclinometry.study.figures import draw_cell
+
+    site = _site(out, cell)
+    run = out / "runs" / cell.site / cell.model
+    for sibling in sorted(run.parent.glob("*")) if run.parent.is_dir() else ():
+        adopt_stages(sibling, run, ("sparse", "region", "dense"))
+    try:
+        result = pipeline.run(site, run, cell.run_options(options))
+    except ReconstructionError as error:
+        log.warning("%s: %s", cell.name, error)
+        record = Record(cell, {}, failure=str(error))
+        write_record(folder, record, key)
+        return record
+    record, comparison = measure(cell, result, read_truth(site.with_name("truth.h5")))
+    shown = cell.model == options.shown
+    write_record(folder, record, key, (lambda work: draw_cell(work, result.scene, comparison)) if shown else None)
+    return record
+
+
+def _site(out: Path, cell: Cell) -> Path:
+    """site.toml of the cell's site; simulated unless one of the same options is there."""
+    folder = out / "sites" / cell.site
+    key = folder.with_name(f"{cell.site}.key")
+    wanted = digest(__version__, cell.simulation)
+    if (folder / "site.toml").is_file() and key.is_file() and key.read_text(encoding="utf-8").strip() == wanted:
+        return folder / "site.toml"
+    key.unlink(missing_ok=True)
+    site = simulate_site(cell.simulation, folder, overwrite=True)
+    write_text(key, wanted + "\n")
+    return site
