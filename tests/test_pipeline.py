@@ -41,13 +41,20 @@ def changed_site(mapped, **changes):
 @pytest.fixture
 def adjust_nothing(monkeypatch):
     """The joint estimate stops at once, for tests of what surrounds it."""
-    from photoclinometry.adjust import Adjustment
+    from photoclinometry.adjust import Adjustment, Noise
 
     calls = []
 
     def stand_in(scene, options, **_):
         calls.append(options)
-        return Adjustment(scene, True, "not adjusted", (), 0.001, scene.tracks.lit)
+        noise = Noise(
+            keypoint_factor=1.0,
+            keypoint_correlation_px=1.0,
+            anchor_factor=1.0,
+            brightness_sigma=0.001,
+            brightness_correlation_px=1.0,
+        )
+        return Adjustment(scene, True, "not adjusted", (), noise, scene.tracks.lit)
 
     monkeypatch.setattr(pipeline, "adjust", stand_in)
     return calls

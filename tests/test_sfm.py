@@ -106,9 +106,12 @@ def test_points_project_to_their_observations(sparse):
     assert len(index) == len(xy) == np.count_nonzero(sparse.point_view == 2)
 
 
-def test_the_same_seed_gives_the_same_poses(sparse, one_site, tmp_path):
-    again = reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path, OPTIONS)
-    np.testing.assert_allclose(again.points, sparse.points, atol=1e-3)
+def test_one_thread_and_the_same_seed_give_the_same_model_bit_by_bit(one_site, tmp_path):
+    """Several threads add up in any order, and mapping may then end elsewhere along what is weakly determined."""
+    options = replace(OPTIONS, threads=1)
+    one, other = (reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path / name, options) for name in "ab")
+    np.testing.assert_array_equal(one.points, other.points)
+    np.testing.assert_array_equal(one.body_from_cam.rotation, other.body_from_cam.rotation)
 
 
 def test_the_global_mapper_agrees(one_site, tmp_path):

@@ -396,7 +396,9 @@ def write_products(
         aside = held_out_table(scene, held_out, images) if held_out else []
         metrics = evaluate_scene(scene, images, per_view=rows, held_out=aside)
         metrics |= {"views_left_out": len(left_out), "converged": float(adjustment.converged)}
-        metrics |= {name: value for name, value in asdict(adjustment.noise).items() if value}
+        photometric = scene.reflectance is not None
+        noise = asdict(adjustment.noise).items()
+        metrics |= {name: value for name, value in noise if photometric or not name.startswith("brightness")}
     with folder.timed("report"):
         rows = [{"registered": True, **row} for row in rows + aside]
         rows += [{"name": name, "registered": False} for name in left_out]

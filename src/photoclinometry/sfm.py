@@ -51,7 +51,8 @@ class SfmOptions:
     seed: int = 0
     """Seed of RANSAC and of the mapper."""
     threads: int = -1
-    """-1: all cores."""
+    """-1: all cores. 1 repeats a model bit by bit; several add up in any order, and what is weakly determined may then
+    end elsewhere within its uncertainty."""
 
 
 def reconstruct_sparse(

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy import fft
 
 from photoclinometry.render import observation_brightness
 from photoclinometry.scene import Scene
@@ -62,7 +61,7 @@ def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> fl
     """Standard deviation of the whitened residuals of landmarks `which` (J,), each of which takes three of freedom."""
     mine = which[scene.tracks.landmark]
     whitened = residual[mine] / scene.tracks.keypoint_sigma[mine, None]
-    return robust_sigma(whitened, parameters=3 * np.count_nonzero(which))
+    return robust_sigma(whitened, parameters=3 * int(np.count_nonzero(which)))
 
 
 def brightness_residuals(scene: Scene) -> np.ndarray:
@@ -75,7 +74,7 @@ def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> flo
 
     At least 1e-4 of the median brightness: nothing is measured better.
     """
-    landmarks = np.count_nonzero(np.bincount(scene.tracks.landmark[lit]))
+    landmarks = int(np.count_nonzero(np.bincount(scene.tracks.landmark[lit])))
     floor = 1e-4 * float(np.median(scene.tracks.brightness[lit]))
     return max(robust_sigma(residual[lit], parameters=3 * landmarks), floor)
 
@@ -113,7 +112,7 @@ def _shared(values: np.ndarray, pixel: np.ndarray) -> float:
     field[row, col] = np.clip((values - middle) / spread, -3, 3)
     there[row, col] = 1.0
     products, pairs = _autocorrelation(field), np.round(_autocorrelation(there))
-    distance = np.hypot(*np.meshgrid(*(fft.fftfreq(n, 1 / n) for n in products.shape), indexing="ij"))
+    distance = np.hypot(*np.meshgrid(*(np.fft.fftfreq(n, 1 / n) for n in products.shape), indexing="ij"))
     ring = distance.round().astype(int)
     enough = pairs >= 0.1 * len(values) * (len(values) / field.size)
     total = np.bincount(ring[enough], products[enough])
@@ -126,5 +125,5 @@ def _shared(values: np.ndarray, pixel: np.ndarray) -> float:
 
 def _autocorrelation(field: np.ndarray) -> np.ndarray:
     """Sums of products at every lag; lags wrap around an array of twice the size, so that ends do not meet."""
-    shape = [fft.next_fast_len(2 * n, real=True) for n in field.shape]
-    return fft.irfft2(np.abs(fft.rfft2(field, shape)) ** 2, shape)
+    shape = [2 * n for n in field.shape]
+    return np.fft.irfft2(np.abs(np.fft.rfft2(field, shape)) ** 2, shape)

@@ -61,7 +61,7 @@ class SolverOptions:
     """Levenberg-Marquardt steps at most."""
     relative_decrease: float = 1e-5
     """Converged when two successive steps lower the cost by less than this share, or one that promised no more ..."""
-    absolute_decrease: float = 0.5
+    absolute_decrease: float = 1.0
     """... or by less than this, in squared standard deviations: no variable then moves by a standard deviation."""
     initial_damping: float = 1e-5
     """Added to the diagonal of the normal equations, relative to it."""
