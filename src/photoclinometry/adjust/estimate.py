@@ -56,8 +56,9 @@ class AdjustOptions:
     brightness_correlation_px: float | None = None
     """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
     the ground it misses next door too."""
-    smooth_sigma_rad: float = 0.2
-    """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none."""
+    smooth_sigma_rad: float = 0.4
+    """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none.
+    Twice the paper's: like keypoints and brightness, the ground's curvature is shared by neighbours."""
     smooth_neighbours: int = 4
     """Neighbours per landmark in the smoothness factors."""
     max_incidence_deg: float = 85.0
