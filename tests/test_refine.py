@@ -198,6 +198,7 @@ def test_the_cost_at_the_start_is_that_of_the_authors_graph():
         brightness_sigma=float(truth["sigma_inten"]),
         keypoint_correlation_px=1.0,
         brightness_correlation_px=1.0,
+        smooth_sigma_rad=float(truth["sigma_smooth"]),
         keypoint_loss=np.inf,
         brightness_loss=np.inf,
         max_rounds=1,
