@@ -10,7 +10,7 @@ from photoclinometry.align import transform_scene
 from photoclinometry.cli.evaluate import against_map
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Similarity, so3_exp
-from photoclinometry.io.dtm import read_dtm
+from photoclinometry.io.geotiff import read_dtm_mesh
 from photoclinometry.io.reference import read_reference
 from photoclinometry.io.scene_file import write_scene
 from scenes import bumpy_surface, synthetic_scene
@@ -34,7 +34,7 @@ def write_dtm(path, height, west, north, cell, crs=None, down=True):
 @pytest.mark.parametrize("down", [True, False], ids=["rows go south", "rows go north"])
 def test_a_grid_without_a_projection_is_x_y_height_with_faces_upwards(tmp_path, down):
     height = np.array([[1.0, 2.0, 3.0], [4.0, np.nan, 6.0], [7.0, 8.0, 9.0]])
-    found = read_dtm(write_dtm(tmp_path / "dtm.tif", height, 100.0, 200.0, 10.0, down=down))
+    found = read_dtm_mesh(write_dtm(tmp_path / "dtm.tif", height, 100.0, 200.0, 10.0, down=down))
     assert found.position[0].tolist() == [105.0, 195.0 if down else 205.0, 1.0]
     assert found.position[4].tolist() == [125.0, 185.0 if down else 215.0, 6.0]
     assert len(found.position) == 8
@@ -62,7 +62,7 @@ def test_projected_heights_are_where_longitude_and_latitude_say(tmp_path, crs, p
     across = (prime + 500.0) * np.cos(lat)
     z = (prime * (polar / RADIUS) ** 2 + 500.0) * np.sin(lat)
     expected = np.stack([across * np.cos(lon), across * np.sin(lon), z], -1).reshape(-1, 3)
-    np.testing.assert_allclose(read_dtm(path).position, expected, atol=1e-3)
+    np.testing.assert_allclose(read_dtm_mesh(path).position, expected, atol=1e-3)
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
@@ -104,7 +104,7 @@ def test_files_that_are_no_map_are_refused(tmp_path):
         read_reference(tmp_path / "map.tif")
     with pytest.raises(InputError, match="cannot be read as a GeoTIFF"):
         read_reference(tmp_path / "none.tif")
-    with pytest.raises(InputError, match="no cell"):
+    with pytest.raises(InputError, match="no pixel has a height"):
         read_reference(write_dtm(tmp_path / "empty.tif", np.full((3, 3), np.nan), 0.0, 0.0, 1.0))
     with pytest.raises(InputError, match="there is no such file"):
         read_reference(tmp_path)
@@ -113,4 +113,4 @@ def test_files_that_are_no_map_are_refused(tmp_path):
 def test_a_missing_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(InputError, match=r"pip install 'photoclinometry\[geo\]'"):
-        read_dtm(tmp_path / "dtm.tif")
+        read_dtm_mesh(tmp_path / "dtm.tif")

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from photoclinometry.errors import InputError
+from photoclinometry.io.ply import PlyMap
+from photoclinometry.raster import grid_faces
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,54 @@ class Dtm:
     """Mean radius of the map's ellipsoid [m], or None if the file names no body."""
 
 
+@dataclass(frozen=True)
+class _Band:
+    """The first band of a file, scale and offset applied, on its grid as it is."""
+
+    height: np.ndarray
+    valid: np.ndarray
+    transform: Any
+    """rasterio's Affine, map from pixel."""
+    crs: Any
+    """rasterio's CRS, or None."""
+
+
 def read_dtm(path: Path | str) -> Dtm:
     """The first band of a projected, north-up GeoTIFF, scale and offset applied. Raises InputError."""
+    band = _read_band(path)
+    transform, factor = band.transform, _metres_per_unit(path, band)
+    axes = _semi_axes(band.crs)
+    return Dtm(
+        height=band.height,
+        valid=band.valid,
+        corner=(factor * transform.c, factor * transform.f),
+        pixel=(factor * transform.a, -factor * transform.e),
+        radius=(2.0 * axes[0] + axes[1]) / 3.0 if axes else None,
+    )
+
+
+def read_dtm_mesh(path: Path | str) -> PlyMap:
+    """The first band of a GeoTIFF as a mesh; cells without a value are left out.
+
+    With a coordinate reference system, heights are above its ellipsoid, and positions come in the body-fixed
+    frame: origin in the body's centre, z to the north pole, x to longitude zero, in metres. Without one, they are
+    (x, y, height) as the file's transform gives them. Raises InputError.
+    """
+    band = _read_band(path)
+    transform = band.transform
+    rows, cols = np.indices(band.height.shape) + 0.5
+    x = transform.a * cols + transform.b * rows + transform.c
+    y = transform.d * cols + transform.e * rows + transform.f
+    z = np.where(band.valid, band.height, 0.0)
+    grid = np.stack([x, y, z], -1) if band.crs is None else _body_fixed(path, band.crs, x, y, z)
+    faces = grid_faces(grid, band.valid)
+    if transform.determinant > 0:  # rows go north: the grid is a mirror image of what an image would be
+        faces = faces[:, ::-1]
+    index = np.cumsum(band.valid.ravel()) - 1
+    return PlyMap(grid[band.valid], None, None, index[faces])
+
+
+def _read_band(path: Path | str) -> _Band:
     try:
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
@@ -41,7 +89,8 @@ def read_dtm(path: Path | str) -> Dtm:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             with rasterio.open(path) as file:
-                factor = _metres_per_unit(path, file)
+                if file.count < 1 or min(file.shape) < 2:
+                    raise InputError(f"{path}: holds {file.count} bands of {file.shape} pixels, expected heights")
                 band = file.read(1, masked=True)
                 scale, offset, transform, crs = file.scales[0], file.offsets[0], file.transform, file.crs
     except RasterioError as error:
@@ -50,18 +99,12 @@ def read_dtm(path: Path | str) -> Dtm:
     valid = ~np.ma.getmaskarray(band) & np.isfinite(height)
     if not valid.any():
         raise InputError(f"{path}: no pixel has a height (all are no-data); export the terrain model again")
-    return Dtm(
-        height=height,
-        valid=valid,
-        corner=(factor * transform.c, factor * transform.f),
-        pixel=(factor * transform.a, -factor * transform.e),
-        radius=_mean_radius(crs),
-    )
+    return _Band(height, valid, transform, crs)
 
 
-def _metres_per_unit(path: Path | str, file) -> float:
+def _metres_per_unit(path: Path | str, band: _Band) -> float:
     """Of the map's coordinates. Raises InputError for maps that heights cannot be taken from as they are."""
-    transform, crs = file.transform, file.crs
+    transform, crs = band.transform, band.crs
     if transform.is_identity:
         raise InputError(f"{path}: has no map coordinates; export it as a georeferenced GeoTIFF")
     if transform.b or transform.d or transform.a <= 0 or transform.e >= 0:
@@ -74,10 +117,34 @@ def _metres_per_unit(path: Path | str, file) -> float:
     return crs.linear_units_factor[1] if crs and crs.is_projected else 1.0
 
 
-def _mean_radius(crs) -> float | None:
-    """(a + a + b) / 3 of the ellipsoid that the reference system names; its flattening is 0 for a sphere."""
-    found = re.search(r'(?:SPHEROID|ELLIPSOID)\["[^"]*",\s*([0-9.eE+]+),\s*([0-9.eE+]+)', crs.to_wkt() if crs else "")
-    if found is None:
-        return None
-    major, inverse_flattening = float(found[1]), float(found[2])
-    return major * (1.0 - 1.0 / (3.0 * inverse_flattening)) if inverse_flattening else major
+def _body_fixed(path: Path | str, crs: Any, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Positions (h, w, 3) [m] of map coordinates and heights (h, w)."""
+    from rasterio.crs import CRS
+    from rasterio.warp import transform
+
+    axes = _semi_axes(crs)
+    if axes is None:
+        raise InputError(f"{path}: the coordinate reference system names no ellipsoid; write one into the file")
+    centred = CRS.from_dict(proj="geocent", a=axes[0], b=axes[1], units="m", no_defs=True)
+    position = transform(crs, centred, x.ravel(), y.ravel(), z.ravel())
+    return np.stack([np.reshape(axis, x.shape) for axis in position], -1)
+
+
+def _semi_axes(crs: Any) -> tuple[float, float] | None:
+    """Equatorial and polar radius [m] of a reference system's ellipsoid, or None where it names none."""
+    return _ellipsoid_below(crs.to_dict(projjson=True)) if crs else None
+
+
+def _ellipsoid_below(node: Any) -> tuple[float, float] | None:
+    """Semi-axes of the first ellipsoid in a node of PROJJSON and what is below it."""
+    for key, value in node.items() if isinstance(node, dict) else ():
+        if key == "ellipsoid":
+            if "radius" in value:
+                return float(value["radius"]), float(value["radius"])
+            a = float(value["semi_major_axis"])
+            flattening = 1.0 / value["inverse_flattening"] if value.get("inverse_flattening") else 0.0
+            return a, float(value.get("semi_minor_axis", a * (1.0 - flattening)))
+        found = _ellipsoid_below(value)
+        if found is not None:
+            return found
+    return None

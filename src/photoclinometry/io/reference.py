@@ -28,9 +28,9 @@ def read_reference(path: Path | str) -> Reference:
     if suffix == ".ply":
         return Reference(read_ply(path))
     if suffix in (".tif", ".tiff"):
-        from photoclinometry.io.dtm import read_dtm
+        from photoclinometry.io.geotiff import read_dtm_mesh
 
-        return Reference(read_dtm(path))
+        return Reference(read_dtm_mesh(path))
     if suffix in (".h5", ".hdf5") or path.is_dir():
         return _from_scene(path / "scene.h5" if path.is_dir() else path)
     raise InputError(f"{path}: no map to compare with; give a .ply, a GeoTIFF (.tif), a run folder or its scene.h5")
