@@ -60,10 +60,8 @@ class RefineOptions:
     """Landmarks with fewer lit observations are left out (with fewer keypoints, of geometry alone)."""
     min_view_observations: int = 100
     """Images with fewer are left out."""
-    adjust: AdjustOptions = field(
-        default_factory=lambda: AdjustOptions(keypoint_correlation_px=1.0, smooth_sigma_rad=0.2)
-    )
-    """As of `phomo run`, but keypoints are taken to err independently, and smoothness is the paper's."""
+    adjust: AdjustOptions = field(default_factory=lambda: AdjustOptions(keypoint_correlation_px=1.0))
+    """As of `phomo run`, but keypoints are taken to err independently."""
 
 
 @dataclass(frozen=True, kw_only=True)

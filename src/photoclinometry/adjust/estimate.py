@@ -37,6 +37,9 @@ ROUND_DECREASE = 1e-3
 ROUND_STEPS = 8
 """Steps at most of such a round."""
 
+BALANCED_CORRELATION_PX = 3.0
+"""Brightness correlation up to which smoothness is as given."""
+
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
 
@@ -56,9 +59,9 @@ class AdjustOptions:
     brightness_correlation_px: float | None = None
     """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
     the ground it misses next door too."""
-    smooth_sigma_rad: float = 0.4
+    smooth_sigma_rad: float = 0.2
     """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none.
-    Twice the paper's: like keypoints and brightness, the ground's curvature is shared by neighbours."""
+    It grows with the correlation of brightness beyond 3 px, so that shading keeps its say against it."""
     smooth_neighbours: int = 4
     """Neighbours per landmark in the smoothness factors."""
     max_incidence_deg: float = 85.0
@@ -195,7 +198,8 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
         measured = _weighted(scene, options, layout, place, lit, own, noise)
-        problem = Problem(layout, measured, pairs, priors, packed, smooth_sigma=options.smooth_sigma_rad)
+        smooth_sigma = options.smooth_sigma_rad * max(1.0, noise.brightness_correlation_px / BALANCED_CORRELATION_PX)
+        problem = Problem(layout, measured, pairs, priors, packed, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
         solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, progress=progress)
         history.extend(solution.log)
