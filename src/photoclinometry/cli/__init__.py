@@ -18,6 +18,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from photoclinometry.cli.evaluate import evaluate
     from photoclinometry.cli.info import info
+    from photoclinometry.cli.ingest import ingest
     from photoclinometry.cli.refine import refine
     from photoclinometry.cli.render import render
     from photoclinometry.cli.run import run
@@ -26,6 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from photoclinometry.errors import InputError, PhotoclinometryError
 
     commands = {
+        "ingest": ingest,
         "simulate": simulate,
         "run": run,
         "refine": refine,
