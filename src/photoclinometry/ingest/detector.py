@@ -52,7 +52,7 @@ def detector_of_matrix(matrix: np.ndarray, **figures) -> Detector:
     axes = matrix / length[:, None]
     if abs(axes[0] @ axes[1]) > _SKEW_TOLERANCE:
         raise InputError(f"the detector's axes {axes.tolist()} are not at right angles; correct the camera")
-    return Detector(axes=(_pair(axes[0]), _pair(axes[1])), pitch_mm=(float(1.0 / length[0]), float(1.0 / length[1])), **figures)
+    return Detector(axes=(_pair(axes[0]), _pair(axes[1])), pitch_mm=_pair(1.0 / length), **figures)
 
 
 def windowed(detector: Detector, window: Window, width: int, height: int) -> Detector:

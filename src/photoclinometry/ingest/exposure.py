@@ -33,6 +33,10 @@ from photoclinometry.io.suns_csv import SunRow
 from photoclinometry.scene import Camera, Image
 
 
+_MAPS = ("IMAGE_MAP_PROJECTION", "MAPPING")
+"""Blocks of labels whose images are maps."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Exposure:
     """What one file gives."""
@@ -76,6 +80,8 @@ def read_exposure(path: Path, options: IngestOptions, beside: Help) -> Exposure:
             f"{path}: is a line scanner's image ({facts.instrument or 'by its label'}), whose camera moves while it "
             "looks; give images of a frame camera"
         )
+    if any(block.name in _MAPS for block in product.label.walk()):
+        raise ImageError(f"{path}: is projected onto a map, where nothing is seen from one place; give the image itself")
     known = camera_named(options.camera) if options.camera else known_camera(facts)
     try:
         return _exposure(_in_order(product, known, options), facts, known, options, beside)

@@ -71,7 +71,7 @@ def read_facts(product: Product) -> Facts:
         start=_utc(_text(found["start"])),
         exposure_s=_seconds(found["exposure"], product),
         clock=_text(found["clock"]),
-        unit=_unit(label) or ("iof" if "iof" in product.path.name.lower() else None),
+        unit=_unit(product),
         sun_distance_km=_distance_km(found["sun_distance"]),
         frame_code=code if isinstance(code, int) else None,
         scanner=any(label.find(key) is not None for key in _SCANS) or (instrument or "").upper() in _SCANNERS,
@@ -130,7 +130,24 @@ def _distance_km(value: Any) -> float | None:
     return float(number) * (_AU_KM if number < 1000 else 1.0)
 
 
-def _unit(label: Block) -> str | None:
+_NEAR_UNITS = {"0": "dn", "1": "radiance", "2": "iof"}
+"""NEAR-013, calibration; BUNIT is not to be trusted there."""
+
+
+def _unit(product: Product) -> str | None:
+    label = product.label
+    near = label.find("NEAR-013")
+    if near is not None:
+        return _NEAR_UNITS.get(str(near).strip())
+    return _unit_of_words(label) or _unit_of_name(product)
+
+
+def _unit_of_name(product: Product) -> str | None:
+    """OCAMS's cubes say what they are in their names alone. Integers, as in PNG, are stretched somehow."""
+    return "iof" if product.kind in ("ISIS", "FITS") and "_iof" in product.path.name.lower() else None
+
+
+def _unit_of_words(label: Block) -> str | None:
     said = " ".join(
         str(label.find(key) or "")
         for key in (
