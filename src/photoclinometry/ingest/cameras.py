@@ -187,13 +187,13 @@ def _samcam() -> KnownCamera:
             _OCAMS,
             focal_mm=24.12992,
             axes=((-1.0, 0.0), (0.0, 1.0)),
-            distortion=_ocams_radial((0.0, -7.498615e-4, -1.954986e-3, -2.640118e-4), (520.0, 520.0)),
+            distortion=_ocams_radial((2.06e-3, -2.21e-3, 9.68e-4, -1.63e-4, 1.07e-5), (512.0, 512.0)),
         ),
         instruments=("SAMCAM", "OCAMS_SAMCAM", "OCAMS-SAMCAM"),
         spacecraft=("OSIRIS-REX", "ORX", "OREX"),
         spacecraft_code=-64,
         code=-64362,
-        source="ISIS's orex_ocams_addendum_v10.ti",
+        source="ISIS's orex_ocams_addendum_v10.ti; of its distortions the one that keeps the kernel's field of view",
     )
 
 

@@ -65,11 +65,14 @@ class Undoing:
     def distort(self, ideal: np.ndarray) -> np.ndarray:
         """Raises InputError where the coefficients are too wild to be inverted."""
         seen = np.array(ideal, float)
+        farthest = 10.0 * (1.0 + np.abs(ideal).max(initial=0.0))
         for _ in range(_STEPS):
             step = ideal - self.undistort(seen)
             seen = seen + step
             if np.abs(step).max(initial=0.0) < _TOLERANCE_MM:
                 return seen
+            if np.abs(seen).max() > farthest:
+                break
         raise InputError(f"the distortion {self.coefficients} cannot be inverted on this detector; correct the camera")
 
 

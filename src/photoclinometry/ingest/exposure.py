@@ -32,7 +32,6 @@ from photoclinometry.io.site import PosePrior
 from photoclinometry.io.suns_csv import SunRow
 from photoclinometry.scene import Camera, Image
 
-
 _MAPS = ("IMAGE_MAP_PROJECTION", "MAPPING")
 """Blocks of labels whose images are maps."""
 
@@ -81,7 +80,9 @@ def read_exposure(path: Path, options: IngestOptions, beside: Help) -> Exposure:
             "looks; give images of a frame camera"
         )
     if any(block.name in _MAPS for block in product.label.walk()):
-        raise ImageError(f"{path}: is projected onto a map, where nothing is seen from one place; give the image itself")
+        raise ImageError(
+            f"{path}: is projected onto a map, where nothing is seen from one place; give the image itself"
+        )
     known = camera_named(options.camera) if options.camera else known_camera(facts)
     try:
         return _exposure(_in_order(product, known, options), facts, known, options, beside)

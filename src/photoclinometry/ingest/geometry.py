@@ -123,7 +123,7 @@ def _table_row(product: Product, name: str, columns: tuple[str, ...]) -> np.ndar
         raise InputError(
             f"{product.path}: table {name} has {len(values)} records, as line scanners do; give a frame camera's image"
         )
-    if not np.isfinite(values).all() or np.linalg.norm(values) == 0:
+    if not (np.abs(values) < 1e15).all() or not values.any():
         raise InputError(f"{product.path}: table {name} holds no numbers; run spiceinit again, or pass --kernels")
     return values[0]
 
@@ -140,17 +140,25 @@ def _table_rotation(product: Product, name: str) -> np.ndarray:
     constant = block.get("CONSTANTROTATION")
     if constant is None:
         return turn
-    matrix = np.array([v if isinstance(v, int | float) else np.nan for v in constant], float)
-    if matrix.size != 9 or not np.abs(matrix.reshape(3, 3) @ matrix.reshape(3, 3).T - np.eye(3)).max() < 1e-6:
+    return _constant_rotation(product, name, constant) @ turn
+
+
+def _constant_rotation(product: Product, name: str, written: object) -> np.ndarray:
+    """(3, 3), with the rounding of its digits taken away."""
+    numbers = [v for v in written if isinstance(v, int | float)] if isinstance(written, tuple) else []
+    matrix = np.array(numbers if len(numbers) == 9 else [0.0] * 9, float).reshape(3, 3)
+    if not (np.abs(matrix) <= 2.0).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6:
         raise InputError(f"{product.path}: ConstantRotation of table {name} is no rotation; run spiceinit again")
-    u, _, vt = np.linalg.svd(matrix.reshape(3, 3))
-    return u @ vt @ turn
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ vt
 
 
 def rotation_of_quaternion(wxyz: np.ndarray) -> np.ndarray:
-    """(3, 3) of a SPICE-style quaternion, scalar first: v_to = R v_from; its length does not matter."""
+    """(3, 3) of a SPICE-style quaternion, scalar first: v_to = R v_from. Raises InputError for lengths far from 1."""
     from scipy.spatial.transform import Rotation
 
+    if not 0.9 < np.linalg.norm(wxyz) < 1.1:
+        raise InputError(f"the attitude {np.asarray(wxyz).tolist()} is no unit quaternion; pass --kernels instead")
     return Rotation.from_quat(np.asarray(wxyz, float), scalar_first=True).as_matrix()
 
 

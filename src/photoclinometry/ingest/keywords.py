@@ -62,7 +62,8 @@ def detector_from_keywords(get: Keywords, code: int, filter_name: str | None, si
         focal_mm=focal_mm,
         center=center,
     )
-    distortion, principal = _distortion(numbers, plain, filter_name)
+    model = str((get(f"INS{code}_DISTORTION_MODEL") or ("",))[0]).upper()
+    distortion, principal = _distortion(numbers, plain, filter_name, model)
     return Detector(
         width=width,
         height=height,
@@ -114,19 +115,22 @@ def _center(numbers: Numbers) -> tuple[float, float] | None:
     return None if sample is None or line is None else (sample[0] - 0.5, line[0] - 0.5)
 
 
-def _distortion(numbers: Numbers, plain: Detector, filter_name: str | None):
+def _distortion(numbers: Numbers, plain: Detector, filter_name: str | None, model: str):
     """The distortion, None where there is none, and the principal point, which OpenCV's model has its own of."""
     opencv = _opencv(numbers, plain)
-    if opencv is not None:
+    if opencv is not None and model != "OCAMS":
         return opencv
     dawn = numbers("RAD_DIST_COEFF")
     if dawn is not None:
         return Radial((0.0, 0.0, dawn[0])), plain.center
     of_filter = f"_{(filter_name or '').strip().upper()}" if filter_name else ""
-    k = numbers(f"OD_K{of_filter}") or numbers("OD_K")
+    # SamCam's addendum has two sets: those of filters would bend its field of view by 6 %, which it is not.
+    sets = ("", of_filter) if model == "OCAMS" else (of_filter, "")
+    k, middle = next(
+        ((numbers(f"OD_K{s}"), numbers(f"OD_CENTER{s}", 2)) for s in sets if numbers(f"OD_K{s}")), (None,) * 2
+    )
     if k is None or not any(k):
         return None, plain.center
-    middle = numbers(f"OD_CENTER{of_filter}", 2) or numbers("OD_CENTER", 2)
     if len(k) >= 5 and middle is not None:
         # ISIS counts these from 1, as it does the detector's own centre.
         offset = [float((m - 0.5 - c) * p) for m, c, p in zip(middle, plain.center, plain.pitch_mm, strict=False)]

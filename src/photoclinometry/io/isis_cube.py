@@ -12,8 +12,7 @@ import numpy as np
 from photoclinometry.errors import ImageError
 from photoclinometry.io.product import Product, Window
 from photoclinometry.io.pvl import MAX_LABEL_BYTES, Block, number, parse_pvl, whole
-from photoclinometry.io.raw_raster import Layout, read_bytes, read_pixels
-from photoclinometry.scene import Image
+from photoclinometry.io.raw_raster import Layout, physical_image, read_bytes, read_pixels
 
 _TYPES = {
     "UNSIGNEDBYTE": "u1",
@@ -45,19 +44,18 @@ def read_isis_cube(path: Path) -> Product:
     if core is None:
         raise ImageError(f"{path}: is an ISIS label without pixels (no Core); give the cube itself")
     data = _data_file(path, core)
-    raw = read_pixels(data, _layout(path, core))
+    raw = read_pixels(path, data, _layout(path, core))
     kind = raw.dtype.newbyteorder("=").str[1:]
     low, high = _VALID[kind]
     with np.errstate(invalid="ignore"):
         valid = (raw >= low) & (raw <= high)
     pixels = core.block("PIXELS") or Block("")
     base, multiplier = number(path, pixels, "BASE", 0.0), number(path, pixels, "MULTIPLIER", 1.0)
-    brightness = np.where(valid, base + multiplier * np.where(valid, raw, 0).astype(np.float64), 0.0)
     return Product(
         path=path,
         data=data,
         kind="ISIS",
-        image=Image(str(path), brightness.astype(np.float32), valid),
+        image=physical_image(path, raw, valid, multiplier, base),
         label=label,
         lines_up=False,
         samples_left=False,
@@ -123,13 +121,15 @@ def _table(path: Path, block: Block) -> dict[str, np.ndarray]:
     row = sum(dtype.itemsize for _, dtype in fields)
     if start < 1 or records < 0 or not 0 <= size <= _MAX_TABLE_BYTES or records * row > size:
         raise ImageError(f"{path}: table {name} of {records} records does not fit its {size} bytes; export it again")
+    if path.stat().st_size < start - 1 + records * row:
+        raise ImageError(f"{path}: ends inside table {name}: it was cut short; fetch or export it again")
+    if len({n for n, _ in fields}) < len(fields):
+        raise ImageError(f"{path}: table {name} has two fields of one name; fetch or export it again")
+    if not fields or records == 0:
+        return {}
     with open(path, "rb") as file:
         file.seek(start - 1)
         data = file.read(records * row)
-    if len(data) < records * row:
-        raise ImageError(f"{path}: ends inside table {name}: it was cut short; fetch or export it again")
-    if not fields or records == 0:
-        return {}
     rows = np.frombuffer(data, np.dtype({"names": [n for n, _ in fields], "formats": [d for _, d in fields]}))
     return {n: rows[n].astype(float) for n, dtype in fields if dtype.base.kind != "S"}
 

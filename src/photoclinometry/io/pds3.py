@@ -11,7 +11,7 @@ import numpy as np
 from photoclinometry.errors import ImageError
 from photoclinometry.io.product import Product
 from photoclinometry.io.pvl import MAX_LABEL_BYTES, Block, Quantity, number, parse_pvl, whole
-from photoclinometry.io.raw_raster import Layout, check_size, read_bytes, read_pixels
+from photoclinometry.io.raw_raster import Layout, check_size, physical_image, read_bytes, read_pixels
 from photoclinometry.scene import Image
 
 _ORDER = {"LSB": "<", "PC": "<", "VAX": "<", "MSB": ">", "IEEE": ">", "SUN": ">", "MAC": ">"}
@@ -45,7 +45,7 @@ def read_pds3(path: Path) -> Product:
     data, offset = _place(path, label)
     layout = _layout(path, image, offset)
     check_fits(path, data, layout)
-    raw = read_pixels(data, layout)
+    raw = read_pixels(path, data, layout)
     return Product(
         path=path,
         data=data,
@@ -126,8 +126,7 @@ def _image(path: Path, image: Block, raw: np.ndarray) -> Image:
     if isinstance(top, int | float):
         valid &= raw < top
     factor, offset = number(path, image, "SCALING_FACTOR", 1.0), number(path, image, "OFFSET", 0.0)
-    values = np.where(valid, raw, 0).astype(np.float64) * factor + offset
-    return Image(str(path), np.where(valid, values, 0.0).astype(np.float32), valid)
+    return physical_image(path, raw, valid, factor, offset)
 
 
 def _special_values(image: Block, dtype: np.dtype) -> Iterator[Any]:

@@ -12,7 +12,7 @@ from photoclinometry.errors import ImageError
 from photoclinometry.io.pds3 import check_fits, find_beside
 from photoclinometry.io.product import Product
 from photoclinometry.io.pvl import Block, Quantity, number, whole
-from photoclinometry.io.raw_raster import Layout, read_bytes, read_pixels
+from photoclinometry.io.raw_raster import Layout, physical_image, read_bytes, read_pixels
 from photoclinometry.scene import Image
 
 _MAX_BYTES = 1 << 24
@@ -47,7 +47,7 @@ def read_pds4(path: Path) -> Product:
         raise ImageError(f"{path}: the label describes no two-axis image (Array_2D_Image); give the label of an image")
     layout = _layout(path, array)
     check_fits(path, data, layout)
-    raw = read_pixels(data, layout)
+    raw = read_pixels(path, data, layout)
     display = next((b for b in label.walk() if b.name == "DISPLAY_DIRECTION"), Block(""))
     return Product(
         path=path,
@@ -118,8 +118,7 @@ def _image(path: Path, array: Block, raw: np.ndarray) -> Image:
             valid &= raw != (raw.dtype.type(value) if raw.dtype.kind == "f" else value)
     element = array.block("ELEMENT_ARRAY") or Block("")
     factor, offset = number(path, element, "SCALING_FACTOR", 1.0), number(path, element, "VALUE_OFFSET", 0.0)
-    values = np.where(valid, raw, 0).astype(np.float64) * factor + offset
-    return Image(str(path), np.where(valid, values, 0.0).astype(np.float32), valid)
+    return physical_image(path, raw, valid, factor, offset)
 
 
 def _direction(said: Any, yes: str, no: str) -> bool | None:

@@ -96,7 +96,7 @@ def parse_pvl(data: bytes, where: str) -> Block:
     """The label at the beginning of `data`, up to its END; where: file for messages. Raises InputError."""
     text = data[:MAX_LABEL_BYTES].decode("latin-1")
     stack = [Block("")]
-    tokens = _Tokens(text, where)
+    tokens = _Tokens(text, where, cut=len(data) > MAX_LABEL_BYTES)
     while (key := tokens.take()) is not None:
         key = _keyword(tokens, key)
         if key == "END":
@@ -119,9 +119,6 @@ def parse_pvl(data: bytes, where: str) -> Block:
             raise tokens.error(f"objects are nested more than {_MAX_DEPTH} deep")
         stack.append(Block(str(value).upper()))
         stack[-2].blocks.append(stack[-1])
-    else:
-        if len(data) > MAX_LABEL_BYTES:
-            raise tokens.error(f"the label has no END in its first {MAX_LABEL_BYTES >> 10} KiB")
     if len(stack) > 1:
         raise tokens.error(f"{stack[-1].name} is not ended: the label was cut short")
     return stack[0]
@@ -130,8 +127,8 @@ def parse_pvl(data: bytes, where: str) -> Block:
 class _Tokens:
     """The words of a label, in their order."""
 
-    def __init__(self, text: str, where: str):
-        self.text, self.where = text, where
+    def __init__(self, text: str, where: str, cut: bool):
+        self.text, self.where, self.cut = text, where, cut
         self.at = 0
         self.ahead: list[str | None] = []
         """At most one: what follows END is looked at by nobody."""
@@ -153,6 +150,8 @@ class _Tokens:
             self.at = found.end()
             if found.lastgroup != "space":
                 return self._joined(found) if found.lastgroup == "word" else found[0]
+        if self.cut and self.at > len(self.text) - 1000:
+            raise self.error(f"it has no END in its first {MAX_LABEL_BYTES >> 10} KiB")
         if self.at < len(self.text):
             raise self.error(f"{self.text[self.at : self.at + 20]!r} is not understood")
         return None

@@ -9,6 +9,7 @@ import numpy as np
 
 from photoclinometry.errors import ImageError
 from photoclinometry.io.images import MAX_PIXELS
+from photoclinometry.scene import Image
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,26 +44,37 @@ def read_bytes(path: Path, limit: int | None = None) -> bytes:
     return data
 
 
-def read_pixels(path: Path, layout: Layout) -> np.ndarray:
-    """(lines, samples) of `layout.dtype`, in the file's order. Raises ImageError, before anything large is read."""
-    check_size(path, layout.lines, layout.samples)
+def read_pixels(label: Path, path: Path, layout: Layout) -> np.ndarray:
+    """(lines, samples) of `layout.dtype`, in the order of the file `path`, by what its `label` says.
+
+    Raises ImageError that names the label, before anything large is read.
+    """
+    check_size(label, layout.lines, layout.samples)
     if min(layout.offset, layout.prefix, layout.suffix) < 0:
-        raise ImageError(f"{path}: the label puts pixels before the file's beginning; fetch or export it again")
-    size = _extent(path, layout)
+        raise ImageError(f"{label}: the label puts pixels before the file's beginning; fetch or export it again")
+    size = _extent(label, layout)
     try:
         held = path.stat().st_size
         if held < layout.offset + size:
             raise ImageError(
-                f"{path}: the label asks for {layout.lines} x {layout.samples} pixels of {layout.dtype.itemsize} "
-                f"bytes from byte {layout.offset} on, but the file ends after {held} bytes: it was cut short, or the "
-                "label is another file's; fetch it again"
+                f"{label}: the label asks for {layout.lines} x {layout.samples} pixels of {layout.dtype.itemsize} "
+                f"bytes from byte {layout.offset} on, but {path.name} ends after {held} bytes: it was cut short, or "
+                "the label is another file's; fetch it again"
             )
         with open(path, "rb") as file:
             file.seek(layout.offset)
             data = file.read(size)
     except OSError as error:
-        raise ImageError(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise ImageError(f"{label}: {path.name} cannot be read: {error.strerror or error}") from error
     return _from_tiles(data, layout) if layout.tile else _from_lines(data, layout)
+
+
+def physical_image(name: Path, raw: np.ndarray, valid: np.ndarray, factor: float, offset: float) -> Image:
+    """Values factor * raw + offset as an image; what single precision cannot hold is not valid either."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = (np.where(valid, raw, 0).astype(np.float64) * factor + offset).astype(np.float32)
+    valid = valid & np.isfinite(values)
+    return Image(str(name), np.where(valid, values, np.float32(0)), valid)
 
 
 def check_size(path: Path, lines: int, samples: int) -> None:
