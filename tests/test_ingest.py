@@ -1,6 +1,7 @@
 """Files to a site: every real file ingested or refused for the right reason, made-up ones followed digit by digit."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -327,6 +328,19 @@ class TestWhatIsMissingIsSaid:
             mapcam_cube(tmp_path / "b.cub", groups=MAPCAM.replace("Bennu", "Ryugu")),
         ]
         assert "the images show bennu, ryugu" in self.complaint(paths, tmp_path, undistorted=True)
+
+    def test_a_sumfile_that_counts_lines_upwards(self, tmp_path):
+        """Such an image would be a mirror image, or its lines run up: only a person can know."""
+        (path,) = plain_images(tmp_path / "in", 1)
+        summary = sumfile_of_view("20190301T101500", CAMERA, POSE, SUN, utc="2019 MAR 01 10:15:00.5")
+        up = replace(summary, k_matrix=(*summary.k_matrix[:4], -summary.k_matrix[4], 0.0))
+        write_sumfile(tmp_path / "A.SUM", up)
+        said = self.complaint([path], tmp_path, sumfiles=(tmp_path / "A.SUM",))
+        assert "--no-lines-up" in said
+        options = IngestOptions(sumfiles=(tmp_path / "A.SUM",), lines_up=False)
+        (exposure,) = ingest([path], tmp_path / "site", options).exposures
+        np.testing.assert_array_equal(exposure.image.brightness[::-1], (texture() * 1e6).astype(np.uint16))
+        np.testing.assert_allclose(exposure.prior.cam_from_body.rotation, POSE.rotation.T, atol=1e-9)
 
     def test_two_sumfiles_for_one_image(self, tmp_path):
         (path,) = plain_images(tmp_path / "in", 1)

@@ -172,7 +172,13 @@ def _optics(
     if options.pinhole is not None:
         return _Optics(_given_pinhole(options.pinhole, known, facts, (width, height)), "--pinhole")
     if own_sum is not None:
-        return _Optics(fitted(detector_of_sumfile(own_sum), width, height), f"SUMFILE {own_sum.path.name}")
+        detector = detector_of_sumfile(own_sum)
+        if detector.mirrored and options.lines_up is None:
+            raise InputError(
+                f"{own_sum.path.name} counts lines upwards (K-MATRIX), and the image does not say whether it does: pass "
+                "--no-lines-up if the file has its lines as the SUMFILE counts them, --lines-up if the other way round"
+            )
+        return _Optics(fitted(detector, width, height), f"SUMFILE {own_sum.path.name}")
     whole = _whole_detector(product, facts, known, options)
     if whole is None:
         return None

@@ -123,7 +123,7 @@ def _table_row(product: Product, name: str, columns: tuple[str, ...]) -> np.ndar
         raise InputError(
             f"{product.path}: table {name} has {len(values)} records, as line scanners do; give a frame camera's image"
         )
-    if not (np.abs(values) < 1e15).all() or not values.any():
+    if not (np.abs(values) < 1e15).all() or np.linalg.norm(values) < 1e-9:
         raise InputError(f"{product.path}: table {name} holds no numbers; run spiceinit again, or pass --kernels")
     return values[0]
 
