@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from archives import FORMATS, needs_formats
 
+from archives import FORMATS, needs_formats
 from photoclinometry.geometry import Rigid, unit
 from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions

@@ -9,8 +9,8 @@ from photoclinometry.ingest.cameras import CAMERAS, camera_named, code_for, dete
 from photoclinometry.ingest.detector import seen_pixels, turned_about, upright
 from photoclinometry.ingest.facts import Facts, read_facts
 from photoclinometry.ingest.keywords import detector_from_keywords, keywords_of_label
-from photoclinometry.io import spice
 from photoclinometry.io.archive import read_product
+from photoclinometry.io.spice import loaded_kernels
 
 GRID = np.stack(np.meshgrid(np.linspace(5, 1015, 9), np.linspace(5, 1015, 9)), -1)
 
@@ -41,9 +41,9 @@ def in_cube_order(camera, filter_name=None):
 )
 def test_the_table_says_what_the_kernels_say(folder, name, filters):
     camera = CAMERAS[name]
-    with spice.loaded_kernels([SPICE / folder]):
+    with loaded_kernels([SPICE / folder]) as kernels:
         for filter_name in filters:
-            found = detector_from_keywords(spice.keyword, code_for(camera, filter_name), filter_name, (1024, 1024))
+            found = detector_from_keywords(kernels.keyword, code_for(camera, filter_name), filter_name, (1024, 1024))
             assert_same(in_cube_order(camera, filter_name), found)
 
 

@@ -51,10 +51,10 @@ def test_spice_gives_the_published_pose_and_sun(folder, label, by_folder):
     kind = "PDS3" if "pds3" in label else "ISIS"
     facts = read_facts(labelled(parse_pvl(path.read_bytes(), str(path)), path, kind))
     camera = known_camera(facts)
-    with loaded_kernels([folder] if by_folder else [folder / k for k in expected["kernel_load_order"]]):
-        time = exposure_time(facts, camera.spacecraft_code, camera.delay_s)
+    with loaded_kernels([folder] if by_folder else [folder / k for k in expected["kernel_load_order"]]) as kernels:
+        time = exposure_time(kernels, facts, camera.spacecraft_code, camera.delay_s)
         code = code_for(camera, facts.filter)
-        geometry = geometry_from_kernels(facts, camera.spacecraft_code, code, facts.target, camera.delay_s)
+        geometry = geometry_from_kernels(kernels, facts, camera.spacecraft_code, code, facts.target, camera.delay_s)
     assert time == pytest.approx(expected["ephemeris_time"]["value"], abs=1e-6)
     pose = geometry.instrument_from_body
     position_m = pose.inverse().translation - 1000.0 * np.array(expected["camera_position"]["value"])
@@ -89,9 +89,9 @@ def test_isis_tables_give_what_spice_gives(tmp_path, folder):
         labelled(parse_pvl(path.read_bytes(), str(path)), path, "PDS3" if "pds3" in path.name else "ISIS")
     )
     camera = known_camera(facts)
-    with loaded_kernels([folder]):
+    with loaded_kernels([folder]) as kernels:
         code = code_for(camera, facts.filter)
-        by_spice = geometry_from_kernels(facts, camera.spacecraft_code, code, facts.target, camera.delay_s)
+        by_spice = geometry_from_kernels(kernels, facts, camera.spacecraft_code, code, facts.target, camera.delay_s)
     a, b = geometry.instrument_from_body, by_spice.instrument_from_body
     assert np.linalg.norm(a.inverse().translation - b.inverse().translation) < 1e-3
     assert np.linalg.norm(so3_log(a.rotation @ b.rotation.T)) < 1e-9
@@ -240,7 +240,10 @@ def test_images_that_kernels_do_not_cover_are_said_so():
     """Ten days later there is neither attitude nor position."""
     folder = SPICE / "osiris_rex_mapcam_bennu"
     facts = Facts(clock="3/0605882742.23115", exposure_s=0.01)
-    with loaded_kernels([folder]), pytest.raises(InputError, match="SPICE does not tell"):
-        geometry_from_kernels(facts, -64, -64361, "bennu", 0.0)
-    with loaded_kernels([folder]), pytest.raises(InputError, match="neither a spacecraft clock count nor a start"):
-        geometry_from_kernels(Facts(), -64, -64361, "bennu", 0.0)
+    with loaded_kernels([folder]) as kernels, pytest.raises(InputError, match="SPICE does not tell"):
+        geometry_from_kernels(kernels, facts, -64, -64361, "bennu", 0.0)
+    with (
+        loaded_kernels([folder]) as kernels,
+        pytest.raises(InputError, match="neither a spacecraft clock count nor a start"),
+    ):
+        geometry_from_kernels(kernels, Facts(), -64, -64361, "bennu", 0.0)

@@ -25,10 +25,10 @@ from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.radiometry import calibrated, without_saturation
 from photoclinometry.ingest.sumfiles import NamedSum, detector_of_sumfile, sumfile_of
 from photoclinometry.ingest.undistort import undistorted
-from photoclinometry.io import spice
 from photoclinometry.io.archive import read_product
 from photoclinometry.io.product import Product
 from photoclinometry.io.site import PosePrior
+from photoclinometry.io.spice import Kernels
 from photoclinometry.io.suns_csv import SunRow
 from photoclinometry.scene import Camera, Image
 
@@ -60,6 +60,7 @@ class Exposure:
 class Help:
     """What was read beside the images."""
 
+    kernels: Kernels | None = None
     sumfiles: Sequence[NamedSum] = ()
     suns: Mapping[str, SunRow] | None = None
 
@@ -71,7 +72,7 @@ class _Optics:
 
 
 def read_exposure(path: Path, options: IngestOptions, beside: Help) -> Exposure:
-    """A file as a view; kernels, if any, are loaded. Raises InputError: all that is missing, and what to pass."""
+    """A file as a view. Raises InputError: all that is missing, and what to pass."""
     product = read_product(path)
     facts = read_facts(product)
     if facts.scanner:
@@ -97,10 +98,10 @@ def _exposure(
 ) -> Exposure:
     own_sum = sumfile_of(product.path, facts, beside.sumfiles)
     row = (beside.suns or {}).get(product.path.name) or (beside.suns or {}).get(product.data.name)
-    optics = _optics(product, facts, known, own_sum, options)
+    optics = _optics(product, facts, known, own_sum, options, beside.kernels)
     missing = [] if optics else [_no_camera(facts)]
     try:
-        geometry = _geometry(product, facts, known, own_sum, options)
+        geometry = _geometry(product, facts, known, own_sum, options, beside.kernels)
     except InputError as error:
         geometry = None
         missing.append(str(error))
@@ -165,7 +166,12 @@ def _turned(product: Product) -> Product:
 
 
 def _optics(
-    product: Product, facts: Facts, known: KnownCamera | None, own_sum: NamedSum | None, options: IngestOptions
+    product: Product,
+    facts: Facts,
+    known: KnownCamera | None,
+    own_sum: NamedSum | None,
+    options: IngestOptions,
+    kernels: Kernels | None,
 ) -> _Optics | None:
     """The detector of the image, as its lines and samples now run."""
     height, width = product.image.brightness.shape
@@ -175,11 +181,11 @@ def _optics(
         detector = detector_of_sumfile(own_sum)
         if detector.mirrored and options.lines_up is None:
             raise InputError(
-                f"{own_sum.path.name} counts lines upwards (K-MATRIX), and the image does not say whether it does: pass "
+                f"{own_sum.path.name} counts lines upwards (K-MATRIX), and whether the image does it does not say: pass "
                 "--no-lines-up if the file has its lines as the SUMFILE counts them, --lines-up if the other way round"
             )
         return _Optics(fitted(detector, width, height), f"SUMFILE {own_sum.path.name}")
-    whole = _whole_detector(product, facts, known, options)
+    whole = _whole_detector(product, facts, known, kernels)
     if whole is None:
         return None
     if product.window is not None:
@@ -188,7 +194,7 @@ def _optics(
 
 
 def _whole_detector(
-    product: Product, facts: Facts, known: KnownCamera | None, options: IngestOptions
+    product: Product, facts: Facts, known: KnownCamera | None, kernels: Kernels | None
 ) -> _Optics | None:
     """By the cube's keywords, the loaded kernels, or the table."""
     size = (known.detector.width, known.detector.height) if known else product.image.brightness.shape[::-1]
@@ -198,8 +204,8 @@ def _whole_detector(
         found = detector_from_keywords(keywords_of_label(product.label), code, facts.filter, size)
         if found is not None:
             return _Optics(found, "ISIS keywords")
-    if options.kernels and code is not None:
-        found = detector_from_keywords(spice.keyword, code, facts.filter, size)
+    if kernels is not None and code is not None:
+        found = detector_from_keywords(kernels.keyword, code, facts.filter, size)
         if found is not None:
             # The kernels' frame may have its boresight along another axis: the table knows.
             found = replace(found, frame=known.detector.frame) if known else found
@@ -229,12 +235,17 @@ def _given_pinhole(
 
 
 def _geometry(
-    product: Product, facts: Facts, known: KnownCamera | None, own_sum: NamedSum | None, options: IngestOptions
+    product: Product,
+    facts: Facts,
+    known: KnownCamera | None,
+    own_sum: NamedSum | None,
+    options: IngestOptions,
+    kernels: Kernels | None,
 ) -> Geometry | None:
     """From the best source there is: SUMFILE, kernels, the cube's tables, the label. Raises InputError."""
     if own_sum is not None:
         return geometry_from_sumfile(own_sum.summary)
-    if options.kernels:
+    if kernels is not None:
         code = facts.frame_code or (code_for(known, facts.filter) if known else None)
         body = options.body or facts.target
         if code is None:
@@ -242,7 +253,7 @@ def _geometry(
         if body is None:
             raise InputError("which body it shows the label does not say, so SPICE cannot be asked: pass --body")
         spacecraft = known.spacecraft_code if known else -(abs(code) // 1000)
-        return geometry_from_kernels(facts, spacecraft, code, body, known.delay_s if known else 0.0)
+        return geometry_from_kernels(kernels, facts, spacecraft, code, body, known.delay_s if known else 0.0)
     return geometry_from_tables(product) or geometry_from_label(product, facts)
 
 

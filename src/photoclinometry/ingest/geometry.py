@@ -9,8 +9,8 @@ import numpy as np
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, unit
 from photoclinometry.ingest.facts import Facts
-from photoclinometry.io import spice
 from photoclinometry.io.product import Product
+from photoclinometry.io.spice import Kernels
 from photoclinometry.io.sumfile import SumFile
 
 METRES = 1000.0
@@ -38,26 +38,28 @@ class Geometry:
         return replace(self, sun=cam_from_instrument @ self.sun, instrument_from_body=pose and turn @ pose)
 
 
-def geometry_from_kernels(facts: Facts, spacecraft: int, code: int, body: str, delay_s: float) -> Geometry:
-    """Pose and Sun by the SPICE kernels that are loaded (`io.spice.loaded_kernels`). Raises InputError.
+def geometry_from_kernels(
+    kernels: Kernels, facts: Facts, spacecraft: int, code: int, body: str, delay_s: float
+) -> Geometry:
+    """Pose and Sun by SPICE. Raises InputError.
 
     The corrections for light time and aberration are ISIS's, so that poses agree with those of its cubes: the position
     is the spacecraft's as it appears from the body (LT+S), or, where the instrument's keyword SWAP_OBSERVER_TARGET says
     so, the opposite of the body's as it appears from the spacecraft; LIGHTTIME_CORRECTION names another correction. The
     Sun is as it appears from the body's centre. Body and camera are turned as at the middle of the exposure.
     """
-    time = exposure_time(facts, spacecraft, delay_s)
-    number = spice.body_code(body)
-    fixed = spice.body_frame(number)
-    frame = _instrument_frame(code)
-    turn = spice.rotation(fixed, frame, time)
-    correction = str((spice.keyword(f"INS{code}_LIGHTTIME_CORRECTION") or ("LT+S",))[0])
-    swapped = str((spice.keyword(f"INS{code}_SWAP_OBSERVER_TARGET") or ("FALSE",))[0]).upper() == "TRUE"
+    time = exposure_time(kernels, facts, spacecraft, delay_s)
+    number = kernels.body_code(body)
+    fixed = kernels.body_frame(number)
+    frame = _instrument_frame(kernels, code)
+    turn = kernels.rotation(fixed, frame, time)
+    correction = str((kernels.keyword(f"INS{code}_LIGHTTIME_CORRECTION") or ("LT+S",))[0])
+    swapped = str((kernels.keyword(f"INS{code}_SWAP_OBSERVER_TARGET") or ("FALSE",))[0]).upper() == "TRUE"
     if swapped:
-        camera = -spice.position(str(number), time, fixed, correction, str(spacecraft))
+        camera = -kernels.position(str(number), time, fixed, correction, str(spacecraft))
     else:
-        camera = spice.position(str(spacecraft), time, fixed, correction, str(number))
-    sun = spice.position("SUN", time, fixed, "LT+S", str(number))
+        camera = kernels.position(str(spacecraft), time, fixed, correction, str(number))
+    sun = kernels.position("SUN", time, fixed, "LT+S", str(number))
     return Geometry(
         sun=turn @ unit(sun),
         instrument_from_body=Rigid(turn, -turn @ camera * METRES),
@@ -66,23 +68,23 @@ def geometry_from_kernels(facts: Facts, spacecraft: int, code: int, body: str, d
     )
 
 
-def exposure_time(facts: Facts, spacecraft: int, delay_s: float) -> float:
+def exposure_time(kernels: Kernels, facts: Facts, spacecraft: int, delay_s: float) -> float:
     """The middle of the exposure [s TDB past J2000], by the spacecraft's clock if the label has it, else by UTC.
 
     delay_s: from the clock's count to the beginning of the exposure. Raises InputError.
     """
     half = (facts.exposure_s or 0.0) / 2.0
     if facts.clock is not None:
-        return spice.time_of_clock(spacecraft, facts.clock) + delay_s + half
+        return kernels.time_of_clock(spacecraft, facts.clock) + delay_s + half
     if facts.start is not None:
-        return spice.time_of_utc(facts.start) + half
+        return kernels.time_of_utc(facts.start) + half
     raise InputError("the label has neither a spacecraft clock count nor a start time, so SPICE cannot place it")
 
 
-def _instrument_frame(code: int) -> str:
-    named = spice.frame_name(code)
+def _instrument_frame(kernels: Kernels, code: int) -> str:
+    named = kernels.frame_name(code)
     if named is None:
-        fov = spice.keyword(f"INS{code}_FOV_FRAME")
+        fov = kernels.keyword(f"INS{code}_FOV_FRAME")
         named = str(fov[0]) if fov else None
     if named is None:
         raise InputError(f"SPICE knows no frame of instrument {code}; load its frames kernel (*.tf)")

@@ -52,8 +52,9 @@ def ingest(
     check_out(out)
     if not files:
         raise InputError("no files to ingest; name images, labels or cubes")
-    beside = Help(read_sumfiles(options.sumfiles), read_suns(options.suns) if options.suns else None)
-    with loaded_kernels(options.kernels) if options.kernels else nullcontext():
+    sumfiles, suns = read_sumfiles(options.sumfiles), read_suns(options.suns) if options.suns else None
+    with loaded_kernels(options.kernels) if options.kernels else nullcontext() as kernels:
+        beside = Help(kernels, sumfiles, suns)
         exposures, refused = _read_all(files, options, beside, progress)
     if refused and not (options.keep_going and exposures):
         raise InputError(_listed(refused, len(files)))

@@ -1,15 +1,20 @@
-"""SPICE kernels: loaded for a while, and asked for times, positions, rotations and keywords. Needs the extra `geo`.
+"""SPICE kernels, asked for times, positions, rotations and keywords. Needs the extra `geo` (spiceypy).
 
-The only file that imports spiceypy. The kernel pool belongs to the whole process: what is loaded here is unloaded
-again, in whatever way the block ends.
+SPICE runs in a process of its own (`io/spice_worker.py`): a damaged kernel that makes it crash or hang is an error
+here, and its kernel pool is not that of the program that uses this package.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -20,30 +25,123 @@ _TEXT = (".tls", ".tsc", ".tpc", ".tf", ".ti")
 _BINARY = (".bsp", ".bc", ".bpc", ".bds")
 _META = (".tm", ".mk")
 _KNOWN_HEADS = (b"KPL/", b"DAF/", b"NAIF/DAF", b"DAS/", b"\\begin")
-_MAX_VALUES = 100
+_FARTHEST_KM = 1e12
+"""Nothing in the solar system is farther away."""
+_PATIENCE_S = 120.0
+"""For one answer; the slowest, loading a large text kernel, takes seconds."""
+
+
+class Kernels:
+    """Loaded kernels that can be asked. All methods raise InputError where SPICE has no answer, and say why."""
+
+    def __init__(self, files: Sequence[Path]):
+        self.files = list(files)
+        self._process = subprocess.Popen(
+            [sys.executable, str(Path(__file__).with_name("spice_worker.py"))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            encoding="utf-8",
+        )
+
+    def close(self) -> None:
+        """Ends the process."""
+        self._process.kill()
+        self._process.communicate()
+
+    def load(self, file: Path) -> None:
+        """One more kernel; it overrules those before."""
+        _check_head(file)
+        try:
+            self._ask("", "load", str(file))
+        except InputError as error:
+            raise InputError(f"{file}: SPICE cannot load this kernel: {error}") from error
+
+    def time_of_clock(self, spacecraft: int, clock: str) -> float:
+        """Ephemeris time [s TDB past J2000] of a spacecraft clock's reading."""
+        return self._ask(f"the time of clock {clock!r} (spacecraft {spacecraft})", "clock", spacecraft, clock)
+
+    def time_of_utc(self, utc: str) -> float:
+        """Ephemeris time [s TDB past J2000]."""
+        return self._ask(f"the time of {utc!r}", "utc", utc.removesuffix("Z"))
+
+    def position(self, target: str, time: float, frame: str, correction: str, observer: str) -> np.ndarray:
+        """(3,) [km] of `target` as seen from `observer`."""
+        what = f"where {target} is, seen from {observer}, at {time:.3f} s"
+        place = np.array(self._ask(what, "position", target, time, frame, correction, observer))
+        if not (np.abs(place) < _FARTHEST_KM).all():
+            raise InputError(f"SPICE tells {what}: {place.tolist()} km; one of the position kernels (*.bsp) is damaged")
+        return place
+
+    def rotation(self, source: str, target: str, time: float) -> np.ndarray:
+        """(3, 3) target_from_source."""
+        return np.array(self._ask(f"how {source} lies in {target} at {time:.3f} s", "rotation", source, target, time))
+
+    def keyword(self, name: str) -> tuple[Any, ...] | None:
+        """The values of a keyword of the text kernels: numbers or text; None where there is none."""
+        values = self._ask(f"the keyword {name}", "keyword", name)
+        return None if values is None else tuple(values)
+
+    def body_code(self, name: str) -> int:
+        """NAIF's number of a body."""
+        code = self._ask(f"the number of {name}", "body", name)
+        if code is None:
+            raise InputError(f"SPICE knows no body {name!r}; load its kernels, or pass --body with NAIF's name")
+        return code
+
+    def body_frame(self, body: int) -> str:
+        """The name of the frame that is fixed to a body."""
+        name = self._ask(f"the frame fixed to body {body}", "body frame", body)
+        if name is None:
+            raise InputError(f"SPICE knows no frame fixed to body {body}; load its frame and constants kernels")
+        return name
+
+    def frame_name(self, code: int) -> str | None:
+        """The name of a frame; None where the kernels do not have it."""
+        return self._ask(f"the name of frame {code}", "frame name", code)
+
+    def _ask(self, what: str, question: str, *arguments: Any) -> Any:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        timer = Timer(_PATIENCE_S, self._process.kill)
+        timer.start()
+        try:
+            self._process.stdin.write(json.dumps([question, *arguments]) + "\n")
+            self._process.stdin.flush()
+            line = self._process.stdout.readline()
+        except OSError:
+            line = ""
+        finally:
+            timer.cancel()
+        if not line:
+            named = ", ".join(file.name for file in self.files if file.suffix.lower() in _BINARY) or "the kernels"
+            asked = f" when asked for {what}" if what else ""
+            raise InputError(f"SPICE broke down{asked}: one of {named} is damaged; fetch it again")
+        answer = json.loads(line)
+        if "error" in answer:
+            raise InputError(f"SPICE does not tell {what}: {answer['error']}" if what else answer["error"])
+        return answer["value"]
 
 
 @contextmanager
-def loaded_kernels(given: Sequence[Path]) -> Iterator[list[Path]]:
-    """Kernels, meta-kernels and folders of kernels, loaded in the order of `kernel_files`.
+def loaded_kernels(given: Sequence[Path]) -> Iterator[Kernels]:
+    """Kernels, meta-kernels and folders of kernels, loaded in the order of `kernel_files`, for the time of the block.
 
-    Yields the files. Raises InputError for files that are missing, damaged, or no kernels.
+    Raises InputError for files that are missing, damaged, or no kernels.
     """
-    spice = _spiceypy(given[0] if given else Path("kernels"))
+    if importlib.util.find_spec("spiceypy") is None:
+        raise InputError(
+            f"{given[0]}: SPICE kernels need spiceypy: pip install 'photoclinometry[geo]', or leave --kernels out"
+        )
     files = kernel_files(given)
-    loaded: list[Path] = []
+    kernels = Kernels(files)
     try:
         for file in files:
-            _check_head(file)
-            try:
-                spice.furnsh(str(file))
-            except spice.utils.exceptions.SpiceyError as error:
-                raise InputError(f"{file}: SPICE cannot load this kernel: {_reason(error)}") from error
-            loaded.append(file)
-        yield loaded
+            kernels.load(file)
+        yield kernels
     finally:
-        for file in reversed(loaded):
-            spice.unload(str(file))
+        kernels.close()
 
 
 def kernel_files(given: Sequence[Path]) -> list[Path]:
@@ -77,82 +175,8 @@ def loading_order(files: Sequence[Path]) -> list[Path]:
     return sorted(files, key=rank)
 
 
-def ask(what: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """`function(*arguments)` of spiceypy. Raises InputError with `what` was wanted and which kernel it lacks."""
-    spice = _spiceypy(Path("kernels"))
-    try:
-        return function(*arguments)
-    except (spice.utils.exceptions.SpiceyError, spice.utils.exceptions.NotFoundError) as error:
-        raise InputError(f"SPICE does not tell {what}: {_reason(error)}") from error
-
-
-def time_of_clock(spacecraft: int, clock: str) -> float:
-    """Ephemeris time [s TDB past J2000] of a spacecraft clock's reading. Raises InputError."""
-    spice = _spiceypy(Path("kernels"))
-    return float(ask(f"the time of clock {clock!r} (spacecraft {spacecraft})", spice.scs2e, spacecraft, clock))
-
-
-def time_of_utc(utc: str) -> float:
-    """Ephemeris time [s TDB past J2000]. Raises InputError."""
-    spice = _spiceypy(Path("kernels"))
-    return float(ask(f"the time of {utc!r}", spice.str2et, utc.removesuffix("Z")))
-
-
-def position(target: str, time: float, frame: str, correction: str, observer: str) -> np.ndarray:
-    """(3,) [km] of `target` as seen from `observer`. Raises InputError."""
-    spice = _spiceypy(Path("kernels"))
-    what = f"where {target} is, seen from {observer}, at {time:.3f} s"
-    return np.array(ask(what, spice.spkpos, target, time, frame, correction, observer)[0])
-
-
-def rotation(source: str, target: str, time: float) -> np.ndarray:
-    """(3, 3) target_from_source. Raises InputError."""
-    spice = _spiceypy(Path("kernels"))
-    return np.array(ask(f"how {source} lies in {target} at {time:.3f} s", spice.pxform, source, target, time))
-
-
-def keyword(name: str) -> tuple[Any, ...] | None:
-    """The values of a keyword of the loaded text kernels: numbers or text; None where there is none."""
-    spice = _spiceypy(Path("kernels"))
-    try:
-        found = spice.dtpool(name)
-        values = (spice.gdpool if found[1] == "N" else spice.gcpool)(name, 0, min(found[0], _MAX_VALUES))
-    except spice.utils.exceptions.NotFoundError:
-        return None
-    return tuple(float(v) for v in values) if found[1] == "N" else tuple(str(v) for v in values)
-
-
-def body_code(name: str) -> int:
-    """The NAIF number of a body. Raises InputError."""
-    spice = _spiceypy(Path("kernels"))
-    try:
-        return int(spice.bods2c(name))
-    except spice.utils.exceptions.NotFoundError:
-        raise InputError(f"SPICE knows no body {name!r}; load its kernels, or pass --body with NAIF's name") from None
-
-
-def body_frame(body: int) -> str:
-    """The name of the frame that is fixed to a body. Raises InputError."""
-    spice = _spiceypy(Path("kernels"))
-    try:
-        return str(spice.cidfrm(body)[1])
-    except spice.utils.exceptions.NotFoundError:
-        raise InputError(f"SPICE knows no frame fixed to body {body}; load its frame and constants kernels") from None
-
-
-def frame_name(code: int) -> str | None:
-    """The name of a frame; None where the loaded kernels do not have it."""
-    return str(_spiceypy(Path("kernels")).frmnam(code)) or None
-
-
-def _reason(error: Any) -> str:
-    """The short message and its explanation, in one line."""
-    long = " ".join(str(getattr(error, "long", "") or error).split())
-    return f"{getattr(error, 'short', '')} {long}".strip()[:300]
-
-
 def _check_head(file: Path) -> None:
-    """Raises InputError for what SPICE would take for a kernel, and choke on."""
+    """Raises InputError for what is no kernel."""
     try:
         with open(file, "rb") as stream:
             head = stream.read(1024)
@@ -162,13 +186,3 @@ def _check_head(file: Path) -> None:
         raise InputError(f"{file}: cannot be read: {error.strerror or error}") from error
     if not head.lstrip().startswith(_KNOWN_HEADS) and b"\\begindata" not in head:
         raise InputError(f"{file}: is no SPICE kernel (it begins with {head[:8]!r}); check the path")
-
-
-def _spiceypy(wanted: Path) -> Any:
-    try:
-        import spiceypy
-    except ImportError as error:
-        raise InputError(
-            f"{wanted}: SPICE kernels need spiceypy: pip install 'photoclinometry[geo]', or leave --kernels out"
-        ) from error
-    return spiceypy
