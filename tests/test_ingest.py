@@ -1,14 +1,16 @@
 """Files to a site: every real file ingested or refused for the right reason, made-up ones followed digit by digit."""
 
 import json
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from astropy.io import fits
+from scipy.spatial.transform import Rotation
 
-from archives import FORMATS, geometry_tables, needs_formats, texture, write_cube, write_pds3
+from archives import FORMATS, SPICE, geometry_tables, needs_formats, needs_spice, texture, write_cube, write_pds3
 from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.geometry import Rigid, so3_exp, unit
 from photoclinometry.ingest.ingest import ingest
@@ -118,6 +120,58 @@ def test_saturated_pixels_of_a_real_cube_are_masked_around(tmp_path):
     (exposure,) = ingest([path], tmp_path / "site").exposures
     assert saturated > 0
     assert saturated < 1 - exposure.image.valid.mean() < 0.1
+
+
+def with_pixels(label, path):
+    """A real label with made-up pixels behind it, where it says that they are."""
+    text = label.read_bytes()
+    start, dtype = (25 * 512, "<u2") if b"PDS_VERSION_ID" in text else (65536, "<f4")
+    pixels = (1000 * (1 + texture((1024, 1024)))).astype(dtype)
+    path.write_bytes(text.ljust(start, b"\0") + pixels.tobytes() + bytes(200_000))
+    return path
+
+
+UPRIGHT = {
+    "dawn_fc_ceres": (512.0, 0.014004, 0.013995, lambda s, l: (s, l)),
+    "osiris_rex_mapcam_bennu": (512.0, 0.0085, 0.0085, lambda s, l: (s, 1024 - l)),
+    "hayabusa_amica_itokawa": (511.0, 0.012, 0.012, lambda s, l: (s, 1024 - l)),
+}
+"""Boresight (that of AMICA counts from 1 in ISIS, and from 0 in the instrument kernel), pitch of samples and lines, and
+the pixel of the upright image at a (sample, line) of ISIS's cube: MapCam's and AMICA's cubes are mirror images."""
+
+
+@pytest.mark.data
+@needs_spice
+@pytest.mark.parametrize("mission", UPRIGHT)
+def test_points_of_the_body_are_seen_where_the_published_camera_model_sees_them(tmp_path, mission):
+    """The whole way from label and kernels to site.toml, against the expected pose, axes and boresight, by hand."""
+    folder = SPICE / mission
+    expected = json.loads((folder / "expected.json").read_text())
+    boresight, pitch_x, pitch_y, upright = UPRIGHT[mission]
+    label = folder / expected["labels"][0]
+    ingest([with_pixels(label, tmp_path / "a.img")], tmp_path / "site", IngestOptions(kernels=(folder,)))
+    view = tomllib.loads((tmp_path / "site" / "site.toml").read_text())
+    prior = view["views"][0]["cam_from_body"]
+    camera = Camera("PINHOLE", 1024, 1024, tuple(view["camera"]["params"]))
+    cam_from_body = Rigid(
+        Rotation.from_quat(prior["rotation_wxyz"], scalar_first=True).as_matrix(), np.array(prior["translation"])
+    )
+
+    position_km = np.array(expected["camera_position"]["value"])
+    turn = np.array(expected["camera_from_body_matrix"]["value"])
+    in_camera = np.array([[0.0, 0.0, 1.0], [0.02, -0.01, 1.0], [-0.015, -0.012, 1.0]]) * np.linalg.norm(position_km)
+    body_km = position_km + in_camera @ turn
+    focal = expected["focal_length"]["value"]
+    x, y = (focal * in_camera[:, k] / in_camera[:, 2] for k in (0, 1))
+    to_sample, to_line = (np.array(expected[f"focal2pixel_{k}"]["value"]) for k in ("samples", "lines"))
+    sample = boresight + (np.sign(to_sample[1]) * x + np.sign(to_sample[2]) * y) / pitch_x
+    line = boresight + (np.sign(to_line[1]) * x + np.sign(to_line[2]) * y) / pitch_y
+    seen = camera.pixel_from_cam(cam_from_body(1000.0 * body_km))
+    np.testing.assert_allclose(seen, np.stack(upright(sample, line), -1), atol=1e-4)
+
+    sun = turn @ np.array(expected["sun_direction"]["value"])
+    in_body = cam_from_body.rotation.T @ np.array(view["views"][0]["sun"])
+    np.testing.assert_allclose(in_body, turn.T @ sun, atol=5e-6)
 
 
 CAMERA = Camera("PINHOLE", 60, 40, (3000.0, 3000.0, 30.5, 19.5))
@@ -275,8 +329,6 @@ def test_images_of_the_same_name_get_names_of_their_own(tmp_path):
 
 
 def read_site_of(result):
-    import tomllib
-
     return tomllib.loads(result.site.read_text())["views"]
 
 

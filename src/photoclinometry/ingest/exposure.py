@@ -181,7 +181,7 @@ def _optics(
         detector = detector_of_sumfile(own_sum)
         if detector.mirrored and options.lines_up is None:
             raise InputError(
-                f"{own_sum.path.name} counts lines upwards (K-MATRIX), and whether the image does it does not say: pass "
+                f"{own_sum.path.name} counts lines upwards (K-MATRIX), and whether the image does is not known: pass "
                 "--no-lines-up if the file has its lines as the SUMFILE counts them, --lines-up if the other way round"
             )
         return _Optics(fitted(detector, width, height), f"SUMFILE {own_sum.path.name}")
