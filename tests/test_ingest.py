@@ -38,7 +38,7 @@ REFUSED = {
     "near/msi2isis/label1.lbl": r"instrument 'InvalidInstrumentId'.*--camera",
     "near/msi2isis/label2.lbl": "says 1 lines of 537 samples, but .* holds 244 of 537",
     "near/msi2isis/label3.lbl": "says 244 lines of 1 samples, but .* holds 244 of 537",
-    "near/msi2isis/label5.lbl": "first line on top.*unlike all files of near-msi.*--lines-up",
+    "near/msi2isis/label5.lbl": "first line on top.*unlike all files of near-msi.*--lines up",
     "near/msi2isis/label6.lbl": "projected onto a map",
     "osirisRexImages/20200303T213031S138_ncm_L0.pvl": "ends after 4904 bytes",
     "osirisRexImages/20201020T214241S004_nft_L0.pvl": "ends after 4904 bytes",
@@ -215,7 +215,7 @@ def test_plain_images_with_a_table_of_suns(tmp_path):
 
 def test_lines_that_run_up_are_turned(tmp_path):
     paths = plain_images(tmp_path / "in", 1)
-    options = IngestOptions(suns=suns_of(tmp_path, paths), pinhole=(500.0, 500.0, 30.0, 20.0), lines_up=True)
+    options = IngestOptions(suns=suns_of(tmp_path, paths), pinhole=(500.0, 500.0, 30.0, 20.0), lines="up")
     (exposure,) = ingest(paths, tmp_path / "site", options).exposures
     np.testing.assert_array_equal(exposure.image.brightness, (texture() * 1e6).astype(np.uint16)[::-1])
 
@@ -388,8 +388,8 @@ class TestWhatIsMissingIsSaid:
         up = replace(summary, k_matrix=(*summary.k_matrix[:4], -summary.k_matrix[4], 0.0))
         write_sumfile(tmp_path / "A.SUM", up)
         said = self.complaint([path], tmp_path, sumfiles=(tmp_path / "A.SUM",))
-        assert "--no-lines-up" in said
-        options = IngestOptions(sumfiles=(tmp_path / "A.SUM",), lines_up=False)
+        assert "--lines down" in said
+        options = IngestOptions(sumfiles=(tmp_path / "A.SUM",), lines="down")
         (exposure,) = ingest([path], tmp_path / "site", options).exposures
         np.testing.assert_array_equal(exposure.image.brightness[::-1], (texture() * 1e6).astype(np.uint16))
         np.testing.assert_allclose(exposure.prior.cam_from_body.rotation, POSE.rotation.T, atol=1e-9)

@@ -62,11 +62,11 @@ def shape_scene(exposure):
 @pytest.mark.data
 @needs_formats
 def test_the_rendered_shape_is_what_the_image_shows(tmp_path):
-    """The image's lines run against the SUMFILE's, hence lines_up. Correlation 0.88 over the image (0.48 over the body
+    """The image's lines run against the SUMFILE's, hence lines="up". Correlation 0.88 over the image (0.48 over the body
     alone: phase angle 6 degrees, boulders below the shape's facets), and 96 % of the body's outline in common; for any
     other orientation of the image 0.37 at most.
     """
-    options = IngestOptions(sumfiles=(SPC / "M605862153F5.SUM",), body="bennu", lines_up=True)
+    options = IngestOptions(sumfiles=(SPC / "M605862153F5.SUM",), body="bennu", lines="up")
     image = SPC / "ocams20190314t190123s972_map_iofl2pan_77236.png"
     (exposure,) = ingest([image], tmp_path / "site", options).exposures
     scene, faces = shape_scene(exposure)

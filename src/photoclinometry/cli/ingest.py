@@ -47,12 +47,10 @@ def ingest(
 
 
 def _say_sources(console, result) -> None:
-    from rich.table import Table
-
-    table = Table("file", "size", "brightness", "camera", "Sun", "pose", "masked %")
+    """One line for each image: what it is, and where its camera, Sun and pose are from."""
     for e in result.exposures:
         height, width = e.image.valid.shape
-        masked = f"{100 * (1 - e.image.valid.mean()):.2f}"
-        sources = (e.sources["camera"][:24], e.sources["sun"], e.sources["pose"])
-        table.add_row(e.path.name, f"{width} x {height}", e.brightness, *sources, masked)
-    console.print(table)
+        masked = 100.0 * (1.0 - e.image.valid.mean())
+        origin = "; ".join(f"{what}: {source.split(':')[0]}" for what, source in e.sources.items())
+        line = f"{e.path.name}: {width} x {height}, {e.brightness}, {masked:.2f} % masked; {origin}"
+        console.print(line, highlight=False, markup=False, soft_wrap=True)

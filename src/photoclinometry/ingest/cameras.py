@@ -5,7 +5,6 @@ Each entry names its source. Samples and lines are those of the archive's files,
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass, field, replace
 
 from photoclinometry.errors import InputError
@@ -57,10 +56,9 @@ def known_camera(facts: Facts) -> KnownCamera | None:
 
 
 def camera_named(name: str) -> KnownCamera:
-    """The table's entry of a name. Raises InputError that lists the nearest."""
+    """The table's entry of a name. Raises InputError that lists the names."""
     if name not in CAMERAS:
-        near = difflib.get_close_matches(name, CAMERAS, n=3, cutoff=0.0)
-        raise InputError(f"there is no camera {name!r} in the table; nearest: {', '.join(near)}")
+        raise InputError(f"there is no camera {name!r} in the table; there are {', '.join(CAMERAS)}")
     return CAMERAS[name]
 
 

@@ -155,7 +155,7 @@ def _in_order(product: Product, known: KnownCamera | None, options: IngestOption
         raise ImageError(
             f"{product.path}: the label has the first line {'at the bottom' if said[0] else 'on top'} and the first "
             f"sample {'right' if said[1] else 'left'}, unlike all files of {known.name}; if the lines run the usual "
-            f"way all the same, pass {'--lines-up' if known.display[0][0] else '--no-lines-up'}"
+            f"way all the same, pass --lines {'up' if known.display[0][0] else 'down'}"
         )
     return product
 
@@ -182,7 +182,7 @@ def _optics(
         if detector.mirrored and options.lines_up is None:
             raise InputError(
                 f"{own_sum.path.name} counts lines upwards (K-MATRIX), and whether the image does is not known: pass "
-                "--no-lines-up if the file has its lines as the SUMFILE counts them, --lines-up if the other way round"
+                "--lines down if the file has its lines as the SUMFILE counts them, --lines up if the other way round"
             )
         return _Optics(fitted(detector, width, height), f"SUMFILE {own_sum.path.name}")
     whole = _whole_detector(product, facts, known, kernels)
@@ -215,7 +215,10 @@ def _whole_detector(
         return None
     detector = detector_for(known, facts.filter)
     turn = lines_turned and product.kind == "ISIS"
-    return _Optics(turned_about(detector, lines=True, samples=False) if turn else detector, f"table: {known.source}")
+    return _Optics(
+        turned_about(detector, lines=True, samples=False) if turn else detector,
+        f"table of cameras ({known.name}): {known.source}",
+    )
 
 
 def _given_pinhole(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +29,8 @@ class IngestOptions:
     """The Sun's irradiance in the filter at 1 AU [W m^-2 um^-1]: radiance is then converted to I/F."""
     uncalibrated: bool = False
     """Take all brightness for uncalibrated, also I/F; needed where only some images are I/F."""
-    lines_up: bool | None = None
-    """Whether the first line of each file belongs at the bottom; for files that do not say, or say it wrongly."""
+    lines: Literal["label", "down", "up"] = "label"
+    """How lines run in the files, for labels that do not say, or say it wrongly: up if the first belongs at the bottom."""
     undistorted: bool = False
     """The images are free of distortion already."""
     pose_priors: bool = True
@@ -42,3 +43,8 @@ class IngestOptions:
     """Standard deviation of camera attitudes [degrees]; SUMFILEs have their own."""
     keep_going: bool = False
     """Leave out files that cannot be used, instead of making no site."""
+
+    @property
+    def lines_up(self) -> bool | None:
+        """Whether the first line belongs at the bottom; None where the label is to say."""
+        return {"label": None, "down": False, "up": True}[self.lines]
