@@ -62,9 +62,9 @@ def shape_scene(exposure):
 @pytest.mark.data
 @needs_formats
 def test_the_rendered_shape_is_what_the_image_shows(tmp_path):
-    """The image's lines run against the SUMFILE's, hence lines="up". Correlation 0.88 over the image (0.48 over the body
-    alone: phase angle 6 degrees, boulders below the shape's facets), and 96 % of the body's outline in common; for any
-    other orientation of the image 0.37 at most.
+    """The image's lines run against the SUMFILE's, hence "up". Correlation 0.88 over the image (0.48 over the body:
+    phase angle 6 degrees, boulders below the shape's facets), and 96 % of the body's outline in common; for any other
+    orientation of the image 0.37 at most.
     """
     options = IngestOptions(sumfiles=(SPC / "M605862153F5.SUM",), body="bennu", lines="up")
     image = SPC / "ocams20190314t190123s972_map_iofl2pan_77236.png"

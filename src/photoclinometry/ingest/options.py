@@ -30,7 +30,7 @@ class IngestOptions:
     uncalibrated: bool = False
     """Take all brightness for uncalibrated, also I/F; needed where only some images are I/F."""
     lines: Literal["label", "down", "up"] = "label"
-    """How lines run in the files, for labels that do not say, or say it wrongly: up if the first belongs at the bottom."""
+    """How lines run, for labels that do not say or say it wrongly: up if the first belongs at the bottom."""
     undistorted: bool = False
     """The images are free of distortion already."""
     pose_priors: bool = True
