@@ -26,7 +26,7 @@ from photoclinometry.pipeline import (
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published
 from photoclinometry.render import observation_brightness
 from photoclinometry.runfolder import digest, open_run
-from photoclinometry.scene import Landmarks, Scene, Tracks
+from photoclinometry.scene import Scene, Tracks
 
 log = logging.getLogger(__name__)
 
@@ -180,9 +180,7 @@ def _keep(folder: Path, model: TextModel, views: np.ndarray, landmarks: np.ndarr
     scene = replace(
         scene,
         views=scene.views[np.flatnonzero(views)],
-        landmarks=Landmarks(
-            **{name: getattr(scene.landmarks, name)[landmarks] for name in ("position", "normal", "albedo", "pixel")}
-        ),
+        landmarks=scene.landmarks[landmarks],
         tracks=Tracks(
             start=np.concatenate([[0], np.cumsum(count)]),
             view=(np.cumsum(views) - 1)[tracks.view[kept]].astype(np.int32),

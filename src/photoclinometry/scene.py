@@ -7,7 +7,7 @@ centre of the top-left pixel, so array index [row, col] is (col + 0.5, row + 0.5
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -143,6 +143,10 @@ class Landmarks:
     def __len__(self) -> int:
         return len(self.albedo)
 
+    def __getitem__(self, index: np.ndarray | slice) -> Landmarks:
+        """The landmarks at `index`, in that order, or where a mask (J,) is true."""
+        return Landmarks(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
 
 @dataclass(frozen=True, kw_only=True)
 class Tracks:
@@ -224,3 +228,13 @@ class Scene:
 
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
         return replace(self, views=views, landmarks=landmarks)
+
+
+def keypoint_residuals(scene: Scene) -> np.ndarray:
+    """Predicted minus measured keypoints (N, 2) [px]."""
+    tracks, residual = scene.tracks, np.empty_like(scene.tracks.keypoint)
+    landmark = tracks.landmark
+    for k in range(len(scene.views)):
+        seen = tracks.view == k
+        residual[seen] = scene.views.project(k, scene.landmarks.position[landmark[seen]]) - tracks.keypoint[seen]
+    return residual

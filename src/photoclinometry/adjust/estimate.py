@@ -12,14 +12,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust.layout import Layout, Measurements, build_layout, morton_order, spread
+from photoclinometry.adjust.layout import Measurements, build_layout, lay_out, morton_order, spread
 from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
     brightness_residuals,
     correlation_px,
     keypoint_factor,
-    keypoint_residuals,
 )
 from photoclinometry.adjust.problem import Estimate, Priors, Problem
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
@@ -27,7 +26,7 @@ from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize
 from photoclinometry.errors import ReconstructionError
 from photoclinometry.initialize import neighbours
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, photometric_angles
-from photoclinometry.scene import Landmarks, Scene, Tracks, Views
+from photoclinometry.scene import Landmarks, Scene, Tracks, Views, keypoint_residuals
 
 log = logging.getLogger(__name__)
 
@@ -136,7 +135,7 @@ def adjust(
     order = morton_order(scene.landmarks.pixel)
     tracks, picked = _reorder(scene.tracks, order)
     pivot = np.median(scene.landmarks.position, axis=0)
-    start = Estimate(scene.views, _take(scene.landmarks, order), pivot)
+    start = Estimate(scene.views, scene.landmarks[order], pivot)
     sorted_scene = replace(scene, landmarks=start.landmarks, tracks=tracks)
     if anchors is not None:
         sorted_scene = _with_anchors(sorted_scene, anchors)
@@ -146,7 +145,7 @@ def adjust(
     estimate = adjustment.scene.landmarks
     lit = np.empty(len(tracks), bool)
     lit[picked] = adjustment.lit[: len(tracks)]
-    return replace(adjustment, scene=scene.with_estimate(adjustment.scene.views, _take(estimate, back)), lit=lit)
+    return replace(adjustment, scene=scene.with_estimate(adjustment.scene.views, estimate[back]), lit=lit)
 
 
 def _with_anchors(scene: Scene, anchors: Anchors) -> Scene:
@@ -177,6 +176,7 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors."""
     tracks, photometric = scene.tracks, scene.reflectance is not None
     layout, place = build_layout(tracks, len(scene.views))
+    unweighted = lay_out(tracks, place, int(layout.place_start[-1]))
     smooth = photometric and options.smooth_sigma_rad > 0
     pairs = _pairs(scene.landmarks.position, mapped, options) if smooth else None
     own = np.arange(len(scene.landmarks)) < mapped
@@ -197,7 +197,7 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     final, solution = False, None
     for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
-        measured = _weighted(scene, options, layout, place, lit, own, noise)
+        measured = _weighted(unweighted, scene, options, place, lit, own, noise)
         smooth_sigma = options.smooth_sigma_rad * max(1.0, noise.brightness_correlation_px / BALANCED_CORRELATION_PX)
         problem = Problem(layout, measured, pairs, priors, packed, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
@@ -222,19 +222,19 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     )
 
 
-def _weighted(scene: Scene, options: AdjustOptions, layout: Layout, place, lit, own, noise: Noise) -> Measurements:
+def _weighted(
+    measured: Measurements, scene: Scene, options: AdjustOptions, place, lit, own, noise: Noise
+) -> Measurements:
     """The measurements with the weights and loss limits that `noise` gives them; own: (J,) landmarks of the map."""
-    tracks, size = scene.tracks, int(layout.place_start[-1])
+    tracks, size = scene.tracks, measured.brightness.size
     factor = np.where(own, noise.keypoint_factor * noise.keypoint_correlation_px, noise.anchor_factor)
     limit = options.keypoint_loss / np.where(own, noise.keypoint_correlation_px, 1.0)
     brightness_weight = lit / (noise.brightness_sigma * noise.brightness_correlation_px) if lit.any() else lit
-    return Measurements(
-        np.array([spread(axis, place, size) for axis in tracks.keypoint.T]),
-        spread(tracks.brightness, place, size),
-        spread(1.0 / (tracks.keypoint_sigma * factor[tracks.landmark]), place, size, np.float32),
-        spread(brightness_weight, place, size, np.float32),
-        limit,
-        options.brightness_loss / noise.brightness_correlation_px,
+    return measured._replace(
+        keypoint_weight=spread(1.0 / (tracks.keypoint_sigma * factor[tracks.landmark]), place, size, np.float32),
+        brightness_weight=spread(brightness_weight, place, size, np.float32),
+        keypoint_limit=limit,
+        brightness_limit=options.brightness_loss / noise.brightness_correlation_px,
     )
 
 
@@ -332,15 +332,6 @@ def _central_landmark(scene: Scene, mapped: int) -> int:
     offset = np.linalg.norm(pixel - np.median(pixel, axis=0), axis=1)
     nearest = np.argsort(offset, kind="stable")[: max(1, len(offset) // 100)]
     return int(nearest[np.argmax(np.diff(scene.tracks.start)[nearest])])
-
-
-def _take(landmarks: Landmarks, order: np.ndarray) -> Landmarks:
-    return Landmarks(
-        position=landmarks.position[order],
-        normal=landmarks.normal[order],
-        albedo=landmarks.albedo[order],
-        pixel=landmarks.pixel[order],
-    )
 
 
 def _reorder(tracks: Tracks, order: np.ndarray) -> tuple[Tracks, np.ndarray]:

@@ -111,6 +111,18 @@ def _cut(start, view, view_count, block_size):
     return cuts
 
 
+def lay_out(tracks: Tracks, place: np.ndarray, size: int) -> Measurements:
+    """Keypoints with their own sigmas and brightness without weight, as least squares."""
+    return Measurements(
+        np.array([spread(axis, place, size) for axis in tracks.keypoint.T]),
+        spread(tracks.brightness, place, size),
+        spread(1.0 / tracks.keypoint_sigma, place, size, np.float32),
+        np.zeros(size, np.float32),
+        np.full(len(tracks.start) - 1, np.inf),
+        np.inf,
+    )
+
+
 def spread(values: np.ndarray, place: np.ndarray, size: int, dtype: type = np.float64) -> np.ndarray:
     """Per-observation values (N,) laid out over `size` places, zero elsewhere."""
     out = np.zeros(size, dtype)

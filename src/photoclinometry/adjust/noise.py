@@ -46,17 +46,6 @@ class Noise:
         return True
 
 
-def keypoint_residuals(scene: Scene) -> np.ndarray:
-    """Predicted minus measured keypoints (N, 2) [px]."""
-    tracks, residual = scene.tracks, np.empty_like(scene.tracks.keypoint)
-    landmark = tracks.landmark
-    for k in range(len(scene.views)):
-        mine = tracks.view == k
-        predicted = scene.views.project(k, scene.landmarks.position[landmark[mine]])
-        residual[mine] = predicted - tracks.keypoint[mine]
-    return residual
-
-
 def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> float:
     """Standard deviation of the whitened residuals of landmarks `which` (J,), each of which takes three of freedom."""
     mine = which[scene.tracks.landmark]
