@@ -10,9 +10,9 @@ from photoclinometry.adjust.noise import (
     brightness_residuals,
     correlation_px,
     keypoint_factor,
-    keypoint_residuals,
     robust_sigma,
 )
+from photoclinometry.predict import keypoint_residuals
 from scenes import synthetic_scene
 
 SIZE = 160

@@ -196,6 +196,14 @@ def test_a_missing_file_is_named(model, name):
         read_text_model(model)
 
 
+def assert_refused(model: Path, file: str, text: str, old: str, new: str, message: str):
+    """One of the model's files is refused with `message` once `old` is `new` in its text."""
+    assert old in text
+    write_files(model, **{file: text.replace(old, new, 1).encode("latin-1")})
+    with pytest.raises(InputError, match=rf"{file}(3D)?\.txt.*" + message):
+        read_text_model(model)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -211,10 +219,7 @@ def test_a_missing_file_is_named(model, name):
     ],
 )
 def test_faults_of_cameras_are_named_with_their_line(model, old, new, message):
-    assert old in CAMERAS
-    write_files(model, cameras=CAMERAS.replace(old, new, 1).encode("latin-1"))
-    with pytest.raises(InputError, match=r"cameras\.txt.*" + message):
-        read_text_model(model)
+    assert_refused(model, "cameras", CAMERAS, old, new, message)
 
 
 @pytest.mark.parametrize(
@@ -245,10 +250,7 @@ def test_faults_of_cameras_are_named_with_their_line(model, old, new, message):
     ],
 )
 def test_faults_of_images_are_named_with_their_line(model, old, new, message):
-    assert old in IMAGES
-    write_files(model, images=IMAGES.replace(old, new, 1).encode("latin-1"))
-    with pytest.raises(InputError, match=r"images\.txt.*" + message):
-        read_text_model(model)
+    assert_refused(model, "images", IMAGES, old, new, message)
 
 
 @pytest.mark.parametrize(
@@ -270,10 +272,7 @@ def test_faults_of_images_are_named_with_their_line(model, old, new, message):
     ],
 )
 def test_faults_of_points_are_named_with_their_line(model, old, new, message):
-    assert old in POINTS
-    write_files(model, points=POINTS.replace(old, new, 1).encode("latin-1"))
-    with pytest.raises(InputError, match=r"points3D\.txt.*" + message):
-        read_text_model(model)
+    assert_refused(model, "points", POINTS, old, new, message)
 
 
 def test_a_file_of_comments_alone_is_refused(model):

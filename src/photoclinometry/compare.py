@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from photoclinometry.errors import InputError
 from photoclinometry.evaluate import completeness
 from photoclinometry.geometry import Rigid, Similarity, angle_between, so3_log
 from photoclinometry.metrics import albedo_error, albedo_factor, landmark_error, normal_error, spread
+from photoclinometry.predict import keypoint_residuals
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION
 from photoclinometry.scene import Landmarks, Scene, Views
 
@@ -236,13 +237,9 @@ def _photometry_metrics(scene: Scene, true_views: Views, albedo: np.ndarray, at_
 def _keypoint_error(scene: Scene, true_views: Views, true_position: np.ndarray) -> np.ndarray:
     """(N,) distances [px] of keypoints from where the true point of the reference pixel projects; NaN in the
     reference view itself, where they are exact by construction."""
-    tracks, landmark = scene.tracks, scene.tracks.landmark
-    error = np.full(len(tracks), np.nan)
-    for k in range(len(scene.views)):
-        if k != scene.reference:
-            seen = np.flatnonzero(tracks.view == k)
-            projected = true_views.project(k, true_position[landmark[seen]])
-            error[seen] = np.linalg.norm(tracks.keypoint[seen] - projected, axis=-1)
+    truth = scene.with_estimate(true_views, replace(scene.landmarks, position=true_position))
+    error = np.linalg.norm(keypoint_residuals(truth), axis=-1)
+    error[scene.tracks.view == scene.reference] = np.nan
     return error
 
 

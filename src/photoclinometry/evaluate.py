@@ -13,7 +13,8 @@ import numpy as np
 
 from photoclinometry.errors import InputError
 from photoclinometry.metrics import photometric_error, psnr, spread
-from photoclinometry.render import draw_landmarks, landmark_faces, observation_brightness, render_view
+from photoclinometry.predict import keypoint_residuals, observation_brightness
+from photoclinometry.render import draw_landmarks, landmark_faces, render_view
 from photoclinometry.scene import Image, Scene, Views, join_views
 
 SHADOW_FRACTION = 0.1
@@ -38,14 +39,7 @@ def landmark_photometric_error(scene: Scene, *, remove_scale_and_bias: bool = Fa
 
 def keypoint_residual_px(scene: Scene) -> np.ndarray:
     """(N,) distances [px] between measured keypoints and projected landmarks."""
-    tracks = scene.tracks
-    residual = np.empty(len(tracks))
-    landmark = tracks.landmark
-    for k in range(len(scene.views)):
-        seen = np.flatnonzero(tracks.view == k)
-        projected = scene.views.project(k, scene.landmarks.position[landmark[seen]])
-        residual[seen] = np.linalg.norm(projected - tracks.keypoint[seen], axis=-1)
-    return residual
+    return np.linalg.norm(keypoint_residuals(scene), axis=-1)
 
 
 def view_psnr(scene: Scene, view: int, image: Image, faces: np.ndarray | None = None) -> dict[str, float]:

@@ -15,18 +15,12 @@ from photoclinometry.adjust import AdjustOptions
 from photoclinometry.errors import InputError
 from photoclinometry.io.site import DEFAULT_SUN_SIGMA_RAD
 from photoclinometry.io.text_model import TextModel, model_fingerprint, read_text_model, write_text_model
-from photoclinometry.pipeline import (
-    Progress,
-    RunResult,
-    adjust_or_read,
-    choose_reflectance,
-    write_config,
-    write_products,
-)
+from photoclinometry.pipeline import choose_reflectance
+from photoclinometry.predict import observation_brightness
+from photoclinometry.products import Progress, RunResult, adjust_or_read, write_config, write_products
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published
-from photoclinometry.render import observation_brightness
 from photoclinometry.runfolder import digest, open_run
-from photoclinometry.scene import Landmarks, Scene, Tracks
+from photoclinometry.scene import Scene, Tracks
 
 log = logging.getLogger(__name__)
 
@@ -180,9 +174,7 @@ def _keep(folder: Path, model: TextModel, views: np.ndarray, landmarks: np.ndarr
     scene = replace(
         scene,
         views=scene.views[np.flatnonzero(views)],
-        landmarks=Landmarks(
-            **{name: getattr(scene.landmarks, name)[landmarks] for name in ("position", "normal", "albedo", "pixel")}
-        ),
+        landmarks=scene.landmarks[landmarks],
         tracks=Tracks(
             start=np.concatenate([[0], np.cumsum(count)]),
             view=(np.cumsum(views) - 1)[tracks.view[kept]].astype(np.int32),

@@ -7,7 +7,7 @@ centre of the top-left pixel, so array index [row, col] is (col + 0.5, row + 0.5
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -142,6 +142,10 @@ class Landmarks:
 
     def __len__(self) -> int:
         return len(self.albedo)
+
+    def __getitem__(self, index: np.ndarray | slice) -> Landmarks:
+        """The landmarks at `index`, in that order, or where a mask (J,) is true."""
+        return Landmarks(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from photoclinometry.render import observation_brightness
+from photoclinometry.predict import observation_brightness
 from photoclinometry.scene import Scene
 
 _MAX_VIEWS = 8
@@ -44,17 +44,6 @@ class Noise:
             if abs(a - b) > (0.2 if f.name.endswith("_px") else 0.1) * b:
                 return False
         return True
-
-
-def keypoint_residuals(scene: Scene) -> np.ndarray:
-    """Predicted minus measured keypoints (N, 2) [px]."""
-    tracks, residual = scene.tracks, np.empty_like(scene.tracks.keypoint)
-    landmark = tracks.landmark
-    for k in range(len(scene.views)):
-        mine = tracks.view == k
-        predicted = scene.views.project(k, scene.landmarks.position[landmark[mine]])
-        residual[mine] = predicted - tracks.keypoint[mine]
-    return residual
 
 
 def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> float:

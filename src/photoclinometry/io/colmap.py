@@ -15,6 +15,7 @@ import numpy as np
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.predict import keypoint_residuals
 from photoclinometry.scene import Camera, Scene
 
 MAX_POINTS = 20_000
@@ -116,15 +117,10 @@ def _points_bytes(scene: Scene, chosen: np.ndarray, index: np.ndarray) -> bytes:
 
 def reprojection_rms_px(scene: Scene) -> np.ndarray:
     """(J,) RMS distance between each landmark's keypoints and its projections [px]; COLMAP's -1 without any."""
-    tracks, landmarks = scene.tracks, scene.landmarks
-    landmark = tracks.landmark
-    squared = np.zeros(len(tracks))
-    for k in range(len(scene.views)):
-        seen = tracks.view == k
-        predicted = scene.views.project(k, landmarks.position[landmark[seen]])
-        squared[seen] = np.sum((predicted - tracks.keypoint[seen]) ** 2, -1)
+    tracks = scene.tracks
+    squared = np.sum(keypoint_residuals(scene) ** 2, -1)
     count = np.diff(tracks.start)
-    mean = np.bincount(landmark, squared, len(count)) / np.maximum(count, 1)
+    mean = np.bincount(tracks.landmark, squared, len(count)) / np.maximum(count, 1)
     return np.where(count > 0, np.sqrt(mean), -1.0)
 
 
