@@ -117,7 +117,7 @@ def test_maps_that_cannot_be_drawn_are_refused(projection, lon, lat, center, mes
 
 
 def test_a_flat_spheroid_has_no_polar_map_that_can_be_read_back():
-    with pytest.raises(InputError, match="cannot read.*orthographic"):
+    with pytest.raises(InputError, match=r"cannot read.*orthographic"):
         site_projection(find_globe("x", (289e3, 229e3)), "polar-stereographic", on_sphere(LON, LAT - 40.0, HEIGHT))
 
 

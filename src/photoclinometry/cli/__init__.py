@@ -17,6 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     import tyro
 
     from photoclinometry.cli.evaluate import evaluate
+    from photoclinometry.cli.export import export
     from photoclinometry.cli.info import info
     from photoclinometry.cli.refine import refine
     from photoclinometry.cli.render import render
@@ -32,6 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "render": render,
         "evaluate": evaluate,
         "info": info,
+        "export": export,
         "study": study,
     }
     try:

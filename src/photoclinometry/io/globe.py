@@ -104,7 +104,9 @@ def need_rasterio() -> None:
     try:
         import rasterio  # noqa: F401
     except ImportError as error:
-        raise InputError("maps (GeoTIFF) need rasterio: pip install 'photoclinometry[geo]'") from error
+        raise InputError(
+            "maps of a body (GeoTIFF) need rasterio: pip install 'photoclinometry[geo]', or export other --products"
+        ) from error
 
 
 def name_of(crs: Any) -> str:
