@@ -12,9 +12,11 @@ from photoclinometry.cli import main
 from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.export import ExportOptions, export_scene
 from photoclinometry.export.meshes import albedo_texture, srgb
+from photoclinometry.export.sumfiles import sumfile_names
 from photoclinometry.io.globe import geographic
 from photoclinometry.io.ply import read_ply
 from photoclinometry.io.scene_file import write_scene
+from photoclinometry.io.sumfile import read_sumfile
 from photoclinometry.io.text_model import read_text_model
 from photoclinometry.render import landmark_faces
 from places import cratered_place
@@ -24,7 +26,7 @@ rasterio = pytest.importorskip("rasterio")
 trimesh = pytest.importorskip("trimesh")
 
 MAPS = {"dtm.tif", "normals.tif", "slope.tif", "albedo.tif", "reflectance.tif"}
-OTHERS = {"mesh.obj", "mesh.mtl", "mesh.png", "mesh.glb", "landmarks.ply", "sparse", "model"}
+OTHERS = {"mesh.obj", "mesh.mtl", "mesh.png", "mesh.glb", "landmarks.ply", "sparse", "model", "sumfiles"}
 TABLES = {"landmarks.csv", "views.csv"}
 
 
@@ -119,6 +121,26 @@ def test_the_authors_model_reads_back(exported):
     np.testing.assert_array_equal(found.landmarks.position, scene.landmarks.position)
     np.testing.assert_array_equal(found.landmarks.albedo, scene.landmarks.albedo)
     np.testing.assert_allclose(found.views.sun, scene.views.sun, atol=1e-12)
+
+
+def test_sumfiles_have_the_cameras_where_they_are(exported):
+    out, scene = exported
+    for k, name in enumerate(scene.views.name):
+        found = read_sumfile(out / "sumfiles" / (name.split("/")[-1].replace(".fits", ".SUM")))
+        assert (found.name, found.utc) == (f"{k:03d}", "UNKNOWN")
+        np.testing.assert_allclose(found.sun, scene.views.sun[k], atol=1e-10)
+        pose = found.body_from_axes
+        x, y, z = pose.inverse()(scene.landmarks.position / 1e3).T
+        u, v = found.focal_mm * x / z, found.focal_mm * y / z
+        sample = found.center[0] + found.k_matrix[0] * u + found.k_matrix[1] * v
+        line = found.center[1] + found.k_matrix[3] * u + found.k_matrix[4] * v
+        expected = scene.views.project(k, scene.landmarks.position) + 0.5  # theirs count from 1 at pixel centres
+        np.testing.assert_allclose(np.stack([sample, line], -1), expected, atol=1e-3)
+
+
+def test_sumfiles_of_views_of_one_name_are_named_after_their_folders():
+    assert sumfile_names(["a/1.fits", "a/2.fits"]) == ["1", "2"]
+    assert sumfile_names(["a/1.fits", "b/1.fits"]) == ["a_1", "b_1"]
 
 
 def test_tables_hold_landmarks_and_views_exactly(exported):

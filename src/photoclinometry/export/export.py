@@ -14,6 +14,7 @@ from photoclinometry.export.frame import Framed, framed
 from photoclinometry.export.maps import possible_maps, write_maps
 from photoclinometry.export.meshes import write_meshes
 from photoclinometry.export.options import ExportOptions, MapProduct, Product
+from photoclinometry.export.sumfiles import write_sumfiles
 from photoclinometry.export.tables import write_tables
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.colmap import write_colmap
@@ -71,6 +72,8 @@ def _write(folder: Path, placed: Framed, products: list[Product], options: Expor
     if "text-model" in products:
         write_text_model(folder / "model", scene)
         files["model"] = "text model of the paper's authors, albedos are normal albedos"
+    if "sumfile" in products:
+        files |= write_sumfiles(folder / "sumfiles", placed)
     if "csv" in products:
         files |= write_tables(folder, placed)
     return files
@@ -79,7 +82,8 @@ def _write(folder: Path, placed: Framed, products: list[Product], options: Expor
 def _chosen(placed: Framed, options: ExportOptions) -> list[Product]:
     """What to write. Raises InputError for what there is nothing for."""
     others: tuple[Product, ...] = ("obj", "gltf", "ply", "colmap", "text-model", "csv")
-    possible: list[Product] = [*possible_maps(placed), *others]
+    of_body: tuple[Product, ...] = ("sumfile",) if placed.globe is not None else ()
+    possible: list[Product] = [*possible_maps(placed), *others, *of_body]
     if not options.products:
         return possible
     why = {
