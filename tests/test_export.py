@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from photoclinometry.cli import main
+from commands import phomo
 from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.export import ExportOptions, export_scene
 from photoclinometry.export.meshes import albedo_texture, srgb
@@ -227,15 +227,6 @@ def test_an_export_that_fails_half_way_leaves_what_was_there(tmp_path, monkeypat
         export_scene(scene, out, ExportOptions(products=("obj", "csv")))
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
-def phomo(*arguments) -> int:
-    """Runs the command; its exit code."""
-    try:
-        main([str(a) for a in arguments])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 def test_the_command_exports_a_run_and_says_what_and_where(place, tmp_path, capsys):

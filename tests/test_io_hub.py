@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 
+from commands import phomo
 from hub_server import COMMIT, NAME, HubServer, serving
-from photoclinometry.cli import main
 from photoclinometry.errors import FetchError, InputError, RunFolderError
 from photoclinometry.io import hub
 from photoclinometry.io.hub import fetch_files, list_files
@@ -192,15 +192,6 @@ def test_without_the_extra_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     with pytest.raises(InputError, match=r"photoclinometry\[fetch\]"):
         hub.list_files(NAME)
-
-
-def phomo(*arguments) -> int:
-    """Runs the command; its exit code."""
-    try:
-        main([str(a) for a in arguments])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 def test_the_command_lists_and_fetches(server, tmp_path, capsys):
