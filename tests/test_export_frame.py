@@ -1,5 +1,7 @@
 """In which frame a scene is exported: what is said must hold together, and a wrong place is refused, not mapped."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import tomli_w
@@ -80,6 +82,16 @@ def test_a_unit_that_is_wrong_by_a_thousand_and_a_frame_inside_out_are_refused(p
             framed(place.scene, ExportOptions(transform=path, body="vesta"))
     with pytest.raises(InputError, match="already says"):
         framed(place.scene, ExportOptions(transform=path, body="vesta", unit_m=1.0))
+
+
+def test_a_scene_of_nothing_or_of_no_numbers_is_refused(place):
+    marks = place.scene.landmarks
+    names = ("position", "normal", "albedo", "pixel")
+    none = replace(marks, **{name: getattr(marks, name)[:0] for name in names})
+    broken = replace(marks, position=np.where(np.arange(len(marks))[:, None] == 7, np.nan, marks.position))
+    for landmarks in (none, broken):
+        with pytest.raises(InputError, match="run the site again"):
+            framed(replace(place.scene, landmarks=landmarks), ExportOptions())
 
 
 def test_a_similarity_file_reads_back(place, tmp_path):

@@ -145,6 +145,19 @@ def test_a_missing_landmark_stays_a_gap(tmp_path):
     assert len(pixel) == len(kept) + hole.sum()
 
 
+def test_ground_that_was_never_lit_has_an_albedo_and_no_measured_reflectance(tmp_path):
+    scene = synthetic_scene(size=30, views=3)
+    lit = scene.tracks.lit.copy()
+    lit[3 * 435 : 3 * 438] = False  # three landmarks in the middle
+    scene = replace(scene, tracks=replace(scene.tracks, lit=lit))
+    framed = Framed(scene=scene, globe=None, metric=True)
+    write_maps(tmp_path, framed, ["albedo", "reflectance"], ExportOptions())
+    with rasterio.open(tmp_path / "albedo.tif") as albedo, rasterio.open(tmp_path / "reflectance.tif") as measured:
+        missing = albedo.read_masks(1).astype(int) - measured.read_masks(1)
+    assert missing.min() == 0
+    assert 3 <= (missing > 0).sum() <= 16  # no more than the cells around them
+
+
 def test_without_a_place_on_a_body_the_map_is_of_the_mean_plane(tmp_path):
     """Turning and shifting the scene changes nothing then. In metres it has an engineering CRS, else none at all."""
     scene = synthetic_scene(size=30, views=3)

@@ -45,6 +45,9 @@ def framed(scene: Scene, options: ExportOptions) -> Framed:
 
     Raises InputError where they contradict themselves, or the landmarks cannot be ground of the body.
     """
+    marks = scene.landmarks
+    if not len(marks) or not (np.isfinite(marks.position).all() and np.isfinite(marks.normal).all()):
+        raise InputError(f"scene {scene.name!r}: it has no landmarks, or some are not finite; run the site again")
     if options.transform is None and not options.body_fixed:
         return _in_own_frame(scene, options)
     if options.transform is not None and (options.body_fixed or options.unit_m is not None):
