@@ -63,6 +63,7 @@ def test_everything_that_there_is_is_written_and_named(exported):
     assert set(about["files"]) == expected
     assert about["frame"].startswith("body-fixed")
     assert about["options"]["body"] == "vesta"
+    assert about["files"]["dtm.tif"].startswith("height above a sphere of 255000 m; Vesta (2015)")
 
 
 def test_all_maps_have_one_grid(exported):
@@ -193,6 +194,14 @@ def test_gaps_in_the_texture_take_the_nearest_albedo():
     around = {int(texture.levels[row, col]) for row, col in ((2, 1), (2, 3), (1, 2), (3, 2))}
     assert int(texture.levels[2, 2]) in around
     assert srgb(np.array([0.0, 0.5, 2.0])) == pytest.approx([0.0, 0.735357, 1.0], abs=1e-6)
+
+
+def test_an_export_into_the_current_folder_needs_no_other_name(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    export_scene(synthetic_scene(size=8, views=3), ".", ExportOptions(products=("csv",)))
+    monkeypatch.chdir(tmp_path)
+    assert {path.name for path in (tmp_path / "here").iterdir()} == TABLES | {"export.json"}
 
 
 def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path):

@@ -35,7 +35,7 @@ def export_scene(scene: Scene, out: Path | str, options: ExportOptions | None = 
     `out` is new, empty, or an earlier export, which is replaced. Returns what export.json holds. Raises InputError for
     products that the scene or its frame does not allow, and RunFolderError; `out` then is as it was.
     """
-    options, out = options or ExportOptions(), Path(out)
+    options, out = options or ExportOptions(), Path(out).resolve()
     placed = framed(scene, options)
     products = _chosen(placed, options)
     _check_folder(out)

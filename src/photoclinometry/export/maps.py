@@ -150,7 +150,7 @@ def draw_maps(
 
     maps = []
     if "dtm" in products:
-        above = f"above the {framed.globe.name}" if framed.globe else "above the map's mean plane"
+        above = f"above a {framed.globe.shape}" if framed.globe else "above the map's mean plane"
         bands = (Band(description="height", unit=framed.unit),)
         height, valid = resample_heights(grid, plane.place, plane.gradient, faces)
         values = np.where(valid, height, np.nan)[..., None]

@@ -59,6 +59,11 @@ class Globe:
     iau: int | None = None
     """The code of `crs` in IAU_2015."""
 
+    @property
+    def shape(self) -> str:
+        """In words."""
+        return _shape(*self.radii_m)
+
 
 def find_globe(body: str | None, radii_m: tuple[float, ...] | None = None) -> Globe:
     """The globe of a body that PROJ knows by name, or of radii: one of a sphere, or equatorial and polar [m].
@@ -147,6 +152,10 @@ def transform_points(source: Any, target: Any, points: np.ndarray) -> np.ndarray
     return np.stack([np.asarray(axis, float) for axis in moved], -1)
 
 
+def _shape(a: float, c: float) -> str:
+    return f"sphere of {a:.10g} m" if a == c else f"spheroid of {a:.10g} and {c:.10g} m"
+
+
 def _globe_of_radii(body: str | None, radii_m: tuple[float, ...]) -> Globe:
     from rasterio.crs import CRS
 
@@ -157,8 +166,7 @@ def _globe_of_radii(body: str | None, radii_m: tuple[float, ...]) -> Globe:
         )
     a, c = radii_m[0], radii_m[-1]
     flattening = 0.0 if a == c else a / (a - c)
-    shape = f"sphere of {a:.10g} m" if a == c else f"spheroid of {a:.10g} and {c:.10g} m"
-    name = quoted(f"{(body or 'body').title()}, {shape}")
+    name = quoted(f"{(body or 'body').title()}, {_shape(a, c)}")
     crs = CRS.from_wkt(
         f'GEOGCS["{name}",DATUM["{name}",SPHEROID["{name}",{a!r},{flattening!r}]],PRIMEM["Reference Meridian",0],'
         'UNIT["degree",0.0174532925199433]]'
