@@ -10,7 +10,8 @@ from photoclinometry.compare import evaluate_against_truth
 from photoclinometry.errors import InputError
 from photoclinometry.export import ExportOptions
 from photoclinometry.export.frame import Framed
-from photoclinometry.export.maps import height_gradient, map_plane, write_maps
+from photoclinometry.export.maps import write_maps
+from photoclinometry.export.plane import height_gradient, map_plane
 from photoclinometry.geometry import Similarity, align_similarity, unit
 from photoclinometry.io.geotiff import read_dtm, read_dtm_mesh
 from photoclinometry.io.globe import find_globe, geographic, name_of, semi_axes
@@ -163,7 +164,9 @@ def test_without_a_place_on_a_body_the_map_is_of_the_mean_plane(tmp_path):
     scene = synthetic_scene(size=30, views=3)
     for metric in (True, False):
         framed = Framed(scene=scene, globe=None, metric=metric)
-        files = write_maps(tmp_path, framed, ["dtm", "slope"], ExportOptions())
+        files = write_maps(tmp_path, framed, ["dtm", "normals"], ExportOptions())
+        with rasterio.open(tmp_path / "normals.tif") as file:
+            assert file.descriptions == ("normal, x", "normal, y", "normal, up")
         assert "not north" in files["dtm.tif"]
         with rasterio.open(tmp_path / "dtm.tif") as file:
             first = file.read(1)
