@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import tomli_w
 
 from commands import phomo
 from photoclinometry.errors import InputError, RunFolderError
@@ -16,6 +15,7 @@ from photoclinometry.export.sumfiles import sumfile_names
 from photoclinometry.io.globe import geographic
 from photoclinometry.io.ply import read_ply
 from photoclinometry.io.scene_file import write_scene
+from photoclinometry.io.similarity import write_similarity
 from photoclinometry.io.sumfile import read_sumfile
 from photoclinometry.io.text_model import read_text_model
 from photoclinometry.render import landmark_faces
@@ -42,8 +42,7 @@ def exported(place, tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("exported")
     transform = folder / "body_from_scene.toml"
-    rows = {"scale": place.body_from_scene.scale, "rotation": place.body_from_scene.rotation.tolist()}
-    transform.write_text(tomli_w.dumps(rows | {"translation": place.body_from_scene.translation.tolist()}))
+    write_similarity(transform, place.body_from_scene)
     count = len(place.scene.landmarks)
     scene = replace(place.scene, uncertainty={"position": np.full(count, 0.1), "albedo": np.full(count, 0.01)})
     export_scene(scene, folder / "out", ExportOptions(transform=transform, body="vesta"))

@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import tomli_w
 
 from photoclinometry.align import transform_scene
 from photoclinometry.errors import InputError
 from photoclinometry.export import ExportOptions
 from photoclinometry.export.frame import framed
 from photoclinometry.geometry import Similarity
-from photoclinometry.io.similarity import read_similarity
+from photoclinometry.io.similarity import read_similarity, write_similarity
 from places import IAU_RADIUS, RADIUS, cratered_place
 
 pytest.importorskip("rasterio")
@@ -23,8 +22,7 @@ def place():
 
 
 def write(path, similarity):
-    rows = {"scale": similarity.scale, "rotation": similarity.rotation.tolist()}
-    path.write_text(tomli_w.dumps(rows | {"translation": similarity.translation.tolist()}))
+    write_similarity(path, similarity)
     return path
 
 

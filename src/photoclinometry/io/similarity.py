@@ -9,9 +9,18 @@ import numpy as np
 
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Similarity
+from photoclinometry.io.atomic import write_text
 from photoclinometry.io.table import Table
 
 _ROTATION_TOLERANCE = 1e-6
+
+
+def write_similarity(path: Path | str, similarity: Similarity) -> None:
+    """The transform, exact to the last bit. Raises RunFolderError."""
+    import tomli_w
+
+    rows = {"scale": float(similarity.scale), "rotation": np.asarray(similarity.rotation).tolist()}
+    write_text(path, tomli_w.dumps(rows | {"translation": np.asarray(similarity.translation).tolist()}))
 
 
 def read_similarity(path: Path | str) -> Similarity:
