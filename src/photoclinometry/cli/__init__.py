@@ -20,6 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from photoclinometry.cli.export import export
     from photoclinometry.cli.fetch import fetch
     from photoclinometry.cli.info import info
+    from photoclinometry.cli.ingest import ingest
     from photoclinometry.cli.refine import refine
     from photoclinometry.cli.render import render
     from photoclinometry.cli.run import run
@@ -28,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from photoclinometry.errors import InputError, PhotoclinometryError
 
     commands = {
+        "ingest": ingest,
         "simulate": simulate,
         "run": run,
         "refine": refine,
