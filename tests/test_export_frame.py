@@ -11,6 +11,7 @@ from photoclinometry.export import ExportOptions
 from photoclinometry.export.frame import framed
 from photoclinometry.geometry import Similarity
 from photoclinometry.io.similarity import read_similarity, write_similarity
+from photoclinometry.io.site import PosePrior, Site, SiteView, write_site
 from places import IAU_RADIUS, RADIUS, cratered_place
 
 pytest.importorskip("rasterio")
@@ -34,6 +35,45 @@ def test_a_transform_puts_the_scene_on_the_body(place, tmp_path):
     assert found.globe.radii_m == (IAU_RADIUS, IAU_RADIUS)
     assert "body-fixed" in found.words
     assert found.unit == "m"
+
+
+def write_site_with_priors(path, place, count):
+    """site.toml of the scene's views, the first `count` of which have their true poses as priors."""
+    views, moved = place.scene.views, transform_scene(place.body_from_scene, place.scene).views
+    cam_from_body = moved.body_from_cam.inverse()
+    write_site(
+        path,
+        Site(
+            name="bumps",
+            body="vesta",
+            brightness="iof",
+            views=tuple(
+                SiteView(
+                    name=name,
+                    image=path.parent / name,
+                    camera=views.cameras[k],
+                    sun=views.sun_measured[k],
+                    pose_prior=PosePrior(cam_from_body[k], 1e-4, 10.0) if k < count else None,
+                )
+                for k, name in enumerate(views.name)
+            ),
+            region=None,
+            path=path,
+        ),
+    )
+    return path
+
+
+def test_pose_priors_put_the_scene_on_the_body(place, tmp_path):
+    path = write_site_with_priors(tmp_path / "site.toml", place, 3)
+    found = framed(place.scene, ExportOptions(site=path, body="vesta"))
+    expected = place.body_from_scene(place.scene.landmarks.position)
+    np.testing.assert_allclose(found.scene.landmarks.position, expected, atol=1e-3)
+    assert "by the pose priors of 3 views, off by" in found.words
+    with pytest.raises(InputError, match="2 of the 3 views have a pose prior"):
+        framed(place.scene, ExportOptions(site=write_site_with_priors(path, place, 2), body="vesta"))
+    with pytest.raises(InputError, match="--transform and --site both say"):
+        framed(place.scene, ExportOptions(site=path, transform=path))
 
 
 def test_a_body_fixed_scene_in_kilometres_becomes_metres(place):
@@ -78,7 +118,7 @@ def test_a_unit_that_is_wrong_by_a_thousand_and_a_frame_inside_out_are_refused(p
         path = write(tmp_path / "wrong.toml", wrong)
         with pytest.raises(InputError, match=message):
             framed(place.scene, ExportOptions(transform=path, body="vesta"))
-    with pytest.raises(InputError, match="already says"):
+    with pytest.raises(InputError, match="already tells"):
         framed(place.scene, ExportOptions(transform=path, body="vesta", unit_m=1.0))
 
 

@@ -22,10 +22,13 @@ class ExportOptions:
     view, for SPC. csv: landmarks and views. Left out: all that the scene holds and its frame allows."""
     transform: Path | None = None
     """TOML file with scale, rotation (3 rows), translation [m]: body-fixed = scale rotation @ scene + translation."""
+    site: Path | None = None
+    """site.toml of the run, with pose priors in the body-fixed frame [m] for three views or more, as `phomo ingest`
+    writes them: they tell where on the body the scene lies."""
     body_fixed: bool = False
     """The scene's own frame is body-fixed: origin in the body's centre, z to the north pole, x to longitude 0."""
     unit_m: float | None = None
-    """Metres in the scene's unit of length (1000 for km). With neither this nor --transform, scale stays unknown."""
+    """Metres in the scene's unit of length (1000 for km). Without this, --transform and --site, scale is unknown."""
     body: str | None = None
     """Body that the map is of. Left out: the scene's."""
     radii_m: tuple[float, ...] | None = None
