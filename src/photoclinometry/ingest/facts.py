@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from photoclinometry.io.product import Product
@@ -119,7 +120,29 @@ def _seconds(value: Any, product: Product) -> float | None:
     if not isinstance(value, int | float) or isinstance(value, bool):
         return None
     # PDS3's dictionary has milliseconds for EXPOSURE_DURATION, FITS and ISIS have seconds; NEAR's headers count in ms.
-    return float(value) * (1e-3 if product.kind == "PDS3" or product.label.get("NEAR-010") is not None else 1.0)
+    usual = float(value) * (1e-3 if product.kind == "PDS3" or product.label.get("NEAR-010") is not None else 1.0)
+    between = _seconds_between(_text(product.label.find("START_TIME")), _text(product.label.find("STOP_TIME")))
+    # Rosetta's NavCam means seconds all the same: start and stop tell.
+    return usual if between is None or abs(usual - between) <= abs(value - between) else float(value)
+
+
+def _seconds_between(start: str | None, stop: str | None) -> float | None:
+    begin, end = time_of(start), time_of(stop)
+    return (end - begin).total_seconds() if begin and end else None
+
+
+def time_of(text: str | None) -> datetime | None:
+    """ISO 8601, by date or day of year, or SPC's "2019 MAR 14 19:01:23.961"; None for anything else."""
+    if text is None:
+        return None
+    clean = re.sub(r"(\.\d{6})\d+", r"\1", text.strip().removesuffix("Z"))
+    for form in ("%Y-%m-%dT%H:%M:%S", "%Y-%jT%H:%M:%S", "%Y %b %d %H:%M:%S"):
+        for fraction in (".%f", ""):
+            try:
+                return datetime.strptime(clean, form + fraction)
+            except ValueError:
+                continue
+    return None
 
 
 def _distance_km(value: Any) -> float | None:

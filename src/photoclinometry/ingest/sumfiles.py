@@ -12,7 +12,7 @@ import numpy as np
 
 from photoclinometry.errors import InputError
 from photoclinometry.ingest.detector import Detector, detector_of_matrix
-from photoclinometry.ingest.facts import Facts
+from photoclinometry.ingest.facts import Facts, time_of
 from photoclinometry.io.sumfile import PIXEL_OFFSET, SumFile, read_sumfile
 
 _SAME_TIME = timedelta(seconds=2.0)
@@ -42,9 +42,9 @@ def sumfile_of(path: Path, facts: Facts, known: Sequence[NamedSum]) -> NamedSum 
     """The SUMFILE of the image's name, or of its time (within 2 s), or None. Raises InputError for two."""
     stem = path.stem.lower()
     named = [s for s in known if s.summary.name.lower() in stem or s.path.stem.lower() in stem]
-    time = _time(facts.start) or _time_in(path.name)
+    time = time_of(facts.start) or _time_in(path.name)
     if not named and time is not None:
-        named = [s for s in known if (other := _time(s.summary.utc)) and abs(other - time) <= _SAME_TIME]
+        named = [s for s in known if (other := time_of(s.summary.utc)) and abs(other - time) <= _SAME_TIME]
     if len(named) > 1:
         raise InputError(
             f"{path}: could belong to {named[0].path.name} or {named[1].path.name}; pass one of them alone"
@@ -63,20 +63,6 @@ def detector_of_sumfile(named: NamedSum) -> Detector:
     k = np.array(s.k_matrix).reshape(2, 3)
     center = (s.center[0] - PIXEL_OFFSET, s.center[1] - PIXEL_OFFSET)
     return detector_of_matrix(k[:, :2], width=s.width, height=s.height, focal_mm=s.focal_mm, center=center)
-
-
-def _time(text: str | None) -> datetime | None:
-    """ISO 8601, by date or day of year, or SPC's "2019 MAR 14 19:01:23.961"."""
-    if text is None:
-        return None
-    clean = re.sub(r"(\.\d{6})\d+", r"\1", text.strip().removesuffix("Z"))
-    for form in ("%Y-%m-%dT%H:%M:%S", "%Y-%jT%H:%M:%S", "%Y %b %d %H:%M:%S"):
-        for fraction in (".%f", ""):
-            try:
-                return datetime.strptime(clean, form + fraction)
-            except ValueError:
-                continue
-    return None
 
 
 def _time_in(name: str) -> datetime | None:
