@@ -9,6 +9,7 @@ import pytest
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import unit
 from photoclinometry.io.ply import grid_faces, read_ply, write_ply
+from photoclinometry.io.ply_elements import read_elements
 from photoclinometry.scene import Landmarks
 from scenes import synthetic_scene
 
@@ -54,6 +55,13 @@ def test_header_is_the_documented_one(tmp_path, scene):
         *(f"property float {name}" for name in ("nx", "ny", "nz", "albedo")),
         *(f"property float sigma_{name}" for name in ("x", "y", "z", "albedo", "normal")),
     ]
+
+
+def test_covariances_of_positions_are_written_as_sigmas(tmp_path, scene):
+    covariance = np.tile(np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 16.0]]), (len(scene.landmarks), 1, 1))
+    write_ply(tmp_path / "a.ply", replace(scene, uncertainty={"position": covariance}))
+    vertex = read_elements(tmp_path / "a.ply")["vertex"]
+    assert [float(vertex[f"sigma_{axis}"][0]) for axis in "xyz"] == [2.0, 3.0, 4.0]
 
 
 def test_faces_of_the_grid_look_along_the_outward_normals(tmp_path, scene):

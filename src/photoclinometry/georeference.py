@@ -68,7 +68,7 @@ class Georeference:
 def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene, Georeference]:
     """The scene in the frame and unit of the priors of its views (by name), and the fit with its residuals.
 
-    Uncertainties are dropped, as by `align.transform_scene`. Raises InputError for fewer than three priors, and for
+    Uncertainties follow, as by `align.transform_scene`. Raises InputError for fewer than three priors, and for
     cameras whose poses tell no scale.
     """
     seen = [k for k, name in enumerate(scene.views.name) if name in priors]

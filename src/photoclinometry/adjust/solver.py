@@ -331,7 +331,7 @@ def _descend(
     Most whole steps are good, so the normal equations are made there at once. Trying a shorter step costs a
     thirtieth of solving for another.
     """
-    camera, landmark, parameter = step
+    camera, landmark, parameter = (part.astype(float) for part in step)
     whole = _global_share(camera, parameter, estimate)
     for share in (whole, whole / 4.0, whole / 16.0):
         moves = _limited(share * landmark, step_limit, estimate)

@@ -2,7 +2,8 @@
 
 Written: binary little-endian; x y z double, nx ny nz albedo float, then the known standard deviations as
 float: sigma_x sigma_y sigma_z for "position", sigma_NAME for a number per landmark, sigma_NAME_x _y _z for a
-vector. Read: ascii and both binary forms. http://paulbourke.net/dataformats/ply/
+vector (of a covariance, the roots of its diagonal). Read: ascii and both binary forms.
+http://paulbourke.net/dataformats/ply/
 """
 
 from __future__ import annotations
@@ -96,6 +97,8 @@ def _vertices(scene: Scene) -> np.ndarray:
     columns |= dict(zip(("nx", "ny", "nz"), landmarks.normal.T, strict=True))
     columns["albedo"] = landmarks.albedo
     for name, sigma in scene.uncertainty.items():
+        if np.shape(sigma) == (len(landmarks), 3, 3):
+            sigma = np.sqrt(np.diagonal(sigma, axis1=1, axis2=2))
         if np.shape(sigma) == (len(landmarks),):
             columns[f"sigma_{name}"] = sigma
         elif np.shape(sigma) == (len(landmarks), 3):
