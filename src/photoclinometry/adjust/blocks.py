@@ -8,8 +8,8 @@ from numba import njit, prange
 
 from photoclinometry.adjust.kernels import FAST, LANDMARK_SIZE
 
-_SMALLEST_PIVOT = 1e-14
-"""Pivots are kept above this share of their diagonal element: what rounding alone makes negative."""
+_SMALLEST_PIVOT = 1e-10
+"""Pivots are kept above this share of their diagonal element: below, rounding alone decides on their sign."""
 
 
 @njit(parallel=True, **FAST)

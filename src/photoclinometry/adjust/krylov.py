@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -49,7 +50,8 @@ def conjugate_gradients(
 
     It ends when the last iteration lowered x^T H x - 2 b^T x by less than the share `truncation` of the mean over
     iterations (Nash and Sofer 1990, doi:10.1016/0167-6377(90)90064-D), or when as many iterations again would lower
-    it by less than `enough`.
+    it by less than `enough`. It ends early, with what it has, where rounding has made H or the preconditioner
+    indefinite.
     """
     out = Krylov(np.zeros_like(b))
     residual = b.copy()
@@ -57,7 +59,10 @@ def conjugate_gradients(
     direction, fit, gained = z.copy(), float(np.vdot(residual, z)), 0.0
     while out.iterations < max_iterations and fit > 0.0:
         product = multiply(direction)
-        alpha = fit / float(np.vdot(direction, product))
+        curvature = float(np.vdot(direction, product))
+        if not curvature > 0.0 or not math.isfinite(curvature):
+            break
+        alpha = fit / curvature
         out.x += alpha * direction
         product *= alpha
         residual -= product

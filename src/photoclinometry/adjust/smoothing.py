@@ -170,8 +170,8 @@ def lowest_eigenvalue(
 ) -> float:
     """About the smallest eigenvalue of D^-1 P (see `solve_approximately`), from above.
 
-    The smallest Ritz value of some conjugate gradients with a random right-hand side. block, inverse: (J, 6, 6)
-    float32, D and D^-1.
+    The smallest Ritz value of some conjugate gradients with a random right-hand side; zero where rounding hides it.
+    block, inverse: (J, 6, 6) float32, D and D^-1.
     """
     shape = inverse.shape[:2]
 
@@ -186,7 +186,8 @@ def lowest_eigenvalue(
         return out.ravel()
 
     b = np.random.default_rng(0).normal(size=shape).ravel().astype(np.float32)
-    return float(conjugate_gradients(multiply, precondition, b, max_iterations=iterations).ritz_values()[0])
+    found = conjugate_gradients(multiply, precondition, b, max_iterations=iterations)
+    return float(found.ritz_values()[0]) if found.iterations else 0.0
 
 
 def chebyshev_degree(low: float, reduction: float) -> int:

@@ -149,7 +149,7 @@ def minimize(
         )
         trial = _descend(problem, estimate, total, system.split(solve.x), step_limit)
         new_cost, moved, used = trial.cost, trial.moved, damping
-        accepted = bool(new_cost.sum() <= total)
+        accepted = bool(new_cost.sum() <= total) and solve.iterations > 0
         if accepted:
             promised = _promised_decrease(system, gradient, trial.moves)
             gain = (total - new_cost.sum()) / promised if promised > 0 else 1.0
