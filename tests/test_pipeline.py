@@ -124,11 +124,11 @@ def test_a_second_run_reads_every_stage_back(mapped, tmp_path, adjust_nothing):
 
 def test_changed_options_redo_what_depends_on_them_and_no_more(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
-    run(mapped.site, folder, RunOptions(adjust=AdjustOptions(smooth_neighbours=6)))
+    run(mapped.site, folder, RunOptions(matcher="flow", adjust=AdjustOptions(smooth_neighbours=6)))
     assert resumed(folder) == ["sparse", "region", "dense"]
-    run(mapped.site, folder, RunOptions(reflectance="akimov"))
+    run(mapped.site, folder, RunOptions(matcher="flow", reflectance="akimov"))
     assert resumed(folder) == ["sparse", "region", "dense"]
-    run(mapped.site, folder, RunOptions(match_rounds=1, reflectance="akimov"))
+    run(mapped.site, folder, RunOptions(matcher="flow", match_rounds=1, reflectance="akimov"))
     assert resumed(folder) == ["sparse", "region"]
     assert len(adjust_nothing) == 3
 
@@ -166,7 +166,7 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(products, "_Done", killed)
+        patch.setattr(products, "Kept", killed)
         with pytest.raises(KeyboardInterrupt):
             run(mapped.site, folder, RunOptions(reflectance="akimov"))
     assert read_scene(folder / "scene.h5").reflectance.disk == "akimov"
