@@ -105,6 +105,11 @@ def test_metrics_and_config_say_what_was_done(mapped):
     assert [v["name"] for v in metrics["views"]] == [v.name for v in read_site(mapped.site).views]
     assert [s["stage"] for s in metrics["stages"]][1:4] == ["sparse", "region", "dense"]
     assert all(s["wall_s"] >= 0 and not s["resumed"] for s in metrics["stages"])
+    first, *others = metrics["rounds"]
+    assert [first["round"], *(r["round"] for r in others)] == list(range(len(others) + 1))
+    assert others[-1]["keypoint_residual_median_px"] < first["keypoint_residual_median_px"]
+    assert others[-1]["photometric_error_mean_percent"] < first["photometric_error_mean_percent"]
+    assert "Rounds" in mapped.result.report.read_text()
     config = tomllib.loads((mapped.run / "config.toml").read_text())
     assert config["site"] == str(mapped.site.resolve())
     assert config["reflectance"] == "auto"
