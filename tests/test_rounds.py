@@ -14,7 +14,7 @@ from photoclinometry.geometry import angle_between, so3_exp, unit
 from photoclinometry.matching.flow import FlowOptions
 from photoclinometry.pipeline import RunOptions, run
 from photoclinometry.predict import keypoint_residuals
-from photoclinometry.rounds import RelightOptions, changes, is_settled, rematch, with_dense
+from photoclinometry.rounds import RelightOptions, changes, is_settled, odd_views, rematch, with_dense
 from scenes import synthetic_images, synthetic_scene
 
 
@@ -95,6 +95,18 @@ def test_rounds_end_when_matches_stay():
     assert not is_settled(entries[:1], RelightOptions())
     assert not is_settled(entries, RelightOptions(settled_px=0.03))
     assert is_settled(entries, RelightOptions(settled_px=0.05))
+
+
+def test_a_view_under_a_wrong_sun_is_named_and_no_other():
+    scene = synthetic_scene(size=16, views=7, brightness_noise=0.02)
+    assert odd_views(scene) == []
+    sun = scene.views.sun.copy()
+    sun[2] = so3_exp(np.array([0.0, 0.0, np.pi / 2])) @ sun[2]
+    (name, misfit), *others = odd_views(replace(scene, views=replace(scene.views, sun=sun)))
+    assert name == scene.views.name[2]
+    assert misfit > 0.1
+    assert not others
+    assert odd_views(replace(scene, reflectance=None)) == []
 
 
 @pytest.fixture

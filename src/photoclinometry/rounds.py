@@ -21,12 +21,16 @@ from photoclinometry.geometry import angle_between
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, padded_region, request_match
 from photoclinometry.matching.relight import RelightMatcher, map_depth
+from photoclinometry.predict import observation_brightness
 from photoclinometry.products import Kept, Progress, has_scene, kept_or_made
 from photoclinometry.runfolder import RunFolder, digest
 from photoclinometry.scene import Image, Scene, Tracks
 from photoclinometry.shading import brightness_on_surface, normals_from_shading
 
 log = logging.getLogger(__name__)
+
+ODD_SHARE, ODD_TIMES = 0.03, 3.0
+"""A view is odd whose brightness is off by more than this share, and by so many times what is usual."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +65,13 @@ def adjust_in_rounds(
 
     def start() -> tuple[Adjustment, dict[str, Any]]:
         found = adjusted(scene)
+        for name, misfit in odd_views(found.scene):
+            log.warning(
+                "%s: its brightness is %.0f %% off what the map predicts, far more than other views': "
+                "check its `sun`, its exposure, and what it shows",
+                name,
+                100.0 * misfit,
+            )
         return found, {"rounds": [round_entry(0, found.scene)]}
 
     adjustment, more = kept_or_made(folder, keys[first], start)
@@ -154,6 +165,24 @@ def changes(before: Scene, after: Scene) -> tuple[float, float]:
     moved = np.linalg.norm(after.tracks.keypoint[j] - before.tracks.keypoint[i], axis=-1)
     turned = angle_between(before.grid(before.landmarks.normal), after.grid(after.landmarks.normal))
     return float(np.median(moved)), float(np.nanmedian(turned))
+
+
+def odd_views(scene: Scene) -> list[tuple[str, float]]:
+    """Names of views that the map explains much worse than the others, and how far off their brightness is.
+
+    That is the median size of lit residuals over the median brightness; odd is more than ODD_SHARE, and ODD_TIMES as
+    much as the median view. A Sun wrong by tens of degrees shows so.
+    """
+    if scene.reflectance is None:
+        return []
+    tracks = scene.tracks
+    residual, misfit = np.abs(tracks.brightness - observation_brightness(scene)), np.zeros(len(scene.views))
+    for k in range(len(misfit)):
+        lit = tracks.lit & (tracks.view == k)
+        if lit.any():
+            misfit[k] = np.median(residual[lit]) / np.median(tracks.brightness[lit])
+    odd = misfit > max(ODD_SHARE, ODD_TIMES * float(np.median(misfit)))
+    return [(scene.views.name[k], float(misfit[k])) for k in np.flatnonzero(odd)]
 
 
 def is_settled(entries: Sequence[dict[str, float]], options: RelightOptions) -> bool:
