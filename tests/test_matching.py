@@ -242,3 +242,14 @@ def test_real_images_match_along_their_epipolar_lines():
     across = np.sqrt(sampson_error(fundamental, region.pixel_centers(), matches.position))
     assert matches.valid.mean() > 0.95
     assert np.median(across[matches.valid]) < 0.3
+
+
+def test_the_matcher_of_the_docs_finds_a_displacement():
+    page = (Path(__file__).parents[1] / "docs" / "matching.md").read_text()
+    names: dict = {}
+    exec(page.split("```python\n")[1].split("```")[0], names)
+    request, true = displaced()
+    matches = names["BlockMatcher"]().match(request)
+    assert matches.valid.mean() > 0.95
+    assert np.median(error_px(matches, true)) < 0.3
+    assert np.median(np.linalg.norm(request.prediction[request.inner] - true, axis=-1)) > 1.0

@@ -105,6 +105,11 @@ def test_metrics_and_config_say_what_was_done(mapped):
     assert [v["name"] for v in metrics["views"]] == [v.name for v in read_site(mapped.site).views]
     assert [s["stage"] for s in metrics["stages"]][1:4] == ["sparse", "region", "dense"]
     assert all(s["wall_s"] >= 0 and not s["resumed"] for s in metrics["stages"])
+    first, *others = metrics["rounds"]
+    assert [first["round"], *(r["round"] for r in others)] == list(range(len(others) + 1))
+    assert others[-1]["keypoint_residual_median_px"] < first["keypoint_residual_median_px"]
+    assert others[-1]["photometric_error_mean_percent"] < first["photometric_error_mean_percent"]
+    assert "Rounds" in mapped.result.report.read_text()
     config = tomllib.loads((mapped.run / "config.toml").read_text())
     assert config["site"] == str(mapped.site.resolve())
     assert config["reflectance"] == "auto"
@@ -124,11 +129,11 @@ def test_a_second_run_reads_every_stage_back(mapped, tmp_path, adjust_nothing):
 
 def test_changed_options_redo_what_depends_on_them_and_no_more(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
-    run(mapped.site, folder, RunOptions(adjust=AdjustOptions(smooth_neighbours=6)))
+    run(mapped.site, folder, RunOptions(matcher="flow", adjust=AdjustOptions(smooth_neighbours=6)))
     assert resumed(folder) == ["sparse", "region", "dense"]
-    run(mapped.site, folder, RunOptions(reflectance="akimov"))
+    run(mapped.site, folder, RunOptions(matcher="flow", reflectance="akimov"))
     assert resumed(folder) == ["sparse", "region", "dense"]
-    run(mapped.site, folder, RunOptions(match_rounds=1, reflectance="akimov"))
+    run(mapped.site, folder, RunOptions(matcher="flow", match_rounds=1, reflectance="akimov"))
     assert resumed(folder) == ["sparse", "region"]
     assert len(adjust_nothing) == 3
 
@@ -166,7 +171,7 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(products, "_Done", killed)
+        patch.setattr(products, "Kept", killed)
         with pytest.raises(KeyboardInterrupt):
             run(mapped.site, folder, RunOptions(reflectance="akimov"))
     assert read_scene(folder / "scene.h5").reflectance.disk == "akimov"

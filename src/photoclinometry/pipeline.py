@@ -22,9 +22,10 @@ from photoclinometry.io.site import Site, input_fingerprint, load_images, read_s
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
-from photoclinometry.products import Progress, RunResult, adjust_or_read, write_config, write_products
+from photoclinometry.products import Progress, RunResult, adjusted, write_config, write_products
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
 from photoclinometry.region import RegionOptions, choose_region
+from photoclinometry.rounds import RelightOptions, adjust_in_rounds
 from photoclinometry.runfolder import RunFolder, digest, open_run
 from photoclinometry.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
@@ -41,12 +42,17 @@ class RunOptions:
     """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
     mcewen. none: geometry alone (dense structure from motion)."""
     match_rounds: int = 2
-    """Times that the views are matched: first after a pre-warp by the sparse surface, then by the dense one."""
+    """Times that the views are matched before the first map: after a pre-warp by the sparse surface, then by the dense
+    one."""
+    matcher: Literal["relight", "flow"] = "relight"
+    """relight: with a first map, match the views again, each with the reference relit for it, and adjust again. flow:
+    leave it at the first map, whose matches are of optical flow on the images themselves."""
     hold_out: tuple[str, ...] = ()
     """Views to leave out of the map, and measure it on: only their poses are found, from the finished map."""
     sfm: SfmOptions = field(default_factory=SfmOptions)
     region: RegionOptions = field(default_factory=RegionOptions)
     flow: FlowOptions = field(default_factory=FlowOptions)
+    relight: RelightOptions = field(default_factory=RelightOptions)
     densify: DensifyOptions = field(default_factory=DensifyOptions)
     adjust: AdjustOptions = field(default_factory=AdjustOptions)
 
@@ -108,10 +114,21 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     with folder.timed("initialise"):
         scene = initial_scene(site, sparse, images, views, int(place.reference), region, dense, reflectance)
     key = digest("adjust", key, options.reflectance, options.adjust)
-    adjustment = adjust_or_read(folder, key, scene, options.adjust, report_progress, anchors_from(sparse))
-    key = digest("held out", key, options.flow)
+    anchors = anchors_from(sparse)
+    adjustment, rounds = adjust_in_rounds(
+        folder,
+        key,
+        scene,
+        [image for image, there in zip(images, sparse.registered, strict=True) if there],
+        lambda start: adjusted(start, options.adjust, report_progress, anchors),
+        options.relight if options.matcher == "relight" else replace(options.relight, rounds=0),
+        options.flow,
+        options.densify,
+        report_progress,
+    )
+    key = digest("held out", key, options.flow, options.matcher, options.relight)
     aside = _resect_or_read(folder, key, adjustment.scene, views, held, images, options)
-    return write_products(folder, adjustment, images, config, left_out, aside)
+    return write_products(folder, adjustment, images, config, left_out, aside, rounds)
 
 
 def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, adjust
+from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, Iteration, Noise, adjust
 from photoclinometry.errors import RunFolderError
 from photoclinometry.io.options import write_options
 from photoclinometry.runfolder import RunFolder
@@ -37,10 +37,13 @@ class RunResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Done:
+class Kept:
     """That the adjusted scene of this key is in scene.h5, and how it was reached."""
 
     summary: str
+    """JSON."""
+    more: str
+    """JSON of what else belongs to it."""
 
 
 def adjust_or_read(
@@ -52,10 +55,11 @@ def adjust_or_read(
     anchors: Anchors | None = None,
 ) -> Adjustment:
     """The adjusted scene, from the run folder's scene.h5 if that is of this key, else estimated and kept there."""
-    from photoclinometry.adjust import Iteration, Noise
-    from photoclinometry.io.scene_file import read_scene, write_scene
+    return kept_or_made(folder, key, lambda: (adjusted(scene, options, progress, anchors), {}))[0]
 
-    file = folder.path / "scene.h5"
+
+def adjusted(scene: Scene, options: AdjustOptions, progress: Progress, anchors: Anchors | None = None) -> Adjustment:
+    """`adjust`, with its steps reported."""
     steps = 0
 
     def count(iteration: Iteration) -> None:
@@ -63,8 +67,22 @@ def adjust_or_read(
         steps += 1
         progress("adjust", steps, 0)
 
-    def make() -> _Done:
-        adjustment = adjust(scene, options, anchors=anchors, progress=count)
+    return adjust(scene, options, anchors=anchors, progress=count)
+
+
+def kept_or_made(
+    folder: RunFolder, key: str, make: Callable[[], tuple[Adjustment, dict[str, Any]]]
+) -> tuple[Adjustment, dict[str, Any]]:
+    """The stage "adjust": the adjusted scene that scene.h5 holds if it is of this key, else made and kept there.
+
+    With it goes, and comes back, whatever else can be written as JSON.
+    """
+    from photoclinometry.io.scene_file import read_scene, write_scene
+
+    file = folder.path / "scene.h5"
+
+    def keep() -> Kept:
+        adjustment, more = make()
         # Were the run killed between the two files, the old key must not stand beside the new scene.
         folder.forget("adjust")
         write_scene(file, adjustment.scene)
@@ -75,35 +93,37 @@ def adjust_or_read(
             "noise": asdict(adjustment.noise),
             "parameter_sigma": adjustment.parameter_sigma.tolist(),
         }
-        return _Done(summary=json.dumps(summary))
+        return Kept(summary=json.dumps(summary), more=json.dumps(more))
 
-    if not _is_scene(file):
-        folder.forget("adjust")
-    done = json.loads(folder.stage("adjust", key, make, _Done).summary)
-    adjusted = read_scene(file)
+    has_scene(folder)
+    kept = folder.stage("adjust", key, keep, Kept)
+    done = json.loads(kept.summary)
+    scene = read_scene(file)
     return Adjustment(
-        adjusted,
+        scene,
         done["converged"],
         done["message"],
         tuple(Iteration(**i) for i in done["log"]),
         Noise(**done["noise"]),
-        adjusted.tracks.lit,
+        scene.tracks.lit,
         np.array(done["parameter_sigma"]),
-    )
+    ), json.loads(kept.more)
 
 
-def _is_scene(file: Path) -> bool:
-    """Whether an earlier run left a whole scene; a damaged one is warned of."""
+def has_scene(folder: RunFolder) -> bool:
+    """Whether an earlier run left a whole scene.h5; a damaged one is warned of. Without, no estimate counts as kept."""
     from photoclinometry.io.scene_file import read_scene
 
-    if not file.is_file():
-        return False
-    try:
-        read_scene(file)
-    except RunFolderError as error:
-        log.warning("%s; the stage is done again", error)
-        return False
-    return True
+    file = folder.path / "scene.h5"
+    if file.is_file():
+        try:
+            read_scene(file)
+        except RunFolderError as error:
+            log.warning("%s; the stage is done again", error)
+        else:
+            return True
+    folder.forget("adjust")
+    return False
 
 
 def write_products(
@@ -113,11 +133,12 @@ def write_products(
     config: Mapping[str, Any],
     left_out: tuple[str, ...],
     held_out: Views | None = None,
+    rounds: Sequence[Mapping[str, float]] = (),
 ) -> RunResult:
     """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
 
     config: what shaped the run, for the report; left_out: names of views that are not in the scene; held_out: views
-    that the scene was not made from, in its frame.
+    that the scene was not made from, in its frame; rounds: what each round of matching and adjusting brought.
     """
     from photoclinometry.evaluate import evaluate_scene, held_out_table, view_table
     from photoclinometry.io.atomic import write_text
@@ -148,6 +169,7 @@ def write_products(
             metrics=metrics,
             per_view=rows,
             stages=[asdict(stage) for stage in folder.stages],
+            rounds=rounds,
             convergence=[i.cost for i in adjustment.log if i.accepted],
             options=config,
         )
@@ -155,6 +177,7 @@ def write_products(
         "metrics": json_numbers(metrics),
         "views": rows,
         "left_out": list(left_out),
+        "rounds": [json_numbers(round_) for round_ in rounds],
         "stages": [asdict(stage) for stage in folder.stages],
         "message": adjustment.message,
     }

@@ -64,14 +64,14 @@ def lambert_shade(normal: np.ndarray, sun: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, parallel=True)
-def _march(point, sun, fx, fy, cx, cy, row0, col0, depth, nearest, farthest, step, lit):
+def _march(point, towards, fx, fy, cx, cy, row0, col0, depth, nearest, farthest, step, free):
     height, width = depth.shape
     for j in prange(point.shape[0]):
         travelled = 1.5 * step
         while True:
-            x = point[j, 0] + travelled * sun[0]
-            y = point[j, 1] + travelled * sun[1]
-            z = point[j, 2] + travelled * sun[2]
+            x = point[j, 0] + travelled * towards[j, 0]
+            y = point[j, 1] + travelled * towards[j, 1]
+            z = point[j, 2] + travelled * towards[j, 2]
             travelled += step
             if z < nearest or z > farthest:
                 break
@@ -85,24 +85,25 @@ def _march(point, sun, fx, fy, cx, cy, row0, col0, depth, nearest, farthest, ste
                 (1.0 - v) * depth[r + 1, c] + v * depth[r + 1, c + 1]
             )
             if z > ground:  # behind what the reference camera sees; False beside missing landmarks (NaN)
-                lit[j] = False
+                free[j] = False
                 break
 
 
-def in_sunlight(scene: Scene, sun: np.ndarray) -> np.ndarray:
-    """(J,) bool: no other part of the map stands between the landmark and the Sun (3,), in B.
+def unobstructed(scene: Scene, towards: np.ndarray) -> np.ndarray:
+    """(J,) bool: no other part of the map stands in the way from the landmarks towards (3,) or (J, 3), in B.
 
-    A ray from each landmark towards the Sun is followed in steps of one GSD over the reference camera's depth
-    map until it leaves the region or all relief. Ground outside the map, or hidden from the reference camera,
-    casts no shadow; attached shadow (incidence above 90 degrees) is the reflectance model's affair.
+    A ray from each landmark is followed in steps of one GSD over the reference camera's depth map until it leaves
+    the region or all relief. Ground outside the map, or hidden from the reference camera, obstructs nothing.
+    towards: of any length.
     """
     cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
     point = cam_from_body(scene.landmarks.position)
+    direction = unit(np.asarray(towards, float)) @ cam_from_body.rotation.T
     camera = scene.views.cameras[scene.reference]
-    lit = np.ones(len(point), bool)
+    free = np.ones(len(point), bool)
     _march(
         point,
-        cam_from_body.rotation @ np.asarray(sun, float),
+        np.ascontiguousarray(np.broadcast_to(direction, point.shape)),
         *camera.focal_px,
         *camera.principal_px,
         scene.region.row,
@@ -111,6 +112,14 @@ def in_sunlight(scene: Scene, sun: np.ndarray) -> np.ndarray:
         point[:, 2].min(),
         point[:, 2].max(),
         scene.gsd,
-        lit,
+        free,
     )
-    return lit
+    return free
+
+
+def in_sunlight(scene: Scene, sun: np.ndarray) -> np.ndarray:
+    """(J,) bool: no other part of the map shades the landmark from the Sun (3,), in B (`unobstructed`).
+
+    Attached shadow (incidence above 90 degrees) is the reflectance model's affair.
+    """
+    return unobstructed(scene, sun)

@@ -63,6 +63,10 @@ class RunFolder:
                 _write(file, key, found)
         return found
 
+    def holds(self, name: str, key: str, kind: type) -> bool:
+        """Whether the result of a stage, of this key, is on disk and can be read."""
+        return _read(self.path / "stages" / f"{name}.npz", key, kind) is not None
+
     def forget(self, name: str) -> None:
         """Takes back that a stage is finished; the next run does it again."""
         (self.path / "stages" / f"{name}.npz").unlink(missing_ok=True)

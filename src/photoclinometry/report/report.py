@@ -31,6 +31,7 @@ def write_report(
     metrics: Mapping[str, float] | None = None,
     per_view: Sequence[Mapping[str, Any]] | None = None,
     stages: Sequence[Mapping[str, Any]] = (),
+    rounds: Sequence[Mapping[str, float]] = (),
     convergence: Sequence[Mapping[str, float]] = (),
     errors: Mapping[str, np.ndarray] | None = None,
     options: Mapping[str, Any] | None = None,
@@ -45,6 +46,7 @@ def write_report(
     per_view: rows as `evaluate.view_table` gives (computed if left out), with more columns and rows as you
         like, such as "registered" (False makes a row red) and "how"; units are read from the keys.
     stages: one mapping per stage, such as {"stage": ..., "wall_s": ..., "cpu_s": ..., "peak_memory_gb": ...}.
+    rounds: one mapping per round of matching and adjusting, as `rounds.round_entry` gives.
     convergence: one mapping per iteration, the first before any step: cost by type of factor.
     errors: per-landmark values (J,) to be drawn as maps, such as `Comparison.errors`.
     options: of the run, nested as they are. unit: of frame B, where it means something ("m").
@@ -54,7 +56,7 @@ def write_report(
     metrics = evaluate_scene(scene, images, per_view=rows) if metrics is None else metrics
     with atomic_path(folder) as work:
         work.mkdir()
-        sections = _sections(work, scene, images, rows, stages, convergence, errors or {}, unit)
+        sections = _sections(work, scene, images, rows, stages, rounds, convergence, errors or {}, unit)
         sections.insert(0, ("Summary", "", page.tiles(metrics)))
         sections.append(("All figures", "", page.metrics_tables(metrics)))
         if options:
@@ -67,7 +69,7 @@ def write_report(
     return folder / "index.html"
 
 
-def _sections(work, scene, images, rows, stages, convergence, errors, unit):
+def _sections(work, scene, images, rows, stages, rounds, convergence, errors, unit):
     """The page's sections in order, drawing their figures into `work`."""
     by_name = {image.name: image for image in images}
     reference = by_name.get(scene.views.name[scene.reference])
@@ -86,6 +88,9 @@ def _sections(work, scene, images, rows, stages, convergence, errors, unit):
         draw_relit(work / "relit.png", scene)
         caption = "Azimuth counts clockwise from up in the image, elevation from the mean plane; shadows are cast."
         sections.append(("Relit", "", page.figures([("relit.png", caption)], "grid wide")))
+    if rounds:
+        note = "Each round renders the map under every view's Sun, matches that, and adjusts again."
+        sections.append(("Rounds", note, page.mapping_table(rounds)))
     if convergence:
         draw_convergence(work / "convergence.png", convergence)
         shown = page.figures([("convergence.png", "Cost by type of factor.")], "grid wide half")

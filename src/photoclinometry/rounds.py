@@ -1,0 +1,196 @@
+"""Adjust, render under each view's Sun, match again, adjust again: until the matches stay where they are.
+
+Each round begins with the map of the one before. Brightness is taken where its surface projects, normals and
+albedos are sharpened by it (`shading`), every view is matched with the reference relit for it (`matching.relight`),
+and the matches are triangulated and adjusted like the first ones.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.adjust import Adjustment
+from photoclinometry.densify import DenseTracks, DensifyOptions, densify
+from photoclinometry.evaluate import keypoint_residual_px, landmark_photometric_error
+from photoclinometry.geometry import angle_between
+from photoclinometry.matching.flow import FlowMatcher, FlowOptions
+from photoclinometry.matching.interface import MARGIN_PX, padded_region, request_match
+from photoclinometry.matching.relight import RelightMatcher, map_depth
+from photoclinometry.predict import observation_brightness
+from photoclinometry.products import Kept, Progress, has_scene, kept_or_made
+from photoclinometry.runfolder import RunFolder, digest
+from photoclinometry.scene import Image, Scene, Tracks
+from photoclinometry.shading import brightness_on_surface, normals_from_shading
+
+log = logging.getLogger(__name__)
+
+ODD_SHARE, ODD_TIMES = 0.03, 3.0
+"""A view is odd whose brightness is off by more than this share, and by so many times what is usual."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelightOptions:
+    """Rounds of matching against the reference as it would look under each view's Sun."""
+
+    rounds: int = 3
+    """Rounds at most, after the first map. Geometry alone has none."""
+    settled_px: float = 0.03
+    """No further round once half of all matches moved by less [px]."""
+
+
+def adjust_in_rounds(
+    folder: RunFolder,
+    key: str,
+    scene: Scene,
+    images: Sequence[Image],
+    adjusted: Callable[[Scene], Adjustment],
+    rounds: RelightOptions,
+    flow: FlowOptions,
+    dense: DensifyOptions,
+    progress: Progress,
+) -> tuple[Adjustment, list[dict[str, float]]]:
+    """The adjusted scene after all rounds, and an entry for each (`round_entry`). A killed run goes on in its round.
+
+    images: of the scene's views. adjusted: the joint estimate, from where to start.
+    """
+    count = rounds.rounds if scene.reflectance is not None else 0
+    keys = [key, *(digest("relight", key, n) for n in range(1, count + 1))]
+    whole = has_scene(folder)
+    first = max((n for n in range(1, count + 1) if whole and folder.holds("adjust", keys[n], Kept)), default=0)
+
+    def start() -> tuple[Adjustment, dict[str, Any]]:
+        found = adjusted(scene)
+        for name, misfit in odd_views(found.scene):
+            log.warning(
+                "%s: its brightness is %.0f %% off what the map predicts, far more than other views': "
+                "check its `sun`, its exposure, and what it shows",
+                name,
+                100.0 * misfit,
+            )
+        return found, {"rounds": [round_entry(0, found.scene)]}
+
+    adjustment, more = kept_or_made(folder, keys[first], start)
+    for number in range(first + 1, count + 1):
+        if is_settled(more["rounds"], rounds):
+            break
+        with folder.timed(f"relight {number}"):
+            matched = rematch(adjustment.scene, images, flow, dense, progress, f"relight {number}")
+
+        def again(matched=matched, before=adjustment.scene, entries=more["rounds"], number=number):
+            found = adjusted(matched)
+            return found, {"rounds": [*entries, round_entry(number, found.scene, before)]}
+
+        adjustment, more = kept_or_made(folder, keys[number], again)
+    return adjustment, more["rounds"]
+
+
+def rematch(
+    scene: Scene,
+    images: Sequence[Image],
+    flow: FlowOptions,
+    dense: DensifyOptions,
+    progress: Progress = lambda what, done, total: None,
+    name: str = "relight",
+) -> Scene:
+    """The scene with landmarks and tracks from new matches against the relit reference, ready to be adjusted.
+
+    images: of the scene's views. Progress is reported under `name`. Raises ReconstructionError where nothing matches.
+    """
+    sharp = normals_from_shading(brightness_on_surface(scene, images))
+    matcher = RelightMatcher(sharp, FlowMatcher(flow))
+    cameras, poses, own = list(scene.views.cameras), scene.views.body_from_cam, scene.reference
+    padded = padded_region(scene.region, MARGIN_PX, cameras[own])
+    depth = map_depth(scene.landmarks, poses[own], padded, cameras[own])
+    targets = [k for k in range(len(scene.views)) if k != own]
+    matches = {}
+    for done, target in enumerate(targets):
+        progress(name, done, len(targets))
+        matches[target] = matcher.match(
+            request_match(list(images), cameras, poses, own, target, scene.region, padded, depth)
+        )
+    progress(name, len(targets), len(targets))
+    found = densify(scene.region, own, matches, cameras, poses, dense)
+    return brightness_on_surface(with_dense(sharp, found), images)
+
+
+def with_dense(scene: Scene, dense: DenseTracks) -> Scene:
+    """The scene with the positions and tracks of `dense`, whose pixels must all have had a landmark."""
+    index = scene.grid(np.arange(len(scene.landmarks), dtype=float), fill=-1.0).astype(int)
+    row, col = (dense.pixel - (scene.region.row, scene.region.col)).T
+    count = len(dense.view)
+    return replace(
+        scene,
+        landmarks=replace(scene.landmarks[index[row, col]], position=dense.position),
+        tracks=Tracks(
+            start=dense.start,
+            view=dense.view,
+            keypoint=dense.keypoint,
+            keypoint_sigma=dense.keypoint_sigma,
+            brightness=np.zeros(count),
+            lit=np.zeros(count, bool),
+        ),
+    )
+
+
+def round_entry(number: int, scene: Scene, before: Scene | None = None) -> dict[str, float]:
+    """What a round brought: how well the map explains its measurements, and how far it moved from `before`."""
+    residual = keypoint_residual_px(scene)
+    entry = {
+        "round": number,
+        "landmarks": len(scene.landmarks),
+        "observations": len(scene.tracks),
+        "keypoint_residual_median_px": float(np.median(residual)),
+    }
+    if scene.reflectance is not None:
+        error = landmark_photometric_error(scene, remove_scale_and_bias=True)
+        entry["photometric_error_mean_percent"] = 100.0 * float(np.nanmean(error))
+    if before is not None:
+        moved, turned = changes(before, scene)
+        entry |= {"keypoints_moved_median_px": moved, "normals_turned_median_deg": float(np.degrees(turned))}
+    log.info("round %d: %s", number, entry)
+    return entry
+
+
+def changes(before: Scene, after: Scene) -> tuple[float, float]:
+    """Median movement of the keypoints [px] and turn of the normals [rad] that both scenes have."""
+    old, new = _observation_number(before), _observation_number(after)
+    _, i, j = np.intersect1d(old, new, return_indices=True)
+    other = before.tracks.view[i] != before.reference
+    i, j = i[other], j[other]
+    moved = np.linalg.norm(after.tracks.keypoint[j] - before.tracks.keypoint[i], axis=-1)
+    turned = angle_between(before.grid(before.landmarks.normal), after.grid(after.landmarks.normal))
+    return float(np.median(moved)), float(np.nanmedian(turned))
+
+
+def odd_views(scene: Scene) -> list[tuple[str, float]]:
+    """Names of views that the map explains much worse than the others, and how far off their brightness is.
+
+    That is the median size of lit residuals over the median brightness; odd is more than ODD_SHARE, and ODD_TIMES as
+    much as the median view. A Sun wrong by tens of degrees shows so.
+    """
+    if scene.reflectance is None:
+        return []
+    tracks = scene.tracks
+    residual, misfit = np.abs(tracks.brightness - observation_brightness(scene)), np.zeros(len(scene.views))
+    for k in range(len(misfit)):
+        lit = tracks.lit & (tracks.view == k)
+        if lit.any():
+            misfit[k] = np.median(residual[lit]) / np.median(tracks.brightness[lit])
+    odd = misfit > max(ODD_SHARE, ODD_TIMES * float(np.median(misfit)))
+    return [(scene.views.name[k], float(misfit[k])) for k in np.flatnonzero(odd)]
+
+
+def is_settled(entries: Sequence[dict[str, float]], options: RelightOptions) -> bool:
+    return entries[-1].get("keypoints_moved_median_px", np.inf) < options.settled_px
+
+
+def _observation_number(scene: Scene) -> np.ndarray:
+    """(N,) a number for each observation that tells its reference pixel and its view."""
+    row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
+    pixel = (row * scene.region.width + col).astype(np.int64)
+    return pixel[scene.tracks.landmark] * len(scene.views) + scene.tracks.view
