@@ -147,7 +147,7 @@ class Problem:
         gradient[held, :3] += weight[:, None] * moved
         _make_invertible(block)
         camera_observed = _full(self._normal.camera_block.sum(0))
-        rest, prior_gradient = self._camera_priors(estimate)
+        rest, prior_gradient = self.camera_priors(estimate)
         camera_block = camera_observed + rest
         _make_invertible(camera_block)
         return cost, NormalEquations(
@@ -217,7 +217,7 @@ class Problem:
         sun = _sun_rows(now)[0] if self.with_brightness else np.zeros(1)
         return float(np.sum(sun**2)), float(total)
 
-    def _camera_priors(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
+    def camera_priors(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
         """Blocks (K, 10, 10) and gradient (K, 10) of the Sun factors and of the priors on poses, scales, biases."""
         priors, start, now = self.priors, self.priors.views, estimate.views
         count = len(now)
