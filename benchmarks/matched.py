@@ -14,7 +14,8 @@ from scipy.ndimage import gaussian_filter
 
 from photoclinometry.geometry import Rigid, so3_exp, unit
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, photometric_angles, published
+from photoclinometry.predict import shading
+from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, published
 from photoclinometry.scene import Camera, Landmarks, Region, Scene, Tracks, Views
 
 FOCAL_PX, ALTITUDE = 10_700.0, 680e3 / 60.0
@@ -57,15 +58,13 @@ def matched_problem(
     landmarks = _ground(side, rng)
     truth_views = _campaign(views, brightness, noise, rng)
     landmark, view = np.nonzero(_visible(landmarks, truth_views, views_per_landmark, rng))
-    position, normal = landmarks.position[landmark], landmarks.normal[landmark]
-    center = truth_views.body_from_cam.translation[view]
-    mu0, mu, phase = photometric_angles(truth_views.sun[view], center, position, normal)
-    clean = truth_views.scale[view] * landmarks.albedo[landmark] * reflectance(mu0, mu, phase)
+    rho = shading(landmark, view, truth_views, landmarks.position, landmarks.normal, reflectance)[2]
+    clean = truth_views.scale[view] * landmarks.albedo[landmark] * rho
     bright = clean * (1 + noise.brightness * rng.normal(size=len(view))) + truth_views.bias[view]
     keypoint = np.empty((len(view), 2))
     for k in range(views):
         seen = view == k
-        keypoint[seen] = truth_views.project(k, position[seen])
+        keypoint[seen] = truth_views.project(k, landmarks.position[landmark[seen]])
     tracks = Tracks(
         start=np.concatenate([[0], np.cumsum(np.bincount(landmark, minlength=side * side))]),
         view=view.astype(np.int32),
@@ -168,10 +167,8 @@ def _visible(landmarks: Landmarks, views: Views, per_landmark: int | None, rng: 
             middle = rng.uniform(-0.5, 0.5, 2) * width
             away = np.abs((xy - middle + width / 2) % width - width / 2)
             seen[:, k] &= np.hypot(*away.T) < width * np.sqrt(per_landmark / count / np.pi / 0.9)
-        mu0, mu, _ = photometric_angles(
-            views.sun[k], views.body_from_cam.translation[k], landmarks.position, landmarks.normal
-        )
-        seen[:, k] &= (mu0 > 0.1) & (mu > 0.1)
+        to_camera = unit(views.body_from_cam.translation[k] - landmarks.position)
+        seen[:, k] &= (landmarks.normal @ views.sun[k] > 0.1) & (np.sum(to_camera * landmarks.normal, -1) > 0.1)
     return seen
 
 

@@ -123,8 +123,8 @@ def problem_of(scene, limits=(np.inf, np.inf), hide=0.0):
     """The scene's problem with all factors and priors, its weights and pairs; a share of the brightness hidden."""
     rng = np.random.default_rng(5)
     tracks, views, landmarks = scene.tracks, len(scene.views), len(scene.landmarks)
-    layout, place = build_layout(tracks, views, block_size=7)
-    size = layout.place_start[-1]
+    layout, place = build_layout(tracks, views)
+    size = layout.places
     brightness_weight = np.where(rng.uniform(size=len(tracks)) < hide, 0.0, 1 / 0.003)
     measured = Measurements(
         np.array([spread(axis, place, size) for axis in tracks.keypoint.T]),
@@ -234,9 +234,8 @@ def test_product_equals_the_dense_normal_matrix():
     rng = np.random.default_rng(2)
     size = 1.0 / np.sqrt(np.diag(hessian) + 1e-12)
     x = rng.normal(size=len(hessian)) * size
-    camera, landmark = problem.multiply_observations(
-        equations, x[:40].reshape(4, 10), x[40:].reshape(-1, 6).astype(np.float32)
-    )
+    landmark, single = np.empty((36, 6), np.float32), x.astype(np.float32)
+    camera = problem.multiply_observations(equations, single[:40].reshape(4, 10), single[40:].reshape(-1, 6), landmark)
     product = np.concatenate([camera.ravel(), landmark.ravel()]) * size
     np.testing.assert_allclose(product, hessian @ x * size, atol=2e-5 * abs(hessian @ x * size).max())
     for k in range(4):

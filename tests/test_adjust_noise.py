@@ -12,7 +12,7 @@ from photoclinometry.adjust.noise import (
     keypoint_factor,
     robust_sigma,
 )
-from photoclinometry.scene import keypoint_residuals
+from photoclinometry.predict import keypoint_residuals
 from scenes import synthetic_scene
 
 SIZE = 160

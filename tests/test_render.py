@@ -8,7 +8,6 @@ from scipy.ndimage import binary_dilation
 
 from photoclinometry.errors import InputError
 from photoclinometry.raster import draw_triangles, grid_faces
-from photoclinometry.reflectance import published
 from photoclinometry.relief import (
     angles_from_sun,
     height_map,
@@ -20,7 +19,6 @@ from photoclinometry.relief import (
 from photoclinometry.render import (
     draw_landmarks,
     landmark_brightness,
-    observation_brightness,
     render_reference,
     render_view,
 )
@@ -31,13 +29,6 @@ from scenes import synthetic_images, synthetic_scene
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     return synthetic_scene()
-
-
-@pytest.mark.parametrize("model", ["lunar-lambert", "mcewen"])
-def test_predicted_brightness_is_the_measured_one_of_an_exact_scene(model):
-    """Eqs. 29 (calibrated) and 30 (scale and bias)."""
-    exact = synthetic_scene(size=8, reflectance=published(model, "vesta"))
-    np.testing.assert_allclose(observation_brightness(exact), exact.tracks.brightness, rtol=1e-12)
 
 
 def test_rendering_the_reference_view_is_exact_at_the_landmarks(scene):

@@ -15,8 +15,9 @@ from photoclinometry.errors import InputError
 from photoclinometry.evaluate import completeness
 from photoclinometry.geometry import Rigid, Similarity, angle_between, so3_log
 from photoclinometry.metrics import albedo_error, albedo_factor, landmark_error, normal_error, spread
+from photoclinometry.predict import keypoint_residuals
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION
-from photoclinometry.scene import Landmarks, Scene, Views, keypoint_residuals
+from photoclinometry.scene import Landmarks, Scene, Views
 
 if TYPE_CHECKING:
     from photoclinometry.io.ply import PlyMap

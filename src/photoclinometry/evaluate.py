@@ -13,8 +13,9 @@ import numpy as np
 
 from photoclinometry.errors import InputError
 from photoclinometry.metrics import photometric_error, psnr, spread
-from photoclinometry.render import draw_landmarks, landmark_faces, observation_brightness, render_view
-from photoclinometry.scene import Image, Scene, Views, join_views, keypoint_residuals
+from photoclinometry.predict import keypoint_residuals, observation_brightness
+from photoclinometry.render import draw_landmarks, landmark_faces, render_view
+from photoclinometry.scene import Image, Scene, Views, join_views
 
 SHADOW_FRACTION = 0.1
 """A reference pixel darker than this share of the region's median brightness counts as shadow."""

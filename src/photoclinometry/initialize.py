@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from photoclinometry.reflectance import Reflectance, photometric_angles
+from photoclinometry.predict import shading
+from photoclinometry.reflectance import Reflectance
 from photoclinometry.scene import Image, Views
 
 GRAZING = np.cos(np.radians(85.0))
@@ -96,10 +97,8 @@ def predicted_ratio(
     reflectance: Reflectance,
 ) -> tuple[np.ndarray, np.ndarray]:
     """rho (N,) of each observation: brightness at unit albedo, scale 1; and (N,) bool, not grazing."""
-    mu0, mu, phase = photometric_angles(
-        views.sun[view], views.body_from_cam.translation[view], position[landmark], normal[landmark]
-    )
-    return reflectance(mu0, mu, phase), (mu0 > GRAZING) & (mu > GRAZING)
+    mu0, mu, rho = shading(landmark, view, views, position, normal, reflectance)
+    return rho, (mu0 > GRAZING) & (mu > GRAZING)
 
 
 def initial_albedo(

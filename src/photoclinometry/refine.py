@@ -23,8 +23,8 @@ from photoclinometry.pipeline import (
     write_config,
     write_products,
 )
+from photoclinometry.predict import observation_brightness
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published
-from photoclinometry.render import observation_brightness
 from photoclinometry.runfolder import digest, open_run
 from photoclinometry.scene import Scene, Tracks
 

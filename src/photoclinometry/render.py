@@ -7,21 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from photoclinometry.errors import InputError
 from photoclinometry.geometry import unit
+from photoclinometry.predict import reflectance_of
 from photoclinometry.raster import draw_triangles, grid_faces
-from photoclinometry.reflectance import Reflectance, photometric_angles
+from photoclinometry.reflectance import photometric_angles
 from photoclinometry.relief import in_sunlight
 from photoclinometry.scene import Scene
-
-
-def _model(scene: Scene) -> Reflectance:
-    if scene.reflectance is None:
-        raise InputError(
-            f"scene {scene.name!r} holds geometry alone (reflectance = none): it has no albedos to render; "
-            "run again with a reflectance model"
-        )
-    return scene.reflectance
 
 
 def landmark_brightness(
@@ -43,7 +34,7 @@ def landmark_brightness(
     angles = photometric_angles(
         towards_sun, views.body_from_cam.translation[view], landmarks.position, landmarks.normal
     )
-    radiance = landmarks.albedo * _model(scene)(*angles)
+    radiance = landmarks.albedo * reflectance_of(scene)(*angles)
     if cast_shadows:
         radiance = radiance * sunlit_share(scene, towards_sun)
     return views.scale[view] * radiance + views.bias[view] if with_scale_and_bias else radiance
@@ -63,17 +54,6 @@ def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
     share = convolve(np.where(present, lit, 0.0), window, mode="constant") / np.maximum(around, 1.0)
     row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
     return share[row, col]
-
-
-def observation_brightness(scene: Scene, *, with_scale_and_bias: bool = True) -> np.ndarray:
-    """Predicted brightness (N,) of every observation of the tracks."""
-    predicted = np.empty(len(scene.tracks))
-    landmark = scene.tracks.landmark
-    for k in range(len(scene.views)):
-        seen = np.flatnonzero(scene.tracks.view == k)
-        of_view = landmark_brightness(scene, k, with_scale_and_bias=with_scale_and_bias)
-        predicted[seen] = of_view[landmark[seen]]
-    return predicted
 
 
 def render_reference(

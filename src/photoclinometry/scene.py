@@ -228,13 +228,3 @@ class Scene:
 
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
         return replace(self, views=views, landmarks=landmarks)
-
-
-def keypoint_residuals(scene: Scene) -> np.ndarray:
-    """Predicted minus measured keypoints (N, 2) [px]."""
-    tracks, residual = scene.tracks, np.empty_like(scene.tracks.keypoint)
-    landmark = tracks.landmark
-    for k in range(len(scene.views)):
-        seen = tracks.view == k
-        residual[seen] = scene.views.project(k, scene.landmarks.position[landmark[seen]]) - tracks.keypoint[seen]
-    return residual

@@ -26,8 +26,9 @@ from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize
 from photoclinometry.adjust.uncertainty import OF_LANDMARKS, Weights, estimate_uncertainty
 from photoclinometry.errors import ReconstructionError
 from photoclinometry.initialize import neighbours
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION, photometric_angles
-from photoclinometry.scene import Landmarks, Scene, Tracks, Views, keypoint_residuals
+from photoclinometry.predict import keypoint_residuals, shading
+from photoclinometry.reflectance import HAS_PHASE_FUNCTION
+from photoclinometry.scene import Landmarks, Scene, Tracks
 
 log = logging.getLogger(__name__)
 
@@ -183,9 +184,9 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors."""
     tracks, photometric = scene.tracks, scene.reflectance is not None
     layout, place = build_layout(tracks, len(scene.views))
-    unweighted = lay_out(tracks, place, int(layout.place_start[-1]))
+    unweighted = lay_out(tracks, place, layout.places)
     smooth = photometric and options.smooth_sigma_rad > 0
-    pairs = _pairs(scene.landmarks.position, mapped, options) if smooth else None
+    pairs = _pairs(scene.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
     own = np.arange(len(scene.landmarks)) < mapped
     if options.keypoint_sigma_px is not None:
         sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
@@ -260,16 +261,13 @@ def _weights(scene: Scene, options: AdjustOptions, lit, own, noise: Noise) -> We
 
 def gate(scene: Scene, estimate: Estimate, options: AdjustOptions) -> np.ndarray:
     """Observations (N,) whose brightness counts: lit in the image, and neither Sun nor camera too low."""
-    mu0, mu, _ = _angles(scene.tracks, estimate.views, estimate.landmarks)
+    tracks, points = scene.tracks, estimate.landmarks
+    assert scene.reflectance is not None
+    mu0, mu, _ = shading(
+        tracks.landmark, tracks.view, estimate.views, points.position, points.normal, scene.reflectance
+    )
     high = mu0 > np.cos(np.radians(options.max_incidence_deg))
-    return scene.tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
-
-
-def _angles(tracks: Tracks, views: Views, landmarks: Landmarks) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """mu0, mu, phase (N,) of each observation."""
-    view, landmark = tracks.view, tracks.landmark
-    center = views.body_from_cam.translation[view]
-    return photometric_angles(views.sun[view], center, landmarks.position[landmark], landmarks.normal[landmark])
+    return tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
 
 
 def _starting_noise(scene: Scene, options: AdjustOptions, lit: np.ndarray) -> Noise:
@@ -312,9 +310,12 @@ def _measured_noise(scene: Scene, estimate: Estimate, options: AdjustOptions, li
     return replace(noise, **found)
 
 
-def _pairs(position: np.ndarray, mapped: int, options: AdjustOptions) -> Neighbours:
-    """Neighbours among the mapped landmarks; the anchors have none."""
-    index, near = neighbours(position[:mapped], options.smooth_neighbours)
+def _pairs(position: np.ndarray, mapped: int, count: int) -> Neighbours:
+    """`count` neighbours of each of the mapped landmarks; the anchors have none."""
+    if count == 0:
+        none = np.zeros((len(position), 0))
+        return build_neighbours(none.astype(int), none.astype(bool))
+    index, near = neighbours(position[:mapped], count)
     alone = ((0, len(position) - mapped), (0, 0))
     return build_neighbours(np.pad(index, alone), np.pad(near, alone))
 

@@ -1,11 +1,10 @@
-"""How observations lie in memory: blocks of neighbouring landmarks that share a list of views.
+"""How observations lie in memory: groups of neighbouring landmarks that share a list of views.
 
-A dense landmark x image array wastes memory as soon as views see different ground, and a ragged list keeps
-compiled loops from running over contiguous data. Between them: landmarks are sorted along a space-filling
-curve and cut into blocks; a block lists the views that see any of its landmarks (its slots), and every
-landmark of the block has one place per slot, with weight zero where it is not seen. Neighbours see
-nearly the same views, so little is wasted; loops over slots are contiguous, and what belongs to a view is
-gathered once per block.
+A dense landmark x image array wastes memory as soon as views see different ground, and a ragged list keeps compiled
+loops from vector instructions. Between them: landmarks are sorted along a space-filling curve and taken sixteen at a
+time, the lanes of a group; the group lists the views that see any of them (its slots), and each slot has one place per
+lane, with weight zero where the landmark is not seen. Neighbours see nearly the same views, so little is wasted; every
+loop over lanes has the same fixed length, and what belongs to a view is the same number in all of them.
 """
 
 from __future__ import annotations
@@ -13,29 +12,25 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from photoclinometry.scene import Tracks
 
 LANES = 16
-"""Slots come in multiples of this, so that loops over them have a fixed length that compilers turn into vector
-instructions (LLVM leaves loops of fewer than 16 alone)."""
-
-_FILL = 0.6
-"""A block is closed before less than this share of its places would hold an observation."""
+"""Landmarks of a group: so many single-precision numbers fill the widest vector registers, and LLVM leaves loops of
+fewer turns alone."""
 
 
 class Layout(NamedTuple):
-    """Where things are. Landmarks and observations are in the solver's order."""
+    """Where things are: landmark j is lane j % LANES of group j // LANES, and slot s has places LANES s + lane."""
 
-    landmark_start: np.ndarray
-    """(B + 1,) int64: block b holds landmarks landmark_start[b]:landmark_start[b + 1]."""
     slot_start: np.ndarray
-    """(B + 1,) int64: block b's views are slot_view[slot_start[b]:slot_start[b + 1]]."""
+    """(G + 1,) int64: the slots of group g are slot_start[g]:slot_start[g + 1]."""
     slot_view: np.ndarray
-    """(S,) int32 view of each slot; a block's last slots may repeat its first view, with nothing measured there."""
-    place_start: np.ndarray
-    """(B + 1,) int64: the first place of block b; landmark i of it begins i * slots later."""
+    """(S,) int32 view of each slot."""
+
+    @property
+    def places(self) -> int:
+        return LANES * len(self.slot_view)
 
 
 class Measurements(NamedTuple):
@@ -65,50 +60,17 @@ def morton_order(pixel: np.ndarray) -> np.ndarray:
     return np.argsort(key, kind="stable")
 
 
-def build_layout(tracks: Tracks, view_count: int, block_size: int = 32) -> tuple[Layout, np.ndarray]:
-    """Blocks for tracks whose landmarks are already in a local order, and the place (N,) of each observation."""
-    landmark_start = np.array(_cut(tracks.start, tracks.view, view_count, block_size), np.int64)
-    block = np.searchsorted(landmark_start, tracks.landmark, side="right") - 1
-    seen = np.unique(block * view_count + tracks.view)
-    used = np.bincount(seen // view_count, minlength=len(landmark_start) - 1)
-    slot_count = -(-used // LANES) * LANES
-    slot_start = np.concatenate([[0], np.cumsum(slot_count)])
-    used_start = np.cumsum(used) - used
-    slot_view = np.repeat(seen[used_start] % view_count, slot_count).astype(np.int32)
-    slot_view[np.arange(len(seen)) + np.repeat(slot_start[:-1] - used_start, used)] = seen % view_count
-    layout = Layout(
-        landmark_start,
-        slot_start,
-        slot_view,
-        np.concatenate([[0], np.cumsum(np.diff(landmark_start) * slot_count)]),
-    )
-    slot = np.searchsorted(seen, block * view_count + tracks.view) - used_start[block]
-    row = tracks.landmark - landmark_start[block]
-    return layout, layout.place_start[block] + row * slot_count[block] + slot
-
-
-@njit(cache=True)
-def _cut(start, view, view_count, block_size):
-    """Landmark indices at which blocks begin, and the end."""
-    cuts = [0]
-    seen = np.zeros(view_count, np.bool_)
-    slots, observed = 0, 0
-    for j in range(start.size - 1):
-        new = 0
-        for i in range(start[j], start[j + 1]):
-            new += not seen[view[i]]
-        count = start[j + 1] - start[j]
-        size = j + 1 - cuts[-1]
-        if size > block_size or (size > 1 and observed + count < _FILL * size * (slots + new)):
-            cuts.append(j)
-            seen[:] = False
-            slots, observed, new = 0, 0, count
-        for i in range(start[j], start[j + 1]):
-            seen[view[i]] = True
-        slots += new
-        observed += count
-    cuts.append(start.size - 1)
-    return cuts
+def build_layout(tracks: Tracks, view_count: int) -> tuple[Layout, np.ndarray]:
+    """Groups for tracks whose landmarks are already in a local order, and the place (N,) of each observation."""
+    landmark = tracks.landmark
+    groups = -(-(len(tracks.start) - 1) // LANES)
+    key = landmark // LANES * view_count + tracks.view
+    seen = np.zeros(groups * view_count, bool)
+    seen[key] = True
+    slot = np.cumsum(seen) - 1
+    used = np.flatnonzero(seen)
+    start = np.searchsorted(used, view_count * np.arange(groups + 1))
+    return Layout(start, (used % view_count).astype(np.int32)), LANES * slot[key] + landmark % LANES
 
 
 def lay_out(tracks: Tracks, place: np.ndarray, size: int) -> Measurements:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from photoclinometry.render import observation_brightness
+from photoclinometry.predict import observation_brightness
 from photoclinometry.scene import Scene
 
 _MAX_VIEWS = 8

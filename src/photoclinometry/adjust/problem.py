@@ -11,6 +11,7 @@ from photoclinometry.adjust import kernels
 from photoclinometry.adjust.factors import sun_direction
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, STORED, CameraState, LandmarkState
 from photoclinometry.adjust.layout import Layout, Measurements
+from photoclinometry.adjust.product import Linearized, linearized, multiply
 from photoclinometry.adjust.smoothing import Neighbours, add_smoothness, linearize_smoothness
 from photoclinometry.geometry import Rigid, skew, so3_exp, so3_log, sphere_step, tangent_basis
 from photoclinometry.scene import Landmarks, Views
@@ -90,10 +91,8 @@ class NormalEquations:
     """(J, 6, 6) float32: the part of `landmark_block` that is not from observations."""
     smooth_rows: np.ndarray
     """(P, 5) float32, by pair of neighbours."""
-    position: np.ndarray
-    """(J, 3) float32, from the pivot, where the rows were made."""
-    center: np.ndarray
-    """(K, 3) float32, likewise."""
+    where: Linearized
+    """Where the observations' rows were made."""
 
 
 class Problem:
@@ -103,20 +102,19 @@ class Problem:
         self,
         layout: Layout,
         measured: Measurements,
-        neighbours: Neighbours | None,
+        neighbours: Neighbours,
         priors: Priors,
         packed_reflectance: np.ndarray,
         *,
         smooth_sigma: float,
     ):
-        """neighbours: None leaves smoothness out. smooth_sigma [rad]."""
+        """smooth_sigma [rad]."""
         self.layout, self.measured, self.neighbours, self.priors = layout, measured, neighbours, priors
         self.packed, self.smooth_sigma = packed_reflectance, smooth_sigma
         self.with_brightness = bool(np.any(measured.brightness_weight))
         views, landmarks = len(priors.views), len(priors.position)
         threads = numba.get_num_threads()
-        places = layout.place_start[-1]
-        self._stored = np.zeros(STORED * places, np.float32)
+        self._stored = np.zeros(STORED * layout.places, np.float32)
         self._normal = kernels.Normal(
             np.zeros((landmarks, LANDMARK_SIZE, LANDMARK_SIZE)),
             np.zeros((landmarks, LANDMARK_SIZE)),
@@ -124,8 +122,8 @@ class Problem:
             np.zeros((threads, views, CAMERA_SIZE)),
             np.zeros((threads, 2)),
         )
-        pairs = len(neighbours.target) if neighbours is not None else 0
-        self._smooth_rows = np.zeros((pairs, 5))
+        pairs = len(neighbours.target)
+        self._smooth_rows = np.zeros((pairs, 5), np.float32)
         self._smooth_residual = np.zeros(pairs)
         self._camera_out = np.zeros((threads, views, CAMERA_SIZE))
 
@@ -137,47 +135,39 @@ class Problem:
         """Cost by term (5,) and the normal equations."""
         cost, cameras, landmarks = self._observe(estimate, with_jacobian=True)
         block, gradient = self._normal.landmark_block, self._normal.landmark_gradient
-        observed = block.astype(np.float32)
-        if self.neighbours is not None:
-            add_smoothness(self.neighbours, self._smooth_rows, self._smooth_residual, block, gradient)
+        rest = np.zeros(block.shape, np.float32)
+        add_smoothness(self.neighbours, self._smooth_rows, self._smooth_residual, block, rest, gradient)
         held = np.flatnonzero(np.isfinite(self.priors.landmark))
         weight = self.priors.landmark[held] ** -2.0
-        block[held[:, None], range(3), range(3)] += weight[:, None]
+        for part in (block, rest):
+            part[held[:, None], range(3), range(3)] += weight[:, None]
         moved = estimate.landmarks.position[held] - self.priors.position[held]
         gradient[held, :3] += weight[:, None] * moved
-        _make_invertible(block)
+        _make_invertible(block, rest)
         camera_observed = _full(self._normal.camera_block.sum(0))
-        rest, prior_gradient = self.camera_priors(estimate)
-        camera_block = camera_observed + rest
-        _make_invertible(camera_block)
+        camera_rest, prior_gradient = self.camera_priors(estimate)
+        camera_block = camera_observed + camera_rest
+        _make_invertible(camera_block, camera_rest)
         return cost, NormalEquations(
             camera_block=camera_block,
             camera_gradient=self._normal.camera_gradient.sum(0) + prior_gradient,
-            camera_rest=camera_block - camera_observed,
+            camera_rest=camera_rest,
             landmark_block=block,
             landmark_gradient=gradient,
-            landmark_rest=(block - observed).astype(np.float32),
-            smooth_rows=self._smooth_rows.astype(np.float32),
-            position=(landmarks.position - estimate.pivot).astype(np.float32),
-            center=(cameras.center - estimate.pivot).astype(np.float32),
+            landmark_rest=rest,
+            smooth_rows=self._smooth_rows.copy(),
+            where=linearized(cameras, landmarks, estimate.pivot),
         )
 
     def multiply_observations(
-        self, equations: NormalEquations, camera: np.ndarray, landmark: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """J^T J x of the observations at the last `linearize`: camera (K, 10), landmark (J, 6) float32."""
-        out = np.empty_like(landmark)
-        kernels.multiply(
-            self.layout,
-            self._stored,
-            equations.position,
-            equations.center,
-            camera.astype(np.float32),
-            landmark,
-            self._camera_out,
-            out,
-        )
-        return self._camera_out.sum(0), out
+        self, equations: NormalEquations, camera: np.ndarray, landmark: np.ndarray, landmark_out: np.ndarray
+    ) -> np.ndarray:
+        """J^T J x of the observations at the last `linearize`: camera (K, 10), landmark (J, 6), float32.
+
+        landmark_out (J, 6), float32, takes the landmarks' part; the cameras' (K, 10) is returned.
+        """
+        multiply(self.layout, self._stored, equations.where, camera, landmark, self._camera_out, landmark_out)
+        return self._camera_out.sum(0)
 
     def _observe(self, estimate: Estimate, *, with_jacobian: bool):
         views, points = estimate.views, estimate.landmarks
@@ -197,11 +187,10 @@ class Problem:
         )  # fmt: skip
         cost = np.zeros(len(COST_TERMS))
         cost[:2] = self._normal.cost.sum(0)
-        if self.neighbours is not None:
-            cost[2] = linearize_smoothness(
-                self.neighbours, landmarks.position, landmarks.normal, landmarks.normal_basis,
-                self.smooth_sigma, self._smooth_rows, self._smooth_residual,
-            )  # fmt: skip
+        cost[2] = linearize_smoothness(
+            self.neighbours, landmarks.position, landmarks.normal, landmarks.normal_basis,
+            self.smooth_sigma, self._smooth_rows, self._smooth_residual,
+        )  # fmt: skip
         cost[3:] = self._prior_cost(estimate)
         return cost, cameras, landmarks
 
@@ -269,7 +258,9 @@ def _full(lower: np.ndarray) -> np.ndarray:
     return np.tril(lower) + np.swapaxes(strict, -1, -2)
 
 
-def _make_invertible(block: np.ndarray) -> None:
-    """Ones on the diagonal where no factor touches a variable: it then stays where it is."""
+def _make_invertible(block: np.ndarray, rest: np.ndarray) -> None:
+    """Ones on the diagonal, of both, where no factor touches a variable: it then stays where it is."""
     diagonal = np.einsum("...ii->...i", block)
-    diagonal[diagonal == 0.0] = 1.0
+    untouched = diagonal == 0.0
+    diagonal[untouched] = 1.0
+    np.einsum("...ii->...i", rest)[untouched] = 1.0

@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.kernels import _FAST, LANDMARK_SIZE
+from photoclinometry.adjust.blocks import apply_blocks
+from photoclinometry.adjust.kernels import FAST, LANDMARK_SIZE
 from photoclinometry.adjust.krylov import conjugate_gradients
 
 _LIMIT = 1.0 - 1e-9
@@ -51,7 +52,7 @@ def build_neighbours(index: np.ndarray, present: np.ndarray) -> Neighbours:
     return Neighbours(*(np.ascontiguousarray(values, dtype=np.uint32) for values in lists))
 
 
-@njit(parallel=True, **_FAST)
+@njit(parallel=True, **FAST)
 def linearize_smoothness(neighbours, position, normal, normal_basis, sigma, rows, residual):
     """Fills rows (P, 5) and residual (P,), whitened; returns the cost."""
     cost = 0.0
@@ -77,9 +78,10 @@ def linearize_smoothness(neighbours, position, normal, normal_basis, sigma, rows
     return cost
 
 
-@njit(parallel=True, **_FAST)
-def add_smoothness(neighbours, rows, residual, block, gradient):
-    """Adds the smoothness factors to the landmarks' diagonal blocks (J, 6, 6) and gradients (J, 6)."""
+@njit(parallel=True, **FAST)
+def add_smoothness(neighbours, rows, residual, block, rest, gradient):
+    """Adds the smoothness factors to the landmarks' diagonal blocks (J, 6, 6), to what of them is not from
+    observations, likewise, and to their gradients (J, 6)."""
     for j in prange(block.shape[0]):
         for p in range(neighbours.start[j], neighbours.start[j + 1]):
             for i in range(5):
@@ -87,16 +89,19 @@ def add_smoothness(neighbours, rows, residual, block, gradient):
                 gradient[j, i] += a * residual[p]
                 for k in range(5):
                     b = -rows[p, k] if k < 3 else rows[p, k]
-                    block[j, i, k] += a * b
+                    rest[j, i, k] += a * b
         for e in range(neighbours.incoming_start[j], neighbours.incoming_start[j + 1]):
             p = neighbours.incoming[e]
             for i in range(3):
                 gradient[j, i] += rows[p, i] * residual[p]
                 for k in range(3):
-                    block[j, i, k] += rows[p, i] * rows[p, k]
+                    rest[j, i, k] += rows[p, i] * rows[p, k]
+        for i in range(5):
+            for k in range(5):
+                block[j, i, k] += rest[j, i, k]
 
 
-@njit(**_FAST)
+@njit(**FAST)
 def _couple(j, neighbours, rows, x):
     """What the neighbours' part x (J, 6) adds to landmark j: the off-diagonal product, without j's own block."""
     a0 = a1 = a2 = a3 = a4 = np.float32(0.0)
@@ -120,16 +125,16 @@ def _couple(j, neighbours, rows, x):
     return a0, a1, a2, a3, a4
 
 
-@njit(parallel=True, **_FAST)
-def multiply_landmarks(neighbours, rows, block, x, out):
-    """out = block x + coupling x: landmarks' diagonal blocks (J, 6, 6) and the smoothness between them; float32."""
+@njit(parallel=True, **FAST)
+def add_product(neighbours, rows, block, x, out):
+    """out += block x + coupling x: landmarks' diagonal blocks (J, 6, 6) and the smoothness between them; float32."""
     for j in prange(x.shape[0]):
         a = _couple(np.uint32(j), neighbours, rows, x)
         for i in range(LANDMARK_SIZE):
             total = block[j, i, 0] * x[j, 0]
             for k in range(1, LANDMARK_SIZE):
                 total += block[j, i, k] * x[j, k]
-            out[j, i] = total
+            out[j, i] += total
         out[j, 0] += a[0]
         out[j, 1] += a[1]
         out[j, 2] += a[2]
@@ -137,18 +142,7 @@ def multiply_landmarks(neighbours, rows, block, x, out):
         out[j, 4] += a[4]
 
 
-@njit(parallel=True, **_FAST)
-def apply_blocks(inverse, x, factor, out):
-    """out = factor * inverse x, block by block (J, 6, 6)."""
-    for j in prange(x.shape[0]):
-        for i in range(LANDMARK_SIZE):
-            total = inverse[j, i, 0] * x[j, 0]
-            for k in range(1, LANDMARK_SIZE):
-                total += inverse[j, i, k] * x[j, k]
-            out[j, i] = factor * total
-
-
-@njit(parallel=True, **_FAST)
+@njit(parallel=True, **FAST)
 def chebyshev_step(neighbours, rows, inverse, b, x, direction, keep, gain, x_out, direction_out):
     """One term: direction_out = keep direction + gain D^-1 (b - P x), x_out = x + direction_out."""
     for j in prange(x.shape[0]):
@@ -182,16 +176,16 @@ def lowest_eigenvalue(
     shape = inverse.shape[:2]
 
     def multiply(x: np.ndarray) -> np.ndarray:
-        out = np.empty(shape, np.float32)
-        multiply_landmarks(neighbours, rows, block, x.reshape(shape).astype(np.float32), out)
-        return out.ravel().astype(float)
+        out = np.zeros(shape, np.float32)
+        add_product(neighbours, rows, block, x.reshape(shape), out)
+        return out.ravel()
 
     def precondition(x: np.ndarray) -> np.ndarray:
         out = np.empty(shape, np.float32)
-        apply_blocks(inverse, x.reshape(shape).astype(np.float32), np.float32(1.0), out)
-        return out.ravel().astype(float)
+        apply_blocks(inverse, x.reshape(shape), np.float32(1.0), out)
+        return out.ravel()
 
-    b = np.random.default_rng(0).normal(size=shape).ravel()
+    b = np.random.default_rng(0).normal(size=shape).ravel().astype(np.float32)
     return float(conjugate_gradients(multiply, precondition, b, max_iterations=iterations).ritz_values()[0])
 
 

@@ -23,16 +23,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from photoclinometry.adjust.blocks import invert_blocks
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.krylov import conjugate_gradients
 from photoclinometry.adjust.problem import COST_TERMS, Estimate, NormalEquations, Problem
-from photoclinometry.adjust.smoothing import (
-    apply_blocks,
-    chebyshev_degree,
-    lowest_eigenvalue,
-    multiply_landmarks,
-    solve_approximately,
-)
+from photoclinometry.adjust.smoothing import add_product, chebyshev_degree, lowest_eigenvalue, solve_approximately
 from photoclinometry.errors import NotConvergedError
 
 log = logging.getLogger(__name__)
@@ -131,17 +126,19 @@ def minimize(
     options = options or SolverOptions()
     estimate, damping = start, options.initial_damping
     cost, equations = problem.linearize(estimate)
+    polynomial = _polynomial(problem, equations, options)
     history = [_iteration(cost, damping, 0, True, 0.0, 0.0, 0.0)]
     small, growth, fast = 0, 4.0, True
     message = f"no convergence within {options.max_steps} steps"
     for _ in range(options.max_steps):
         wall, cpu = time.perf_counter(), time.process_time()
         total = float(cost.sum())
-        system = _Damped(problem, equations, damping, options)
+        system = _Damped(problem, equations, damping, *polynomial)
+        gradient = np.concatenate([equations.camera_gradient.ravel(), equations.landmark_gradient.ravel()])
         solve = conjugate_gradients(
             system.multiply,
             system.precondition,
-            -np.concatenate([equations.camera_gradient.ravel(), equations.landmark_gradient.ravel()]),
+            -gradient.astype(np.float32),
             max_iterations=options.max_cg_iterations,
             truncation=options.truncation if fast else options.final_truncation,
             enough=ENOUGH * max(options.relative_decrease * total, options.absolute_decrease),
@@ -151,7 +148,7 @@ def minimize(
         new_cost, moved, used = trial.cost, trial.moved, damping
         accepted = bool(new_cost.sum() <= total)
         if accepted:
-            promised = _promised_decrease(system, damping, trial.moves)
+            promised = _promised_decrease(system, gradient, trial.moves)
             gain = (total - new_cost.sum()) / promised if promised > 0 else 1.0
             limit = max(options.relative_decrease * total, options.absolute_decrease)
             small = small + 1 if total - new_cost.sum() <= limit else 0
@@ -184,14 +181,10 @@ def minimize(
     return Solution(estimate, converged, message, tuple(history))
 
 
-def _promised_decrease(system: _Damped, damping: float, moves: np.ndarray) -> float:
+def _promised_decrease(system: _Damped, gradient: np.ndarray, moves: np.ndarray) -> float:
     """By how much the linear model lowers the cost along the moves made (10 K + 6 J,)."""
-    equations = system.equations
-    camera, landmark = system.split(moves)
-    damped = np.einsum("kcc,kc->", equations.camera_block, camera**2)
-    damped += np.einsum("jcc,jc->", equations.landmark_block, landmark**2)
-    downhill = np.vdot(equations.camera_gradient, camera) + np.vdot(equations.landmark_gradient, landmark)
-    return float(damping * damped - 2.0 * downhill - np.vdot(moves, system.multiply(moves)))
+    product = system.multiply(moves.astype(np.float32)) - system.added * moves
+    return -float(np.vdot(moves, product + 2.0 * gradient))
 
 
 def _relief(gain: float) -> float:
@@ -201,73 +194,52 @@ def _relief(gain: float) -> float:
 
 
 class _Damped:
-    """The damped normal equations of one step: product and preconditioner of vectors (10 K + 6 J,)."""
+    """The damped normal equations of one step: product and preconditioner of vectors (10 K + 6 J,), float32."""
 
-    def __init__(self, problem: Problem, equations: NormalEquations, damping: float, options: SolverOptions):
-        self.problem, self.equations = problem, equations
-        camera, self.camera_damping = _damp(equations.camera_block, damping)
+    def __init__(self, problem: Problem, equations: NormalEquations, damping: float, low: float, degree: int):
+        """low, degree: of the Chebyshev polynomial, see `smoothing.solve_approximately`."""
+        self.problem, self.equations, self.low, self.degree = problem, equations, low, degree
+        diagonals = [np.einsum("nii->ni", b).ravel() for b in (equations.camera_block, equations.landmark_block)]
+        self.added = (damping * np.concatenate(diagonals)).astype(np.float32)
+        camera = equations.camera_block.copy()
+        np.einsum("kii->ki", camera)[:] *= 1.0 + damping
         self.camera_inverse = np.linalg.inv(camera)
-        block, landmark_damping = _damp(equations.landmark_block, damping)
-        self.landmark_inverse = np.linalg.inv(block).astype(np.float32)
-        self.landmark_rest = equations.landmark_rest.copy()
-        np.einsum("jii->ji", self.landmark_rest)[:] += landmark_damping
-        self.low = self.degree = 1
-        if problem.neighbours is not None:
-            found = lowest_eigenvalue(
-                problem.neighbours, equations.smooth_rows, block.astype(np.float32), self.landmark_inverse
-            )
-            self.low = min(max(found, options.chebyshev_low), 1.0)
-            self.degree = chebyshev_degree(self.low, options.chebyshev_reduction)
+        self.landmark_inverse = np.empty(equations.landmark_block.shape, np.float32)
+        invert_blocks(equations.landmark_block, damping, self.landmark_inverse)
 
     def split(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The cameras' part (K, 10) and the landmarks' (J, 6) of a vector, as views of it."""
-        cameras = self.camera_damping.size
+        cameras = CAMERA_SIZE * len(self.camera_inverse)
         return vector[:cameras].reshape(-1, CAMERA_SIZE), vector[cameras:].reshape(-1, LANDMARK_SIZE)
 
     def multiply(self, vector: np.ndarray) -> np.ndarray:
-        camera, landmark = self.split(vector)
-        single, out = landmark.astype(np.float32), np.empty_like(vector)
-        out_c, out_l = self.split(out)
-        observed_c, observed_l = self.problem.multiply_observations(self.equations, camera, single)
-        out_c[:] = observed_c + np.einsum("kij,kj->ki", self.equations.camera_rest, camera)
-        out_c += self.camera_damping * camera
-        rest = np.empty_like(single)
-        if self.problem.neighbours is not None:
-            rows = self.equations.smooth_rows
-            multiply_landmarks(self.problem.neighbours, rows, self.landmark_rest, single, rest)
-        else:
-            apply_blocks(self.landmark_rest, single, np.float32(1.0), rest)
-        out_l[:] = observed_l
-        out_l += rest
+        equations, out = self.equations, np.empty_like(vector)
+        (camera, landmark), (camera_out, landmark_out) = self.split(vector), self.split(out)
+        observed = self.problem.multiply_observations(equations, camera, landmark, landmark_out)
+        camera_out[:] = observed + np.einsum("kij,kj->ki", equations.camera_rest, camera)
+        add_product(self.problem.neighbours, equations.smooth_rows, equations.landmark_rest, landmark, landmark_out)
+        out += self.added * vector
         return out
 
     def precondition(self, vector: np.ndarray) -> np.ndarray:
-        camera, landmark = self.split(vector)
-        single, out = landmark.astype(np.float32), np.empty_like(vector)
-        out_c, out_l = self.split(out)
-        out_c[:] = np.einsum("kij,kj->ki", self.camera_inverse, camera)
-        if self.problem.neighbours is None:
-            solved = np.empty_like(single)
-            apply_blocks(self.landmark_inverse, single, np.float32(1.0), solved)
-        else:
-            solved = solve_approximately(
-                self.problem.neighbours,
-                self.equations.smooth_rows,
-                self.landmark_inverse,
-                single,
-                self.degree,
-                self.low,
-            )
-        out_l[:] = solved
+        out = np.empty_like(vector)
+        (camera, landmark), (camera_out, landmark_out) = self.split(vector), self.split(out)
+        camera_out[:] = np.einsum("kij,kj->ki", self.camera_inverse, camera)
+        rows, inverse = self.equations.smooth_rows, self.landmark_inverse
+        landmark_out[:] = solve_approximately(self.problem.neighbours, rows, inverse, landmark, self.degree, self.low)
         return out
 
 
-def _damp(block: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks (..., n, n) with their diagonal grown by `damping`, and what was added (..., n)."""
-    added = damping * np.einsum("...ii->...i", block)
-    grown = block.copy()
-    np.einsum("...ii->...i", grown)[:] += added
-    return grown, added
+def _polynomial(problem: Problem, equations: NormalEquations, options: SolverOptions) -> tuple[float, int]:
+    """Lowest eigenvalue and degree of the landmarks' preconditioner; of degree 1 where nothing couples landmarks."""
+    if len(problem.neighbours.target) == 0:
+        return 1.0, 1
+    block = equations.landmark_block
+    inverse = np.empty(block.shape, np.float32)
+    invert_blocks(block, 0.0, inverse)
+    found = lowest_eigenvalue(problem.neighbours, equations.smooth_rows, block.astype(np.float32), inverse)
+    low = min(max(found, options.chebyshev_low), 1.0)
+    return low, chebyshev_degree(low, options.chebyshev_reduction)
 
 
 class _Trial(NamedTuple):

@@ -21,7 +21,7 @@ from photoclinometry.adjust.information import CAMERA_SIZE, Cameras, Observed, P
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Estimate, Problem
 from photoclinometry.adjust.smoothing import linearize_smoothness
-from photoclinometry.adjust.windows import links, no_links
+from photoclinometry.adjust.windows import links
 from photoclinometry.geometry import skew, tangent_basis
 from photoclinometry.scene import Scene, Views
 
@@ -70,13 +70,9 @@ def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weigh
     """The estimate at its minimum, and the whitened residuals (P,) of smoothness there."""
     views, points, tracks = scene.views, scene.landmarks, scene.tracks
     basis = tangent_basis(points.normal)
-    smooth, residual = no_links(len(points)), np.zeros(0)
-    if problem.neighbours is not None:
-        rows, residual = np.zeros((len(problem.neighbours.target), 5)), np.zeros(len(problem.neighbours.target))
-        linearize_smoothness(
-            problem.neighbours, points.position, points.normal, basis, problem.smooth_sigma, rows, residual
-        )
-        smooth = links(problem.neighbours, rows)
+    neighbours = problem.neighbours
+    rows, residual = np.zeros((len(neighbours.target), 5)), np.zeros(len(neighbours.target))
+    linearize_smoothness(neighbours, points.position, points.normal, basis, problem.smooth_sigma, rows, residual)
     camera_prior, _ = problem.camera_priors(Estimate(views, points, pivot))
     at = Linearised(
         cameras=Cameras(
@@ -99,7 +95,7 @@ def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weigh
             weights.keypoint_limit,
             weights.brightness_limit,
         ),
-        links=smooth,
+        links=links(neighbours, rows),
         camera_prior=camera_prior,
         landmark_prior=problem.priors.landmark**-2.0,
         pivot=pivot,

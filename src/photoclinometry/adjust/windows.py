@@ -40,12 +40,6 @@ def links(neighbours: Neighbours, rows: np.ndarray) -> Links:
     return Links(*(np.asarray(part, np.int64) for part in neighbours), np.asarray(rows, float))
 
 
-def no_links(count: int) -> Links:
-    """Of `count` landmarks without smoothness."""
-    none, start = np.zeros(0, np.int64), np.zeros(count + 1, np.int64)
-    return Links(start, none, none, start, none, np.zeros((0, 5)))
-
-
 def covariances_given_views(own: np.ndarray, links: Links, patches: list[tuple[int, int]]) -> np.ndarray:
     """(J, 6, 6) from every landmark's own information (J, 6, 6), everything but smoothness.
 

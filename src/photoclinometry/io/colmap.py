@@ -15,7 +15,8 @@ import numpy as np
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid
 from photoclinometry.io.atomic import atomic_path
-from photoclinometry.scene import Camera, Scene, keypoint_residuals
+from photoclinometry.predict import keypoint_residuals
+from photoclinometry.scene import Camera, Scene
 
 MAX_POINTS = 20_000
 """A model written holds at most so many landmarks, evenly chosen: viewers stay fast."""

@@ -1,0 +1,89 @@
+"""What a scene says that each observation is: keypoint, shading, brightness."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from photoclinometry.errors import InputError
+from photoclinometry.reflectance import Reflectance, phase_angle, photometric_function
+from photoclinometry.scene import Scene, Views
+
+
+def reflectance_of(scene: Scene) -> Reflectance:
+    """The scene's model. Raises InputError where it has none."""
+    if scene.reflectance is None:
+        raise InputError(
+            f"scene {scene.name!r} holds geometry alone (reflectance = none): it has no albedos to render; "
+            "run again with a reflectance model"
+        )
+    return scene.reflectance
+
+
+def keypoint_residuals(scene: Scene) -> np.ndarray:
+    """Predicted minus measured keypoints (N, 2) [px]."""
+    out, pose = np.empty_like(scene.tracks.keypoint), scene.views.body_from_cam
+    _project(
+        scene.tracks.start, scene.tracks.view, scene.tracks.keypoint, np.ascontiguousarray(pose.rotation),
+        np.ascontiguousarray(pose.translation), scene.views.intrinsics, scene.landmarks.position, out,
+    )  # fmt: skip
+    return out
+
+
+def observation_brightness(scene: Scene) -> np.ndarray:
+    """Predicted brightness (N,) of every observation: scale * albedo * rho + bias (Eqs. 29, 30). Raises InputError."""
+    views, landmark, view = scene.views, scene.tracks.landmark, scene.tracks.view
+    rho = shading(landmark, view, views, scene.landmarks.position, scene.landmarks.normal, reflectance_of(scene))[2]
+    return views.scale[view] * scene.landmarks.albedo[landmark] * rho + views.bias[view]
+
+
+def shading(
+    landmark: np.ndarray,
+    view: np.ndarray,
+    views: Views,
+    position: np.ndarray,
+    normal: np.ndarray,
+    reflectance: Reflectance,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cosines of incidence and emission, and rho (Eq. 19), (N,) each, of landmarks as seen in views.
+
+    landmark, view: (N,) indices; position, normal: (J, 3) in B.
+    """
+    out = np.empty((3, len(view)))
+    center = np.ascontiguousarray(views.body_from_cam.translation)
+    _shade(landmark, view, center, views.sun, position, normal, reflectance.packed, out)
+    return out[0], out[1], out[2]
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _project(start, view, keypoint, rotation, center, intrinsics, position, out):
+    """Pinhole projection (Eq. 10) minus keypoint, landmark by landmark."""
+    for j in prange(start.size - 1):
+        for n in range(start[j], start[j + 1]):
+            k = view[n]
+            d0, d1, d2 = position[j, 0] - center[k, 0], position[j, 1] - center[k, 1], position[j, 2] - center[k, 2]
+            r = rotation[k]
+            z = r[0, 2] * d0 + r[1, 2] * d1 + r[2, 2] * d2
+            x = (r[0, 0] * d0 + r[1, 0] * d1 + r[2, 0] * d2) / z
+            y = (r[0, 1] * d0 + r[1, 1] * d1 + r[2, 1] * d2) / z
+            out[n, 0] = intrinsics[k, 0] * x + intrinsics[k, 2] - keypoint[n, 0]
+            out[n, 1] = intrinsics[k, 1] * y + intrinsics[k, 3] - keypoint[n, 1]
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _shade(landmark, view, center, sun, position, normal, packed, out):
+    """`shading` into out (3, N); as `reflectance.photometric_angles`, without its temporary arrays."""
+    for n in prange(view.size):
+        j, k = landmark[n], view[n]
+        n0, n1, n2 = normal[j, 0], normal[j, 1], normal[j, 2]
+        e0, e1, e2 = center[k, 0] - position[j, 0], center[k, 1] - position[j, 1], center[k, 2] - position[j, 2]
+        inverse = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+        e0, e1, e2 = e0 * inverse, e1 * inverse, e2 * inverse
+        s0, s1, s2 = sun[k, 0], sun[k, 1], sun[k, 2]
+        x0, x1, x2 = s1 * e2 - s2 * e1, s2 * e0 - s0 * e2, s0 * e1 - s1 * e0
+        phase = phase_angle(s0 * e0 + s1 * e1 + s2 * e2, math.sqrt(x0 * x0 + x1 * x1 + x2 * x2))
+        mu0, mu = s0 * n0 + s1 * n1 + s2 * n2, e0 * n0 + e1 * n1 + e2 * n2
+        out[0, n], out[1, n] = mu0, mu
+        out[2, n] = photometric_function(packed, mu0, mu, phase)[0]

@@ -1,0 +1,43 @@
+"""What a scene predicts of its observations, against the plain statements of projection and reflectance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.errors import InputError
+from photoclinometry.predict import keypoint_residuals, observation_brightness, shading
+from photoclinometry.reflectance import photometric_angles, published
+from scenes import synthetic_scene
+
+
+def test_keypoint_residuals_are_projections_minus_keypoints():
+    scene = synthetic_scene(size=8, keypoint_noise_px=0.5)
+    tracks, residual = scene.tracks, keypoint_residuals(scene)
+    for n in range(0, len(tracks), 7):
+        predicted = scene.views.project(tracks.view[n], scene.landmarks.position[tracks.landmark[n]])
+        np.testing.assert_allclose(residual[n], predicted - tracks.keypoint[n], atol=1e-9)
+
+
+def test_shading_is_that_of_the_photometric_angles():
+    scene = synthetic_scene(size=8)
+    view, landmark = scene.tracks.view, scene.tracks.landmark
+    position, normal = scene.landmarks.position, scene.landmarks.normal
+    mu0, mu, rho = shading(landmark, view, scene.views, position, normal, scene.reflectance)
+    center = scene.views.body_from_cam.translation
+    expected = photometric_angles(scene.views.sun[view], center[view], position[landmark], normal[landmark])
+    np.testing.assert_allclose(mu0, expected[0], rtol=1e-12)
+    np.testing.assert_allclose(mu, expected[1], rtol=1e-12)
+    np.testing.assert_allclose(rho, scene.reflectance(*expected), rtol=1e-12)
+
+
+@pytest.mark.parametrize("model", ["lunar-lambert", "mcewen"])
+def test_predicted_brightness_is_the_measured_one_of_an_exact_scene(model):
+    """Eqs. 29 (calibrated) and 30 (scale and bias)."""
+    exact = synthetic_scene(size=8, reflectance=published(model, "vesta"))
+    np.testing.assert_allclose(observation_brightness(exact), exact.tracks.brightness, rtol=1e-12)
+
+
+def test_geometry_alone_predicts_no_brightness():
+    with pytest.raises(InputError, match="geometry alone"):
+        observation_brightness(replace(synthetic_scene(size=8), reflectance=None))
