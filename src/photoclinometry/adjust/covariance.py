@@ -32,7 +32,7 @@ from photoclinometry.adjust.information import (
     Points,
     observed_patch,
 )
-from photoclinometry.adjust.windows import Links, covariances_given_views
+from photoclinometry.adjust.windows import RIDGE, Links, covariances_given_views, hold
 from photoclinometry.geometry import skew, tangent_basis
 
 EXACT = 1000
@@ -41,6 +41,9 @@ EXACT = 1000
 PATCH = 64
 """Landmarks in a patch; with the solver's order these are 8 x 8."""
 
+UNMEASURED = 1e8
+"""Of a variance over what it would be were all else known; beyond, it counts as infinite."""
+
 _SIMILARITY = 7
 _STEP = 1e-3
 """Relative change of weights in the differences that tell apart what each kind of measurement contributes."""
@@ -48,7 +51,7 @@ _STEP = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorModel:
-    """Variances of the errors, over those that the estimate weighs with. The default is: as weighed, and independent."""
+    """Variances of the errors, over those that the estimate weighs with. The default: as weighed, and independent."""
 
     keypoint: float = 1.0
     brightness: float = 1.0
@@ -122,7 +125,7 @@ def marginals(
     camera = _inverse(reduced.information)
     landmark = _given_views(at, reduced.own, errors, patches)
     _add_views(landmark, at, errors, reduced.frame_by_camera, camera, patches)
-    _forget_unmeasured(landmark, reduced.own + at.prior[:, None], at.links)
+    _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     if reduced.frame_by_camera is not None:
         assert frame is not None
         kept = np.eye(len(camera)) - _move_cameras(at) @ reduced.frame_by_camera
@@ -185,8 +188,7 @@ def _factor(at: Linearised, patch: Patch, first: int, last: int) -> np.ndarray:
     _add_links(first, last, at.links, dense)
     dense[range(last - first), :, range(last - first), :] += blocks
     dense = dense.reshape(LANDMARK_SIZE * (last - first), -1)
-    free = np.diag(dense) == 0.0
-    dense[free, free] = 1.0
+    np.einsum("aa->a", dense)[:] = hold(np.diag(dense))
     return cho_factor(dense, lower=True, overwrite_a=True, check_finite=False)[0]
 
 
@@ -266,11 +268,11 @@ def _stiffness(links: Links, count: int) -> np.ndarray:
 
 
 def _inverse_blocks(blocks: np.ndarray) -> np.ndarray:
-    """Of (n, 6, 6); what nothing determines stays where it is."""
+    """Of (n, 6, 6)."""
     size = np.sqrt(np.einsum("naa->na", blocks))
     size = np.where(size > 0, size, 1.0)
     scaled = blocks / (size[:, :, None] * size[:, None, :])
-    np.einsum("naa->na", scaled)[:] = 1.0 + 1e-9
+    np.einsum("naa->na", scaled)[:] = 1.0 + RIDGE
     return np.linalg.inv(scaled) / (size[:, :, None] * size[:, None, :])
 
 
@@ -303,9 +305,10 @@ def _move_cameras(at: Linearised) -> np.ndarray:
 
 
 def _forget_unmeasured(landmark: np.ndarray, own: np.ndarray, links: Links) -> None:
-    """Infinite variances of what no factor touches: albedos never lit, and then normals without smoothness."""
-    unmeasured = np.einsum("jkaa->ja", own) == 0.0
-    unmeasured[:, 3:5] &= (np.diff(links.start) == 0)[:, None]
-    j, a = np.nonzero(unmeasured)
+    """Infinite variances (J, 6, 6) of what no factor touches, or only together with what else they leave open."""
+    information = np.einsum("jaa->ja", own).copy()
+    np.add.at(information, (links.source[:, None], np.arange(3, 5)), links.rows[:, 3:] ** 2)
+    variance = np.einsum("jaa->ja", landmark)
+    j, a = np.nonzero((information == 0.0) | (variance * information > UNMEASURED))
     landmark[j, a, :] = landmark[j, :, a] = 0.0
     landmark[j, a, a] = np.inf

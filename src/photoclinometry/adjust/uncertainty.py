@@ -1,7 +1,7 @@
 """The uncertainties of an adjusted scene: covariances as `Scene.uncertainty` holds them.
 
-They are those of the errors, not of the weights. The estimate weighs n measurements that share an error as one, which is
-right for what all landmarks determine together. A landmark's own error is another matter: n shared errors are not
+They are those of the errors, not of the weights. The estimate weighs n measurements that share an error as one, which
+is right for what all landmarks determine together. A landmark's own error is another matter: n shared errors are not
 larger than each, so its measurements count there with their own sigmas, and errors that all neighbours share are
 passed on whole, since smoothing over neighbours does not lessen them. Smoothness counts as it was found to hold.
 

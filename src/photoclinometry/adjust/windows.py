@@ -20,7 +20,15 @@ from photoclinometry.adjust.smoothing import Neighbours
 OUTSIDE = 0.2
 """Weight of links that leave a window."""
 
+RIDGE = 1e-10
+"""Relative information added to every coordinate, so that one that is not determined does not stop the rest."""
+
 _COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", nogil=True)
+
+
+def hold(diagonal: np.ndarray) -> np.ndarray:
+    """The diagonal of an information matrix with the ridge; one where there is nothing."""
+    return np.where(diagonal > 0.0, diagonal * (1.0 + RIDGE), 1.0)
 
 
 class Links(NamedTuple):
@@ -71,6 +79,7 @@ def _invert_window(ids: np.ndarray, core: int, local: np.ndarray, own: np.ndarra
     inverse = np.empty((count, 3, 3))
     partner, through = np.full((count, most), -1), np.zeros((count, most, 3, 3))
     _eliminate(ids, local, own, links, OUTSIDE, positions, inverse, partner, through)
+    np.einsum("aa->a", positions)[:] = hold(np.diag(positions))
     factor, failed = dpotrf(positions.T, lower=1, overwrite_a=1)
     covariance, also = dpotri(factor, lower=1, overwrite_c=1)
     assert not failed
@@ -122,8 +131,7 @@ def _eliminate(ids, local, own, links, outside, positions, inverse, partner, thr
                     for y in range(3):
                         positions[first + x, first + y] += outside * v[x] * v[y]
         for x in range(3):
-            if at_normal[x, x] == 0.0:
-                at_normal[x, x] = 1.0
+            at_normal[x, x] = at_normal[x, x] * (1.0 + RIDGE) if at_normal[x, x] > 0.0 else 1.0
         inverse[a] = np.linalg.inv(at_normal)
         for m in range(used):
             _multiply(inverse[a], through[a, m], response[m])
