@@ -12,6 +12,7 @@ origin, orientation and size mean nothing. Otherwise they are in the frame of th
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,10 @@ log = logging.getLogger(__name__)
 
 OF_LANDMARKS = ("position", "normal", "albedo")
 """What there is one of for each landmark; the rest is of views."""
+
+LOOSE = 1e-4
+"""In the map's own frame the prior that holds one landmark counts this much: enough for the scale, too little to make its
+surroundings look known."""
 
 _NEARBY = 25
 """Landmarks over which smoothness averages errors that are not shared."""
@@ -54,10 +59,13 @@ def estimate_uncertainty(
     Empty, with a warning, where the measurements do not determine the views.
     """
     at, smoothness = linearised(scene, pivot, problem, weights)
-    held = int(np.isfinite(problem.priors.pose_translation).sum())
     errors = error_model(noise, smoothness, photometric=problem.with_brightness)
+    frame = None
+    if np.isfinite(problem.priors.pose_translation).sum() <= 1:
+        frame = mapped
+        at = replace(at, landmark_prior=LOOSE * at.landmark_prior)
     try:
-        found = marginals(at, errors, frame=mapped if held <= 1 else None)
+        found = marginals(at, errors, frame=frame)
     except np.linalg.LinAlgError:
         log.warning("no uncertainties: the measurements do not determine all views")
         return {}
