@@ -2,10 +2,10 @@
 
     python benchmarks/against_gtsam.py [side] [views]
 
-GTSAM (`pip install gtsam`) is given the residuals of `adjust/factors.py` as custom factors over its own Pose3, Unit3 and
-vectors. A pose is cam_from_body with the body's origin in the pivot, so that Pose3's steps are orbits, as ours; as
-body_from_cam, the paper's, GTSAM stops with "indeterminate linear system" where the map is small. Printed: how far the
-costs, the variables and their sigmas are apart, and the CPU seconds of each. GTSAM's are mostly those of calling
+GTSAM (`pip install gtsam`) is given the residuals of `adjust/factors.py` as custom factors over its own Pose3, Unit3
+and vectors. A pose is cam_from_body with the body's origin in the pivot, so that Pose3's steps are orbits, as ours; as
+body_from_cam, the paper's, GTSAM stops with "indeterminate linear system" where the map is small. Printed: how far
+the costs, the variables and their sigmas are apart, and the CPU seconds of each. GTSAM's are mostly those of calling
 Python once for every factor, so the script says what one of its linear solves takes, too.
 """
 

@@ -70,7 +70,7 @@ def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
 
 
 def held_by_gauge(scene, size=1.0):
-    """The scene with no pose known but the first, its sigmas 1e-4 rad and 10 m, and a landmark's, 100 m, times `size`."""
+    """The scene with no pose known but the first: 1e-4 rad and 10 m; and a landmark to 100 m; all times `size`."""
     at, problem, *_ = at_truth(scene)
     first = np.r_[1.0, np.full(len(scene.views) - 1, np.inf)]
     problem.priors = replace(problem.priors, pose_rotation=1e-4 * size * first, pose_translation=10.0 * size * first)
@@ -86,8 +86,8 @@ def larger():
 
 
 def test_the_map_frame_does_not_depend_on_what_holds_the_map(larger):
-    """The gauge ten times as loose: other sigmas in the priors' frame, in the map's the same within 2 %, which is what the
-    landmarks' own errors do to the frame."""
+    """The gauge ten times as loose: other sigmas in the priors' frame, in the map's the same within 2 %, which is what
+    the landmarks' own errors do to the frame."""
     scene, at, frame, tight = larger
     at_loose = held_by_gauge(scene, 10.0)
     assert np.median(marginals(at_loose, exact=0).landmark[:, 0, 0]) > 4 * np.median(
@@ -132,7 +132,7 @@ def test_patches_and_windows_are_near_the_exact_answer(larger):
     _, at, frame, exact = larger
     found = marginals(at, exact=0, frame=frame)
     views = np.sqrt(np.diag(found.camera) / np.diag(exact.camera))
-    assert 0.95 < views.min()
+    assert views.min() > 0.95
     assert np.median(views) < 1.1
     ratio = np.sqrt(np.einsum("jaa->ja", found.landmark) / np.einsum("jaa->ja", exact.landmark))
     assert np.all(abs(np.median(ratio, 0) - 1) < 0.25)
@@ -173,7 +173,7 @@ def test_errors_that_all_neighbours_share_are_not_smoothed_away():
 
 
 def test_what_nothing_measures_is_infinitely_uncertain_and_leaves_the_rest_alone():
-    """A landmark whose brightness never counts: no albedo, no normal without smoothness, its position as by keypoints."""
+    """A landmark whose brightness never counts: no albedo, no normal without smoothness, a position by keypoints."""
     at, *_ = at_truth(synthetic_scene(size=3, views=4), links=False)
     dark = at.observed.brightness_weight.copy()
     dark[at.observed.start[3] : at.observed.start[4]] = 0.0

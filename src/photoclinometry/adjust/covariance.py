@@ -5,9 +5,10 @@ With H = J^T J at the minimum, c the views' local coordinates and l the landmark
     S = H_cc - H_cl H_ll^-1 H_lc                 cov(c)   = S^-1
     X_j = (H_ll^-1 H_lc)_j                       cov(l_j) = (H_ll^-1)_jj + X_j cov(c) X_j^T
 
-Exact for small maps. For larger ones H_ll, in which smoothness couples all landmarks, is cut into patches: S and X leave
-out the links between patches, which makes the views a little less certain than they are, and (H_ll^-1)_jj is
-inverted in windows (`windows.py`). docs/estimate.md states what that costs in accuracy.
+Exact for small maps. In larger ones smoothness couples too many landmarks, and three things are approximated: S leaves
+out the links between patches of landmarks, which makes the views a little less certain than they are; X_j takes the
+neighbours to move as the landmark does; (H_ll^-1)_jj is inverted in windows (`windows.py`). docs/estimate.md states
+what that costs in accuracy.
 
 What the estimate takes for a measurement's sigma need not be the sigma of its error: sigmas are enlarged for errors
 that neighbours share (`noise.py`), and smoothness holds of no ground. `ErrorModel` says what the errors are.
@@ -17,11 +18,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numba import njit
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg.blas import dsyrk
 
 from photoclinometry.adjust.information import (
     CAMERA_SIZE,
@@ -33,7 +34,7 @@ from photoclinometry.adjust.information import (
     observed_patch,
 )
 from photoclinometry.adjust.windows import RIDGE, Links, covariances_given_views, hold
-from photoclinometry.geometry import skew, tangent_basis
+from photoclinometry.geometry import skew
 
 EXACT = 1000
 """Landmarks up to which nothing is approximated."""
@@ -116,23 +117,26 @@ def marginals(
     frame: (J,) bool, landmarks whose positions define the frame: covariances are those after the best similarity
     of theirs has been taken out (an S-transformation, Baarda 1973), as a map made from images alone has no frame of
     its own. None: the frame of the priors, which hold one view and one landmark.
-    exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond.
+    exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond, of two windows.
     """
     errors = errors or ErrorModel()
     count = len(at)
-    patches = [(0, count)] if count <= exact else [(j, min(j + patch, count)) for j in range(0, count, patch)]
+    patches, windows = ([(0, count)] if count <= exact else _runs(count, size) for size in (patch, patch // 2))
     reduced = _reduce(at, patches, frame)
     camera = _inverse(reduced.information)
-    landmark = _given_views(at, reduced.own, errors, patches)
-    _add_views(landmark, at, errors, reduced.frame_by_camera, camera, patches)
-    _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
-    if reduced.frame_by_camera is not None:
-        assert frame is not None
+    if frame is not None:
         kept = np.eye(len(camera)) - _move_cameras(at) @ reduced.frame_by_camera
         camera = kept @ camera @ kept.T
+    landmark = _given_views(at, reduced.own, errors, windows)
+    _add_views(landmark, at, errors, camera, patches)
+    _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     unmeasured = np.diag(reduced.information) == 0.0
     camera[unmeasured, unmeasured] = np.inf
     return Marginals(camera=camera, landmark=landmark)
+
+
+def _runs(count: int, size: int) -> list[tuple[int, int]]:
+    return [(first, min(first + size, count)) for first in range(0, count, size)]
 
 
 @dataclass(frozen=True)
@@ -143,8 +147,8 @@ class _Reduced:
     """(10 K, 10 K) S, of the views."""
     own: np.ndarray
     """(J, 2, 6, 6) of each landmark, by keypoints and by brightness."""
-    frame_by_camera: np.ndarray | None
-    """(7, 10 K) how the similarity that fits the landmarks best follows from errors of the views."""
+    frame_by_camera: np.ndarray
+    """(7, 10 K) how the similarity that fits the landmarks best follows from errors of the views; zero without one."""
 
 
 def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | None) -> _Reduced:
@@ -164,16 +168,25 @@ def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | 
         coupling = patch.coupling.reshape(-1, len(index))
         factor = _factor(at, patch, first, last)
         half = solve_triangular(factor, coupling, lower=True, check_finite=False)
-        total[np.ix_(index, index)] -= half.T @ half
+        _subtract(total, index, dsyrk(1.0, half, trans=1, lower=1))
         if frame is not None:
             move = _move_landmarks(at, first, last)
             move[:, 3:] = 0.0
             move[~frame[first:last]] = 0.0
             moved[:, index] -= cho_solve((factor, True), move.reshape(-1, _SIMILARITY), check_finite=False).T @ coupling
+    total = np.tril(total) + np.tril(total, -1).T
     if frame is None:
-        return _Reduced(total, own, None)
+        return _Reduced(total, own, moved)
     move = _move_landmarks(at, 0, len(at))[frame, :3].reshape(-1, _SIMILARITY)
     return _Reduced(total, own, np.linalg.solve(move.T @ move, moved))
+
+
+@njit(cache=True, nogil=True)
+def _subtract(total, index, part):
+    """total[index, index] -= part, lower triangles; index ascends."""
+    for b in range(index.size):
+        for a in range(b, index.size):
+            total[index[a], index[b]] -= part[a, b]
 
 
 def _index(views: np.ndarray) -> np.ndarray:
@@ -220,10 +233,10 @@ def _inverse(information: np.ndarray) -> np.ndarray:
     return cho_solve(factor, np.eye(len(size)), check_finite=False) / np.outer(size, size)
 
 
-def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, patches) -> np.ndarray:
+def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, windows) -> np.ndarray:
     """(J, 6, 6) covariances given the views, of all errors but the common ones."""
     information = own.sum(1) + at.prior
-    covariance = covariances_given_views(information, at.links, patches)
+    covariance = covariances_given_views(information, at.links, windows)
     if errors == ErrorModel():
         return covariance
     # A measurement contributes H^-1 J^T J H^-1: how much less uncertainty there is when it counts more.
@@ -231,11 +244,11 @@ def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, patches) -
     information = information + _STEP * (beyond * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
     beyond = errors.brightness * (1.0 - errors.brightness_common) - errors.smoothness
     information += _STEP * beyond * own[:, 1]
-    changed = covariances_given_views(information, at.links, patches)
+    changed = covariances_given_views(information, at.links, windows)
     return errors.smoothness * covariance + (covariance - changed) / _STEP
 
 
-def _add_views(landmark: np.ndarray, at: Linearised, errors: ErrorModel, frame_by_camera, camera, patches) -> None:
+def _add_views(landmark: np.ndarray, at: Linearised, errors: ErrorModel, camera: np.ndarray, patches) -> None:
     """Adds to (J, 6, 6) what errors of the views, and errors that neighbours share, do to the landmarks."""
     common = np.array([errors.keypoint * errors.keypoint_common] * 2 + [errors.brightness * errors.brightness_common])
     stiffness = None if len(patches) == 1 else _stiffness(at.links, len(at))
@@ -250,12 +263,9 @@ def _add_views(landmark: np.ndarray, at: Linearised, errors: ErrorModel, frame_b
         else:
             alone = _inverse_blocks(patch.own.sum(1) + at.prior[first:last] + stiffness[first:last])
             response = (alone @ np.hstack(parts).reshape(len(alone), LANDMARK_SIZE, -1)).reshape(len(parts[0]), -1)
+            response = response.astype(np.float32)
         by_camera, shared = response[:, : len(index)], response[:, len(index) :]
-        covariance = camera[np.ix_(index, index)]
-        if frame_by_camera is not None:
-            by_camera = np.hstack([by_camera, _move_landmarks(at, first, last).reshape(-1, _SIMILARITY)])
-            both = np.vstack([camera[:, index].T, frame_by_camera @ camera])
-            covariance = np.hstack([both[:, index], both @ frame_by_camera.T])
+        covariance = camera[np.ix_(index, index)].astype(response.dtype)
         landmark[first:last] += _products(by_camera @ covariance, by_camera) + _products(shared, shared)
 
 

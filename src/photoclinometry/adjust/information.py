@@ -16,7 +16,7 @@ from photoclinometry.reflectance import _PHASE_FLOOR, phase_angle, photometric_f
 
 CAMERA_SIZE, LANDMARK_SIZE = 10, 6
 
-_COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy")
+_COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"})
 
 
 class Cameras(NamedTuple):

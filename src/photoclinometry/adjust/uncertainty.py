@@ -32,8 +32,8 @@ OF_LANDMARKS = ("position", "normal", "albedo")
 """What there is one of for each landmark; the rest is of views."""
 
 LOOSE = 1e-4
-"""In the map's own frame the prior that holds one landmark counts this much: enough for the scale, too little to make its
-surroundings look known."""
+"""In the map's own frame the prior that holds one landmark counts this much: enough for the scale, too little to make
+its surroundings look known."""
 
 _NEARBY = 25
 """Landmarks over which smoothness averages errors that are not shared."""
