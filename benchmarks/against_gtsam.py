@@ -294,11 +294,11 @@ def covariances(graph, values, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return cameras, landmarks
 
 
-def compare(side: int, views: int) -> dict[str, float]:
-    """What the docstring promises, as numbers."""
+def compare(side: int, views: int, *, from_start: bool = True) -> dict[str, float]:
+    """What the docstring promises, as numbers. from_start: GTSAM begins where we did, not where we ended."""
     start, _ = matched_problem(side, views)
     ours = solve(start)
-    graph, first = graph_of(ours), values_of(start, ours.estimate.pivot)
+    graph, first = graph_of(ours), values_of(start if from_start else ours.scene, ours.estimate.pivot)
     values, seconds = cpu(lambda: minimise(graph, first))
     values = polish(graph, values)
     (cameras, landmarks), inverting = cpu(lambda: covariances(graph, values, ours.scene))

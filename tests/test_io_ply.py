@@ -9,6 +9,7 @@ import pytest
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import unit
 from photoclinometry.io.ply import grid_faces, read_ply, write_ply
+from photoclinometry.io.ply_elements import read_elements
 from photoclinometry.scene import Landmarks
 from scenes import synthetic_scene
 
@@ -54,6 +55,19 @@ def test_header_is_the_documented_one(tmp_path, scene):
         *(f"property float {name}" for name in ("nx", "ny", "nz", "albedo")),
         *(f"property float sigma_{name}" for name in ("x", "y", "z", "albedo", "normal")),
     ]
+
+
+def test_covariances_are_written_as_sigmas_along_the_axes(tmp_path, scene):
+    """Positions with variances 1, 4, 9: sigmas 1, 2, 3; normals with 0.09 and 0.25: the root of their mean."""
+    count = len(scene.landmarks)
+    stated = {
+        "position": np.tile(np.diag([1.0, 4.0, 9.0]), (count, 1, 1)),
+        "normal": np.tile(np.diag([0.09, 0.25]), (count, 1, 1)),
+    }
+    write_ply(tmp_path / "a.ply", replace(scene, uncertainty=stated))
+    vertex = read_elements(tmp_path / "a.ply")["vertex"]
+    for name, expected in (("x", 1.0), ("y", 2.0), ("z", 3.0), ("normal", np.sqrt(0.17))):
+        np.testing.assert_allclose(vertex[f"sigma_{name}"], expected, rtol=1e-6)
 
 
 def test_faces_of_the_grid_look_along_the_outward_normals(tmp_path, scene):

@@ -90,7 +90,7 @@ def write_scene(path: Path | str, scene: Scene) -> None:
         for name, sigma in scene.uncertainty.items():
             unit, frame = _UNCERTAINTY_UNITS.get(name, ("as the quantity", "as the quantity"))
             if np.ndim(sigma) == 3:
-                unit = " squared".join((write.units.get(unit, unit), ""))
+                unit = f"{write.units.get(unit, unit)} squared"
             kind = "covariance" if np.ndim(sigma) == 3 else "standard deviation"
             write(name, sigma, (unit, frame, f"{kind} of {name}"))
 
