@@ -51,7 +51,7 @@ def dense_covariance(scene, problem, index, present):
 
 @pytest.fixture(scope="module")
 def small():
-    return some_tracks_missing(synthetic_scene(size=3, views=4))
+    return some_tracks_missing(synthetic_scene(size=3, views=3))
 
 
 def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
@@ -80,7 +80,7 @@ def held_by_gauge(scene, size=1.0):
 
 @pytest.fixture(scope="module")
 def larger():
-    scene = synthetic_scene(size=24, views=6)
+    scene = synthetic_scene(size=20, views=6)
     at, frame = held_by_gauge(scene), np.ones(len(scene.landmarks), bool)
     return scene, at, frame, marginals(at, frame=frame)
 
@@ -127,15 +127,15 @@ def test_twice_the_views_divide_variances_given_the_views_by_two():
 
 
 def test_patches_and_windows_are_near_the_exact_answer(larger):
-    """576 landmarks in patches of 64: sigmas of views 5 % smaller to a fifth larger (median 10 %),
-    of landmarks within a quarter in the median (the worst: normals about one axis, with the tilt of so small a map)."""
+    """400 landmarks in patches of 64: sigmas of views 5 % smaller to a fifth larger (median 10 %),
+    of landmarks within 2 % in the median, but of normals, which share the uncertain tilt of so small a map."""
     _, at, frame, exact = larger
     found = marginals(at, exact=0, frame=frame)
     views = np.sqrt(np.diag(found.camera) / np.diag(exact.camera))
     assert views.min() > 0.95
     assert np.median(views) < 1.1
     ratio = np.sqrt(np.einsum("jaa->ja", found.landmark) / np.einsum("jaa->ja", exact.landmark))
-    assert np.all(abs(np.median(ratio, 0) - 1) < 0.25)
+    assert np.all(abs(np.median(ratio, 0) - 1) < [0.02, 0.02, 0.02, 0.3, 0.3, 0.02])
 
 
 def test_larger_patches_come_nearer(larger):

@@ -18,12 +18,12 @@ from test_adjust_estimate import INDEPENDENT, anchors_around, start_of
 
 @pytest.fixture(scope="module")
 def adjusted():
-    true = synthetic_scene(size=20, views=8, keypoint_noise_px=0.3, brightness_noise=0.01)
+    true = synthetic_scene(size=16, views=8, keypoint_noise_px=0.3, brightness_noise=0.01)
     return true, adjust(start_of(true), INDEPENDENT).scene
 
 
 def test_stated_sigmas_are_those_of_the_errors(adjusted):
-    """One draw, independent errors: the mean normalised square of 400 landmarks near one."""
+    """One draw, independent errors: the mean normalised square of 256 landmarks near one."""
     true, found = adjusted
     metrics = sigma_metrics(found, true.views, true.landmarks, 1.0)
     assert metrics["position_sigma_nees"] == pytest.approx(1.0, abs=0.3)
@@ -50,7 +50,7 @@ def test_geometry_alone_states_what_it_estimates_and_anchors_are_left_out(adjust
     true, _ = adjusted
     found = adjust(replace(start_of(true), reflectance=None), INDEPENDENT, anchors=anchors_around(true)).scene
     assert {name: value.shape for name, value in found.uncertainty.items()} == {
-        "position": (400, 3, 3),
+        "position": (256, 3, 3),
         "rotation": (8, 3, 3),
         "center": (8, 3, 3),
     }

@@ -21,8 +21,7 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
-from scipy.linalg.blas import dsyrk
+from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 
 from photoclinometry.adjust.information import (
     CAMERA_SIZE,
@@ -44,6 +43,8 @@ PATCH = 64
 
 UNMEASURED = 1e8
 """Of a variance over what it would be were all else known; beyond, it counts as infinite."""
+
+(_syrk,) = get_blas_funcs(("syrk",), dtype=np.float64)
 
 _SIMILARITY = 7
 _STEP = 1e-3
@@ -168,7 +169,7 @@ def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | 
         coupling = patch.coupling.reshape(-1, len(index))
         factor = _factor(at, patch, first, last)
         half = solve_triangular(factor, coupling, lower=True, check_finite=False)
-        _subtract(total, index, dsyrk(1.0, half, trans=1, lower=1))
+        _subtract(total, index, _syrk(1.0, half, trans=1, lower=1))
         if frame is not None:
             move = _move_landmarks(at, first, last)
             move[:, 3:] = 0.0

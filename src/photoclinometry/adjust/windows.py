@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.linalg import get_lapack_funcs
 
 from photoclinometry.adjust.information import LANDMARK_SIZE
 from photoclinometry.adjust.smoothing import Neighbours
@@ -22,6 +22,8 @@ OUTSIDE = 0.2
 
 RIDGE = 1e-10
 """Relative information added to every coordinate, so that one that is not determined does not stop the rest."""
+
+_potrf, _potri = get_lapack_funcs(("potrf", "potri"), dtype=np.float64)
 
 _COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", nogil=True)
 
@@ -45,7 +47,8 @@ class Links(NamedTuple):
 
 def links(neighbours: Neighbours, rows: np.ndarray) -> Links:
     """With signed indices, which NumPy and Numba mix without converting to floats."""
-    return Links(*(np.asarray(part, np.int64) for part in neighbours), np.asarray(rows, float))
+    start, target, source, incoming_start, incoming = (np.asarray(part, np.int64) for part in neighbours)
+    return Links(start, target, source, incoming_start, incoming, np.asarray(rows, float))
 
 
 def covariances_given_views(own: np.ndarray, links: Links, patches: list[tuple[int, int]]) -> np.ndarray:
@@ -80,8 +83,8 @@ def _invert_window(ids: np.ndarray, core: int, local: np.ndarray, own: np.ndarra
     partner, through = np.full((count, most), -1), np.zeros((count, most, 3, 3))
     _eliminate(ids, local, own, links, OUTSIDE, positions, inverse, partner, through)
     np.einsum("aa->a", positions)[:] = hold(np.diag(positions))
-    factor, failed = dpotrf(positions.T, lower=1, overwrite_a=1)
-    covariance, also = dpotri(factor, lower=1, overwrite_c=1)
+    factor, failed = _potrf(positions.T, lower=1, overwrite_a=1)
+    covariance, also = _potri(factor, lower=1, overwrite_c=1)
     assert not failed
     assert not also
     out = np.empty((core, LANDMARK_SIZE, LANDMARK_SIZE))
