@@ -18,18 +18,16 @@ import gtsam
 import numpy as np
 
 from matched import matched_problem
-from photoclinometry.adjust import AdjustOptions, SolverOptions, factors
+from photoclinometry.adjust import SolverOptions, factors
 from photoclinometry.adjust.covariance import Marginals, marginals
-from photoclinometry.adjust.estimate import _pairs, _priors, _weighted, _weights
-from photoclinometry.adjust.layout import build_layout, lay_out
-from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Estimate, Problem
 from photoclinometry.adjust.solver import minimize
 from photoclinometry.adjust.uncertainty import linearised
 from photoclinometry.geometry import Rigid, skew, so3_log, tangent_basis
 from photoclinometry.scene import Scene
+from uncertainty import BRIGHTNESS_SIGMA, problem_of
 
-KEYPOINT, BRIGHTNESS, SMOOTH = 0.3, 0.0015, 0.2
+KEYPOINT_SIGMA = 0.3
 TIGHT = SolverOptions(
     relative_decrease=1e-14,
     absolute_decrease=0.0,
@@ -54,29 +52,12 @@ class Ours:
 
 def solve(start: Scene) -> Ours:
     """At rounding's precision, for comparison; and timed as `adjust` solves by default."""
-    options = AdjustOptions(keypoint_loss=np.inf, brightness_loss=np.inf)
-    noise = Noise(
-        keypoint_factor=1.0,
-        keypoint_correlation_px=1.0,
-        anchor_factor=1.0,
-        brightness_sigma=BRIGHTNESS,
-        brightness_correlation_px=1.0,
-    )
-    count, lit = len(start.landmarks), np.ones(len(start.tracks), bool)
-    mapped = np.ones(count, bool)
-    layout, place = build_layout(start.tracks, len(start.views))
-    weigh = (start, options, lit, mapped, noise)
-    measured = _weighted(lay_out(start.tracks, place, layout.places), start, options, place, *weigh[2:])
-    pairs = _pairs(start.landmarks.position, count, options.smooth_neighbours)
-    assert start.reflectance is not None
-    problem = Problem(
-        layout, measured, pairs, _priors(start, options, count), start.reflectance.packed, smooth_sigma=SMOOTH
-    )
+    problem, weights = problem_of(start)
     first = Estimate(start.views, start.landmarks, np.median(start.landmarks.position, axis=0))
     spent = {"estimate": cpu(lambda: minimize(problem, first, step_limit=0.5 * start.gsd))[1]}
     solution = minimize(problem, first, TIGHT, step_limit=0.5 * start.gsd)
     at_minimum = start.with_estimate(solution.estimate.views, solution.estimate.landmarks)
-    at, _ = linearised(at_minimum, first.pivot, problem, _weights(*weigh))
+    at, _ = linearised(at_minimum, first.pivot, problem, weights)
     found, spent["covariances"] = cpu(lambda: marginals(at))
     return Ours(at_minimum, problem, solution.estimate, sum(solution.cost.values()), found, spent)
 
@@ -206,7 +187,7 @@ def _projection(intrinsics, keypoint, pivot, j, k):
     def work(values):
         rotation, center = pose_of(values, k, pivot)
         residual, by_point, by_pose = factors.projection(
-            rotation, center, intrinsics, values.atPoint3(point_key(j)), keypoint, KEYPOINT, pivot
+            rotation, center, intrinsics, values.atPoint3(point_key(j)), keypoint, KEYPOINT_SIGMA, pivot
         )
         return residual, (by_point, by_pose @ FROM_POSE3)
 
@@ -220,7 +201,7 @@ def _photometric(packed, brightness, pivot, j, k):
         _, center = pose_of(values, k, pivot)
         residual, row = factors.photometric(
             packed, center, sun.point3(), scale, bias, values.atPoint3(point_key(j)), normal.point3(),
-            values.atVector(albedo_key(j))[0], brightness, BRIGHTNESS, pivot,
+            values.atVector(albedo_key(j))[0], brightness, BRIGHTNESS_SIGMA, pivot,
         )  # fmt: skip
         by_pose, by_sun = row[6:12] @ FROM_POSE3, row[12:14] @ from_unit3(sun)
         return residual, (row[:3], row[3:5] @ from_unit3(normal), row[5:6], by_pose, by_sun, row[14:])
