@@ -37,7 +37,7 @@ LANDMARK_KINDS = {"position": slice(0, 3), "normal": slice(3, 5), "albedo": slic
 
 
 def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.0) -> tuple[Problem, Weights]:
-    """The problem that `adjust` solves for a matched scene, least squares, its errors shared by squares of these sides."""
+    """The problem that `adjust` solves for a matched scene, least squares, errors shared by squares of these sides."""
     options = AdjustOptions(keypoint_loss=np.inf, brightness_loss=np.inf)
     noise = Noise(
         keypoint_factor=1.0,

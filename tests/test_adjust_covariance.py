@@ -130,7 +130,7 @@ def test_patches_and_windows_are_near_the_exact_answer(larger):
     """400 landmarks in patches of 64: sigmas of views 5 % smaller to a fifth larger (median 10 %),
     of landmarks within 2 % in the median, but of normals, which share the uncertain tilt of so small a map."""
     _, at, frame, exact = larger
-    found = marginals(at, exact=0, frame=frame)
+    found = marginals(at, exact=0, patch=64, frame=frame)
     views = np.sqrt(np.diag(found.camera) / np.diag(exact.camera))
     assert views.min() > 0.95
     assert np.median(views) < 1.1

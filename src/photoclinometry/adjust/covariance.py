@@ -38,8 +38,10 @@ from photoclinometry.geometry import skew
 EXACT = 1000
 """Landmarks up to which nothing is approximated."""
 
-PATCH = 64
-"""Landmarks in a patch; with the solver's order these are 8 x 8."""
+WINDOW, PATCH, LARGE_PATCH = 32, 64, 256
+"""Landmarks in a window, and in a patch: 8 x 8 in the solver's order, or, in maps up to LARGE, 16 x 16."""
+
+LARGE = 20_000
 
 UNMEASURED = 1e8
 """Of a variance over what it would be were all else known; beyond, it counts as infinite."""
@@ -111,18 +113,19 @@ def marginals(
     *,
     frame: np.ndarray | None = None,
     exact: int = EXACT,
-    patch: int = PATCH,
+    patch: int | None = None,
 ) -> Marginals:
     """Marginal covariances of all views and landmarks.
 
     frame: (J,) bool, landmarks whose positions define the frame: covariances are those after the best similarity
     of theirs has been taken out (an S-transformation, Baarda 1973), as a map made from images alone has no frame of
     its own. None: the frame of the priors, which hold one view and one landmark.
-    exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond, of two windows.
+    exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond.
     """
     errors = errors or ErrorModel()
     count = len(at)
-    patches, windows = ([(0, count)] if count <= exact else _runs(count, size) for size in (patch, patch // 2))
+    patch = patch or (LARGE_PATCH if count <= LARGE else PATCH)
+    patches, windows = ([(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW))
     reduced = _reduce(at, patches, frame)
     camera = _inverse(reduced.information)
     if frame is not None:
