@@ -20,9 +20,10 @@ import numpy as np
 from matched import matched_problem
 from photoclinometry.adjust import SolverOptions, factors
 from photoclinometry.adjust.covariance import Marginals, marginals
-from photoclinometry.adjust.problem import Estimate, Problem
+from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.solver import minimize
 from photoclinometry.adjust.uncertainty import linearised
+from photoclinometry.adjust.variables import Estimate
 from photoclinometry.geometry import Rigid, skew, so3_log, tangent_basis
 from photoclinometry.scene import Scene
 from uncertainty import BRIGHTNESS_SIGMA, problem_of
@@ -165,7 +166,7 @@ def graph_of(ours: Ours) -> gtsam.NonlinearFactorGraph:
     intrinsics = scene.views.intrinsics
     for i, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
         graph.push_back(_projection(intrinsics[k], tracks.keypoint[i], pivot, int(j), int(k)))
-        graph.push_back(_photometric(problem.packed, tracks.brightness[i], pivot, int(j), int(k)))
+        graph.push_back(_photometric(scene.reflectance.packed, tracks.brightness[i], pivot, int(j), int(k)))
     for j, q in zip(problem.neighbours.source, problem.neighbours.target, strict=True):
         graph.push_back(_smoothness(problem.smooth_sigma, int(j), int(q)))
     for k in range(len(scene.views)):
@@ -177,9 +178,9 @@ def graph_of(ours: Ours) -> gtsam.NonlinearFactorGraph:
         )
         if np.isfinite(priors.pose_rotation[k]):
             graph.push_back(_pose_prior(priors, pivot, k))
-    for j in np.flatnonzero(np.isfinite(priors.landmark)):
-        model = gtsam.noiseModel.Isotropic.Sigma(3, priors.landmark[j])
-        graph.push_back(gtsam.PriorFactorPoint3(point_key(int(j)), priors.position[j], model))
+    for j in np.flatnonzero(np.isfinite(priors.position)):
+        model = gtsam.noiseModel.Isotropic.Sigma(3, priors.position[j])
+        graph.push_back(gtsam.PriorFactorPoint3(point_key(int(j)), priors.landmarks.position[j], model))
     return graph
 
 

@@ -22,7 +22,7 @@ from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs, _pr
 from photoclinometry.adjust.layout import build_layout, lay_out, morton_order
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Problem
-from photoclinometry.adjust.uncertainty import LOOSE, Weights, linearised
+from photoclinometry.adjust.uncertainty import Weights, linearised, loosely_held
 from photoclinometry.scene import Scene
 
 BRIGHTNESS_SIGMA = 0.0015
@@ -52,9 +52,9 @@ def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.
     measured = _weighted(lay_out(scene.tracks, place, layout.places), scene, options, place, lit, mapped, noise)
     pairs = _pairs(scene.landmarks.position, count, options.smooth_neighbours)
     smooth = options.smooth_sigma_rad * max(1.0, brightness_px / BALANCED_CORRELATION_PX)
-    assert scene.reflectance is not None
-    packed = scene.reflectance.packed
-    problem = Problem(layout, measured, pairs, _priors(scene, options, count), packed, smooth_sigma=smooth)
+    problem = Problem(
+        layout, measured, pairs, _priors(scene, options, count, None), scene.reflectance, smooth_sigma=smooth
+    )
     return problem, _weights(scene, options, lit, mapped, noise)
 
 
@@ -66,7 +66,7 @@ def at_truth(side: int, views: int, keypoint_px: float, brightness_px: float) ->
     scene = Scene(**{**vars(truth), "landmarks": truth.landmarks[order], "tracks": tracks})
     problem, weights = problem_of(scene, keypoint_px, brightness_px)
     at, _ = linearised(scene, np.median(scene.landmarks.position, axis=0), problem, weights)
-    return Linearised(**{**vars(at), "landmark_prior": LOOSE * at.landmark_prior})
+    return loosely_held(at)
 
 
 def exact(at: Linearised, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numba
 
 from photoclinometry import pipeline
+from photoclinometry.products import RunResult
 from photoclinometry.simulate.site import SimulationOptions, simulate_site
 
 SITE = SimulationOptions(image_size=192, views=6, region_size=32)
@@ -22,7 +23,7 @@ class Mapped:
     """site.toml."""
     truth: Path
     run: Path
-    result: pipeline.RunResult
+    result: RunResult
 
     def copy(self, folder: Path) -> Path:
         """The run folder again, to spoil."""

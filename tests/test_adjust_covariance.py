@@ -7,8 +7,8 @@ import pytest
 
 from jacobians import numerical_jacobian
 from photoclinometry.adjust.covariance import ErrorModel, marginals
-from photoclinometry.adjust.problem import Estimate
 from photoclinometry.adjust.uncertainty import Weights, linearised
+from photoclinometry.adjust.variables import Estimate
 from scenes import synthetic_scene
 from test_adjust_factors import problem_of, some_tracks_missing
 from test_adjust_solver import residuals_of
@@ -74,8 +74,8 @@ def held_by_gauge(scene, size=1.0):
     at, problem, *_ = at_truth(scene)
     first = np.r_[1.0, np.full(len(scene.views) - 1, np.inf)]
     problem.priors = replace(problem.priors, pose_rotation=1e-4 * size * first, pose_translation=10.0 * size * first)
-    prior, _ = problem.camera_priors(Estimate(scene.views, scene.landmarks, PIVOT))
-    return replace(at, camera_prior=prior, landmark_prior=1e-4 * at.landmark_prior / size**2)
+    prior, _ = problem.of_cameras(Estimate(scene.views, scene.landmarks, PIVOT))
+    return replace(at, camera_prior=prior, prior=1e-4 * at.prior / size**2)
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_twice_the_views_divide_variances_given_the_views_by_two():
         **{name: np.repeat(getattr(observed, name), 2, axis=0)
            for name in ("seen_by", "keypoint", "brightness", "keypoint_weight", "brightness_weight")},
     )  # fmt: skip
-    sure = {"camera_prior": 1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape), "landmark_prior": np.zeros(36)}
+    sure = {"camera_prior": 1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape), "prior": np.zeros((36, 6, 6))}
     once = marginals(replace(at, **sure)).landmark
     np.testing.assert_allclose(marginals(replace(at, observed=twice, **sure)).landmark * 2, once, rtol=1e-6, atol=1e-9)
 

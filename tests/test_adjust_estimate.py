@@ -5,13 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.adjust import AdjustOptions, Anchors, adjust
-from photoclinometry.adjust.problem import Estimate
-from photoclinometry.errors import ReconstructionError
-from photoclinometry.geometry import align_similarity, angle_between, so3_log
+from matched import matched_problem
+from photoclinometry.adjust import AdjustOptions, Anchors, PosePriors, adjust
+from photoclinometry.adjust.variables import Estimate
+from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3_log
 from photoclinometry.reflectance import published
 from photoclinometry.scene import Tracks
 from scenes import synthetic_scene
+
+MATCHED = AdjustOptions(
+    brightness_sigma=0.0015,
+    keypoint_correlation_px=1,
+    brightness_correlation_px=1,
+    keypoint_loss=np.inf,
+    brightness_loss=np.inf,
+    max_rounds=1,
+)
+"""For the problems of benchmarks/matched.py."""
 
 INDEPENDENT = AdjustOptions(keypoint_correlation_px=1, brightness_correlation_px=1)
 
@@ -126,3 +137,54 @@ def test_too_little_to_estimate_is_refused(noisy):
     dark = replace(noisy, tracks=replace(noisy.tracks, lit=np.zeros(len(noisy.tracks), bool)))
     with pytest.raises(ReconstructionError, match="towards the Sun"):
         adjust(dark)
+
+
+@pytest.mark.parametrize(("factor", "disk"), [(1.2, "lunar-lambert"), (0.8, "minnaert")])
+def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk):
+    """All a fifth off, with a loose prior: within 3 of their standard deviations, and the map none the worse."""
+    start, truth = matched_problem(24, 10, reflectance=published(disk, "vesta"))
+    true = truth.reflectance.parameters
+    start = replace(start, reflectance=truth.reflectance.with_parameters(factor * true))
+    found = adjust(start, replace(MATCHED, reflectance_sigma=0.5))
+    assert found.converged
+    assert np.all(np.abs(found.scene.reflectance.parameters - true) < 3 * found.parameter_sigma)
+    assert np.all(found.parameter_sigma > 0)
+    held = adjust(start, MATCHED)
+    assert held.scene.reflectance == start.reflectance
+
+    def tilt(scene):
+        return np.median(angle_between(scene.landmarks.normal, truth.landmarks.normal))
+
+    assert tilt(found.scene) < 0.5 * tilt(held.scene)
+
+
+def test_a_model_without_parameters_has_none_to_estimate():
+    scene = synthetic_scene(size=12, reflectance=published("mcewen"))
+    with pytest.raises(InputError, match="reflectance mcewen has no parameters"):
+        adjust(scene, AdjustOptions(reflectance_sigma=0.1))
+
+
+def test_pose_priors_place_the_map():
+    """Camera centres known to a tenth of a ground sample, two samples from where structure from motion put them: the
+    map follows them."""
+    start, truth = matched_problem(16, 8)
+    shift = np.array([2.0, -1.0, 1.5])
+    poses = truth.views.body_from_cam
+    priors = PosePriors(
+        body_from_cam=Rigid(poses.rotation, poses.translation + shift),
+        rotation_sigma=np.full(8, 1e-6),
+        center_sigma=np.full(8, 0.1),
+    )
+    moved = adjust(start, MATCHED, pose_priors=priors).scene
+    np.testing.assert_allclose(moved.views.body_from_cam.translation, poses.translation + shift, atol=0.5)
+    offset = np.median(moved.landmarks.position - truth.landmarks.position, axis=0)
+    np.testing.assert_allclose(offset, shift, atol=0.3)
+
+
+def test_landmarks_are_held_by_their_priors():
+    start, _ = matched_problem(16, 8)
+    held = replace(MATCHED, position_sigma_gsd=1e-6, normal_sigma_rad=1e-7, albedo_sigma=1e-7)
+    after, before = adjust(start, held).scene.landmarks, start.landmarks
+    np.testing.assert_allclose(after.position, before.position, atol=1e-4)
+    np.testing.assert_allclose(after.normal, before.normal, atol=1e-5)
+    np.testing.assert_allclose(after.albedo, before.albedo, rtol=1e-5)

@@ -1,13 +1,17 @@
 """Every factor's Jacobian against central differences, and the compiled kernels against the factors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from jacobians import numerical_jacobian
 from photoclinometry.adjust import factors
-from photoclinometry.adjust.layout import Measurements, build_layout, spread
-from photoclinometry.adjust.problem import Estimate, Priors, Problem
+from photoclinometry.adjust.layout import LANES, Measurements, build_layout, spread
+from photoclinometry.adjust.priors import Priors
+from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.smoothing import build_neighbours
+from photoclinometry.adjust.variables import Estimate
 from photoclinometry.geometry import so3_exp, sphere_step, unit
 from photoclinometry.reflectance import DISK_FUNCTIONS, published
 from scenes import synthetic_scene
@@ -145,12 +149,14 @@ def problem_of(scene, limits=(np.inf, np.inf), hide=0.0):
         pose_translation=10.0 * sigma,
         scale=np.full(views, 0.01),
         bias=np.full(views, 0.001),
-        landmark=landmark_sigma,
+        landmarks=scene.landmarks,
+        position=landmark_sigma,
+        normal=np.full(landmarks, np.inf),
+        albedo=np.full(landmarks, np.inf),
         views=scene.views,
-        position=scene.landmarks.position,
     )
     neighbours = build_neighbours(index, ~far)
-    problem = Problem(layout, measured, neighbours, priors, scene.reflectance.packed, smooth_sigma=0.2)
+    problem = Problem(layout, measured, neighbours, priors, scene.reflectance, smooth_sigma=0.2)
     return problem, brightness_weight, index, ~far
 
 
@@ -197,8 +203,6 @@ def test_kernels_equal_the_factors(limits):
 
 
 def some_tracks_missing(scene):
-    from dataclasses import replace
-
     tracks = scene.tracks
     keep = np.random.default_rng(1).uniform(size=len(tracks)) < 0.67
     counts = np.bincount(tracks.landmark[keep], minlength=len(tracks.start) - 1)
@@ -255,3 +259,71 @@ def dense_jacobian(scene, estimate):
         rows[3 * n : 3 * n + 2, l : l + 3], rows[3 * n : 3 * n + 2, c : c + 6] = by_position, by_pose
         rows[3 * n + 2, l : l + 6], rows[3 * n + 2, c : c + 10] = row[:6], row[6:]
     return rows
+
+
+@pytest.mark.parametrize("disk", ["lunar-lambert", "minnaert", "akimov+"])
+def test_border_equals_the_products_with_derivatives_by_the_parameters(disk):
+    """The rows of the normal equations by reflectance parameters, these columns of J by differences of the factors."""
+    scene = some_tracks_missing(synthetic_scene(size=6, views=4, keypoint_noise_px=0.3, brightness_noise=0.01))
+    scene = replace(scene, reflectance=published(disk, "vesta"))
+    problem, *_ = problem_of(scene)
+    count = len(scene.reflectance.parameters)
+    changed = np.linspace(-0.1, 0.1, count)
+    estimate = replace(perturbed(scene), parameters=changed)
+    _, equations = problem.linearize(estimate)
+
+    def with_changes(x):
+        return replace(scene, reflectance=scene.reflectance.with_parameters(scene.reflectance.parameters * (1 + x)))
+
+    def residuals(x):
+        found = observation_factors(with_changes(x), estimate)
+        return np.concatenate([[*projection[0], photometric[0]] for _, _, projection, photometric in found])
+
+    by_parameter = numerical_jacobian(lambda x: residuals(changed + x), count, 1e-4)
+    others = dense_jacobian(with_changes(changed), estimate)
+    expected = others.T @ by_parameter
+    border = np.vstack([equations.border.by_camera.reshape(-1, count), equations.border.by_landmark.reshape(-1, count)])
+    size = np.sqrt(np.outer(np.sum(others**2, 0), np.sum(by_parameter**2, 0))) + 1e-9
+    np.testing.assert_allclose(border / size, expected / size, atol=2e-6)
+    np.testing.assert_allclose(equations.border.block, by_parameter.T @ by_parameter, rtol=1e-5)
+    gradient = by_parameter.T @ residuals(changed)
+    np.testing.assert_allclose(equations.border.gradient, gradient, rtol=1e-5, atol=1e-5 * abs(gradient).max())
+
+
+def test_priors_on_landmarks_have_the_slope_of_their_cost():
+    scene = synthetic_scene(size=6, views=4)
+    problem, *_ = problem_of(scene)
+    tight = np.full(36, np.inf)
+    tight[::2] = 0.01
+    problem.priors = replace(problem.priors, position=300 * tight, normal=tight, albedo=0.1 * tight)
+    estimate = perturbed(scene)
+    nothing = np.zeros((4, 10))
+    block, gradient = np.zeros((36, 6, 6)), np.zeros((36, 6))
+    problem.priors.add_landmarks(estimate, block, np.zeros_like(block), gradient)
+    for i in range(6):
+        step = np.eye(6)[i] * np.r_[[1.0] * 3, [1e-3] * 2, 1e-4][i] * np.ones((36, 1))
+        slope = numerical_jacobian(lambda t: [problem.priors.cost(estimate.step(nothing, t[0] * step))], 1, 0.1)  # noqa: B023
+        assert 2 * np.vdot(gradient, step) == pytest.approx(float(slope[0, 0]), rel=1e-5)
+        curved = (
+            problem.priors.cost(estimate.step(nothing, step))
+            + problem.priors.cost(estimate.step(nothing, -step))
+            - 2 * problem.priors.cost(estimate)
+        )
+        assert np.einsum("ji,jik,jk->", step, block, step) == pytest.approx(curved / 2, rel=0.02)
+
+
+def test_a_view_without_brightness_in_a_group_adds_nothing_but_its_keypoints():
+    """All of one view's brightness hidden: its Sun, scale and bias have no factor, and no stale rows are left."""
+    scene = synthetic_scene(size=6, views=4, keypoint_noise_px=0.3, brightness_noise=0.01)
+    problem, *_ = problem_of(scene)
+    problem.linearize(perturbed(scene))
+    layout, _ = build_layout(scene.tracks, 4)
+    dark = np.repeat(layout.slot_view == 2, LANES)
+    problem.measured.brightness_weight[dark] = 0.0
+    _, equations = problem.linearize(perturbed(scene, seed=1))
+    np.testing.assert_array_equal(equations.camera_block[2, 6:, :6] - equations.camera_rest[2, 6:, :6], 0.0)
+    out = np.empty((36, 6), np.float32)
+    landmark = np.random.default_rng(0).normal(size=(36, 6)).astype(np.float32)
+    camera = problem.multiply_observations(equations, np.zeros((4, 10), np.float32), landmark, out)
+    np.testing.assert_array_equal(camera[2, 6:], 0.0)
+    assert np.all(camera[1, 6:] != 0.0)

@@ -5,9 +5,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from photoclinometry.adjust import factors
-from photoclinometry.adjust.problem import Estimate
 from photoclinometry.adjust.smoothing import add_product, solve_approximately
 from photoclinometry.adjust.solver import SolverOptions, minimize
+from photoclinometry.adjust.variables import Estimate
 from photoclinometry.errors import NotConvergedError
 from photoclinometry.geometry import so3_log
 from scenes import synthetic_scene
@@ -48,7 +48,7 @@ def residuals_of(scene, problem, index, present):
         out.extend((views.scale - start.scale) / priors.scale)
         out.extend((views.bias - start.bias) / priors.bias)
         middle = len(points) // 2
-        out.extend((points.position - priors.position)[middle] / priors.landmark[middle])
+        out.extend((points.position - priors.landmarks.position)[middle] / priors.position[middle])
         return np.array(out)
 
     return residuals

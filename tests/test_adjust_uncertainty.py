@@ -7,8 +7,8 @@ import pytest
 
 from photoclinometry.adjust import AdjustOptions, Noise, adjust
 from photoclinometry.adjust.covariance import Marginals
-from photoclinometry.adjust.problem import Estimate
 from photoclinometry.adjust.uncertainty import error_model, scene_uncertainty
+from photoclinometry.adjust.variables import Estimate
 from photoclinometry.calibrate import sigma_metrics
 from photoclinometry.geometry import so3_log
 from photoclinometry.scene import Tracks

@@ -119,6 +119,27 @@ def test_every_kind_that_reports_its_own_sigma_is_calibrated(kind):
     assert ratio == pytest.approx(4.0)
 
 
+SIZES = {"position": 3, "translation": 3, "rotation": 3, "normal": 2, "sun": 2}
+
+
+@pytest.mark.parametrize(
+    ("kind", "form"),
+    [(kind, "alike") for kind in KINDS] + [(kind, form) for kind in SIZES for form in ("along axes", "covariance")],
+)
+def test_uncertainties_say_the_same_of_a_scene_in_another_frame(kind, form):
+    """Squares over what is stated do not depend on frame and unit, so what is stated must follow both."""
+    scene, true = disturbed({kind: 0.01})
+    stated = scene.uncertainty[kind]
+    if form != "alike":
+        size = SIZES[kind]
+        half = np.random.default_rng(2).uniform(0.005, 0.02, (len(stated), size, size))
+        stated = half[:, 0] if form == "along axes" else half @ np.swapaxes(half, 1, 2) + 1e-5 * np.eye(size)
+    scene = replace(scene, uncertainty={kind: stated})
+    moved = transform_scene(Similarity(1e-2, so3_exp(np.array([-0.7, 1.5, 0.4])), np.array([5.0, 2.0, 1.0])), scene)
+    expected = sigma_metrics(scene, true.views, true.landmarks, 1.0)
+    assert sigma_metrics(moved, true.views, true.landmarks, 1.0) == pytest.approx(expected, rel=1e-6)
+
+
 def test_relative_albedos_are_compared_after_the_common_factor():
     scene, true = disturbed({"albedo": 0.01, "scale": 0.01})
     doubled = replace(

@@ -7,20 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from commands import phomo
 from photoclinometry import pipeline
-from photoclinometry.cli import main
 from photoclinometry.errors import ImageError, NotConvergedError, ReconstructionError
 from photoclinometry.io.images import read_image
 from sites import write_small_site
-
-
-def phomo(*arguments) -> int:
-    """Runs the command; its exit code."""
-    try:
-        main([str(a) for a in arguments])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 @pytest.fixture

@@ -2,18 +2,9 @@
 
 import pytest
 
-from photoclinometry.cli import main
+from commands import phomo
 from photoclinometry.io.text_model import read_text_model, write_text_model
 from scenes import synthetic_scene
-
-
-def phomo(*arguments) -> int:
-    """Runs the command; its exit code."""
-    try:
-        main([str(a) for a in arguments])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ import pycolmap
 import pytest
 
 from photoclinometry.errors import InputError
-from photoclinometry.io import colmap
 from photoclinometry.io.colmap import read_colmap, write_colmap
 from scenes import synthetic_scene
 
@@ -71,9 +70,8 @@ def test_our_reader_agrees_with_pycolmap_on_its_own_files(tmp_path, folder, scen
     assert len(points) == len(scene.landmarks)
 
 
-def test_large_scenes_are_thinned_evenly(tmp_path, scene, monkeypatch):
-    monkeypatch.setattr(colmap, "MAX_POINTS", 10)
-    write_colmap(tmp_path / "sparse", scene)
+def test_large_scenes_are_thinned_evenly(tmp_path, scene):
+    write_colmap(tmp_path / "sparse", scene, max_points=10)
     model = pycolmap.Reconstruction(tmp_path / "sparse")
     assert model.is_valid()
     assert model.num_points3D() == 10

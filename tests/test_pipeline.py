@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry import pipeline
+from photoclinometry import products
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.compare import evaluate_against_truth
 from photoclinometry.errors import InputError, ReconstructionError, RunFolderError, SiteError
@@ -56,7 +56,7 @@ def adjust_nothing(monkeypatch):
         )
         return Adjustment(scene, True, "not adjusted", (), noise, scene.tracks.lit)
 
-    monkeypatch.setattr(pipeline, "adjust", stand_in)
+    monkeypatch.setattr(products, "adjust", stand_in)
     return calls
 
 
@@ -143,15 +143,15 @@ def test_a_changed_region_redoes_region_and_later(mapped, tmp_path, adjust_nothi
 def test_an_interrupted_run_goes_on_where_it_was(mapped, tmp_path, monkeypatch, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
     options = RunOptions(adjust=AdjustOptions(smooth_sigma_rad=0.3))
-    stand_in = pipeline.adjust
+    stand_in = products.adjust
 
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pipeline, "adjust", interrupt)
+    monkeypatch.setattr(products, "adjust", interrupt)
     with pytest.raises(KeyboardInterrupt):
         run(mapped.site, folder, options)
-    monkeypatch.setattr(pipeline, "adjust", stand_in)
+    monkeypatch.setattr(products, "adjust", stand_in)
     run(mapped.site, folder, options)
     assert resumed(folder) == ["sparse", "region", "dense"]
     run(mapped.site, folder, options)
@@ -166,7 +166,7 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(pipeline, "_Done", killed)
+        patch.setattr(products, "_Done", killed)
         with pytest.raises(KeyboardInterrupt):
             run(mapped.site, folder, RunOptions(reflectance="akimov"))
     assert read_scene(folder / "scene.h5").reflectance.disk == "akimov"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from photoclinometry import pipeline
+from photoclinometry import products
 from photoclinometry.adjust import AdjustOptions, SolverOptions, adjust
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, angle_between, so3_exp, unit
@@ -92,7 +92,7 @@ def test_a_spoiled_model_is_refined_and_written_in_its_own_numbers(folder, truth
         raise AssertionError("estimated twice")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "adjust", not_again)
+        patch.setattr(products, "adjust", not_again)
         again = refine(start, tmp_path / "out", OPTIONS)
         assert again.scene.landmarks.position.tobytes() == found.position.tobytes()
         with pytest.raises(AssertionError, match="estimated twice"):

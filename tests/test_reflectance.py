@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jacobians import numerical_jacobian
 from photoclinometry.errors import InputError
 from photoclinometry.reflectance import (
     DEG,
@@ -10,6 +11,7 @@ from photoclinometry.reflectance import (
     Reflectance,
     photometric_angles,
     photometric_function,
+    photometric_parameters,
     published,
 )
 
@@ -136,3 +138,20 @@ def test_unknown_models_and_bodies_say_what_is_known():
         published("minnaert", "bennu")
     with pytest.raises(InputError, match="akimov"):
         Reflectance("hapke")
+
+
+@pytest.mark.parametrize("disk", ["lunar-lambert", "minnaert", "akimov+"])
+def test_derivatives_by_parameters(disk):
+    """Of rho by w0, w1, c_1 ... against central differences."""
+    model = published(disk, "vesta")
+    angles = 0.7, 0.5, 0.8
+    out = np.empty(len(model.parameters))
+    photometric_parameters(model.packed, *angles, out)
+    numeric = numerical_jacobian(lambda x: model.with_parameters(model.parameters + x)(*angles), len(out), 1e-5)[0]
+    np.testing.assert_allclose(out, numeric, rtol=1e-6, atol=1e-9)
+
+
+def test_parameters_make_the_model_again():
+    model = published("minnaert", "ceres")
+    assert model.with_parameters(model.parameters) == model
+    assert len(published("mcewen").parameters) == 0

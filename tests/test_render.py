@@ -71,6 +71,26 @@ def test_the_nearer_of_two_triangles_wins_in_any_order():
     assert mask.sum() == 55
 
 
+def test_of_equally_near_triangles_the_first_wins_wherever_rounding_falls():
+    pixel = np.tile(np.random.default_rng(0).uniform(-30.0, 130.0, (3, 2)), (2, 1)) + np.repeat([0.0, 0.7], 3)[:, None]
+    faces = np.array([[0, 1, 2], [3, 4, 5]])
+    for order in (faces, faces[::-1]):
+        image, mask = draw_triangles(pixel, np.ones(6), np.repeat([10.0, 20.0], 3), order, (100, 100))
+        _, of_first = draw_triangles(pixel, np.ones(6), np.ones(6), order[:1], (100, 100))
+        assert (mask & ~of_first).any()
+        assert np.ptp(image[of_first]) < 1e-9
+
+
+def test_several_values_are_drawn_as_each_alone():
+    rng = np.random.default_rng(0)
+    pixel, depth, value = rng.uniform(0.0, 20.0, (6, 2)), rng.uniform(1.0, 2.0, 6), rng.normal(size=(6, 3))
+    faces = np.array([[0, 1, 2], [3, 4, 5], [0, 3, 5]])
+    image, mask = draw_triangles(pixel, depth, value, faces, (20, 20))
+    assert mask.any()
+    for n in range(3):
+        np.testing.assert_array_equal(image[..., n], draw_triangles(pixel, depth, value[:, n], faces, (20, 20))[0])
+
+
 def test_interpolation_is_linear_on_the_triangle_and_not_in_the_image():
     """Half-way in the image between depths 1 and 3 is a quarter along the edge: 1/z is linear."""
     pixel = np.array([[0.5, 0.5], [4.5, 0.5], [0.5, 4.5]])

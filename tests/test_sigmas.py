@@ -38,10 +38,10 @@ def stated():
 
 def test_landmarks_and_views_in_the_units_of_their_names(stated):
     found = landmark_sigmas(stated)
-    np.testing.assert_allclose(found["position_gsd"], np.sqrt(6.0))
-    np.testing.assert_allclose(found["height_gsd"], 2.0)
-    np.testing.assert_allclose(found["normal_deg"], 0.1 * np.sqrt(2.0))
-    np.testing.assert_allclose(found["albedo_percent"], 0.3 / stated.landmarks.albedo)
+    np.testing.assert_allclose(found["position_sigma_gsd"], np.sqrt(6.0))
+    np.testing.assert_allclose(found["height_sigma_gsd"], 2.0)
+    np.testing.assert_allclose(found["normal_sigma_deg"], 0.1 * np.sqrt(2.0))
+    np.testing.assert_allclose(found["albedo_sigma_percent"], 0.3 / stated.landmarks.albedo)
     views = view_sigmas(stated)
     np.testing.assert_allclose(views["center_sigma_gsd"], 3.0)
     np.testing.assert_allclose(views["scale_sigma_percent"], 1.0)

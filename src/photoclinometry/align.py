@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, Similarity, so3_exp
+from photoclinometry.geometry import Rigid, Similarity, so3_exp, tangent_basis
 from photoclinometry.scene import Scene
 
 Closest = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -31,12 +31,9 @@ def transform_poses(similarity: Similarity, body_from_cam: Rigid) -> Rigid:
 
 
 def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
-    """The same scene in another frame (target_from_B): nothing that it predicts about images changes.
-
-    Uncertainties are dropped, since they refer to the old axes and unit.
-    """
+    """The same scene in another frame (target_from_B): nothing that it predicts about images changes."""
     views, landmarks = scene.views, scene.landmarks
-    return replace(
+    moved = replace(
         scene,
         views=replace(
             views,
@@ -48,8 +45,41 @@ def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
             position=similarity(landmarks.position),
             normal=landmarks.normal @ similarity.rotation.T,
         ),
-        uncertainty={},
     )
+    return replace(moved, uncertainty=_transform_uncertainty(similarity, scene, moved))
+
+
+def _transform_uncertainty(similarity: Similarity, scene: Scene, moved: Scene) -> dict[str, np.ndarray]:
+    """`scene.uncertainty` about the axes and in the unit of `moved`, as the table in `calibrate.py` has them."""
+    lengths = ("position", "translation", "center")
+    directions = {
+        "normal": (scene.landmarks.normal, moved.landmarks.normal),
+        "sun": (scene.views.sun, moved.views.sun),
+    }
+    found = dict(scene.uncertainty)
+    for name, stated in scene.uncertainty.items():
+        if name in lengths:
+            found[name] = _turn_covariance(stated, similarity.scale * similarity.rotation)
+        elif name in directions:
+            before, after = directions[name]
+            found[name] = _turn_covariance(
+                stated, np.swapaxes(tangent_basis(after), -1, -2) @ similarity.rotation @ tangent_basis(before)
+            )
+    return found
+
+
+def _turn_covariance(stated: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """What is stated about n vectors, as `metrics.normalised_square` takes it, of turn (d, d) or (n, d, d) @ vector.
+
+    turn: a rotation times a scale. Sigmas alike in all directions stay so, (n,); others become covariances (n, d, d).
+    """
+    stated, size = np.asarray(stated, float), turn.shape[-1]
+    if stated.shape[1:] not in ((), (size,), (size, size)):
+        raise InputError(f"an uncertainty has shape {stated.shape}: it says nothing about vectors of {size} numbers")
+    if stated.ndim == 1:
+        return stated * np.linalg.norm(turn[..., 0], axis=-1)
+    covariance = stated if stated.ndim == 3 else stated[:, :, None] ** 2 * np.eye(stated.shape[1])
+    return turn @ covariance @ np.swapaxes(turn, -1, -2)
 
 
 def align_poses(source: Rigid, target: Rigid, distance: float) -> Similarity:

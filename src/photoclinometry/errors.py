@@ -30,3 +30,7 @@ class ReconstructionError(PhotoclinometryError, RuntimeError):
 
 class NotConvergedError(PhotoclinometryError, RuntimeError):
     """An estimate was asked to converge (`throw=True`) and did not."""
+
+
+class FetchError(PhotoclinometryError, OSError):
+    """Published data cannot be fetched, or arrived damaged (the command ends with exit code 1)."""

@@ -162,7 +162,7 @@ def evaluate_scene(
         metrics |= spread(percent, "photometric_error_without_scale_and_bias", "percent")
     for name, values in landmark_sigmas(scene).items():
         quantity, unit = name.rsplit("_", 1)
-        metrics |= spread(values, f"{quantity}_sigma", unit)
+        metrics |= spread(values, quantity, unit)
     if held_out:
         metrics["views_held_out"] = len(held_out)
     for name, key, table in (

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from photoclinometry import __version__
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, adjust
+from photoclinometry.adjust import AdjustOptions, Anchors
 from photoclinometry.densify import DenseTracks, DensifyOptions, densify
-from photoclinometry.errors import InputError, RunFolderError
+from photoclinometry.errors import InputError
 from photoclinometry.geometry import unit
 from photoclinometry.holdout import Resected, held_out_mask, held_out_views, resect_views
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours, sample_brightness
 from photoclinometry.io import held_out as held_out_file
-from photoclinometry.io.options import write_options
 from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
+from photoclinometry.products import Progress, RunResult, adjust_or_read, write_config, write_products
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
 from photoclinometry.region import RegionOptions, choose_region
 from photoclinometry.runfolder import RunFolder, digest, open_run
@@ -32,9 +31,6 @@ from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sparse import SparseModel, without_views
 
 log = logging.getLogger(__name__)
-
-Progress = Callable[[str, int, int], None]
-"""Called as progress(what, done, total); total 0 where it is not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,19 +51,6 @@ class RunOptions:
     adjust: AdjustOptions = field(default_factory=AdjustOptions)
 
 
-@dataclass(frozen=True)
-class RunResult:
-    """What a run leaves."""
-
-    scene: Scene
-    adjustment: Adjustment
-    metrics: dict[str, float]
-    report: Path
-    """The report's page."""
-    left_out: tuple[str, ...]
-    """Names of views that did not register."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Place:
     """The reference view, among all views, and the region, as a stage's result."""
@@ -75,13 +58,6 @@ class _Place:
     reference: int
     region: np.ndarray
     """row, col, height, width."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Done:
-    """That the adjusted scene of this key is in scene.h5, and how it was reached."""
-
-    summary: str
 
 
 def run(site_file: Path, out: Path, options: RunOptions | None = None, progress: Progress | None = None) -> RunResult:
@@ -290,53 +266,6 @@ def _check_suns(views: Views, position: np.ndarray, normal: np.ndarray, tracks: 
             )
 
 
-def adjust_or_read(
-    folder: RunFolder,
-    key: str,
-    scene: Scene,
-    options: AdjustOptions,
-    progress: Progress,
-    anchors: Anchors | None = None,
-) -> Adjustment:
-    """The adjusted scene, from the run folder's scene.h5 if that is of this key, else estimated and kept there."""
-    from photoclinometry.adjust import Iteration, Noise
-    from photoclinometry.io.scene_file import read_scene, write_scene
-
-    file = folder.path / "scene.h5"
-    steps = 0
-
-    def count(iteration: Iteration) -> None:
-        nonlocal steps
-        steps += 1
-        progress("adjust", steps, 0)
-
-    def make() -> _Done:
-        adjustment = adjust(scene, options, anchors=anchors, progress=count)
-        # Were the run killed between the two files, the old key must not stand beside the new scene.
-        folder.forget("adjust")
-        write_scene(file, adjustment.scene)
-        summary = {
-            "converged": adjustment.converged,
-            "message": adjustment.message,
-            "log": [asdict(i) for i in adjustment.log],
-            "noise": asdict(adjustment.noise),
-        }
-        return _Done(summary=json.dumps(summary))
-
-    if not _is_scene(file):
-        folder.forget("adjust")
-    done = json.loads(folder.stage("adjust", key, make, _Done).summary)
-    adjusted = read_scene(file)
-    return Adjustment(
-        adjusted,
-        done["converged"],
-        done["message"],
-        tuple(Iteration(**i) for i in done["log"]),
-        Noise(**done["noise"]),
-        adjusted.tracks.lit,
-    )
-
-
 def _resect_or_read(
     folder: RunFolder, key: str, scene: Scene, views: Views, held: np.ndarray, images, options: RunOptions
 ) -> Views | None:
@@ -352,77 +281,3 @@ def _resect_or_read(
     found = held_out_views(views, folder.stage("held_out", key, make, Resected))
     held_out_file.write_held_out(file, found)
     return found
-
-
-def _is_scene(file: Path) -> bool:
-    """Whether an earlier run left a whole scene; a damaged one is warned of."""
-    from photoclinometry.io.scene_file import read_scene
-
-    if not file.is_file():
-        return False
-    try:
-        read_scene(file)
-    except RunFolderError as error:
-        log.warning("%s; the stage is done again", error)
-        return False
-    return True
-
-
-def write_products(
-    folder: RunFolder,
-    adjustment: Adjustment,
-    images: Sequence[Image],
-    config: Mapping[str, Any],
-    left_out: tuple[str, ...],
-    held_out: Views | None = None,
-) -> RunResult:
-    """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
-
-    config: what shaped the run, for the report; left_out: names of views that are not in the scene; held_out: views
-    that the scene was not made from, in its frame.
-    """
-    from photoclinometry.evaluate import evaluate_scene, held_out_table, view_table
-    from photoclinometry.io.atomic import write_text
-    from photoclinometry.io.colmap import write_colmap
-    from photoclinometry.io.ply import write_ply
-    from photoclinometry.report import write_report
-    from photoclinometry.tables import json_numbers
-
-    scene = adjustment.scene
-    with folder.timed("products"):
-        write_ply(folder.path / "landmarks.ply", scene, mesh=True)
-        write_colmap(folder.path / "sparse", scene)
-        rows = view_table(scene, images)
-        aside = held_out_table(scene, held_out, images) if held_out else []
-        metrics = evaluate_scene(scene, images, per_view=rows, held_out=aside)
-        metrics |= {"views_left_out": len(left_out), "converged": float(adjustment.converged)}
-        photometric = scene.reflectance is not None
-        noise = asdict(adjustment.noise).items()
-        metrics |= {name: value for name, value in noise if photometric or not name.startswith("brightness")}
-    with folder.timed("report"):
-        rows = [{"registered": True, **row} for row in rows + aside]
-        rows += [{"name": name, "registered": False} for name in left_out]
-        page = write_report(
-            folder.path / "report",
-            scene,
-            images,
-            metrics=metrics,
-            per_view=rows,
-            stages=[asdict(stage) for stage in folder.stages],
-            convergence=[i.cost for i in adjustment.log if i.accepted],
-            options=config,
-        )
-    summary = {
-        "metrics": json_numbers(metrics),
-        "views": rows,
-        "left_out": list(left_out),
-        "stages": [asdict(stage) for stage in folder.stages],
-        "message": adjustment.message,
-    }
-    write_text(folder.path / "metrics.json", json.dumps(summary, indent=2) + "\n")
-    return RunResult(scene, adjustment, metrics, page, left_out)
-
-
-def write_config(folder: RunFolder, config: Mapping[str, Any]) -> None:
-    """config.toml: what was mapped, and every option, defaults included."""
-    write_options(folder.path / "config.toml", config)

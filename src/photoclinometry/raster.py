@@ -7,6 +7,8 @@ from numba import njit
 
 STRETCH_LIMIT = 6.0
 """A triangle with an edge this many times longer than the median edge spans a gap, not a surface."""
+_NEARER = 1.0 - 1e-12
+"""Depths that differ by rounding are equal."""
 
 
 def grid_faces(position: np.ndarray, present: np.ndarray) -> np.ndarray:
@@ -34,7 +36,7 @@ def grid_faces(position: np.ndarray, present: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _draw(pixel, depth, value, faces, image, nearest):
-    height, width = image.shape
+    height, width = nearest.shape
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         if depth[i] <= 0.0 or depth[j] <= 0.0 or depth[k] <= 0.0:
@@ -60,27 +62,31 @@ def _draw(pixel, depth, value, faces, image, nearest):
                 # 1/z is linear in the image; so is value/z.
                 wi, wj, wk = wi / depth[i], wj / depth[j], wk / depth[k]
                 z = 1.0 / (wi + wj + wk)
-                if z < nearest[row, col]:
+                if z < _NEARER * nearest[row, col]:
                     nearest[row, col] = z
-                    image[row, col] = z * (wi * value[i] + wj * value[j] + wk * value[k])
+                    for n in range(value.shape[1]):
+                        image[row, col, n] = z * (wi * value[i, n] + wj * value[j, n] + wk * value[k, n])
 
 
 def draw_triangles(
     pixel: np.ndarray, depth: np.ndarray, value: np.ndarray, faces: np.ndarray, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What a pinhole camera sees of a mesh: image (H, W) of `value`, zero outside, and mask (H, W) bool.
+    """What a pinhole camera sees of a mesh: image (H, W) or (H, W, n) of `value`, zero outside, and mask (H, W) bool.
 
     pixel: (V, 2) projected vertices; depth: (V,) along the camera's axis, triangles with a corner at or
-    behind the camera are dropped; value: (V,) interpolated linearly on the triangle (perspective-correct) at
-    pixel centres; the nearest triangle wins.
+    behind the camera are dropped; value: (V,) or (V, n), interpolated linearly on the triangle (perspective-correct)
+    at pixel centres; the nearest triangle wins, of equally near ones the first. Ones for depth make a map, without
+    perspective.
     """
-    image, nearest = np.zeros(shape), np.full(shape, np.inf)
+    value = np.ascontiguousarray(value, float)
+    columns = value.reshape(len(value), -1)
+    image, nearest = np.zeros((*shape, columns.shape[1])), np.full(shape, np.inf)
     _draw(
         np.ascontiguousarray(pixel, float),
         np.ascontiguousarray(depth, float),
-        np.ascontiguousarray(value, float),
+        columns,
         np.ascontiguousarray(faces, np.int64),
         image,
         nearest,
     )
-    return image, np.isfinite(nearest)
+    return image.reshape(*shape, *value.shape[1:]), np.isfinite(nearest)

@@ -15,15 +15,9 @@ from photoclinometry.adjust import AdjustOptions
 from photoclinometry.errors import InputError
 from photoclinometry.io.site import DEFAULT_SUN_SIGMA_RAD
 from photoclinometry.io.text_model import TextModel, model_fingerprint, read_text_model, write_text_model
-from photoclinometry.pipeline import (
-    Progress,
-    RunResult,
-    adjust_or_read,
-    choose_reflectance,
-    write_config,
-    write_products,
-)
+from photoclinometry.pipeline import choose_reflectance
 from photoclinometry.predict import observation_brightness
+from photoclinometry.products import Progress, RunResult, adjust_or_read, write_config, write_products
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published
 from photoclinometry.runfolder import digest, open_run
 from photoclinometry.scene import Scene, Tracks

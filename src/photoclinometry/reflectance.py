@@ -3,9 +3,9 @@
     radiance factor  I/F = albedo * Lambda(phase) * d(mu0, mu, phase)                     (paper Eq. 20)
 
 mu0 = cos(incidence), mu = cos(emission), phase [rad]; d is the disk function and Lambda the phase
-function, both 1 at mu0 = mu = 1, phase = 0. A disk function below is a scalar function that returns d and
-its three partial derivatives; the renderer, the simulator and the joint estimate all call it, compiled.
-To add one: write the function, add it to `_disk` and to `DISK_FUNCTIONS`, add coefficients if it has any.
+function, both 1 at mu0 = mu = 1, phase = 0. A disk function below is a scalar function that returns d, its
+three partial derivatives and that by its weight g; the renderer, the simulator and the joint estimate all call
+it, compiled. To add one: write the function, add it to `_disk` and to `DISK_FUNCTIONS`, add coefficients if it has any.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ def _mixed(mu0, mu, weight, weight_slope):
         (1.0 - weight) + weight * 2.0 * mu * q * q,
         -weight * 2.0 * mu0 * q * q,
         weight_slope * (seeliger - mu0),
+        seeliger - mu0,
     )
 
 
@@ -64,7 +65,7 @@ def minnaert(mu0, mu, phase, w0, w1):
     g = w0 + w1 * phase
     log0, log1 = math.log(mu0), math.log(mu)
     d = math.exp(g * log0 + (g - 1.0) * log1)
-    return d, d * g / mu0, d * (g - 1.0) / mu, d * w1 * (log0 + log1)
+    return d, d * g / mu0, d * (g - 1.0) / mu, d * w1 * (log0 + log1), d * (log0 + log1)
 
 
 @njit(cache=True)
@@ -109,7 +110,7 @@ def akimov(mu0, mu, phase, w0, w1):
         + d * log_beta * (w1 * (k - 1.0) + g * k_phase)
         + along_t * t_phase
     )
-    return d, along_t / sine, along_mu - along_t * cosine / sine, d_phase
+    return d, along_t / sine, along_mu - along_t * cosine / sine, d_phase, d * log_beta * (k - 1.0)
 
 
 @njit(cache=True)
@@ -133,7 +134,7 @@ def photometric_function(packed, mu0, mu, phase):
     """
     if mu0 <= 0.0 or mu <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    d, d_mu0, d_mu, d_phase = _disk(int(packed[0]), mu0, mu, phase, packed[1], packed[2])
+    d, d_mu0, d_mu, d_phase, _ = _disk(int(packed[0]), mu0, mu, phase, packed[1], packed[2])
     value, slope = 0.0, 0.0
     for i in range(packed.size - 1, 2, -1):  # Horner, c_0 = 1
         slope = slope * phase + value
@@ -141,6 +142,22 @@ def photometric_function(packed, mu0, mu, phase):
     slope = slope * phase + value
     value = value * phase + 1.0
     return value * d, value * d_mu0, value * d_mu, value * d_phase + slope * d
+
+
+@njit(cache=True)
+def photometric_parameters(packed, mu0, mu, phase, out):
+    """Partial derivatives of rho by w0, w1, c_1, c_2 ... into out, as many as it holds. Zero where unlit or unseen."""
+    out[:] = 0.0
+    if mu0 <= 0.0 or mu <= 0.0:
+        return
+    d, _, _, _, by_weight = _disk(int(packed[0]), mu0, mu, phase, packed[1], packed[2])
+    value, power = 1.0, 1.0
+    for i in range(3, packed.size):
+        power *= phase
+        value += packed[i] * power
+        out[i - 1] = power * d
+    out[0] = value * by_weight
+    out[1] = value * by_weight * phase
 
 
 @njit(cache=True)
@@ -190,6 +207,18 @@ class Reflectance:
     def packed(self) -> np.ndarray:
         """(3 + n,) float64 for compiled code: disk function's number, w0, w1, c_1 ... c_n."""
         return np.array([DISK_FUNCTIONS[self.disk], *self.weight, *self.phase_coefficients], float)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """(T,) w0, w1, c_1 ... c_n; none of the models without a phase function."""
+        return self.packed[1:] if self.disk in HAS_PHASE_FUNCTION else np.zeros(0)
+
+    def with_parameters(self, values: np.ndarray) -> Reflectance:
+        """The same model with other `parameters` (T,)."""
+        if len(values) == 0:
+            return self
+        w0, w1, *coefficients = map(float, values)
+        return Reflectance(self.disk, (w0, w1), tuple(coefficients))
 
     def __call__(self, mu0: np.ndarray, mu: np.ndarray, phase: np.ndarray) -> np.ndarray:
         """The photometric function rho, so that I/F = albedo * rho; arrays of any common shape.

@@ -25,14 +25,14 @@ def landmark_sigmas(scene: Scene) -> dict[str, np.ndarray]:
     """
     stated, found = scene.uncertainty, {}
     if "position" in stated:
-        found["position_gsd"] = size(stated["position"]) / scene.gsd
+        found["position_sigma_gsd"] = size(stated["position"]) / scene.gsd
         if stated["position"].ndim == 3:
             up = local_frame(scene).rotation[:, 2]
-            found["height_gsd"] = np.sqrt(stated["position"] @ up @ up) / scene.gsd
+            found["height_sigma_gsd"] = np.sqrt(stated["position"] @ up @ up) / scene.gsd
     if "normal" in stated:
-        found["normal_deg"] = np.degrees(size(stated["normal"]))
+        found["normal_sigma_deg"] = np.degrees(size(stated["normal"]))
     if "albedo" in stated:
-        found["albedo_percent"] = 100.0 * size(stated["albedo"]) / scene.landmarks.albedo
+        found["albedo_sigma_percent"] = 100.0 * size(stated["albedo"]) / scene.landmarks.albedo
     return found
 
 

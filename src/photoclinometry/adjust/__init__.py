@@ -1,7 +1,7 @@
 """The joint estimate: one factor graph of keypoints, brightness, Sun directions and smoothness."""
 
-from photoclinometry.adjust.estimate import Adjustment, AdjustOptions, Anchors, adjust
+from photoclinometry.adjust.estimate import Adjustment, AdjustOptions, Anchors, PosePriors, adjust
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.solver import Iteration, SolverOptions
 
-__all__ = ["AdjustOptions", "Adjustment", "Anchors", "Iteration", "Noise", "SolverOptions", "adjust"]
+__all__ = ["AdjustOptions", "Adjustment", "Anchors", "Iteration", "Noise", "PosePriors", "SolverOptions", "adjust"]

@@ -17,7 +17,6 @@ that neighbours share (`noise.py`), and smoothness holds of no ground. `ErrorMod
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -76,25 +75,18 @@ class Linearised:
     """Smoothness."""
     camera_prior: np.ndarray
     """(K, 10, 10) information from Suns and priors."""
-    landmark_prior: np.ndarray
-    """(J,) information on each axis of the position."""
+    prior: np.ndarray
+    """(J, 6, 6) information on landmarks from priors."""
     pivot: np.ndarray
     """(3,) as in `Estimate`."""
     packed: np.ndarray
     """`Reflectance.packed`."""
 
     def __len__(self) -> int:
-        return len(self.landmark_prior)
+        return len(self.prior)
 
     def patch(self, first: int, last: int) -> Patch:
         return observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.packed)
-
-    @cached_property
-    def prior(self) -> np.ndarray:
-        """(J, 6, 6)."""
-        out = np.zeros((len(self), LANDMARK_SIZE, LANDMARK_SIZE))
-        out[:, range(3), range(3)] = self.landmark_prior[:, None]
-        return out
 
 
 @dataclass(frozen=True, kw_only=True)

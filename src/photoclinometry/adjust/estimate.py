@@ -20,11 +20,14 @@ from photoclinometry.adjust.noise import (
     correlation_px,
     keypoint_factor,
 )
-from photoclinometry.adjust.problem import Estimate, Priors, Problem
+from photoclinometry.adjust.priors import Priors
+from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
-from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize
+from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize, parameter_sigma
 from photoclinometry.adjust.uncertainty import OF_LANDMARKS, Weights, estimate_uncertainty
-from photoclinometry.errors import ReconstructionError
+from photoclinometry.adjust.variables import Estimate
+from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.geometry import Rigid
 from photoclinometry.initialize import neighbours
 from photoclinometry.predict import keypoint_residuals, shading
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION
@@ -84,6 +87,15 @@ class AdjustOptions:
     but on the reference view, whose scale is 1."""
     bias_sigma: float | None = None
     """Prior on the images' brightness biases about 0. Left out: 1e-3 of the median brightness for I/F, else a tenth."""
+    position_sigma_gsd: float | None = None
+    """Prior on every landmark's position about its start [GSD]; left out, free."""
+    normal_sigma_rad: float | None = None
+    """Prior on every landmark's normal about its start [rad]; left out, free."""
+    albedo_sigma: float | None = None
+    """Relative prior on every landmark's albedo about its start; left out, free."""
+    reflectance_sigma: float | None = None
+    """Relative prior on the reflectance's phase weighting and phase coefficients about those given, which are then
+    estimated too; left out, they are held."""
     uncertainty: bool = True
     """Find the covariance of every view and landmark after the last round."""
     max_rounds: int = 4
@@ -102,6 +114,18 @@ class Anchors:
     """Of the P landmarks; brightness is not used."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class PosePriors:
+    """What is known of poses beforehand, in the scene's frame B. It takes the place of the gauge's own priors."""
+
+    body_from_cam: Rigid
+    """(K,)."""
+    rotation_sigma: np.ndarray
+    """(K,) [rad], about each axis; infinite where nothing is known."""
+    center_sigma: np.ndarray
+    """(K,) in units of B, along each axis; infinite where nothing is known."""
+
+
 @dataclass(frozen=True)
 class Adjustment:
     """The adjusted scene and how it was reached."""
@@ -115,6 +139,8 @@ class Adjustment:
     """What the measurements' errors were taken to be."""
     lit: np.ndarray
     """(N,) bool: observations whose brightness was used, in the order of the scene's tracks."""
+    parameter_sigma: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(T,) standard deviations of the reflectance's `parameters`; of none where they are held."""
 
 
 def adjust(
@@ -122,14 +148,16 @@ def adjust(
     options: AdjustOptions | None = None,
     *,
     anchors: Anchors | None = None,
+    pose_priors: PosePriors | None = None,
     progress: Callable[[Iteration], None] | None = None,
 ) -> Adjustment:
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
 
-    anchors: sparse landmarks, from structure from motion, that help to hold the poses.
+    anchors: sparse landmarks, from structure from motion, that help to hold the poses. pose_priors: of spacecraft
+    navigation; without them only the gauge is fixed, by the reference view's pose and one landmark.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or no landmarks are
-    left to estimate.
+    left to estimate, InputError where parameters are to be estimated of a reflectance that has none.
     """
     options = options or AdjustOptions()
     if len(scene.views) < 3 or len(scene.landmarks) < 10:
@@ -144,7 +172,9 @@ def adjust(
     if anchors is not None:
         sorted_scene = _with_anchors(sorted_scene, anchors)
         start = replace(start, landmarks=sorted_scene.landmarks)
-    adjustment = _rounds(sorted_scene, start, options, len(order), progress)
+    if options.reflectance_sigma is not None:
+        start = replace(start, parameters=np.zeros(len(_parameters(scene))))
+    adjustment = _rounds(sorted_scene, start, options, len(order), pose_priors, progress)
     back = np.argsort(order)
     estimate = adjustment.scene.landmarks
     lit = np.empty(len(tracks), bool)
@@ -152,8 +182,19 @@ def adjust(
     uncertainty = {
         name: value[back] if name in OF_LANDMARKS else value for name, value in adjustment.scene.uncertainty.items()
     }
-    found = replace(scene.with_estimate(adjustment.scene.views, estimate[back]), uncertainty=uncertainty)
-    return replace(adjustment, scene=found, lit=lit)
+    adjusted = replace(scene, reflectance=adjustment.scene.reflectance, uncertainty=uncertainty)
+    return replace(adjustment, scene=adjusted.with_estimate(adjustment.scene.views, estimate[back]), lit=lit)
+
+
+def _parameters(scene: Scene) -> np.ndarray:
+    """The reflectance's parameters (T,). Raises InputError where it has none."""
+    if scene.reflectance is None or len(scene.reflectance.parameters) == 0:
+        model = "none" if scene.reflectance is None else scene.reflectance.disk
+        raise InputError(
+            f"reflectance {model} has no parameters to estimate; leave reflectance_sigma out, or choose one of "
+            f"{', '.join(sorted(HAS_PHASE_FUNCTION))}"
+        )
+    return scene.reflectance.parameters
 
 
 def _with_anchors(scene: Scene, anchors: Anchors) -> Scene:
@@ -180,7 +221,9 @@ def _with_anchors(scene: Scene, anchors: Anchors) -> Scene:
     )
 
 
-def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: int, progress) -> Adjustment:
+def _rounds(
+    scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: int, pose_priors: PosePriors | None, progress
+) -> Adjustment:
     """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors."""
     tracks, photometric = scene.tracks, scene.reflectance is not None
     layout, place = build_layout(tracks, len(scene.views))
@@ -191,8 +234,7 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     if options.keypoint_sigma_px is not None:
         sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
-    priors = _priors(scene, options, mapped)
-    packed = scene.reflectance.packed if scene.reflectance is not None else np.zeros(3)
+    priors, given = _priors(scene, options, mapped, pose_priors), scene.reflectance
     loose = replace(
         options.solver,
         relative_decrease=max(options.solver.relative_decrease, ROUND_DECREASE),
@@ -202,16 +244,17 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
     history: list[Iteration] = []
     lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
     noise = _starting_noise(scene, options, lit)
-    final, solution = False, None
+    final, solution, problem = False, None, None
     for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
         measured = _weighted(unweighted, scene, options, place, lit, own, noise)
         smooth_sigma = options.smooth_sigma_rad * max(1.0, noise.brightness_correlation_px / BALANCED_CORRELATION_PX)
-        problem = Problem(layout, measured, pairs, priors, packed, smooth_sigma=smooth_sigma)
+        problem = Problem(layout, measured, pairs, priors, given, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
         solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, progress=progress)
         history.extend(solution.log)
         estimate = solution.estimate
+        scene = replace(scene, reflectance=problem.reflectance_at(estimate))
         log.info("round %d: %s; %s", round_ + 1, solution.message, noise)
         if final:
             break
@@ -220,6 +263,7 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
         final = bool(np.mean(new_lit != lit) < 1e-2 and new_noise.close_to(noise))
         lit, noise = new_lit, new_noise
     assert solution is not None
+    assert problem is not None
     scene = replace(scene.with_estimate(estimate.views, estimate.landmarks), uncertainty={})
     if options.uncertainty:
         weights = _weights(scene, options, lit, own, noise)
@@ -231,6 +275,7 @@ def _rounds(scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: in
         tuple(history),
         noise,
         lit,
+        parameter_sigma(problem, estimate, options.solver),
     )
 
 
@@ -320,31 +365,46 @@ def _pairs(position: np.ndarray, mapped: int, count: int) -> Neighbours:
     return build_neighbours(np.pad(index, alone), np.pad(near, alone))
 
 
-def _priors(scene: Scene, options: AdjustOptions, mapped: int) -> Priors:
-    views, landmarks = scene.views, scene.landmarks
-    count, gsd = len(views), scene.gsd
-    rotation, translation = np.full(count, np.inf), np.full(count, np.inf)
-    rotation[scene.reference] = options.pose_rotation_sigma_rad
-    translation[scene.reference] = options.pose_translation_sigma_gsd * gsd
-    landmark = np.full(len(landmarks), np.inf)
-    landmark[_central_landmark(scene, mapped)] = options.landmark_sigma_gsd * gsd
-    level = float(np.median(scene.tracks.brightness[scene.tracks.lit])) if np.any(scene.tracks.lit) else 1.0
-    calibrated = (
-        scene.brightness == "iof" and scene.reflectance is not None and scene.reflectance.disk in HAS_PHASE_FUNCTION
+def _priors(scene: Scene, options: AdjustOptions, mapped: int, pose_priors: PosePriors | None) -> Priors:
+    views, landmarks, gsd = scene.views, scene.landmarks, scene.gsd
+    count, free = len(views), np.full(len(landmarks), np.inf)
+    rotation, translation, position = np.full(count, np.inf), np.full(count, np.inf), free.copy()
+    if options.position_sigma_gsd is not None:
+        position[:mapped] = options.position_sigma_gsd * gsd
+    if pose_priors is None:
+        rotation[scene.reference] = options.pose_rotation_sigma_rad
+        translation[scene.reference] = options.pose_translation_sigma_gsd * gsd
+        central = _central_landmark(scene, mapped)
+        position[central] = min(position[central], options.landmark_sigma_gsd * gsd)
+        poses = views.body_from_cam
+    else:
+        rotation, translation = pose_priors.rotation_sigma, pose_priors.center_sigma
+        poses = pose_priors.body_from_cam
+    scale, bias = _brightness_priors(scene, options)
+    return Priors(
+        views=replace(views, body_from_cam=poses, scale=np.ones(count), bias=np.zeros(count)),
+        pose_rotation=rotation,
+        pose_translation=translation,
+        scale=scale,
+        bias=bias,
+        landmarks=landmarks,
+        position=position,
+        normal=np.full(len(landmarks), options.normal_sigma_rad or np.inf),
+        albedo=free if options.albedo_sigma is None else options.albedo_sigma * landmarks.albedo,
+        reflectance=options.reflectance_sigma or np.inf,
     )
+
+
+def _brightness_priors(scene: Scene, options: AdjustOptions) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations (K,) of scales and biases."""
+    count, model = len(scene.views), scene.reflectance
+    level = float(np.median(scene.tracks.brightness[scene.tracks.lit])) if np.any(scene.tracks.lit) else 1.0
+    calibrated = scene.brightness == "iof" and model is not None and model.disk in HAS_PHASE_FUNCTION
     scale = np.full(count, options.scale_sigma or (0.01 if calibrated else np.inf))
     if not calibrated:
         scale[scene.reference] = min(scale[scene.reference], 1e-6)
-    bias_sigma = options.bias_sigma or (1e-3 if scene.brightness == "iof" else 0.1) * level
-    return Priors(
-        rotation,
-        translation,
-        scale,
-        np.full(count, bias_sigma),
-        landmark,
-        views=replace(views, scale=np.ones(count), bias=np.zeros(count)),
-        position=landmarks.position,
-    )
+    bias = options.bias_sigma or (1e-3 if scene.brightness == "iof" else 0.1) * level
+    return scale, np.full(count, bias)
 
 
 def _central_landmark(scene: Scene, mapped: int) -> int:

@@ -1,8 +1,8 @@
-"""The joint estimate as one problem: its variables, its factors, its cost and normal equations."""
+"""The joint estimate as one problem: its factors, its cost and normal equations."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -11,66 +11,16 @@ from photoclinometry.adjust import kernels
 from photoclinometry.adjust.factors import sun_direction
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, STORED, CameraState, LandmarkState
 from photoclinometry.adjust.layout import Layout, Measurements
+from photoclinometry.adjust.parameters import Border, linearize_parameters, no_border
+from photoclinometry.adjust.priors import Priors
 from photoclinometry.adjust.product import Linearized, linearized, multiply
 from photoclinometry.adjust.smoothing import Neighbours, add_smoothness, linearize_smoothness
-from photoclinometry.geometry import Rigid, skew, so3_exp, so3_log, sphere_step, tangent_basis
-from photoclinometry.scene import Landmarks, Views
+from photoclinometry.adjust.variables import Estimate
+from photoclinometry.geometry import tangent_basis
+from photoclinometry.reflectance import Reflectance
+from photoclinometry.scene import Views
 
 COST_TERMS: tuple[str, ...] = ("keypoint", "brightness", "smoothness", "sun", "prior")
-
-
-@dataclass(frozen=True)
-class Priors:
-    """What is known beforehand, as standard deviations about the values at which the estimate starts."""
-
-    pose_rotation: np.ndarray
-    """(K,) [rad]; infinite where free."""
-    pose_translation: np.ndarray
-    """(K,) in units of B; infinite where free."""
-    scale: np.ndarray
-    """(K,); infinite where free."""
-    bias: np.ndarray
-    """(K,) in the images' brightness; infinite where free."""
-    landmark: np.ndarray
-    """(J,) position, in units of B; infinite where free."""
-    views: Views
-    """The values the camera priors are about."""
-    position: np.ndarray
-    """(J, 3) the values the landmark priors are about."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value for every variable."""
-
-    views: Views
-    landmarks: Landmarks
-    pivot: np.ndarray
-    """(3,) the point in B about which cameras orbit; any point in the middle of the map."""
-
-    def step(self, camera: np.ndarray, landmark: np.ndarray) -> Estimate:
-        """Moved by local coordinates (K, 10) and (J, 6), as `factors` defines them."""
-        views, landmarks = self.views, self.landmarks
-        pose = views.body_from_cam
-        turn = so3_exp(camera[:, :3])
-        arm = np.einsum("kij,kj->ki", turn, pose.translation - self.pivot + camera[:, 3:6])
-        moved = Rigid(turn @ pose.rotation, self.pivot + arm)
-        return Estimate(
-            replace(
-                views,
-                body_from_cam=moved,
-                sun=sphere_step(views.sun, camera[:, 6:8]),
-                scale=views.scale + camera[:, 8],
-                bias=views.bias + camera[:, 9],
-            ),
-            replace(
-                landmarks,
-                position=landmarks.position + landmark[:, :3],
-                normal=sphere_step(landmarks.normal, landmark[:, 3:5]),
-                albedo=landmarks.albedo + landmark[:, 5],
-            ),
-            self.pivot,
-        )
 
 
 @dataclass
@@ -93,6 +43,13 @@ class NormalEquations:
     """(P, 5) float32, by pair of neighbours."""
     where: Linearized
     """Where the observations' rows were made."""
+    border: Border
+    """What the reflectance parameters add."""
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """(10 K + 6 J + T,)."""
+        return np.concatenate([self.camera_gradient.ravel(), self.landmark_gradient.ravel(), self.border.gradient])
 
 
 class Problem:
@@ -104,15 +61,15 @@ class Problem:
         measured: Measurements,
         neighbours: Neighbours,
         priors: Priors,
-        packed_reflectance: np.ndarray,
+        reflectance: Reflectance | None,
         *,
         smooth_sigma: float,
     ):
-        """smooth_sigma [rad]."""
+        """reflectance: at the start, None without brightness; smooth_sigma [rad]."""
         self.layout, self.measured, self.neighbours, self.priors = layout, measured, neighbours, priors
-        self.packed, self.smooth_sigma = packed_reflectance, smooth_sigma
+        self.reflectance, self.smooth_sigma = reflectance, smooth_sigma
         self.with_brightness = bool(np.any(measured.brightness_weight))
-        views, landmarks = len(priors.views), len(priors.position)
+        views, landmarks = len(priors.views), len(priors.landmarks)
         threads = numba.get_num_threads()
         self._stored = np.zeros(STORED * layout.places, np.float32)
         self._normal = kernels.Normal(
@@ -137,26 +94,23 @@ class Problem:
         block, gradient = self._normal.landmark_block, self._normal.landmark_gradient
         rest = np.zeros(block.shape, np.float32)
         add_smoothness(self.neighbours, self._smooth_rows, self._smooth_residual, block, rest, gradient)
-        held = np.flatnonzero(np.isfinite(self.priors.landmark))
-        weight = self.priors.landmark[held] ** -2.0
-        for part in (block, rest):
-            part[held[:, None], range(3), range(3)] += weight[:, None]
-        moved = estimate.landmarks.position[held] - self.priors.position[held]
-        gradient[held, :3] += weight[:, None] * moved
+        self.priors.add_landmarks(estimate, block, rest, gradient)
         _make_invertible(block, rest)
+        where = linearized(cameras, landmarks, estimate.pivot)
         camera_observed = _full(self._normal.camera_block.sum(0))
-        camera_rest, prior_gradient = self.camera_priors(estimate)
+        camera_rest, camera_gradient = self.of_cameras(estimate)
         camera_block = camera_observed + camera_rest
         _make_invertible(camera_block, camera_rest)
         return cost, NormalEquations(
             camera_block=camera_block,
-            camera_gradient=self._normal.camera_gradient.sum(0) + prior_gradient,
+            camera_gradient=self._normal.camera_gradient.sum(0) + camera_gradient,
             camera_rest=camera_rest,
             landmark_block=block,
             landmark_gradient=gradient,
             landmark_rest=rest,
             smooth_rows=self._smooth_rows.copy(),
-            where=linearized(cameras, landmarks, estimate.pivot),
+            where=where,
+            border=self._border(estimate, cameras, landmarks, where),
         )
 
     def multiply_observations(
@@ -182,7 +136,7 @@ class Problem:
         )
         landmarks = LandmarkState(points.position, points.normal, tangent_basis(points.normal), points.albedo)
         kernels.linearize(
-            self.layout, self.measured, cameras, landmarks, estimate.pivot, self.packed,
+            self.layout, self.measured, cameras, landmarks, estimate.pivot, self._packed(estimate),
             with_jacobian, self._stored, self._normal,
         )  # fmt: skip
         cost = np.zeros(len(COST_TERMS))
@@ -191,56 +145,44 @@ class Problem:
             self.neighbours, landmarks.position, landmarks.normal, landmarks.normal_basis,
             self.smooth_sigma, self._smooth_rows, self._smooth_residual,
         )  # fmt: skip
-        cost[3:] = self._prior_cost(estimate)
+        cost[3] = np.sum(_sun_rows(views)[0] ** 2) if self.with_brightness else 0.0
+        cost[4] = self.priors.cost(estimate)
         return cost, cameras, landmarks
 
-    def _prior_cost(self, estimate: Estimate) -> tuple[float, float]:
-        priors, start, now = self.priors, self.priors.views, estimate.views
-        turned, moved = _pose_offset(now, start)
-        total = np.sum((turned / priors.pose_rotation[:, None]) ** 2)
-        total += np.sum((moved / priors.pose_translation[:, None]) ** 2)
-        total += np.sum(((now.scale - start.scale) / priors.scale) ** 2)
-        total += np.sum(((now.bias - start.bias) / priors.bias) ** 2)
-        offset = estimate.landmarks.position - priors.position
-        total += np.sum((offset / priors.landmark[:, None]) ** 2)
-        sun = _sun_rows(now)[0] if self.with_brightness else np.zeros(1)
-        return float(np.sum(sun**2)), float(total)
+    def reflectance_at(self, estimate: Estimate) -> Reflectance | None:
+        """The reflectance with the parameters of an estimate."""
+        if self.reflectance is None or len(estimate.parameters) == 0:
+            return self.reflectance
+        return self.reflectance.with_parameters(self.reflectance.parameters * (1.0 + estimate.parameters))
 
-    def camera_priors(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
-        """Blocks (K, 10, 10) and gradient (K, 10) of the Sun factors and of the priors on poses, scales, biases."""
-        priors, start, now = self.priors, self.priors.views, estimate.views
-        count = len(now)
-        turned, moved = _pose_offset(now, start)
-        sigma = np.column_stack(
-            [
-                np.repeat(priors.pose_rotation[:, None], 3, 1),
-                np.repeat(priors.pose_translation[:, None], 3, 1),
-                np.full((count, 2), np.inf),
-                priors.scale,
-                priors.bias,
-            ]
-        )
-        offset = np.column_stack([turned, moved, np.zeros((count, 2)), now.scale - start.scale, now.bias - start.bias])
-        rows = np.tile(np.eye(CAMERA_SIZE), (count, 1, 1))
-        rows[:, 3:6, :3] = -skew(now.body_from_cam.translation - estimate.pivot)
-        block = np.einsum("kri,kr,krj->kij", rows, sigma**-2.0, rows)
-        gradient = np.einsum("kri,kr,kr->ki", rows, sigma**-2.0, offset)
+    def _packed(self, estimate: Estimate) -> np.ndarray:
+        """`Reflectance.packed` of an estimate."""
+        reflectance = self.reflectance_at(estimate)
+        return np.zeros(3) if reflectance is None else reflectance.packed
+
+    def of_cameras(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
+        """Blocks (K, 10, 10) and gradient (K, 10) of the priors and the Sun factors."""
+        block, gradient = self.priors.of_cameras(estimate)
         if self.with_brightness:
-            residual, sun_rows = _sun_rows(now)
-            touched = [0, 1, 2, 6, 7]
-            block[np.ix_(range(count), touched, touched)] += np.einsum("kri,krj->kij", sun_rows, sun_rows)
+            residual, sun_rows = _sun_rows(estimate.views)
+            views, touched = range(len(estimate.views)), [0, 1, 2, 6, 7]
+            block[np.ix_(views, touched, touched)] += np.einsum("kri,krj->kij", sun_rows, sun_rows)
             gradient[:, touched] += np.einsum("kri,kr->ki", sun_rows, residual)
         return block, gradient
 
-
-def _pose_offset(now: Views, start: Views) -> tuple[np.ndarray, np.ndarray]:
-    """Turn (K, 3) [rad] and move (K, 3) from `start` to `now`, in B.
-
-    The turn is the rotation vector: its derivative by omega is the identity up to half its length, which the
-    tightness of any useful pose prior keeps below 1e-3.
-    """
-    turn = so3_log(now.body_from_cam.rotation @ np.swapaxes(start.body_from_cam.rotation, -1, -2))
-    return turn, now.body_from_cam.translation - start.body_from_cam.translation
+    def _border(self, estimate: Estimate, cameras: CameraState, landmarks: LandmarkState, where: Linearized) -> Border:
+        """The estimated reflectance parameters' part, priors included."""
+        count = len(estimate.parameters)
+        if count == 0 or self.reflectance is None:
+            return no_border(len(cameras.center), len(landmarks.albedo))
+        border = linearize_parameters(
+            self.layout, self.measured, cameras, landmarks, where, self._packed(estimate), self.reflectance.parameters,
+            self._stored, len(self._camera_out),
+        )  # fmt: skip
+        weight = self.priors.reflectance**-2.0
+        return border._replace(
+            block=border.block + weight * np.eye(count), gradient=border.gradient + weight * estimate.parameters
+        )
 
 
 def _sun_rows(views: Views) -> tuple[np.ndarray, np.ndarray]:

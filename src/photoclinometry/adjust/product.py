@@ -15,7 +15,8 @@ from photoclinometry.adjust.kernels import CAMERA_SIZE, FAST, LANDMARK_SIZE, STO
 from photoclinometry.adjust.layout import LANES
 
 _MOVE, _OF_VIEW = 19, 25
-_BACK = 13
+BACK = 13
+"""Sums by view: torque 3, force 3, Sun 2, scale, bias, and what the camera's own move brings 3."""
 
 
 class Linearized(NamedTuple):
@@ -54,7 +55,7 @@ def _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, c
     of_view = np.zeros((views, _OF_VIEW), np.float32)
     for k in range(views):
         _move_of(where.of_views[k], camera_in[k], of_view[k])
-    back = np.zeros((views, _BACK))
+    back = np.zeros((views, BACK))
     x = np.zeros(10 * LANES, np.float32)
     y = np.zeros(LANDMARK_SIZE * LANES, np.float32)
     groups = layout.slot_start.size - 1
@@ -71,13 +72,13 @@ def _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, c
             k = layout.slot_view[slot]
             rows = stored[STORED * LANES * slot : STORED * LANES * (slot + 1)]
             t = _multiply_slot(rows, of_view[k], x, y)
-            for i in range(_BACK):
+            for i in range(BACK):
                 back[k, i] += t[i]
         for lane in range(min(LANES, marks - first)):
             for i in range(LANDMARK_SIZE):
                 landmark_out[first + lane, i] = y[i * LANES + lane]
     for k in range(views):
-        _collect(where.of_views[k], back[k], camera_out[k])
+        collect(where.of_views[k], back[k], camera_out[k])
 
 
 @njit(**FAST)
@@ -145,7 +146,7 @@ def _multiply_slot(r, c, x, y):
 
 
 @njit(**FAST)
-def _collect(where, back, out):
+def collect(where, back, out):
     """The transpose of `_move_of`: a view's sums (13,) by its local coordinates (10,)."""
     c0, c1, c2 = where[11], where[12], where[13]
     h0, h1, h2 = back[10], back[11], back[12]

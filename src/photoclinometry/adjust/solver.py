@@ -26,8 +26,9 @@ import numpy as np
 from photoclinometry.adjust.blocks import invert_blocks
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.krylov import conjugate_gradients
-from photoclinometry.adjust.problem import COST_TERMS, Estimate, NormalEquations, Problem
+from photoclinometry.adjust.problem import COST_TERMS, NormalEquations, Problem
 from photoclinometry.adjust.smoothing import add_product, chebyshev_degree, lowest_eigenvalue, solve_approximately
+from photoclinometry.adjust.variables import Estimate
 from photoclinometry.errors import NotConvergedError
 
 log = logging.getLogger(__name__)
@@ -40,6 +41,9 @@ ENOUGH = 1e-3
 
 _LIGHT_DAMPING = 1e-4
 """Damping up to which the linear model's promise is that of the problem itself."""
+
+COARSE_ITERATIONS = 40
+"""Conjugate-gradient iterations at most for how the other variables follow each reflectance parameter."""
 
 MAX_TURN = 0.5
 """A normal turns by this at most in one step [rad]."""
@@ -134,7 +138,7 @@ def minimize(
         wall, cpu = time.perf_counter(), time.process_time()
         total = float(cost.sum())
         system = _Damped(problem, equations, damping, *polynomial)
-        gradient = np.concatenate([equations.camera_gradient.ravel(), equations.landmark_gradient.ravel()])
+        gradient = equations.gradient
         solve = conjugate_gradients(
             system.multiply,
             system.precondition,
@@ -143,8 +147,7 @@ def minimize(
             truncation=options.truncation if fast else options.final_truncation,
             enough=ENOUGH * max(options.relative_decrease * total, options.absolute_decrease),
         )
-        camera, landmark = system.split(solve.x)
-        trial = _descend(problem, estimate, total, camera, landmark, step_limit)
+        trial = _descend(problem, estimate, total, system.split(solve.x), step_limit)
         new_cost, moved, used = trial.cost, trial.moved, damping
         accepted = bool(new_cost.sum() <= total)
         if accepted:
@@ -181,8 +184,29 @@ def minimize(
     return Solution(estimate, converged, message, tuple(history))
 
 
+def parameter_sigma(problem: Problem, estimate: Estimate, options: SolverOptions) -> np.ndarray:
+    """Standard deviations (T,) of the reflectance parameters, all other variables estimated along with them.
+
+    Columns of the inverse of the normal equations, by conjugate gradients.
+    """
+    count = len(estimate.parameters)
+    if count == 0 or problem.reflectance is None:
+        return np.zeros(0)
+    _, equations = problem.linearize(estimate)
+    system = _Damped(problem, equations, options.min_damping, *_polynomial(problem, equations, options))
+    variance = np.empty(count)
+    for t in range(count):
+        unit = np.zeros(len(system.added), np.float32)
+        unit[len(unit) - count + t] = 1.0
+        solve = conjugate_gradients(
+            system.multiply, system.precondition, unit, max_iterations=500, truncation=options.final_truncation
+        )
+        variance[t] = solve.x[len(unit) - count + t]
+    return np.abs(problem.reflectance.parameters) * np.sqrt(variance)
+
+
 def _promised_decrease(system: _Damped, gradient: np.ndarray, moves: np.ndarray) -> float:
-    """By how much the linear model lowers the cost along the moves made (10 K + 6 J,)."""
+    """By how much the linear model lowers the cost along the moves made (10 K + 6 J + T,)."""
     product = system.multiply(moves.astype(np.float32)) - system.added * moves
     return -float(np.vdot(moves, product + 2.0 * gradient))
 
@@ -194,39 +218,78 @@ def _relief(gain: float) -> float:
 
 
 class _Damped:
-    """The damped normal equations of one step: product and preconditioner of vectors (10 K + 6 J,), float32."""
+    """The damped normal equations of one step: product and preconditioner of vectors (10 K + 6 J + T,), float32."""
 
     def __init__(self, problem: Problem, equations: NormalEquations, damping: float, low: float, degree: int):
         """low, degree: of the Chebyshev polynomial, see `smoothing.solve_approximately`."""
         self.problem, self.equations, self.low, self.degree = problem, equations, low, degree
+        border = equations.border.block
         diagonals = [np.einsum("nii->ni", b).ravel() for b in (equations.camera_block, equations.landmark_block)]
-        self.added = (damping * np.concatenate(diagonals)).astype(np.float32)
+        self.added = (damping * np.concatenate([*diagonals, np.diag(border)])).astype(np.float32)
+        self.parameter_inverse = np.linalg.inv(border + damping * np.diag(np.diag(border)))
         camera = equations.camera_block.copy()
         np.einsum("kii->ki", camera)[:] *= 1.0 + damping
         self.camera_inverse = np.linalg.inv(camera)
         self.landmark_inverse = np.empty(equations.landmark_block.shape, np.float32)
         invert_blocks(equations.landmark_block, damping, self.landmark_inverse)
+        self.coarse, self.coarse_inverse = np.zeros((0, len(self.added)), np.float32), np.zeros((0, 0))
+        if len(border):
+            self._remember_parameters()
 
-    def split(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The cameras' part (K, 10) and the landmarks' (J, 6) of a vector, as views of it."""
+    def _remember_parameters(self) -> None:
+        """What all other variables do when a parameter moves: directions (T, 10 K + 6 J + T) in which the cost hardly
+        changes, since albedos and scales make up for it, and which the preconditioner then treats exactly."""
+        count = len(self.parameter_inverse)
+        coarse = np.zeros((count, len(self.added)), np.float32)
+        for t in range(count):
+            coarse[t, t - count] = 1.0
+            pull = self.multiply(coarse[t])
+            pull[-count:] = 0.0
+            coarse[t] -= conjugate_gradients(
+                self._multiply_others, self.precondition, pull, max_iterations=COARSE_ITERATIONS, truncation=1e-3
+            ).x
+        products = np.array([self.multiply(direction) for direction in coarse], float)
+        self.coarse_inverse = np.linalg.inv(coarse @ products.T)
+        self.coarse = coarse
+
+    def _multiply_others(self, vector: np.ndarray) -> np.ndarray:
+        """`multiply` with the parameters held."""
+        out = self.multiply(vector)
+        out[len(out) - len(self.parameter_inverse) :] = 0.0
+        return out
+
+    def split(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The cameras' part (K, 10), the landmarks' (J, 6) and the parameters' (T,) of a vector, as views of it."""
         cameras = CAMERA_SIZE * len(self.camera_inverse)
-        return vector[:cameras].reshape(-1, CAMERA_SIZE), vector[cameras:].reshape(-1, LANDMARK_SIZE)
+        landmarks = cameras + LANDMARK_SIZE * len(self.landmark_inverse)
+        camera, landmark, parameter = np.split(vector, [cameras, landmarks])
+        return camera.reshape(-1, CAMERA_SIZE), landmark.reshape(-1, LANDMARK_SIZE), parameter
 
     def multiply(self, vector: np.ndarray) -> np.ndarray:
-        equations, out = self.equations, np.empty_like(vector)
-        (camera, landmark), (camera_out, landmark_out) = self.split(vector), self.split(out)
+        equations, border, out = self.equations, self.equations.border, np.empty_like(vector)
+        camera, landmark, parameter = self.split(vector)
+        camera_out, landmark_out, parameter_out = self.split(out)
         observed = self.problem.multiply_observations(equations, camera, landmark, landmark_out)
         camera_out[:] = observed + np.einsum("kij,kj->ki", equations.camera_rest, camera)
         add_product(self.problem.neighbours, equations.smooth_rows, equations.landmark_rest, landmark, landmark_out)
+        if len(parameter):
+            camera_out += border.by_camera @ parameter
+            landmark_out += border.by_landmark @ parameter
+            parameter_out[:] = border.block @ parameter
+            parameter_out += np.tensordot(camera, border.by_camera, 2) + np.tensordot(landmark, border.by_landmark, 2)
         out += self.added * vector
         return out
 
     def precondition(self, vector: np.ndarray) -> np.ndarray:
         out = np.empty_like(vector)
-        (camera, landmark), (camera_out, landmark_out) = self.split(vector), self.split(out)
+        camera, landmark, parameter = self.split(vector)
+        camera_out, landmark_out, parameter_out = self.split(out)
         camera_out[:] = np.einsum("kij,kj->ki", self.camera_inverse, camera)
         rows, inverse = self.equations.smooth_rows, self.landmark_inverse
         landmark_out[:] = solve_approximately(self.problem.neighbours, rows, inverse, landmark, self.degree, self.low)
+        parameter_out[:] = self.parameter_inverse @ parameter
+        if len(self.coarse):
+            out += (self.coarse_inverse @ (self.coarse @ vector)) @ self.coarse
         return out
 
 
@@ -251,36 +314,43 @@ class _Trial(NamedTuple):
     equations: NormalEquations | None
     """There, where they were made along with the cost."""
     moves: np.ndarray
-    """(10 K + 6 J,) made."""
+    """(10 K + 6 J + T,) made."""
     moved: float
     """Root mean square of the landmarks' moves."""
 
 
-def _descend(problem: Problem, estimate: Estimate, cost: float, camera, landmark, step_limit: float) -> _Trial:
+def _descend(
+    problem: Problem,
+    estimate: Estimate,
+    cost: float,
+    step: tuple[np.ndarray, np.ndarray, np.ndarray],
+    step_limit: float,
+) -> _Trial:
     """The first of the whole step, a quarter and a sixteenth of it that does not raise the cost, else the last.
 
     Most whole steps are good, so the normal equations are made there at once. Trying a shorter step costs a
     thirtieth of solving for another.
     """
-    whole = _global_share(camera, estimate)
+    camera, landmark, parameter = (part.astype(float) for part in step)
+    whole = _global_share(camera, parameter, estimate)
     for share in (whole, whole / 4.0, whole / 16.0):
         moves = _limited(share * landmark, step_limit, estimate)
-        candidate = estimate.step(share * camera, moves)
+        candidate = estimate.step(share * camera, moves, share * parameter)
         new_cost, equations = problem.linearize(candidate) if share == whole else (problem.cost(candidate), None)
         if new_cost.sum() <= cost:
             break
         equations = None
     moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
-    made = np.concatenate([share * camera.ravel(), moves.ravel()])
+    made = np.concatenate([share * camera.ravel(), moves.ravel(), share * parameter])
     return _Trial(candidate, new_cost, equations, made, moved)
 
 
-def _global_share(camera: np.ndarray, estimate: Estimate) -> float:
-    """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale by more
-    than a fifth: beyond, the linear model of a whole view's brightness is worth nothing."""
+def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
+    """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale and no
+    reflectance parameter by more than a fifth: beyond, the linear model of a view's brightness is worth nothing."""
     turn = max(np.linalg.norm(camera[:, :3], axis=1).max(), np.linalg.norm(camera[:, 6:8], axis=1).max())
     gain = np.max(np.abs(camera[:, 8]) / np.abs(estimate.views.scale))
-    return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / 0.2)
+    return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / 0.2, *np.abs(parameter) / 0.2)
 
 
 def _limited(landmark: np.ndarray, max_move: float, estimate: Estimate) -> np.ndarray:

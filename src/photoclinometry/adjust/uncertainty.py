@@ -18,10 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from photoclinometry.adjust.covariance import ErrorModel, Linearised, Marginals, marginals
-from photoclinometry.adjust.information import CAMERA_SIZE, Cameras, Observed, Points
+from photoclinometry.adjust.information import CAMERA_SIZE, LANDMARK_SIZE, Cameras, Observed, Points
 from photoclinometry.adjust.noise import Noise
-from photoclinometry.adjust.problem import Estimate, Problem
+from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.smoothing import linearize_smoothness
+from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.windows import links
 from photoclinometry.geometry import skew, tangent_basis
 from photoclinometry.scene import Scene, Views
@@ -61,9 +62,10 @@ def estimate_uncertainty(
     at, smoothness = linearised(scene, pivot, problem, weights)
     errors = error_model(noise, smoothness, photometric=problem.with_brightness)
     frame = None
-    if np.isfinite(problem.priors.pose_translation).sum() <= 1:
+    priors = problem.priors
+    if np.isfinite(priors.pose_translation).sum() <= 1 and np.isfinite(priors.position).sum() <= 1:
         frame = mapped
-        at = replace(at, landmark_prior=LOOSE * at.landmark_prior)
+        at = loosely_held(at)
     try:
         found = marginals(at, errors, frame=frame)
     except np.linalg.LinAlgError:
@@ -74,6 +76,13 @@ def estimate_uncertainty(
     return {name: uncertainty[name] for name in estimated}
 
 
+def loosely_held(at: Linearised) -> Linearised:
+    """With little of the priors on positions."""
+    prior = at.prior.copy()
+    prior[:, :3, :3] *= LOOSE
+    return replace(at, prior=prior)
+
+
 def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weights) -> tuple[Linearised, np.ndarray]:
     """The estimate at its minimum, and the whitened residuals (P,) of smoothness there."""
     views, points, tracks = scene.views, scene.landmarks, scene.tracks
@@ -81,7 +90,9 @@ def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weigh
     neighbours = problem.neighbours
     rows, residual = np.zeros((len(neighbours.target), 5)), np.zeros(len(neighbours.target))
     linearize_smoothness(neighbours, points.position, points.normal, basis, problem.smooth_sigma, rows, residual)
-    camera_prior, _ = problem.camera_priors(Estimate(views, points, pivot))
+    estimate = Estimate(views, points, pivot)
+    prior = np.zeros((len(points), LANDMARK_SIZE, LANDMARK_SIZE))
+    problem.priors.add_landmarks(estimate, prior, np.zeros_like(prior), np.zeros(prior.shape[:2]))
     at = Linearised(
         cameras=Cameras(
             np.ascontiguousarray(views.body_from_cam.rotation),
@@ -104,10 +115,10 @@ def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weigh
             weights.brightness_limit,
         ),
         links=links(neighbours, rows),
-        camera_prior=camera_prior,
-        landmark_prior=problem.priors.landmark**-2.0,
+        camera_prior=problem.of_cameras(estimate)[0],
+        prior=prior,
         pivot=pivot,
-        packed=problem.packed,
+        packed=np.zeros(3) if scene.reflectance is None else scene.reflectance.packed,
     )
     return at, residual
 

@@ -1,6 +1,6 @@
 """The command `phomo`. A command parses, calls one library function, and says where its result is.
 
-Exit codes: 0 done, 1 the images do not determine what was asked, 2 misuse, 130 interrupted.
+Exit codes: 0 done, 1 the images do not determine what was asked or data cannot be fetched, 2 misuse, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     import tyro
 
     from photoclinometry.cli.evaluate import evaluate
+    from photoclinometry.cli.export import export
+    from photoclinometry.cli.fetch import fetch
     from photoclinometry.cli.info import info
+    from photoclinometry.cli.ingest import ingest
     from photoclinometry.cli.refine import refine
     from photoclinometry.cli.render import render
     from photoclinometry.cli.run import run
@@ -26,12 +29,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from photoclinometry.errors import InputError, PhotoclinometryError
 
     commands = {
+        "ingest": ingest,
         "simulate": simulate,
         "run": run,
         "refine": refine,
         "render": render,
         "evaluate": evaluate,
         "info": info,
+        "export": export,
+        "fetch": fetch,
         "study": study,
     }
     try:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from photoclinometry.pipeline import Progress, RunResult
+from photoclinometry.products import Progress, RunResult
 
 
 @contextmanager

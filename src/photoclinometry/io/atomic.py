@@ -45,7 +45,7 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
         _flush(temporary)
         _move_over(temporary, path)
     except OSError as error:
-        raise _unwritable(path, error) from error
+        raise unwritable(path, error) from error
     finally:
         _remove(temporary)
 
@@ -61,7 +61,8 @@ def write_text(path: Path | str, text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def _unwritable(path: Path, error: OSError) -> RunFolderError:
+def unwritable(path: Path, error: OSError) -> RunFolderError:
+    """What to say of a path that could not be written."""
     reason = error.strerror or str(error)
     cure = _CURES.get(error.errno or 0, "check the disk or choose another output folder")
     return RunFolderError(f"{path}: cannot be written: {reason}; {cure}")

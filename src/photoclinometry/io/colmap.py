@@ -19,7 +19,7 @@ from photoclinometry.predict import keypoint_residuals
 from photoclinometry.scene import Camera, Scene
 
 MAX_POINTS = 20_000
-"""A model written holds at most so many landmarks, evenly chosen: viewers stay fast."""
+"""A model in a run folder holds at most so many landmarks, evenly chosen: viewers stay fast."""
 
 _MODELS = {0: ("SIMPLE_PINHOLE", 3), 1: ("PINHOLE", 4)}
 _MODEL_IDS = {name: number for number, (name, _) in _MODELS.items()}
@@ -28,14 +28,14 @@ _POINT2D = np.dtype([("xy", "<f8", 2), ("point", "<i8")])
 _ELEMENT = np.dtype([("image", "<u4"), ("index", "<u4")])
 
 
-def write_colmap(folder: Path | str, scene: Scene) -> None:
-    """The scene's poses, intrinsics and up to MAX_POINTS landmarks with their tracks, coloured by albedo.
+def write_colmap(folder: Path | str, scene: Scene, max_points: int = MAX_POINTS) -> None:
+    """The scene's poses, intrinsics and up to `max_points` landmarks with their tracks, coloured by albedo.
 
     Camera, image and point identifiers count from 1, images in the order of the views. The folder is replaced
     whole or not at all. Raises RunFolderError.
     """
     count = len(scene.landmarks)
-    chosen = np.unique(np.linspace(0, count - 1, min(count, MAX_POINTS)).astype(np.int64))
+    chosen = np.unique(np.linspace(0, count - 1, min(count, max_points)).astype(np.int64))
     point_of_landmark = np.zeros(count, np.int64)
     point_of_landmark[chosen] = 1 + np.arange(len(chosen))
     with atomic_path(folder) as temporary:

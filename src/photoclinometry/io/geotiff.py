@@ -1,4 +1,4 @@
-"""GeoTIFF: a terrain model as heights on a map. Needs the extra `geo` (rasterio), imported here only."""
+"""GeoTIFF: a terrain model as heights on a map. Needs the extra `geo` (rasterio)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.errors import InputError
+from photoclinometry.io.globe import body_fixed, semi_axes
 from photoclinometry.io.ply import PlyMap
 from photoclinometry.raster import grid_faces
 
@@ -46,7 +47,7 @@ def read_dtm(path: Path | str) -> Dtm:
     """The first band of a projected, north-up GeoTIFF, scale and offset applied. Raises InputError."""
     band = _read_band(path)
     transform, factor = band.transform, _metres_per_unit(path, band)
-    axes = _semi_axes(band.crs)
+    axes = semi_axes(band.crs)
     return Dtm(
         height=band.height,
         valid=band.valid,
@@ -69,7 +70,12 @@ def read_dtm_mesh(path: Path | str) -> PlyMap:
     x = transform.a * cols + transform.b * rows + transform.c
     y = transform.d * cols + transform.e * rows + transform.f
     z = np.where(band.valid, band.height, 0.0)
-    grid = np.stack([x, y, z], -1) if band.crs is None else _body_fixed(path, band.crs, x, y, z)
+    grid = np.stack([x, y, z], -1)
+    if band.crs is not None:
+        axes = semi_axes(band.crs)
+        if axes is None:
+            raise InputError(f"{path}: the coordinate reference system names no ellipsoid; write one into the file")
+        grid = body_fixed(band.crs, axes, grid.reshape(-1, 3)).reshape(grid.shape)
     faces = grid_faces(grid, band.valid)
     if transform.determinant > 0:  # rows go north: the grid is a mirror image of what an image would be
         faces = faces[:, ::-1]
@@ -115,36 +121,3 @@ def _metres_per_unit(path: Path | str, band: _Band) -> float:
             "'+proj=stere +lat_0=LAT +lon_0=LON +R=RADIUS'"
         )
     return crs.linear_units_factor[1] if crs and crs.is_projected else 1.0
-
-
-def _body_fixed(path: Path | str, crs: Any, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Positions (h, w, 3) [m] of map coordinates and heights (h, w)."""
-    from rasterio.crs import CRS
-    from rasterio.warp import transform
-
-    axes = _semi_axes(crs)
-    if axes is None:
-        raise InputError(f"{path}: the coordinate reference system names no ellipsoid; write one into the file")
-    centred = CRS.from_dict(proj="geocent", a=axes[0], b=axes[1], units="m", no_defs=True)
-    position = transform(crs, centred, x.ravel(), y.ravel(), z.ravel())
-    return np.stack([np.reshape(axis, x.shape) for axis in position], -1)
-
-
-def _semi_axes(crs: Any) -> tuple[float, float] | None:
-    """Equatorial and polar radius [m] of a reference system's ellipsoid, or None where it names none."""
-    return _ellipsoid_below(crs.to_dict(projjson=True)) if crs else None
-
-
-def _ellipsoid_below(node: Any) -> tuple[float, float] | None:
-    """Semi-axes of the first ellipsoid in a node of PROJJSON and what is below it."""
-    for key, value in node.items() if isinstance(node, dict) else ():
-        if key == "ellipsoid":
-            if "radius" in value:
-                return float(value["radius"]), float(value["radius"])
-            a = float(value["semi_major_axis"])
-            flattening = 1.0 / value["inverse_flattening"] if value.get("inverse_flattening") else 0.0
-            return a, float(value.get("semi_minor_axis", a * (1.0 - flattening)))
-        found = _ellipsoid_below(value)
-        if found is not None:
-            return found
-    return None

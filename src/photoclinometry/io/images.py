@@ -80,6 +80,11 @@ def write_fits(path: Path | str, array: np.ndarray) -> None:
 
 def write_png(path: Path | str, array: np.ndarray) -> None:
     """A uint8 or uint16 array (h, w), or (h, w, 3) in RGB order, as a PNG file. Raises RunFolderError."""
+    write_bytes(path, png_bytes(array))
+
+
+def png_bytes(array: np.ndarray) -> bytes:
+    """The content of the file that `write_png` writes."""
     import cv2
 
     array = np.asarray(array)
@@ -88,7 +93,7 @@ def write_png(path: Path | str, array: np.ndarray) -> None:
     done, encoded = cv2.imencode(".png", array if array.ndim == 2 else array[..., ::-1])
     if not done:
         raise ValueError(f"an array of shape {array.shape} cannot be encoded as PNG")
-    write_bytes(path, encoded.tobytes())
+    return encoded.tobytes()
 
 
 def _read_bytes(path: Path) -> bytes:

@@ -1,4 +1,4 @@
-"""Wavefront OBJ: the vertices and faces of a shape; everything else in the file is passed over.
+"""Wavefront OBJ: a mesh, written with normals and a texture; read are vertices and faces, all else is passed over.
 
 http://paulbourke.net/dataformats/obj/
 """
@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.errors import InputError
+from photoclinometry.io.atomic import atomic_path, write_text
+from photoclinometry.io.images import write_png
 from photoclinometry.io.ply import fan_triangles
 
 
@@ -36,6 +38,38 @@ def read_obj(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(f"{path}: faces name vertices that are not there; export it again")
     return vertices, faces
+
+
+def write_obj(
+    path: Path | str,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    *,
+    normal: np.ndarray,
+    texture: tuple[np.ndarray, np.ndarray] | None = None,
+) -> None:
+    """A mesh of vertices (V, 3), exact, triangles (F, 3) counter-clockwise from outside and unit normals (V, 3).
+
+    texture: a picture (h, w) uint8, and where the vertices are in it (V, 2), in [0, 1] right and down from the upper
+    left corner; written beside the mesh as a PNG of its name, with a material (.mtl). Raises RunFolderError.
+    """
+    path = Path(path)
+    columns = [("v", vertices, "%.17g"), ("vn", normal, "%.7g")]
+    corner = "{0}//{0}"
+    header = ""
+    if texture is not None:
+        picture, uv = texture
+        columns.append(("vt", np.stack([uv[:, 0], 1.0 - uv[:, 1]], -1), "%.9g"))
+        corner = "{0}/{0}/{0}"
+        header = f"mtllib {path.stem}.mtl\nusemtl surface\n"
+        write_png(path.with_suffix(".png"), picture)
+        write_text(path.with_suffix(".mtl"), f"newmtl surface\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {path.stem}.png\n")
+    with atomic_path(path) as temporary, open(temporary, "w", encoding="ascii") as stream:
+        stream.write(header)
+        for key, values, number in columns:
+            np.savetxt(stream, values, fmt=" ".join([key, *[number] * values.shape[1]]))
+        corners = [corner.format(n) for n in range(1, len(vertices) + 1)]
+        stream.writelines(f"f {corners[a]} {corners[b]} {corners[c]}\n" for a, b, c in faces.tolist())
 
 
 def _lines(path: Path) -> list[bytes]:

@@ -2,7 +2,8 @@
 
 Written: binary little-endian; x y z double, nx ny nz albedo float, then the known standard deviations as
 float: sigma_x sigma_y sigma_z for "position", sigma_NAME for a number per landmark or, of a direction, for each of two
-axes [rad], sigma_NAME_x _y _z for a vector. Of covariances, along the axes. Read: ascii and both binary forms. http://paulbourke.net/dataformats/ply/
+axes [rad], sigma_NAME_x _y _z for a vector (of a covariance, the roots of its diagonal). Read: ascii and both binary
+forms. http://paulbourke.net/dataformats/ply/
 """
 
 from __future__ import annotations
@@ -96,14 +97,15 @@ def _vertices(scene: Scene) -> np.ndarray:
     columns |= dict(zip(("nx", "ny", "nz"), landmarks.normal.T, strict=True))
     columns["albedo"] = landmarks.albedo
     for name, sigma in scene.uncertainty.items():
+        if np.shape(sigma) == (len(landmarks), 3, 3):
+            sigma = np.sqrt(np.diagonal(sigma, axis1=1, axis2=2))
         if np.shape(sigma) == (len(landmarks),):
             columns[f"sigma_{name}"] = sigma
         elif np.shape(sigma) == (len(landmarks), 2, 2):
             columns[f"sigma_{name}"] = np.sqrt(np.trace(sigma, axis1=1, axis2=2) / 2.0)
-        elif np.shape(sigma)[:2] == (len(landmarks), 3):
-            along = np.sqrt(np.einsum("jaa->ja", sigma)) if np.ndim(sigma) == 3 else sigma
+        elif np.shape(sigma) == (len(landmarks), 3):
             stem = "sigma_" if name == "position" else f"sigma_{name}_"
-            columns |= {stem + axis: along[:, i] for i, axis in enumerate("xyz")}
+            columns |= {stem + axis: sigma[:, i] for i, axis in enumerate("xyz")}
     table = np.empty(len(landmarks), [(name, "<f8" if name in "xyz" else "<f4") for name in columns])
     for name, column in columns.items():
         table[name] = column

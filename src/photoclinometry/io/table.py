@@ -82,6 +82,18 @@ class Table:
             raise self._wrong_type(key, expected, cure)
         return np.array(value, float)
 
+    def matrix(self, key: str, size: int) -> np.ndarray:
+        """(size, size) float64, all finite."""
+        expected = f"{size} rows of {size} finite numbers"
+        rows = self._get(key, _REQUIRED, expected)
+        wrong = not isinstance(rows, list) or len(rows) != size
+        if wrong or not all(isinstance(r, list) and len(r) == size and all(map(_is_number, r)) for r in rows):
+            raise self._wrong_type(key, expected)
+        found = np.array(rows, float)
+        if not np.isfinite(found).all():
+            raise self._wrong_type(key, expected)
+        return found
+
     def positive_integers(self, key: str, count: int) -> np.ndarray:
         """(count,) int64."""
         values = self.numbers(key, count)

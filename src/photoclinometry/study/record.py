@@ -12,7 +12,7 @@ import numpy as np
 
 from photoclinometry.compare import Comparison, evaluate_against_truth
 from photoclinometry.io.atomic import atomic_path
-from photoclinometry.pipeline import RunResult
+from photoclinometry.products import RunResult
 from photoclinometry.reflectance import photometric_angles
 from photoclinometry.scene import Scene
 from photoclinometry.simulate.truth import Truth

@@ -1,0 +1,127 @@
+"""The reflectance parameters, which every brightness depends on: a border of the normal equations.
+
+They are few, so their rows and columns are kept as they are, (J, 6, T) and (K, 10, T), made in a pass over the
+rows that `kernels.linearize` has stored. A parameter's coordinate is its relative change from the start.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+
+from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, STORED, CameraState, LandmarkState
+from photoclinometry.adjust.layout import LANES, Layout, Measurements
+from photoclinometry.adjust.product import BACK, Linearized, collect
+from photoclinometry.reflectance import phase_angle, photometric_function, photometric_parameters
+
+
+class Border(NamedTuple):
+    """What T parameters add to the normal equations."""
+
+    by_landmark: np.ndarray
+    """(J, 6, T) float32."""
+    by_camera: np.ndarray
+    """(K, 10, T)."""
+    block: np.ndarray
+    """(T, T)."""
+    gradient: np.ndarray
+    """(T,)."""
+
+
+def no_border(views: int, landmarks: int) -> Border:
+    """Of no parameters."""
+    by_landmark, by_camera = np.zeros((landmarks, LANDMARK_SIZE, 0), np.float32), np.zeros((views, CAMERA_SIZE, 0))
+    return Border(by_landmark, by_camera, np.zeros((0, 0)), np.zeros(0))
+
+
+def linearize_parameters(
+    layout: Layout,
+    measured: Measurements,
+    cameras: CameraState,
+    landmarks: LandmarkState,
+    where: Linearized,
+    packed: np.ndarray,
+    start: np.ndarray,
+    stored: np.ndarray,
+    threads: int,
+) -> Border:
+    """packed: `Reflectance.packed`; start: (T,) the parameters whose relative changes are estimated."""
+    count, views, marks = len(start), len(cameras.center), len(landmarks.albedo)
+    by_landmark = np.zeros((marks, LANDMARK_SIZE, count), np.float32)
+    back = np.zeros((threads, views, count, BACK))
+    block, gradient = np.zeros((threads, count, count)), np.zeros((threads, count))
+    _linearize(layout, measured, cameras, landmarks, packed, start, stored, by_landmark, back, block, gradient)
+    by_camera = np.zeros((views, CAMERA_SIZE, count))
+    sums, column = back.sum(0), np.empty(CAMERA_SIZE)
+    for k in range(views):
+        for t in range(count):
+            collect(where.of_views[k], sums[k, t], column)
+            by_camera[k, :, t] = column
+    return Border(by_landmark, by_camera, block.sum(0), gradient.sum(0))
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _linearize(layout, measured, cameras, landmarks, packed, start, stored, by_landmark, back, block, gradient):
+    """`linearize_parameters`; back: what `collect` takes, by thread, view and parameter."""
+    parts = gradient.shape[0]
+    groups = layout.slot_start.size - 1
+    for part in prange(parts):
+        row = np.zeros(start.size)
+        for group in range(part * groups // parts, (part + 1) * groups // parts):
+            for slot in range(layout.slot_start[group], layout.slot_start[group + 1]):
+                k = layout.slot_view[slot]
+                rows = stored[STORED * LANES * slot : STORED * LANES * (slot + 1)]
+                for lane in range(LANES):
+                    weight = rows[11 * LANES + lane]
+                    if weight != 0.0:
+                        j = LANES * group + lane
+                        brightness = measured.brightness[LANES * slot + lane]
+                        r = _row(j, k, weight, brightness, cameras, landmarks, packed, row)
+                        for t in range(start.size):
+                            row[t] *= start[t]
+                        _add(rows, lane, cameras.scale[k], landmarks.albedo[j], row, by_landmark[j], back[part, k])
+                        for t in range(start.size):
+                            gradient[part, t] += r * row[t]
+                            for u in range(start.size):
+                                block[part, t, u] += row[t] * row[u]
+
+
+@njit(cache=True, error_model="numpy")
+def _row(j, k, weight, brightness, cameras, landmarks, packed, row):
+    """Derivatives of one whitened brightness by the parameters; returns the residual."""
+    n0, n1, n2 = landmarks.normal[j, 0], landmarks.normal[j, 1], landmarks.normal[j, 2]
+    e0, e1, e2 = (
+        cameras.center[k, 0] - landmarks.position[j, 0],
+        cameras.center[k, 1] - landmarks.position[j, 1],
+        cameras.center[k, 2] - landmarks.position[j, 2],
+    )
+    inverse = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+    e0, e1, e2 = e0 * inverse, e1 * inverse, e2 * inverse
+    s0, s1, s2 = cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]
+    x0, x1, x2 = s1 * e2 - s2 * e1, s2 * e0 - s0 * e2, s0 * e1 - s1 * e0
+    phase = phase_angle(s0 * e0 + s1 * e1 + s2 * e2, math.sqrt(x0 * x0 + x1 * x1 + x2 * x2))
+    mu0, mu = s0 * n0 + s1 * n1 + s2 * n2, e0 * n0 + e1 * n1 + e2 * n2
+    gain = cameras.scale[k] * landmarks.albedo[j]
+    photometric_parameters(packed, mu0, mu, phase, row)
+    for t in range(row.size):
+        row[t] *= weight * gain
+    return weight * (gain * photometric_function(packed, mu0, mu, phase)[0] + cameras.bias[k] - brightness)
+
+
+@njit(cache=True, error_model="numpy")
+def _add(rows, lane, scale, albedo, row, by_landmark, back):
+    """Products of one observation's other derivatives with those by the parameters."""
+    for t in range(row.size):
+        g = row[t]
+        for i in range(3):
+            by_landmark[i, t] += rows[(3 + i) * LANES + lane] * g
+            back[t, 10 + i] += rows[(3 + i) * LANES + lane] * g
+        for i in range(2):
+            by_landmark[3 + i, t] += rows[(6 + i) * LANES + lane] * g
+            back[t, 6 + i] += rows[(8 + i) * LANES + lane] * g
+        by_landmark[5, t] += rows[10 * LANES + lane] * scale * g
+        back[t, 8] += rows[10 * LANES + lane] * albedo * g
+        back[t, 9] += rows[11 * LANES + lane] * g

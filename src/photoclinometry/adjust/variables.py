@@ -1,0 +1,47 @@
+"""A value for every variable of the joint estimate, and how a step in local coordinates moves it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from photoclinometry.geometry import Rigid, so3_exp, sphere_step
+from photoclinometry.scene import Landmarks, Views
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value for every variable."""
+
+    views: Views
+    landmarks: Landmarks
+    pivot: np.ndarray
+    """(3,) the point in B about which cameras orbit; any point in the middle of the map."""
+    parameters: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(T,) relative changes of the reflectance parameters that are estimated, from their start."""
+
+    def step(self, camera: np.ndarray, landmark: np.ndarray, parameter: np.ndarray | float = 0.0) -> Estimate:
+        """Moved by local coordinates (K, 10) and (J, 6), as `factors` defines them, and (T,)."""
+        views, landmarks = self.views, self.landmarks
+        pose = views.body_from_cam
+        turn = so3_exp(camera[:, :3])
+        arm = np.einsum("kij,kj->ki", turn, pose.translation - self.pivot + camera[:, 3:6])
+        moved = Rigid(turn @ pose.rotation, self.pivot + arm)
+        return Estimate(
+            replace(
+                views,
+                body_from_cam=moved,
+                sun=sphere_step(views.sun, camera[:, 6:8]),
+                scale=views.scale + camera[:, 8],
+                bias=views.bias + camera[:, 9],
+            ),
+            replace(
+                landmarks,
+                position=landmarks.position + landmark[:, :3],
+                normal=sphere_step(landmarks.normal, landmark[:, 3:5]),
+                albedo=landmarks.albedo + landmark[:, 5],
+            ),
+            self.pivot,
+            self.parameters + parameter,
+        )

@@ -1,0 +1,75 @@
+"""The landmarks as a mesh with the albedo as its texture: OBJ and glTF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.export.frame import Framed
+from photoclinometry.io.gltf import write_glb
+from photoclinometry.io.obj import write_obj
+from photoclinometry.render import landmark_faces
+from photoclinometry.scene import Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Texture:
+    """An albedo map as a picture over the mesh."""
+
+    levels: np.ndarray
+    """(h, w) uint8: 255 * sRGB(albedo / peak), as viewers expect of colours."""
+    peak: float
+    """The albedo at level 255."""
+    uv: np.ndarray
+    """(J, 2) in [0, 1]: right and down from the picture's upper left corner."""
+
+
+def albedo_texture(scene: Scene) -> Texture | None:
+    """The albedo on the reference image's pixels, gaps filled with the nearest; None for geometry alone."""
+    from scipy.ndimage import distance_transform_edt
+
+    if scene.reflectance is None:
+        return None
+    albedo = scene.grid(scene.landmarks.albedo)
+    nearest: Any = distance_transform_edt(np.isnan(albedo), return_distances=False, return_indices=True)
+    albedo = albedo[tuple(nearest)]
+    peak = float(albedo.max())
+    if not peak > 0:
+        raise InputError(f"scene {scene.name!r}: no albedo is positive; export the mesh as ply instead")
+    region = scene.region
+    uv = (scene.landmarks.pixel - (region.row, region.col) + 0.5)[:, ::-1] / (region.width, region.height)
+    return Texture(levels=np.round(255.0 * srgb(albedo / peak)).astype(np.uint8), peak=peak, uv=uv)
+
+
+def srgb(linear: np.ndarray) -> np.ndarray:
+    """The sRGB encoding of light in [0, 1] (IEC 61966-2-1); what is outside is moved to the edge."""
+    linear = np.clip(linear, 0.0, 1.0)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
+
+
+def write_meshes(folder: Path, framed: Framed, obj: bool, gltf: bool) -> dict[str, str]:
+    """mesh.obj with mesh.mtl and mesh.png, and mesh.glb; what is in each, by file name.
+
+    Raises InputError where the landmarks form no surface, and RunFolderError.
+    """
+    scene = framed.scene
+    faces = landmark_faces(scene)
+    if not len(faces):
+        raise InputError(f"scene {scene.name!r}: its landmarks form no surface; export the points as ply or csv")
+    texture, marks, files = albedo_texture(scene), scene.landmarks, {}
+    picture = None if texture is None else (texture.levels, texture.uv)
+    scale = "" if texture is None else f"; texture: albedo / {texture.peak:.6g}, sRGB"
+    if obj:
+        write_obj(folder / "mesh.obj", marks.position, faces, normal=marks.normal, texture=picture)
+        files["mesh.obj"] = f"mesh{scale}"
+        if texture is not None:
+            files |= {"mesh.mtl": "material of mesh.obj", "mesh.png": f"texture of mesh.obj{scale}"}
+    if gltf:
+        albedo = None if texture is None else marks.albedo
+        write_glb(folder / "mesh.glb", marks.position, faces, normal=marks.normal, albedo=albedo, texture=picture)
+        files["mesh.glb"] = f"mesh, turned so that the frame's z is glTF's y (up){scale}"
+    return files

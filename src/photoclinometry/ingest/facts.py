@@ -1,0 +1,201 @@
+"""What a label says about an exposure, in one vocabulary, whatever the format."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from photoclinometry.io.product import Product
+from photoclinometry.io.pvl import Block, Quantity
+
+_AU_KM = 149_597_870.7
+_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "millisec": 1e-3, "msec": 1e-3}
+_SECONDS |= {"millisecond": 1e-3, "milliseconds": 1e-3, "microsec": 1e-6, "us": 1e-6}
+_SILENT = ("N/A", "NULL", "UNK", "NONE", "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Facts:
+    """One exposure; None where the label says nothing."""
+
+    spacecraft: str | None = None
+    instrument: str | None = None
+    filter: str | None = None
+    target: str | None = None
+    """In lower case and without its number: "ceres"."""
+    start: str | None = None
+    """UTC of the exposure's beginning."""
+    exposure_s: float | None = None
+    clock: str | None = None
+    """The spacecraft clock's reading at the beginning."""
+    unit: str | None = None
+    """"iof", "radiance", or "dn" where the label says so."""
+    sun_distance_km: float | None = None
+    frame_code: int | None = None
+    """NAIF's number of the instrument (ISIS)."""
+    scanner: bool = False
+    """Whether the image was swept line by line."""
+
+
+_KEYS = {
+    "spacecraft": ("SPACECRAFTNAME", "INSTRUMENT_HOST_NAME", "SPACECRAFT_NAME", "INSTRUMENT_HOST_ID", "SPCECRFT"),
+    "instrument": ("INSTRUMENTID", "INSTRUMENT_ID", "INSTRUME", "NEAR-005"),
+    "filter": ("FILTERNAME", "FILTER_NUMBER", "FILTER_NAME", "FILTERNUMBER", "FILTER", "NEAR-009"),
+    "target": ("TARGETNAME", "TARGET_NAME", "TARGET", "OBJECT", "NEAR-047"),
+    "start": ("STARTTIME", "START_TIME", "START_DATE_TIME", "DATE-BEG", "DATE-OBS", "DATE_OBS", "OBS_DATE"),
+    "exposure": ("EXPOSUREDURATION", "EXPOSURE_DURATION", "EXPTIME", "EXPOSURE", "XPOSURE", "NEAR-010"),
+    "clock": ("SPACECRAFTCLOCKSTARTCOUNT", "SPACECRAFT_CLOCK_START_COUNT", "SPACECRAFT_CLOCK_START", "SCLK_STR"),
+    "sun_distance": ("SOLARDISTANCE", "SPACECRAFT_SOLAR_DISTANCE", "SOLAR_DISTANCE", "SUN_DIST", "S_DISTHA"),
+}
+_SCANS = ("LINE_EXPOSURE_DURATION", "LINEEXPOSUREDURATION", "LINE_SAMPLING_INTERVAL", "LINE_PREFIX_BYTES")
+_SCANNERS = ("HRSC", "LROC", "NACL", "NACR", "TC1", "TC2", "CTX", "HIRISE", "MOC")
+
+
+def read_facts(product: Product) -> Facts:
+    """The facts of a product's label; all None for a plain image."""
+    label = product.label
+    found = {fact: _first(label, keys) for fact, keys in _KEYS.items()}
+    instrument = _text(found["instrument"])
+    if product.kind == "PDS4":
+        found["spacecraft"], instrument = _pds4_component(label, "HOST"), _pds4_component(label, "INSTRUMENT")
+        target = label_block(label, "TARGET_IDENTIFICATION")
+        found["target"] = target.get("NAME") if target else None
+    kernels = label.block("ISISCUBE", "KERNELS")
+    code = kernels.get("NAIFFRAMECODE") if kernels else None
+    return Facts(
+        spacecraft=_text(found["spacecraft"]),
+        instrument=instrument,
+        filter=_text(found["filter"]),
+        target=_body(_text(found["target"])),
+        start=_utc(_text(found["start"])),
+        exposure_s=_seconds(found["exposure"], product),
+        clock=_text(found["clock"]),
+        unit=_unit(product),
+        sun_distance_km=_distance_km(found["sun_distance"]),
+        frame_code=code if isinstance(code, int) else None,
+        scanner=any(label.find(key) is not None for key in _SCANS) or (instrument or "").upper() in _SCANNERS,
+    )
+
+
+def label_block(label: Block, name: str) -> Block | None:
+    """The first block of that name anywhere in a label."""
+    return next((block for block in label.walk() if block.name == name), None)
+
+
+def _first(label: Block, keys: tuple[str, ...]) -> Any:
+    for key in keys:
+        value = label.find(key)
+        if value is not None and str(value).strip().upper() not in _SILENT:
+            return value
+    return None
+
+
+def _text(value: Any) -> str | None:
+    if isinstance(value, tuple) and not isinstance(value, Quantity):
+        value = value[0] if value else None
+    if isinstance(value, Quantity):
+        value = int(value.value) if value.value == int(value.value) else value.value
+    value = getattr(value, "text", value)
+    return None if value is None else str(value).strip() or None
+
+
+def _body(name: str | None) -> str | None:
+    """Without number and brackets: "1 CERES", "(433) Eros", "101955 BENNU (1999 RQ36)"."""
+    if name is None:
+        return None
+    bare = re.sub(r"\([^)]*\)|^\s*\d+\s+", "", name).strip().lower()
+    return bare or name.lower()
+
+
+def _utc(text: str | None) -> str | None:
+    return text.removesuffix("Z") if text else None
+
+
+def _seconds(value: Any, product: Product) -> float | None:
+    if isinstance(value, Quantity):
+        factor = _SECONDS.get(value.unit)
+        return value.value * factor if factor else None
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    # PDS3's dictionary has milliseconds for EXPOSURE_DURATION, FITS and ISIS have seconds; NEAR's headers count in ms.
+    usual = float(value) * (1e-3 if product.kind == "PDS3" or product.label.get("NEAR-010") is not None else 1.0)
+    between = _seconds_between(_text(product.label.find("START_TIME")), _text(product.label.find("STOP_TIME")))
+    # Rosetta's NavCam means seconds all the same: start and stop tell.
+    return usual if between is None or abs(usual - between) <= abs(value - between) else float(value)
+
+
+def _seconds_between(start: str | None, stop: str | None) -> float | None:
+    begin, end = time_of(start), time_of(stop)
+    return (end - begin).total_seconds() if begin and end else None
+
+
+def time_of(text: str | None) -> datetime | None:
+    """ISO 8601, by date or day of year, or SPC's "2019 MAR 14 19:01:23.961"; None for anything else."""
+    if text is None:
+        return None
+    clean = re.sub(r"(\.\d{6})\d+", r"\1", text.strip().removesuffix("Z"))
+    for form in ("%Y-%m-%dT%H:%M:%S", "%Y-%jT%H:%M:%S", "%Y %b %d %H:%M:%S"):
+        for fraction in (".%f", ""):
+            try:
+                return datetime.strptime(clean, form + fraction)
+            except ValueError:
+                continue
+    return None
+
+
+def _distance_km(value: Any) -> float | None:
+    """Distances below 1000 can only be astronomical units."""
+    number = getattr(value, "value", value)
+    if not isinstance(number, int | float) or isinstance(number, bool) or not 0 < number < 1e12:
+        return None
+    return float(number) * (_AU_KM if number < 1000 else 1.0)
+
+
+_NEAR_UNITS = {"0": "dn", "1": "radiance", "2": "iof"}
+"""NEAR-013, calibration; BUNIT is not to be trusted there."""
+
+
+def _unit(product: Product) -> str | None:
+    label = product.label
+    near = label.find("NEAR-013")
+    if near is not None:
+        return _NEAR_UNITS.get(str(near).strip())
+    return _unit_of_words(label) or _unit_of_name(product)
+
+
+def _unit_of_name(product: Product) -> str | None:
+    """OCAMS's cubes say what they are in their names alone. Integers, as in PNG, are stretched somehow."""
+    return "iof" if product.kind in ("ISIS", "FITS") and "_iof" in product.path.name.lower() else None
+
+
+def _unit_of_words(label: Block) -> str | None:
+    said = " ".join(
+        str(label.find(key) or "")
+        for key in (
+            "RADIOMETRICTYPE",
+            "BUNIT",
+            "UNIT",
+            "UNITS",
+            "PROCESSING_HISTORY_TEXT",
+            "SAMPLE_BIT_UNIT",
+            "IMAGE_VALUE_TYPE",
+            "SOURCEPRODUCTID",
+            "DATA_SET_ID",
+        )
+    ).upper()
+    words = set(re.split(r"[^A-Z0-9/]+", said)) | set(re.split(r"[^A-Z0-9]+", said))
+    if words & {"IOF", "I/F", "REFLECTANCE", "REFL"} or "IOFL2" in said:
+        return "iof"
+    if words & {"RADIANCE", "SR", "STR"} or "W/" in said:
+        return "radiance"
+    return "dn" if words & {"DN", "DU", "RAW_INSTRUMENT_COUNT", "EDR", "COUNTS", "ADU"} else None
+
+
+def _pds4_component(label: Block, kind: str) -> str | None:
+    """The name of the observing system's component of a type (Host, Instrument)."""
+    for block in label.walk():
+        if block.name == "OBSERVING_SYSTEM_COMPONENT" and kind in str(block.get("TYPE")).upper():
+            return _text(block.get("NAME"))
+    return None

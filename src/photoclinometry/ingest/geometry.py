@@ -1,0 +1,227 @@
+"""Where the camera was and where the Sun stood, from whichever source tells, in one form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.geometry import Rigid, unit
+from photoclinometry.ingest.facts import Facts
+from photoclinometry.io.product import Product
+from photoclinometry.io.spice import Kernels
+from photoclinometry.io.sumfile import SumFile
+
+METRES = 1000.0
+"""Metres in a kilometre: sites are in metres, kernels, tables and SUMFILEs in kilometres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    """One exposure, in the instrument's own frame."""
+
+    sun: np.ndarray
+    """(3,) unit vector from the body towards the Sun."""
+    instrument_from_body: Rigid | None
+    """[m]; None where only the Sun is known."""
+    source: str
+    sun_distance_km: float | None = None
+    position_sigma_m: float | None = None
+    """Where the source says how good the position is."""
+    pointing_sigma_rad: float | None = None
+
+    def turned(self, cam_from_instrument: np.ndarray) -> Geometry:
+        """The same in a frame that is rotated by (3, 3)."""
+        pose = self.instrument_from_body
+        turn = Rigid(cam_from_instrument, np.zeros(3))
+        return replace(self, sun=cam_from_instrument @ self.sun, instrument_from_body=pose and turn @ pose)
+
+
+def geometry_from_kernels(
+    kernels: Kernels, facts: Facts, spacecraft: int, code: int, body: str, delay_s: float
+) -> Geometry:
+    """Pose and Sun by SPICE. Raises InputError.
+
+    The corrections for light time and aberration are ISIS's, so that poses agree with those of its cubes: the position
+    is the spacecraft's as it appears from the body (LT+S), or, where the instrument's keyword SWAP_OBSERVER_TARGET says
+    so, the opposite of the body's as it appears from the spacecraft; LIGHTTIME_CORRECTION names another correction. The
+    Sun is as it appears from the body's centre. Body and camera are turned as at the middle of the exposure.
+    """
+    time = exposure_time(kernels, facts, spacecraft, delay_s)
+    number = kernels.body_code(body)
+    fixed = kernels.body_frame(number)
+    frame = _instrument_frame(kernels, code)
+    turn = kernels.rotation(fixed, frame, time)
+    correction = str((kernels.keyword(f"INS{code}_LIGHTTIME_CORRECTION") or ("LT+S",))[0])
+    swapped = str((kernels.keyword(f"INS{code}_SWAP_OBSERVER_TARGET") or ("FALSE",))[0]).upper() == "TRUE"
+    if swapped:
+        camera = -kernels.position(str(number), time, fixed, correction, str(spacecraft))
+    else:
+        camera = kernels.position(str(spacecraft), time, fixed, correction, str(number))
+    sun = kernels.position("SUN", time, fixed, "LT+S", str(number))
+    return Geometry(
+        sun=turn @ unit(sun),
+        instrument_from_body=Rigid(turn, -turn @ camera * METRES),
+        source="SPICE kernels",
+        sun_distance_km=float(np.linalg.norm(sun)),
+    )
+
+
+def exposure_time(kernels: Kernels, facts: Facts, spacecraft: int, delay_s: float) -> float:
+    """The middle of the exposure [s TDB past J2000], by the spacecraft's clock if the label has it, else by UTC.
+
+    delay_s: from the clock's count to the beginning of the exposure. Raises InputError.
+    """
+    half = (facts.exposure_s or 0.0) / 2.0
+    if facts.clock is not None:
+        return kernels.time_of_clock(spacecraft, facts.clock) + delay_s + half
+    if facts.start is not None:
+        return kernels.time_of_utc(facts.start) + half
+    raise InputError("the label has neither a spacecraft clock count nor a start time, so SPICE cannot place it")
+
+
+def _instrument_frame(kernels: Kernels, code: int) -> str:
+    named = kernels.frame_name(code)
+    if named is None:
+        fov = kernels.keyword(f"INS{code}_FOV_FRAME")
+        named = str(fov[0]) if fov else None
+    if named is None:
+        raise InputError(f"SPICE knows no frame of instrument {code}; load its frames kernel (*.tf)")
+    return named
+
+
+def geometry_from_tables(product: Product) -> Geometry | None:
+    """Pose and Sun by the tables of an ISIS cube; None where it has none. Raises InputError.
+
+    InstrumentPointing holds quaternions J2000 -> camera, InstrumentPosition the camera and SunPosition the Sun from the
+    body's centre in J2000 [km], BodyRotation quaternions J2000 -> body-fixed; ConstantRotation comes on top.
+    """
+    names = ("InstrumentPointing", "InstrumentPosition", "BodyRotation", "SunPosition")
+    if not all(product.tables.get(name) for name in names):
+        return None
+    instrument_from_j2000 = _table_rotation(product, "InstrumentPointing")
+    body_from_j2000 = _table_rotation(product, "BodyRotation")
+    camera, sun = _table_vector(product, "InstrumentPosition"), _table_vector(product, "SunPosition")
+    turn = instrument_from_j2000 @ body_from_j2000.T
+    return Geometry(
+        sun=instrument_from_j2000 @ unit(sun),
+        instrument_from_body=Rigid(turn, -instrument_from_j2000 @ camera * METRES),
+        source="ISIS tables",
+        sun_distance_km=float(np.linalg.norm(sun)),
+    )
+
+
+def _table_row(product: Product, name: str, columns: tuple[str, ...]) -> np.ndarray:
+    """The single record of a table. Raises InputError."""
+    table = product.tables[name]
+    if any(column not in table for column in columns):
+        raise InputError(
+            f"{product.path}: table {name} has {', '.join(table)}, expected {', '.join(columns)}: "
+            "run spiceinit again, or pass --kernels"
+        )
+    values = np.stack([table[column] for column in columns], -1)
+    if len(values) != 1:
+        raise InputError(
+            f"{product.path}: table {name} has {len(values)} records, as line scanners do; give a frame camera's image"
+        )
+    if not (np.abs(values) < 1e15).all() or np.linalg.norm(values) < 1e-9:
+        raise InputError(f"{product.path}: table {name} holds no numbers; run spiceinit again, or pass --kernels")
+    return values[0]
+
+
+def _table_vector(product: Product, name: str) -> np.ndarray:
+    return _table_row(product, name, ("J2000X", "J2000Y", "J2000Z"))
+
+
+def _table_rotation(product: Product, name: str) -> np.ndarray:
+    """(3, 3) target_from_J2000."""
+    quaternion = _table_row(product, name, ("J2000Q0", "J2000Q1", "J2000Q2", "J2000Q3"))
+    turn = rotation_of_quaternion(quaternion)
+    block = next(b for b in product.label.blocks if b.name == "TABLE" and b.get("NAME") == name)
+    constant = block.get("CONSTANTROTATION")
+    if constant is None:
+        return turn
+    return _constant_rotation(product, name, constant) @ turn
+
+
+def _constant_rotation(product: Product, name: str, written: object) -> np.ndarray:
+    """(3, 3), with the rounding of its digits taken away."""
+    numbers = [v for v in written if isinstance(v, int | float)] if isinstance(written, tuple) else []
+    matrix = np.array(numbers if len(numbers) == 9 else [0.0] * 9, float).reshape(3, 3)
+    if not (np.abs(matrix) <= 2.0).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6:
+        raise InputError(f"{product.path}: ConstantRotation of table {name} is no rotation; run spiceinit again")
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ vt
+
+
+def rotation_of_quaternion(wxyz: np.ndarray) -> np.ndarray:
+    """(3, 3) of a SPICE-style quaternion, scalar first: v_to = R v_from. Raises InputError for lengths far from 1."""
+    from scipy.spatial.transform import Rotation
+
+    if not 0.9 < np.linalg.norm(wxyz) < 1.1:
+        raise InputError(f"the attitude {np.asarray(wxyz).tolist()} is no unit quaternion; pass --kernels instead")
+    return Rotation.from_quat(np.asarray(wxyz, float), scalar_first=True).as_matrix()
+
+
+def geometry_from_sumfile(summary: SumFile) -> Geometry:
+    """Pose and Sun by a SUMFILE; the instrument's frame is that of its CX, CY, CZ."""
+    pose = summary.body_from_axes.inverse()
+    return Geometry(
+        sun=unit(pose.rotation @ np.array(summary.sun)),
+        instrument_from_body=Rigid(pose.rotation, pose.translation * METRES),
+        source=f"SUMFILE {summary.name}",
+        position_sigma_m=float(np.mean(summary.position_sigma)) * METRES or None,
+        pointing_sigma_rad=float(np.mean(summary.pointing_sigma)) or None,
+    )
+
+
+def geometry_from_label(product: Product, facts: Facts) -> Geometry | None:
+    """The Sun alone, by attitude and Sun position in a label; None where it has none.
+
+    NEAR: quaternion J2000 -> spacecraft, whose frame the MSI's is turned from by 1.5 mrad, and the spacecraft's place
+    from the Sun. Dawn: quaternion J2000 -> camera, and the Sun's place from the spacecraft.
+    """
+    label = product.label
+    near = [_real(label.find(f"NEAR-{key:03d}")) for key in range(19, 26)]
+    if None not in near:
+        attitude = _MSI_FROM_NEAR @ rotation_of_quaternion(np.array(near[:4]))
+        return _label_geometry(attitude, -np.array(near[4:], float))
+    quaternion, sun = label.find("QUATERNION"), label.find("SC_SUN_POSITION_VECTOR")
+    if (facts.spacecraft or "").upper() != "DAWN" or not isinstance(quaternion, tuple) or not isinstance(sun, tuple):
+        return None
+    numbers = [_real(v) for v in (*quaternion, *sun)]
+    if len(numbers) != 7 or None in numbers:
+        return None
+    return _label_geometry(rotation_of_quaternion(np.array(numbers[:4])), np.array(numbers[4:], float))
+
+
+_MSI_FROM_NEAR = np.array(
+    [
+        [0.9999988429, -0.0004838414, 0.0014422523],
+        [0.0004838419, 0.9999998829, 0.0],
+        [-0.0014422522, 0.0000006978, 0.9999989600],
+    ]
+)
+"""NEAR_MSI from NEAR_SC_BUS_PRIME, by msi15.ti."""
+
+
+def _label_geometry(instrument_from_j2000: np.ndarray, sun: np.ndarray) -> Geometry | None:
+    distance = float(np.linalg.norm(sun))
+    if not np.isfinite(distance) or distance == 0:
+        return None
+    return Geometry(
+        sun=unit(instrument_from_j2000 @ sun),
+        instrument_from_body=None,
+        source="label",
+        sun_distance_km=distance,
+    )
+
+
+def _real(value) -> float | None:
+    value = getattr(value, "value", value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return None
+    return number if np.isfinite(number) else None

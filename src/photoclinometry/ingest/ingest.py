@@ -1,0 +1,143 @@
+"""Files from archives to a site folder: `site.toml` and upright, undistorted images."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.errors import InputError, RunFolderError
+from photoclinometry.ingest.exposure import Exposure, Help, read_exposure
+from photoclinometry.ingest.options import IngestOptions
+from photoclinometry.ingest.sumfiles import read_sumfiles
+from photoclinometry.io.atomic import atomic_path, write_text
+from photoclinometry.io.images import write_fits
+from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
+from photoclinometry.io.spice import loaded_kernels
+from photoclinometry.io.suns_csv import read_suns
+
+logger = logging.getLogger(__name__)
+
+SITE_FILE = "site.toml"
+SOURCES_FILE = "sources.json"
+"""Beside site.toml: which file each image is from, and where its camera, Sun and pose are from."""
+
+
+@dataclass(frozen=True)
+class IngestResult:
+    """What became of the files."""
+
+    site: Path
+    exposures: tuple[Exposure, ...]
+    refused: tuple[str, ...]
+    """Why files were left out (`keep_going`), one sentence each."""
+
+
+def ingest(
+    files: Sequence[Path],
+    out: Path,
+    options: IngestOptions = IngestOptions(),  # noqa: B008
+    progress: Callable[[int, int, str], None] | None = None,
+) -> IngestResult:
+    """Make a site of image files (PDS3, PDS4, ISIS, FITS, PNG, TIFF) in the folder `out`, new or empty.
+
+    progress: called with (files read, files in all, name). Lengths in site.toml are metres, poses in the frame that is
+    fixed to the body. Raises InputError that says, file by file, what is wrong or missing.
+    """
+    check_out(out)
+    if not files:
+        raise InputError("no files to ingest; name images, labels or cubes")
+    sumfiles, suns = read_sumfiles(options.sumfiles), read_suns(options.suns) if options.suns else None
+    with loaded_kernels(options.kernels) if options.kernels else nullcontext() as kernels:
+        beside = Help(kernels, sumfiles, suns)
+        exposures, refused = _read_all(files, options, beside, progress)
+    if refused and not (options.keep_going and exposures):
+        raise InputError(_listed(refused, len(files)))
+    exposures = _one_unit(exposures)
+    with atomic_path(out) as folder:
+        _write(folder, out, exposures, options)
+    if len(exposures) < MIN_VIEWS:
+        logger.warning("the site has %d views; phomo run needs at least %d", len(exposures), MIN_VIEWS)
+    return IngestResult(out / SITE_FILE, tuple(exposures), tuple(refused))
+
+
+def check_out(out: Path) -> None:
+    """Raises RunFolderError unless `out` is a place for a new site."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise RunFolderError(f"{out}: is there already and not empty; choose another folder for the site")
+
+
+def _read_all(
+    files: Sequence[Path], options: IngestOptions, beside: Help, progress: Callable[[int, int, str], None] | None
+) -> tuple[list[Exposure], list[str]]:
+    """All exposures, each once, and what is wrong with the other files."""
+    exposures: list[Exposure] = []
+    refused: list[str] = []
+    seen: set[Path] = set()
+    for number, path in enumerate(files, start=1):
+        try:
+            exposure = read_exposure(Path(path), options, beside)
+        except InputError as error:
+            refused.append(str(error))
+        else:
+            if exposure.data.resolve() not in seen:
+                exposures.append(exposure)
+            seen.add(exposure.data.resolve())
+        if progress is not None:
+            progress(number, len(files), Path(path).name)
+    return exposures, refused
+
+
+def _listed(refused: Sequence[str], count: int) -> str:
+    if count == 1:
+        return refused[0]
+    shown = "\n  ".join(refused[:20])
+    more = f"\n  and {len(refused) - 20} more" if len(refused) > 20 else ""
+    return f"{len(refused)} of {count} files cannot be used (--keep-going leaves them out):\n  {shown}{more}"
+
+
+def _one_unit(exposures: list[Exposure]) -> list[Exposure]:
+    """Raises InputError for exposures that do not make one site."""
+    kinds = {e.brightness for e in exposures}
+    if len(kinds) > 1:
+        odd = next(e for e in exposures if e.brightness == "dn")
+        raise InputError(
+            f"{odd.path}: is not known to be I/F, while others are: calibrate it (--solar-flux for radiance), leave it "
+            "out, or pass --uncalibrated to take all for uncalibrated"
+        )
+    bodies = {e.body for e in exposures if e.body}
+    if len(bodies) > 1:
+        raise InputError(f"the images show {', '.join(sorted(bodies))}; ingest one body at a time, or pass --body")
+    return exposures
+
+
+def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: IngestOptions) -> None:
+    names = _names(exposures)
+    views = []
+    for name, exposure in zip(names, exposures, strict=True):
+        pixels = np.where(exposure.image.valid, exposure.image.brightness, np.float32(np.nan))
+        write_fits(folder / name, pixels)
+        views.append(SiteView(name, out / name, exposure.camera, exposure.sun, exposure.sun_sigma_rad, exposure.prior))
+    body = next((e.body for e in exposures if e.body), None)
+    site_name = options.name or out.resolve().name
+    write_site(folder / SITE_FILE, Site(site_name, body, exposures[0].brightness, tuple(views), None, out / SITE_FILE))
+    sources = [{"image": name, "file": e.path.name, **e.sources} for name, e in zip(names, exposures, strict=True)]
+    write_text(folder / SOURCES_FILE, json.dumps(sources, indent=1) + "\n")
+
+
+def _names(exposures: Sequence[Exposure]) -> list[str]:
+    """images/STEM.fits, numbered where stems repeat."""
+    names: list[str] = []
+    for exposure in exposures:
+        stem, number = exposure.path.stem, 1
+        name = f"images/{stem}.fits"
+        while name in names:
+            number += 1
+            name = f"images/{stem}-{number}.fits"
+        names.append(name)
+    return names

@@ -1,0 +1,159 @@
+"""Intrinsics from the keywords of instrument kernels and their ISIS addenda, as kernels or ISIS cubes hold them.
+
+INS-nnn_FOCAL_LENGTH, _PIXEL_SIZE or _PIXEL_PITCH, _ITRANSS and _ITRANSL (pixels per mm), _BORESIGHT_SAMPLE and _LINE
+(counted from 1), _CCD_CENTER (counted from 0), _RAD_DIST_COEFF, _OD_K, _OPENCV_OD_...: NAIF's instrument kernels and
+ISIS's camera sources say what they mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.ingest.detector import Detector, detector_of_matrix
+from photoclinometry.ingest.distortion import BrownConrady, Radial, Undoing
+from photoclinometry.io.pvl import Block
+
+Keywords = Callable[[str], tuple | None]
+"""A keyword's values, None where it is not there."""
+
+
+def keywords_of_label(label: Block) -> Keywords:
+    """The keywords that spiceinit has put into an ISIS cube."""
+    held = label.block("NAIFKEYWORDS") or Block("")
+
+    def get(name: str) -> tuple | None:
+        value = held.get(name.upper())
+        if value is None:
+            return None
+        return value if isinstance(value, tuple) else (value,)
+
+    return get
+
+
+def detector_from_keywords(get: Keywords, code: int, filter_name: str | None, size: tuple[int, int]) -> Detector | None:
+    """The detector of instrument `code` in the order of ISIS's cubes; None where a keyword is wanting.
+
+    size: (width, height) of the whole detector, for keywords that do not say. Raises InputError for keywords that
+    are no camera's.
+    """
+
+    def numbers(name: str, count: int = 1) -> tuple[float, ...] | None:
+        return _numbers(get, f"INS{code}_{name}", count)
+
+    focal = numbers("FOCAL_LENGTH")
+    matrix, pitch = _matrix(numbers), _pitch(numbers)
+    center = _center(numbers)
+    if focal is None or center is None or (matrix is None and pitch is None):
+        return None
+    # No camera's focal length is below a millimetre or above a kilometre: small numbers are metres.
+    focal_mm = focal[0] * 1000.0 if focal[0] < 1.0 else focal[0]
+    axes = np.eye(2) if matrix is None else matrix
+    if matrix is not None and pitch is not None:
+        axes = matrix / np.linalg.norm(matrix, axis=1, keepdims=True)
+    samples, lines = numbers("PIXEL_SAMPLES"), numbers("PIXEL_LINES")
+    width, height = (int(samples[0]), int(lines[0])) if samples and lines else size
+    plain = detector_of_matrix(
+        axes if pitch is None else axes / np.array(pitch)[:, None],
+        width=width,
+        height=height,
+        focal_mm=focal_mm,
+        center=center,
+    )
+    model = str((get(f"INS{code}_DISTORTION_MODEL") or ("",))[0]).upper()
+    distortion, principal = _distortion(numbers, plain, filter_name, model)
+    return Detector(
+        width=width,
+        height=height,
+        focal_mm=focal_mm,
+        pitch_mm=plain.pitch_mm,
+        center=principal,
+        axes=plain.axes,
+        distortion=distortion,
+    )
+
+
+Numbers = Callable[..., tuple[float, ...] | None]
+
+
+def _numbers(get: Keywords, name: str, count: int) -> tuple[float, ...] | None:
+    values = get(name)
+    if values is None:
+        return None
+    try:
+        numbers = tuple(float(v) for v in values)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) < count or not np.isfinite(numbers).all():
+        raise InputError(f"{name} is {values!r}, expected {count} numbers; correct the kernel")
+    return numbers
+
+
+def _matrix(numbers: Numbers) -> np.ndarray | None:
+    """(2, 2) pixels per mm."""
+    sample, line = numbers("ITRANSS", 3), numbers("ITRANSL", 3)
+    return None if sample is None or line is None else np.array([sample[1:3], line[1:3]])
+
+
+def _pitch(numbers: Numbers) -> tuple[float, float] | None:
+    """Of samples and lines [mm]; kernels give millimetres, micrometres or metres, which no detector confuses."""
+    size = numbers("PIXEL_SIZE") or numbers("PIXEL_PITCH")
+    if size is None or min(size) <= 0:
+        return None
+    scale = 1e-3 if size[0] > 0.5 else 1e3 if size[0] < 1e-4 else 1.0
+    return size[0] * scale, size[min(1, len(size) - 1)] * scale
+
+
+def _center(numbers: Numbers) -> tuple[float, float] | None:
+    """The boresight's pixel in the package's convention."""
+    ccd = numbers("CCD_CENTER", 2) or numbers("CENTER", 2) or numbers("FOV_CENTER_PIXEL", 2)
+    if ccd is not None:
+        return ccd[0] + 0.5, ccd[1] + 0.5
+    sample, line = numbers("BORESIGHT_SAMPLE"), numbers("BORESIGHT_LINE")
+    return None if sample is None or line is None else (sample[0] - 0.5, line[0] - 0.5)
+
+
+def _distortion(numbers: Numbers, plain: Detector, filter_name: str | None, model: str):
+    """The distortion, None where there is none, and the principal point, which OpenCV's model has its own of."""
+    opencv = _opencv(numbers, plain)
+    if opencv is not None and model != "OCAMS":
+        return opencv
+    dawn = numbers("RAD_DIST_COEFF")
+    if dawn is not None:
+        return Radial((0.0, 0.0, dawn[0])), plain.center
+    of_filter = f"_{(filter_name or '').strip().upper()}" if filter_name else ""
+    # SamCam's addendum has two sets: those of filters would bend its field of view by 6 %, which it is not.
+    sets = ("", of_filter) if model == "OCAMS" else (of_filter, "")
+    k, middle = next(
+        ((numbers(f"OD_K{s}"), numbers(f"OD_CENTER{s}", 2)) for s in sets if numbers(f"OD_K{s}")), (None,) * 2
+    )
+    if k is None or not any(k):
+        return None, plain.center
+    if len(k) >= 5 and middle is not None:
+        # ISIS counts these from 1, as it does the detector's own centre.
+        offset = [float((m - 0.5 - c) * p) for m, c, p in zip(middle, plain.center, plain.pitch_mm, strict=False)]
+        return Radial(k, (offset[0], offset[1])), plain.center
+    return Undoing(_powers(k, plain.pitch_mm[0])), plain.center
+
+
+def _powers(k: tuple[float, ...], pitch: float) -> tuple[float, ...]:
+    """OD_K as the coefficients of `Undoing`: k0 + k1 r^2 + k2 r^4 [mm], of what is taken away.
+
+    Hayabusa2's ONC has the corrected radius itself, k0 r + k1 r^3 + k2 r^5 [px], told by its k0 near 1.
+    """
+    k0, k1, k2 = (*k, 0.0, 0.0)[:3]
+    if k0 > 0.5:
+        k0, k1, k2 = 1.0 - k0, -k1 / pitch**2, -k2 / pitch**4
+    return k0, 0.0, k1, 0.0, k2
+
+
+def _opencv(numbers: Numbers, plain: Detector):
+    k, p = numbers("OPENCV_OD_K", 6), numbers("OPENCV_OD_P", 2)
+    focal, center = numbers("OPENCV_OD_F", 2), numbers("OPENCV_OD_C", 2)
+    if k is None or p is None or focal is None or center is None:
+        return None
+    nominal = [float(plain.focal_mm / pitch) for pitch in plain.pitch_mm]
+    model = BrownConrady(plain.focal_mm, k[:6], (p[0], p[1]), (focal[0] / nominal[0], focal[1] / nominal[1]))
+    return model, (center[0] - 0.5, center[1] - 0.5)

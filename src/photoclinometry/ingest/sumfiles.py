@@ -1,0 +1,74 @@
+"""Which SUMFILE belongs to which image, and the camera it describes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+from photoclinometry.ingest.detector import Detector, detector_of_matrix
+from photoclinometry.ingest.facts import Facts, time_of
+from photoclinometry.io.sumfile import PIXEL_OFFSET, SumFile, read_sumfile
+
+_SAME_TIME = timedelta(seconds=2.0)
+_TIME_IN_NAME = re.compile(r"(20\d{6})[ts_]?(\d{6})(?:[s.](\d{1,3}))?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class NamedSum:
+    """A SUMFILE and where it was."""
+
+    path: Path
+    summary: SumFile
+
+
+def read_sumfiles(given: Sequence[Path]) -> list[NamedSum]:
+    """The SUMFILEs given, and those (*.SUM) in the folders given. Raises InputError."""
+    files: list[Path] = []
+    for path in given:
+        inside = sorted(p for p in path.iterdir() if p.suffix.lower() == ".sum") if path.is_dir() else [path]
+        if not inside:
+            raise InputError(f"{path}: holds no SUMFILEs (*.SUM); check the folder")
+        files.extend(inside)
+    return [NamedSum(file, read_sumfile(file)) for file in files]
+
+
+def sumfile_of(path: Path, facts: Facts, known: Sequence[NamedSum]) -> NamedSum | None:
+    """The SUMFILE of the image's name, or of its time (within 2 s), or None. Raises InputError for two."""
+    stem = path.stem.lower()
+    named = [s for s in known if s.summary.name.lower() in stem or s.path.stem.lower() in stem]
+    time = time_of(facts.start) or _time_in(path.name)
+    if not named and time is not None:
+        named = [s for s in known if (other := time_of(s.summary.utc)) and abs(other - time) <= _SAME_TIME]
+    if len(named) > 1:
+        raise InputError(
+            f"{path}: could belong to {named[0].path.name} or {named[1].path.name}; pass one of them alone"
+        )
+    return named[0] if named else None
+
+
+def detector_of_sumfile(named: NamedSum) -> Detector:
+    """The camera of a SUMFILE, its lines and samples in SPC's order. Raises InputError for distorted ones."""
+    s = named.summary
+    if any(s.distortion) or s.k_matrix[2] or s.k_matrix[5]:
+        raise InputError(
+            f"{named.path}: describes a distorted camera (DISTORTION, K-MATRIX 3 and 6), which is not understood; "
+            "undistort the image in SPC, or pass --kernels instead"
+        )
+    k = np.array(s.k_matrix).reshape(2, 3)
+    center = (s.center[0] - PIXEL_OFFSET, s.center[1] - PIXEL_OFFSET)
+    return detector_of_matrix(k[:, :2], width=s.width, height=s.height, focal_mm=s.focal_mm, center=center)
+
+
+def _time_in(name: str) -> datetime | None:
+    """The time that a file bears in its name, such as 20190314t190123s972."""
+    found = _TIME_IN_NAME.search(name)
+    try:
+        return found and datetime.strptime(f"{found[1]}{found[2]}.{found[3] or '0'}", "%Y%m%d%H%M%S.%f")
+    except ValueError:
+        return None

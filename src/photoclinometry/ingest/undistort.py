@@ -1,0 +1,54 @@
+"""Images as a pinhole would have taken them: lines turned about, distortion resampled away, masks carried along."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.ingest.detector import NEGLIGIBLE_PX, Detector, displacement, upright
+from photoclinometry.scene import Image
+
+_REACH = 2
+"""Pixels on each side that a cubic spline mostly draws on."""
+
+
+def undistorted(image: Image, detector: Detector) -> Image:
+    """`image` upright and without distortion, as the camera of `detector.upright` sees it.
+
+    Without distortion (below NEGLIGIBLE_PX everywhere) pixels stay as they are. Otherwise they are interpolated
+    by cubic splines; what has a pixel that is not valid, or the image's edge, next to it, is not valid.
+
+    Raises InputError.
+    """
+    _, _, flip = upright(detector)
+    brightness, valid = image.brightness, image.valid
+    if detector.distortion is not None:
+        seen, farthest = displacement(detector)
+        if farthest > NEGLIGIBLE_PX:
+            brightness, valid = _resampled(brightness, valid, seen)
+    if flip:
+        brightness, valid = brightness[::-1], valid[::-1]
+    return Image(image.name, np.ascontiguousarray(brightness), np.ascontiguousarray(valid))
+
+
+def _resampled(brightness: np.ndarray, valid: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness and validity at the pixels `seen` (h, w, 2), where (0.5, 0.5) is the centre of the first.
+
+    OpenCV's remap would round positions to 1/32 px.
+    """
+    import cv2
+    from scipy.ndimage import distance_transform_edt, map_coordinates
+
+    x, y = np.moveaxis(seen - 0.5, -1, 0)
+    height, width = brightness.shape
+    # What is outside is not valid either: a border of the reach makes this count.
+    holes = np.pad(~valid, _REACH, constant_values=True).astype(np.uint8)
+    touched = cv2.dilate(holes, np.ones((2 * _REACH, 2 * _REACH), np.uint8), anchor=(_REACH - 1, _REACH - 1))
+    col, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    inside = (col >= 0) & (row >= 0) & (col < width) & (row < height)
+    at = np.clip(row, 0, height - 1) + _REACH, np.clip(col, 0, width - 1) + _REACH
+    kept = inside & (touched[at] == 0)
+    # Splines reach far, though weakly: holes take their nearest neighbour's value.
+    nearest = np.asarray(distance_transform_edt(~valid, return_distances=False, return_indices=True))
+    source = brightness[nearest[0], nearest[1]].astype(np.float64) if valid.any() else np.zeros(valid.shape)
+    values = map_coordinates(source, [y, x], order=3, mode="nearest")
+    return np.where(kept, values, 0.0).astype(np.float32), kept

@@ -1,0 +1,214 @@
+"""Data sets published on Hugging Face: listed, fetched, and checked. Needs the extra `fetch` (huggingface_hub).
+
+A file arrives under a name ending in .part, which a later call goes on from, and gets its own name when its checksum is
+the published one: SHA-256 of large files, git's of others. Only public data sets; no access token is looked for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from photoclinometry import __version__
+from photoclinometry.errors import FetchError, InputError
+from photoclinometry.io.atomic import unwritable
+
+AUTHORS_DATA = "travisdriver/phomo-data"
+"""Images and models of Driver et al. (2025): huggingface.co/datasets/travisdriver/phomo-data."""
+
+Progress = Callable[[str, int, int], None]
+"""What, bytes that are there, bytes in all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemoteFile:
+    """A file of a data set."""
+
+    path: str
+    """Within the data set, with slashes."""
+    size: int
+    """Bytes."""
+    digest: str
+    """Hexadecimal: SHA-256 of the content, or SHA-1 of it as a git blob."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataSet:
+    """What a data set held when it was listed."""
+
+    name: str
+    commit: str
+    """Files are fetched from this commit, whatever is published meanwhile."""
+    endpoint: str | None
+    """Address of the server; None for huggingface_hub's own choice ($HF_ENDPOINT, huggingface.co)."""
+    files: tuple[RemoteFile, ...]
+
+    def folders(self) -> dict[str, tuple[int, int]]:
+        """Number of files and bytes below each folder, by path, sorted."""
+        found: dict[str, tuple[int, int]] = {}
+        for file in self.files:
+            for parent in list(PurePosixPath(file.path).parents)[:-1]:
+                count, size = found.get(str(parent), (0, 0))
+                found[str(parent)] = (count + 1, size + file.size)
+        return dict(sorted(found.items()))
+
+    def named(self, name: str) -> tuple[RemoteFile, ...]:
+        """The files below folders of this path, or of this name anywhere. Raises InputError where there is none."""
+        wanted = PurePosixPath(name.strip("/"))
+        folders = [PurePosixPath(folder) for folder in self.folders()]
+        chosen = {f for f in folders if f == wanted} or {f for f in folders if f.name == str(wanted)}
+        if not chosen:
+            known = sorted({f.name for f in folders})
+            raise InputError(f"{self.name} has no folder {name!r}; it has {', '.join(known) or 'none'}")
+        return tuple(file for file in self.files if chosen & set(PurePosixPath(file.path).parents))
+
+
+def list_files(name: str = AUTHORS_DATA, *, revision: str = "main", endpoint: str | None = None) -> DataSet:
+    """What a data set holds. Raises FetchError where it cannot be listed, InputError without the extra."""
+    with _hub_errors(name, f"revision {revision!r}"):
+        api = _hub().HfApi(endpoint=endpoint, token=False)
+        commit = api.dataset_info(name, revision=revision).sha
+        entries = api.list_repo_tree(name, repo_type="dataset", revision=commit, recursive=True)
+        files = tuple(_remote_file(name, entry) for entry in entries if hasattr(entry, "blob_id"))
+    return DataSet(name=name, commit=str(commit), endpoint=endpoint, files=files)
+
+
+def fetch_files(
+    data: DataSet, files: tuple[RemoteFile, ...], out: Path | str, progress: Progress | None = None
+) -> list[str]:
+    """Files of a data set below `out`, in its folders; returns the paths of those that were not there already.
+
+    What is there with the right checksum stays, what was begun is gone on with. Raises FetchError where a file cannot
+    be had or arrives damaged, and RunFolderError where it cannot be written; whole files stay then.
+    """
+    out, total = Path(out), sum(file.size for file in files)
+    done, fetched = 0, []
+    for file in files:
+
+        def tell(there: int, before: int = done) -> None:
+            if progress is not None:
+                progress("fetch", before + there, total)
+
+        target = out / file.path
+        try:
+            if not (target.is_file() and _has_digest(target, file)):
+                _fetch(data, file, target, tell)
+                fetched.append(file.path)
+        except FetchError:
+            raise
+        except OSError as error:
+            raise unwritable(target, error) from error
+        done += file.size
+        tell(0, done)
+    return fetched
+
+
+def _fetch(data: DataSet, file: RemoteFile, target: Path, tell: Callable[[int], None]) -> None:
+    part = target.with_name(target.name + ".part")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    begun = part.stat().st_size if part.is_file() else 0
+    if begun > file.size:
+        part.unlink()
+        begun = 0
+    _download(data, file, part, tell)
+    if not _has_digest(part, file) and begun:  # what was begun was of another version, or damaged
+        part.unlink()
+        _download(data, file, part, tell)
+    if not _has_digest(part, file):
+        part.unlink()
+        raise FetchError(f"{file.path}: arrived damaged: its checksum is not the published one; try again")
+    os.replace(part, target)
+
+
+def _download(data: DataSet, file: RemoteFile, part: Path, tell: Callable[[int], None]) -> None:
+    """All of a file, or the rest of what is there."""
+    from huggingface_hub import hf_hub_url
+    from huggingface_hub.file_download import http_get
+    from huggingface_hub.utils import build_hf_headers, disable_progress_bars
+
+    disable_progress_bars("huggingface_hub.http_get")
+    url = hf_hub_url(data.name, file.path, repo_type="dataset", revision=data.commit, endpoint=data.endpoint)
+    headers = build_hf_headers(token=False, library_name="photoclinometry", library_version=__version__)
+    headers["Accept-Encoding"] = "identity"  # byte ranges count what is sent
+    with open(part, "ab") as stream:
+        begun = stream.tell()
+        tell(begun)
+        if begun < file.size:
+            with _hub_errors(data.name, file.path):
+                http_get(url, _Counted(stream, tell), resume_size=begun, headers=headers, expected_size=file.size)  # pyright: ignore[reportArgumentType]
+
+
+class _Counted:
+    """A stream that tells its position after every write."""
+
+    def __init__(self, stream: Any, tell: Callable[[int], None]):
+        self._stream, self._told = stream, tell
+
+    def write(self, data: bytes) -> int:
+        written = self._stream.write(data)
+        self._told(self._stream.tell())
+        return written
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _has_digest(path: Path, file: RemoteFile) -> bool:
+    """Whether a file is the published one."""
+    if path.stat().st_size != file.size:
+        return False
+    git = len(file.digest) == 40
+    whole = hashlib.sha1(b"blob %d\0" % file.size, usedforsecurity=False) if git else hashlib.sha256()
+    with open(path, "rb") as stream:
+        while block := stream.read(1 << 20):
+            whole.update(block)
+    return whole.hexdigest() == file.digest
+
+
+def _remote_file(name: str, entry: Any) -> RemoteFile:
+    path = PurePosixPath(entry.path)
+    if path.is_absolute() or ".." in path.parts or "\\" in entry.path or "\0" in entry.path:
+        raise FetchError(f"{name}: names a file {entry.path!r}, which would lie outside of the folder; do not trust it")
+    digest = entry.lfs.sha256 if entry.lfs is not None else entry.blob_id
+    return RemoteFile(path=str(path), size=int(entry.size), digest=digest)
+
+
+def _hub() -> Any:
+    try:
+        import huggingface_hub
+    except ImportError as error:
+        raise InputError(
+            "published data sets are fetched with huggingface_hub: pip install 'photoclinometry[fetch]'"
+        ) from error
+    return huggingface_hub
+
+
+@contextmanager
+def _hub_errors(name: str, what: str) -> Iterator[None]:
+    """Turns what goes wrong on the way to the server into FetchError."""
+    _hub()
+    from httpx2 import HTTPError
+    from huggingface_hub.errors import HFValidationError, RepositoryNotFoundError, RevisionNotFoundError
+
+    try:
+        yield
+    except HFValidationError as error:
+        raise InputError(f"{name!r} is no name of a data set ({error}); give OWNER/NAME") from error
+    except RepositoryNotFoundError as error:
+        raise FetchError(f"{name}: there is no such public data set; check its name") from error
+    except RevisionNotFoundError as error:
+        raise FetchError(f"{name}: has no {what}; check it") from error
+    except (HTTPError, ConnectionError) as error:
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise FetchError(
+            f"{name}: {what} cannot be had ({reason}); check the network, then try again: it goes on where it stopped"
+        ) from error
+    except OSError as error:
+        if error.errno is not None:
+            raise
+        raise FetchError(f"{name}: {what} arrived in part ({str(error).splitlines()[0]}); try again") from error

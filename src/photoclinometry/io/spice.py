@@ -1,0 +1,188 @@
+"""SPICE kernels, asked for times, positions, rotations and keywords. Needs the extra `geo` (spiceypy).
+
+SPICE runs in a process of its own (`io/spice_worker.py`): a damaged kernel that makes it crash or hang is an error
+here, and its kernel pool is not that of the program that uses this package.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Timer
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+
+_TEXT = (".tls", ".tsc", ".tpc", ".tf", ".ti")
+_BINARY = (".bsp", ".bc", ".bpc", ".bds")
+_META = (".tm", ".mk")
+_KNOWN_HEADS = (b"KPL/", b"DAF/", b"NAIF/DAF", b"DAS/", b"\\begin")
+_FARTHEST_KM = 1e12
+"""Nothing in the solar system is farther away."""
+_PATIENCE_S = 120.0
+"""For one answer; the slowest, loading a large text kernel, takes seconds."""
+
+
+class Kernels:
+    """Loaded kernels that can be asked. All methods raise InputError where SPICE has no answer, and say why."""
+
+    def __init__(self, files: Sequence[Path]):
+        self.files = list(files)
+        self._process = subprocess.Popen(
+            [sys.executable, str(Path(__file__).with_name("spice_worker.py"))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            encoding="utf-8",
+        )
+
+    def close(self) -> None:
+        """Ends the process."""
+        self._process.kill()
+        self._process.communicate()
+
+    def load(self, file: Path) -> None:
+        """One more kernel; it overrules those before."""
+        _check_head(file)
+        try:
+            self._ask("", "load", str(file))
+        except InputError as error:
+            raise InputError(f"{file}: SPICE cannot load this kernel: {error}") from error
+
+    def time_of_clock(self, spacecraft: int, clock: str) -> float:
+        """Ephemeris time [s TDB past J2000] of a spacecraft clock's reading."""
+        return self._ask(f"the time of clock {clock!r} (spacecraft {spacecraft})", "clock", spacecraft, clock)
+
+    def time_of_utc(self, utc: str) -> float:
+        """Ephemeris time [s TDB past J2000]."""
+        return self._ask(f"the time of {utc!r}", "utc", utc.removesuffix("Z"))
+
+    def position(self, target: str, time: float, frame: str, correction: str, observer: str) -> np.ndarray:
+        """(3,) [km] of `target` as seen from `observer`."""
+        what = f"where {target} is, seen from {observer}, at {time:.3f} s"
+        place = np.array(self._ask(what, "position", target, time, frame, correction, observer))
+        if not (np.abs(place) < _FARTHEST_KM).all():
+            raise InputError(f"SPICE tells {what}: {place.tolist()} km; one of the position kernels (*.bsp) is damaged")
+        return place
+
+    def rotation(self, source: str, target: str, time: float) -> np.ndarray:
+        """(3, 3) target_from_source."""
+        return np.array(self._ask(f"how {source} lies in {target} at {time:.3f} s", "rotation", source, target, time))
+
+    def keyword(self, name: str) -> tuple[Any, ...] | None:
+        """The values of a keyword of the text kernels: numbers or text; None where there is none."""
+        values = self._ask(f"the keyword {name}", "keyword", name)
+        return None if values is None else tuple(values)
+
+    def body_code(self, name: str) -> int:
+        """NAIF's number of a body."""
+        code = self._ask(f"the number of {name}", "body", name)
+        if code is None:
+            raise InputError(f"SPICE knows no body {name!r}; load its kernels, or pass --body with NAIF's name")
+        return code
+
+    def body_frame(self, body: int) -> str:
+        """The name of the frame that is fixed to a body."""
+        name = self._ask(f"the frame fixed to body {body}", "body frame", body)
+        if name is None:
+            raise InputError(f"SPICE knows no frame fixed to body {body}; load its frame and constants kernels")
+        return name
+
+    def frame_name(self, code: int) -> str | None:
+        """The name of a frame; None where the kernels do not have it."""
+        return self._ask(f"the name of frame {code}", "frame name", code)
+
+    def _ask(self, what: str, question: str, *arguments: Any) -> Any:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        timer = Timer(_PATIENCE_S, self._process.kill)
+        timer.start()
+        try:
+            self._process.stdin.write(json.dumps([question, *arguments]) + "\n")
+            self._process.stdin.flush()
+            line = self._process.stdout.readline()
+        except OSError:
+            line = ""
+        finally:
+            timer.cancel()
+        if not line:
+            named = ", ".join(file.name for file in self.files if file.suffix.lower() in _BINARY) or "the kernels"
+            asked = f" when asked for {what}" if what else ""
+            raise InputError(f"SPICE broke down{asked}: one of {named} is damaged; fetch it again")
+        answer = json.loads(line)
+        if "error" in answer:
+            raise InputError(f"SPICE does not tell {what}: {answer['error']}" if what else answer["error"])
+        return answer["value"]
+
+
+@contextmanager
+def loaded_kernels(given: Sequence[Path]) -> Iterator[Kernels]:
+    """Kernels, meta-kernels and folders of kernels, loaded in the order of `kernel_files`, for the time of the block.
+
+    Raises InputError for files that are missing, damaged, or no kernels.
+    """
+    if importlib.util.find_spec("spiceypy") is None:
+        raise InputError(
+            f"{given[0]}: SPICE kernels need spiceypy: pip install 'photoclinometry[geo]', or leave --kernels out"
+        )
+    files = kernel_files(given)
+    kernels = Kernels(files)
+    try:
+        for file in files:
+            kernels.load(file)
+        yield kernels
+    finally:
+        kernels.close()
+
+
+def kernel_files(given: Sequence[Path]) -> list[Path]:
+    """Files in loading order: as given, and of a folder in `loading_order`; the last one loaded wins.
+
+    A folder with meta-kernels in it must have just one, which is then taken alone. Raises InputError.
+    """
+    files: list[Path] = []
+    for path in given:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        inside = sorted(p for p in path.rglob("*") if p.suffix.lower() in _TEXT + _BINARY + _META and p.is_file())
+        meta = [p for p in inside if p.suffix.lower() in _META]
+        if len(meta) > 1:
+            raise InputError(f"{path}: holds {len(meta)} meta-kernels; name the one to use")
+        if not inside:
+            raise InputError(f"{path}: holds no SPICE kernels (*{', *'.join(_TEXT + _BINARY)}); check the folder")
+        files.extend(meta or loading_order(inside))
+    return files
+
+
+def loading_order(files: Sequence[Path]) -> list[Path]:
+    """By name, but generic constants (pck00009.tpc) first and ISIS's addenda, which mean to overrule, last."""
+
+    def rank(path: Path) -> tuple[int, str]:
+        name = path.name.lower()
+        generic, addendum = re.fullmatch(r"pck\d+\.tpc", name), "addendum" in name
+        return (0 if generic else 2 if addendum else 1, path.name)
+
+    return sorted(files, key=rank)
+
+
+def _check_head(file: Path) -> None:
+    """Raises InputError for what is no kernel."""
+    try:
+        with open(file, "rb") as stream:
+            head = stream.read(1024)
+    except FileNotFoundError:
+        raise InputError(f"{file}: there is no such kernel; check the path") from None
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror or error}") from error
+    if not head.lstrip().startswith(_KNOWN_HEADS) and b"\\begindata" not in head:
+        raise InputError(f"{file}: is no SPICE kernel (it begins with {head[:8]!r}); check the path")

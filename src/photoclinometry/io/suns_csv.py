@@ -1,0 +1,75 @@
+"""A table of Suns for images that no label tells of: `image,sun_x,sun_y,sun_z` and optionally `sun_sigma_deg`."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.errors import InputError
+
+_MAX_BYTES = 1 << 26
+_COLUMNS = ("image", "sun_x", "sun_y", "sun_z")
+
+
+@dataclass(frozen=True)
+class SunRow:
+    """One line of the table."""
+
+    sun: np.ndarray
+    """(3,) unit vector from the body towards the Sun, in the camera's frame: x right, y down, z forward."""
+    sigma_rad: float | None
+
+
+def read_suns(path: Path) -> dict[str, SunRow]:
+    """Suns by image name, as the table writes it. Raises InputError that names the line."""
+    rows: dict[str, SunRow] = {}
+    reader = csv.DictReader(_text(path).splitlines(), skipinitialspace=True)
+    try:
+        missing = [c for c in _COLUMNS if c not in (reader.fieldnames or ())]
+        if missing:
+            raise InputError(f"{path}: the first line has no column {missing[0]!r}; write {','.join(_COLUMNS)}")
+        for row in reader:
+            name = (row["image"] or "").strip()
+            if name in rows:
+                raise InputError(f"{path}, line {reader.line_num}: {name!r} stands there twice; remove one")
+            rows[name] = _row(path, reader.line_num, row)
+    except csv.Error as error:
+        raise InputError(f"{path}, line {reader.line_num}: {error}; write comma-separated values") from error
+    return rows
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise InputError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no table of Suns")
+        return path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such table of Suns; check the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text ({error.reason} at byte {error.start})") from error
+
+
+def _row(path: Path, line: int, row: dict[str, str | None]) -> SunRow:
+    sun = np.array([_number(path, line, row, key) for key in _COLUMNS[1:]])
+    length = float(np.linalg.norm(sun))
+    if abs(length - 1.0) > 1e-3:
+        raise InputError(f"{path}, line {line}: the Sun has length {length:.6g}, expected a unit vector")
+    sigma = _number(path, line, row, "sun_sigma_deg") if (row.get("sun_sigma_deg") or "").strip() else None
+    if sigma is not None and sigma <= 0:
+        raise InputError(f"{path}, line {line}: sun_sigma_deg is {sigma:g}, expected a positive number")
+    return SunRow(sun / length, None if sigma is None else float(np.deg2rad(sigma)))
+
+
+def _number(path: Path, line: int, row: dict[str, str | None], key: str) -> float:
+    try:
+        value = float(row[key] or "")
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise InputError(f"{path}, line {line}: {key} is {row[key]!r}, expected a number")
+    return value

@@ -1,0 +1,177 @@
+"""What a run leaves: the adjusted scene, kept so that it is estimated once, and the files made from it."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, adjust
+from photoclinometry.errors import RunFolderError
+from photoclinometry.io.options import write_options
+from photoclinometry.runfolder import RunFolder
+from photoclinometry.scene import Image, Scene, Views
+
+log = logging.getLogger(__name__)
+
+Progress = Callable[[str, int, int], None]
+"""Called as progress(what, done, total); total 0 where it is not known."""
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run leaves."""
+
+    scene: Scene
+    adjustment: Adjustment
+    metrics: dict[str, float]
+    report: Path
+    """The report's page."""
+    left_out: tuple[str, ...]
+    """Names of views that did not register."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Done:
+    """That the adjusted scene of this key is in scene.h5, and how it was reached."""
+
+    summary: str
+
+
+def adjust_or_read(
+    folder: RunFolder,
+    key: str,
+    scene: Scene,
+    options: AdjustOptions,
+    progress: Progress,
+    anchors: Anchors | None = None,
+) -> Adjustment:
+    """The adjusted scene, from the run folder's scene.h5 if that is of this key, else estimated and kept there."""
+    from photoclinometry.adjust import Iteration, Noise
+    from photoclinometry.io.scene_file import read_scene, write_scene
+
+    file = folder.path / "scene.h5"
+    steps = 0
+
+    def count(iteration: Iteration) -> None:
+        nonlocal steps
+        steps += 1
+        progress("adjust", steps, 0)
+
+    def make() -> _Done:
+        adjustment = adjust(scene, options, anchors=anchors, progress=count)
+        # Were the run killed between the two files, the old key must not stand beside the new scene.
+        folder.forget("adjust")
+        write_scene(file, adjustment.scene)
+        summary = {
+            "converged": adjustment.converged,
+            "message": adjustment.message,
+            "log": [asdict(i) for i in adjustment.log],
+            "noise": asdict(adjustment.noise),
+            "parameter_sigma": adjustment.parameter_sigma.tolist(),
+        }
+        return _Done(summary=json.dumps(summary))
+
+    if not _is_scene(file):
+        folder.forget("adjust")
+    done = json.loads(folder.stage("adjust", key, make, _Done).summary)
+    adjusted = read_scene(file)
+    return Adjustment(
+        adjusted,
+        done["converged"],
+        done["message"],
+        tuple(Iteration(**i) for i in done["log"]),
+        Noise(**done["noise"]),
+        adjusted.tracks.lit,
+        np.array(done["parameter_sigma"]),
+    )
+
+
+def _is_scene(file: Path) -> bool:
+    """Whether an earlier run left a whole scene; a damaged one is warned of."""
+    from photoclinometry.io.scene_file import read_scene
+
+    if not file.is_file():
+        return False
+    try:
+        read_scene(file)
+    except RunFolderError as error:
+        log.warning("%s; the stage is done again", error)
+        return False
+    return True
+
+
+def write_products(
+    folder: RunFolder,
+    adjustment: Adjustment,
+    images: Sequence[Image],
+    config: Mapping[str, Any],
+    left_out: tuple[str, ...],
+    held_out: Views | None = None,
+) -> RunResult:
+    """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
+
+    config: what shaped the run, for the report; left_out: names of views that are not in the scene; held_out: views
+    that the scene was not made from, in its frame.
+    """
+    from photoclinometry.evaluate import evaluate_scene, held_out_table, view_table
+    from photoclinometry.io.atomic import write_text
+    from photoclinometry.io.colmap import write_colmap
+    from photoclinometry.io.ply import write_ply
+    from photoclinometry.report import write_report
+    from photoclinometry.tables import json_numbers
+
+    scene = adjustment.scene
+    with folder.timed("products"):
+        write_ply(folder.path / "landmarks.ply", scene, mesh=True)
+        write_colmap(folder.path / "sparse", scene)
+        rows = view_table(scene, images)
+        aside = held_out_table(scene, held_out, images) if held_out else []
+        metrics = evaluate_scene(scene, images, per_view=rows, held_out=aside)
+        metrics |= {"views_left_out": len(left_out), "converged": float(adjustment.converged)}
+        photometric = scene.reflectance is not None
+        noise = asdict(adjustment.noise).items()
+        metrics |= {name: value for name, value in noise if photometric or not name.startswith("brightness")}
+        metrics |= _parameter_metrics(adjustment)
+    with folder.timed("report"):
+        rows = [{"registered": True, **row} for row in rows + aside]
+        rows += [{"name": name, "registered": False} for name in left_out]
+        page = write_report(
+            folder.path / "report",
+            scene,
+            images,
+            metrics=metrics,
+            per_view=rows,
+            stages=[asdict(stage) for stage in folder.stages],
+            convergence=[i.cost for i in adjustment.log if i.accepted],
+            options=config,
+        )
+    summary = {
+        "metrics": json_numbers(metrics),
+        "views": rows,
+        "left_out": list(left_out),
+        "stages": [asdict(stage) for stage in folder.stages],
+        "message": adjustment.message,
+    }
+    write_text(folder.path / "metrics.json", json.dumps(summary, indent=2) + "\n")
+    return RunResult(scene, adjustment, metrics, page, left_out)
+
+
+def _parameter_metrics(adjustment: Adjustment) -> dict[str, float]:
+    """The reflectance parameters, where they were estimated, and their standard deviations."""
+    metrics, model = {}, adjustment.scene.reflectance
+    if model is not None and len(adjustment.parameter_sigma):
+        for i, (value, sigma) in enumerate(zip(model.parameters, adjustment.parameter_sigma, strict=True)):
+            name = f"reflectance_w{i}" if i < 2 else f"reflectance_c{i - 1}"
+            metrics |= {name: float(value), f"{name}_sigma": float(sigma)}
+    return metrics
+
+
+def write_config(folder: RunFolder, config: Mapping[str, Any]) -> None:
+    """config.toml: what was mapped, and every option, defaults included."""
+    write_options(folder.path / "config.toml", config)

@@ -1,0 +1,92 @@
+"""Labels in one vocabulary: what instruments, bodies, clocks, exposures and units are called in each format."""
+
+from pathlib import Path
+
+import pytest
+
+from photoclinometry.ingest.facts import read_facts, time_of
+from photoclinometry.io.product import Product
+from photoclinometry.io.pvl import parse_pvl
+
+NOTHING = Path("nothing")
+
+
+def facts(text, kind="PDS3", path=NOTHING):
+    return read_facts(
+        Product(path=path, data=path, kind=kind, image=None, label=parse_pvl(text.encode() + b"\nEND\n", "a"))
+    )
+
+
+@pytest.mark.parametrize(
+    ("written", "body"),
+    [('"1 CERES"', "ceres"), ('"25143 ITOKAWA"', "itokawa"), ('"(433) Eros"', "eros"), ("Bennu", "bennu")],
+)
+def test_bodies_lose_their_numbers(written, body):
+    assert facts(f"TARGET_NAME = {written}").target == body
+
+
+@pytest.mark.parametrize(
+    ("written", "kind", "seconds"),
+    [
+        ("89.00 <ms>", "PDS3", 0.089),
+        ("1800.000 <millisecond>", "PDS3", 1.8),
+        (".0218 <SECOND>", "ISIS", 0.0218),
+        ("3.224675 <Millisec>", "ISIS", 0.003224675),
+        ("12", "PDS3", 0.012),
+        ("2.5", "FITS", 2.5),
+        ("2.5 <furlong>", "PDS3", None),
+        ('"N/A"', "PDS3", None),
+    ],
+)
+def test_exposures_are_seconds(written, kind, seconds):
+    assert facts(f"EXPOSURE_DURATION = {written}", kind).exposure_s == (seconds and pytest.approx(seconds))
+
+
+def test_an_exposure_without_unit_is_that_which_start_and_stop_allow():
+    """Rosetta's NavCam: 30.71 is seconds, against PDS3's dictionary."""
+    times = "START_TIME = 2005-07-10T06:50:02.557\nSTOP_TIME = 2005-07-10T06:50:33.267\n"
+    assert facts(times + "EXPOSURE_DURATION = 30.71").exposure_s == 30.71
+    assert facts(times + "EXPOSURE_DURATION = 30710").exposure_s == pytest.approx(30.71)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "name", "unit"),
+    [
+        ("PROCESSING_HISTORY_TEXT = IOF_GBL", "PDS3", "a", "iof"),
+        ("BUNIT = 'I/F     '", "FITS", "a", "iof"),
+        ("RADIOMETRICTYPE = IOF", "ISIS", "a", "iof"),
+        ("UNIT = 'W/m**2/micron/sr'", "PDS3", "a", "radiance"),
+        ("UNIT = DU", "PDS3", "a", "dn"),
+        ("DATA_SET_ID = 'DAWN-A-FC2-2-EDR-CERES-IMAGES-V1.0'", "PDS3", "a", "dn"),
+        ("BUNIT = 'RAW-DN'\nNEAR-013 = 2", "FITS", "a", "iof"),
+        ("A = 1", "ISIS", "20190303T100344S990_map_iofL2pan.cub", "iof"),
+        ("A = 1", "plain", "ocams20190314t190123s972_map_iofl2pan.png", None),
+        ("A = 1", "FITS", "a", None),
+    ],
+)
+def test_units_are_what_labels_say(text, kind, name, unit):
+    """A PNG is stretched somehow, whatever its name says."""
+    assert facts(text, kind, Path(name)).unit == unit
+
+
+@pytest.mark.parametrize("text", ["LINE_EXPOSURE_DURATION = 0.3 <ms>", "INSTRUMENT_ID = HRSC"])
+def test_line_scanners_are_told(text):
+    assert facts(text).scanner
+    assert not facts("INSTRUMENT_ID = FC2").scanner
+
+
+def test_distances_are_kilometres_or_astronomical_units():
+    assert facts("SPACECRAFT_SOLAR_DISTANCE = 248900000.0").sun_distance_km == 248900000.0
+    assert facts("SOLAR_DISTANCE = 1.5").sun_distance_km == pytest.approx(1.5 * 149597870.7)
+
+
+def test_times_are_read_in_three_ways():
+    assert (
+        time_of("2015-170T16:15:46.345") == time_of("2015-06-19T16:15:46.345Z") == time_of("2015 JUN 19 16:15:46.345")
+    )
+    assert time_of("soon") is None
+
+
+def test_silence_is_none():
+    said = facts("A = 1")
+    assert {said.spacecraft, said.instrument, said.target, said.start, said.exposure_s, said.clock, said.unit} == {None}
