@@ -7,11 +7,13 @@ import pytest
 
 from photoclinometry.adjust import AdjustOptions, Noise, adjust
 from photoclinometry.adjust.covariance import Marginals
+from photoclinometry.adjust.estimate import PosePriors
 from photoclinometry.adjust.uncertainty import error_model, scene_uncertainty
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.calibrate import sigma_metrics
 from photoclinometry.geometry import so3_log
 from photoclinometry.scene import Tracks
+from photoclinometry.sigmas import size
 from scenes import synthetic_scene
 from test_adjust_estimate import INDEPENDENT, anchors_around, start_of
 
@@ -54,6 +56,22 @@ def test_geometry_alone_states_what_it_estimates_and_anchors_are_left_out(adjust
         "rotation": (8, 3, 3),
         "center": (8, 3, 3),
     }
+
+
+def test_with_pose_priors_the_frame_is_theirs(adjusted):
+    """Centres known to half a GSD along each axis: stated no worse than that; positions carry the frame's own error,
+    which eight such centres leave at a sixth of a GSD or so along each axis, where in the map's frame there is none."""
+    true, found = adjusted
+    count, sigma = len(true.views), 0.5 * true.gsd
+    priors = PosePriors(
+        body_from_cam=true.views.body_from_cam,
+        rotation_sigma=np.full(count, 1e-6),
+        center_sigma=np.full(count, sigma),
+    )
+    placed = adjust(start_of(true), INDEPENDENT, pose_priors=priors).scene
+    assert size(placed.uncertainty["center"]).max() <= np.sqrt(3) * sigma
+    apart = size(placed.uncertainty["position"]) ** 2 - size(found.uncertainty["position"]) ** 2
+    assert np.median(apart) > (sigma / 3) ** 2
 
 
 def test_they_can_be_left_out_and_older_ones_are_forgotten(adjusted):
