@@ -37,8 +37,8 @@ from photoclinometry.geometry import skew
 EXACT = 1000
 """Landmarks up to which nothing is approximated."""
 
-WINDOW, PATCH, LARGE_PATCH = 32, 64, 256
-"""Landmarks in a window, and in a patch: 8 x 8 in the solver's order, or, in maps up to LARGE, 16 x 16."""
+WINDOW, PATCH, LARGE_PATCH = 32, 32, 256
+"""Landmarks in a window, and in a patch: 8 x 4 in the solver's order, or, in maps up to LARGE, 16 x 16."""
 
 LARGE = 20_000
 
@@ -46,6 +46,9 @@ UNMEASURED = 1e8
 """Of a variance over what it would be were all else known; beyond, it counts as infinite."""
 
 (_syrk,) = get_blas_funcs(("syrk",), dtype=np.float64)
+
+_BATCH = 128
+"""Landmarks treated at a time where each is by itself."""
 
 _SIMILARITY = 7
 _STEP = 1e-3
@@ -117,14 +120,16 @@ def marginals(
     errors = errors or ErrorModel()
     count = len(at)
     patch = patch or (LARGE_PATCH if count <= LARGE else PATCH)
-    patches, windows = ([(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW))
+    patches, windows, batches = (
+        [(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW, _BATCH)
+    )
     reduced = _reduce(at, patches, frame)
     camera = _inverse(reduced.information)
     if frame is not None:
         kept = np.eye(len(camera)) - _move_cameras(at) @ reduced.frame_by_camera
         camera = kept @ camera @ kept.T
     landmark = _given_views(at, reduced.own, errors, windows)
-    _add_views(landmark, at, errors, camera, patches)
+    _add_views(landmark, at, errors, camera, batches)
     _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     unmeasured = np.diag(reduced.information) == 0.0
     camera[unmeasured, unmeasured] = np.inf
@@ -244,11 +249,11 @@ def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, windows) -
     return errors.smoothness * covariance + (covariance - changed) / _STEP
 
 
-def _add_views(landmark: np.ndarray, at: Linearised, errors: ErrorModel, camera: np.ndarray, patches) -> None:
+def _add_views(landmark: np.ndarray, at: Linearised, errors: ErrorModel, camera: np.ndarray, batches) -> None:
     """Adds to (J, 6, 6) what errors of the views, and errors that neighbours share, do to the landmarks."""
     common = np.array([errors.keypoint * errors.keypoint_common] * 2 + [errors.brightness * errors.brightness_common])
-    stiffness = None if len(patches) == 1 else _stiffness(at.links, len(at))
-    for first, last in patches:
+    stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
+    for first, last in batches:
         patch = at.patch(first, last)
         index = _index(patch.views)
         parts = [patch.coupling.reshape(-1, len(index))]
