@@ -93,26 +93,27 @@ def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weigh
     estimate = Estimate(views, points, pivot)
     prior = np.zeros((len(points), LANDMARK_SIZE, LANDMARK_SIZE))
     problem.priors.add_landmarks(estimate, prior, np.zeros_like(prior), np.zeros(prior.shape[:2]))
+    pose, plain = views.body_from_cam, np.ascontiguousarray
     at = Linearised(
         cameras=Cameras(
-            np.ascontiguousarray(views.body_from_cam.rotation),
-            np.ascontiguousarray(views.body_from_cam.translation),
+            plain(pose.rotation),
+            plain(pose.translation),
             views.intrinsics,
-            views.sun,
+            plain(views.sun),
             tangent_basis(views.sun),
-            views.scale,
-            views.bias,
+            plain(views.scale),
+            plain(views.bias),
         ),
-        points=Points(points.position, points.normal, basis, points.albedo),
+        points=Points(plain(points.position), plain(points.normal), basis, plain(points.albedo)),
         observed=Observed(
-            tracks.start,
-            tracks.view,
-            tracks.keypoint,
-            tracks.brightness,
+            plain(tracks.start),
+            plain(tracks.view),
+            plain(tracks.keypoint),
+            plain(tracks.brightness),
             weights.keypoint,
             weights.brightness,
             weights.keypoint_limit,
-            weights.brightness_limit,
+            float(weights.brightness_limit),
         ),
         links=links(neighbours, rows),
         camera_prior=problem.of_cameras(estimate)[0],
