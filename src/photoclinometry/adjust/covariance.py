@@ -213,9 +213,9 @@ def _add_links(first, last, links, dense):
         a, b = links.source[p] - first, links.target[p] - first
         if b < 0 or b >= last - first:
             continue
-        row[0], row[1] = links.rows[p], 0.0
-        row[0, :3] = -links.rows[p, :3]
-        row[1, :3] = links.rows[p, :3]
+        for x in range(5):
+            row[0, x] = links.rows[p, x] if x >= 3 else -links.rows[p, x]
+            row[1, x] = links.rows[p, x] if x < 3 else 0.0
         for x in range(5):
             for y in range(5):
                 dense[a, x, a, y] += row[0, x] * row[0, y]

@@ -96,15 +96,17 @@ def _invert_window(ids: np.ndarray, core: int, local: np.ndarray, own: np.ndarra
 def _eliminate(ids, local, own, links, outside, positions, inverse, partner, through):
     """Fills positions (3n, 3n), the information of positions alone; and how normals and albedos follow from them:
     their own covariance, inverse (n, 3, 3), and through (n, m, 3, 3), minus the response to positions `partner`."""
-    response = np.empty(through.shape[1:])
+    response, at_normal = np.empty(through.shape[1:]), np.empty((3, 3))
     for a in range(ids.size):
         j = ids[a]
         first = 3 * a
-        at_normal = own[j, 3:, 3:].copy()
-        through[a, 0] = own[j, 3:, :3]
         partner[a, 0] = a
         used = 1
-        positions[first : first + 3, first : first + 3] += own[j, :3, :3]
+        for x in range(3):
+            for y in range(3):
+                at_normal[x, y] = own[j, 3 + x, 3 + y]
+                through[a, 0, x, y] = own[j, 3 + x, y]
+                positions[first + x, first + y] += own[j, x, y]
         for p in range(links.start[j], links.start[j + 1]):
             v, t = links.rows[p, :3], links.rows[p, 3:]
             b = local[links.target[p]]
@@ -135,7 +137,7 @@ def _eliminate(ids, local, own, links, outside, positions, inverse, partner, thr
                         positions[first + x, first + y] += outside * v[x] * v[y]
         for x in range(3):
             at_normal[x, x] = at_normal[x, x] * (1.0 + RIDGE) if at_normal[x, x] > 0.0 else 1.0
-        inverse[a] = np.linalg.inv(at_normal)
+        _invert(at_normal, inverse[a])
         for m in range(used):
             _multiply(inverse[a], through[a, m], response[m])
         for m in range(used):
@@ -145,7 +147,23 @@ def _eliminate(ids, local, own, links, outside, positions, inverse, partner, thr
                     for y in range(3):
                         for z in range(3):
                             positions[b + x, c + y] -= through[a, l, z, x] * response[m, z, y]
-        through[a, :used] = response[:used]
+        for m in range(used):
+            for x in range(3):
+                for y in range(3):
+                    through[a, m, x, y] = response[m, x, y]
+
+
+@njit(**_COMPILED)
+def _invert(a, out):
+    """out = a^-1, of (3, 3), by cofactors."""
+    for x in range(3):
+        for y in range(3):
+            p, q, r, s = (y + 1) % 3, (y + 2) % 3, (x + 1) % 3, (x + 2) % 3
+            out[x, y] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
+    determinant = a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]
+    for x in range(3):
+        for y in range(3):
+            out[x, y] /= determinant
 
 
 @njit(**_COMPILED)
@@ -161,17 +179,21 @@ def _substitute(core, covariance, inverse, partner, through, out):
     """Fills out (core, 6, 6) from the positions' covariance (3n, 3n), of which the upper triangle is given."""
     block, half = np.empty((3, 3)), np.empty((3, 3))
     for a in range(core):
-        out[a] = 0.0
-        out[a, 3:, 3:] = inverse[a]
         _block(covariance, a, a, block)
-        out[a, :3, :3] = block
+        for x in range(3):
+            for y in range(3):
+                out[a, x, y] = block[x, y]
+                out[a, 3 + x, 3 + y] = inverse[a, x, y]
+                out[a, 3 + x, y] = 0.0
         for m in range(partner.shape[1]):
             b = partner[a, m]
             if b < 0:
                 break
             _block(covariance, b, a, block)
             _multiply(through[a, m], block, half)
-            out[a, 3:, :3] -= half
+            for x in range(3):
+                for y in range(3):
+                    out[a, 3 + x, y] -= half[x, y]
             for l in range(partner.shape[1]):
                 if partner[a, l] < 0:
                     break
@@ -181,7 +203,9 @@ def _substitute(core, covariance, inverse, partner, through, out):
                     for y in range(3):
                         for z in range(3):
                             out[a, 3 + x, 3 + y] += half[x, z] * through[a, l, y, z]
-        out[a, :3, 3:] = out[a, 3:, :3].T
+        for x in range(3):
+            for y in range(3):
+                out[a, y, 3 + x] = out[a, 3 + x, y]
 
 
 @njit(**_COMPILED)
