@@ -69,21 +69,15 @@ class Observed(NamedTuple):
 
 
 @njit(**_COMPILED)
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(**_COMPILED)
 def _keypoint_rows(j, i, k, cameras, points, observed, pivot, by_landmark, by_camera):
     """Rows 0 and 1 of observation i: `factors.projection`, scaled down beyond Huber's limit."""
     rotation, weight = cameras.rotation[k], observed.keypoint_weight[i]
-    center, position = cameras.center[k], points.position[j]
-    arm = (position[0] - center[0], position[1] - center[1], position[2] - center[2])
-    from_pivot = (position[0] - pivot[0], position[1] - pivot[1], position[2] - pivot[2])
-    z = _dot(rotation[:, 2], arm)
+    arm, from_pivot = points.position[j] - cameras.center[k], points.position[j] - pivot
+    z = rotation[0, 2] * arm[0] + rotation[1, 2] * arm[1] + rotation[2, 2] * arm[2]
     squared = 0.0
     for r in range(2):
-        ratio, focal = _dot(rotation[:, r], arm) / z, cameras.intrinsics[k, r]
+        ratio = (rotation[0, r] * arm[0] + rotation[1, r] * arm[1] + rotation[2, r] * arm[2]) / z
+        focal = cameras.intrinsics[k, r]
         squared += (weight * (focal * ratio + cameras.intrinsics[k, 2 + r] - observed.keypoint[i, r])) ** 2
         for c in range(3):
             by_landmark[r, c] = weight * focal * (rotation[c, r] - ratio * rotation[c, 2]) / z
@@ -106,34 +100,39 @@ def _by_pose(a, arm, out):
 @njit(**_COMPILED)
 def _brightness_row(j, i, k, cameras, points, observed, pivot, packed, by_landmark, by_camera):
     """Row 2 of observation i: `factors.photometric`, scaled down beyond Huber's limit."""
-    weight, row, column = observed.brightness_weight[i], by_landmark[2], by_camera[2]
+    weight = observed.brightness_weight[i]
+    by_landmark[2] = 0.0
+    by_camera[2] = 0.0
     if weight == 0.0:
-        row[:] = 0.0
-        column[:] = 0.0
         return
-    sun, normal, albedo, scale = cameras.sun[k], points.normal[j], points.albedo[j], cameras.scale[k]
-    center, position = cameras.center[k], points.position[j]
-    d0, d1, d2 = center[0] - position[0], center[1] - position[1], center[2] - position[2]
-    distance = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-    e = (d0 / distance, d1 / distance, d2 / distance)
+    sun, normal, albedo = cameras.sun[k], points.normal[j], points.albedo[j]
+    offset = cameras.center[k] - points.position[j]
+    distance = math.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
+    e = offset / distance
     c0, c1, c2 = sun[1] * e[2] - sun[2] * e[1], sun[2] * e[0] - sun[0] * e[2], sun[0] * e[1] - sun[1] * e[0]
     sine = math.sqrt(c0 * c0 + c1 * c1 + c2 * c2)
-    phase = phase_angle(_dot(sun, e), sine)
-    rho, by_mu0, by_mu, by_phase = photometric_function(packed, _dot(sun, normal), _dot(e, normal), phase)
-    residual = weight * (scale * albedo * rho + cameras.bias[k] - observed.brightness[i])
+    mu0 = sun[0] * normal[0] + sun[1] * normal[1] + sun[2] * normal[2]
+    mu = e[0] * normal[0] + e[1] * normal[1] + e[2] * normal[2]
+    phase = phase_angle(sun[0] * e[0] + sun[1] * e[1] + sun[2] * e[2], sine)
+    rho, by_mu0, by_mu, by_phase = photometric_function(packed, mu0, mu, phase)
+    gain = cameras.scale[k] * albedo
+    residual = weight * (gain * rho + cameras.bias[k] - observed.brightness[i])
     weight *= math.sqrt(min(1.0, observed.brightness_limit / max(abs(residual), 1e-150)))
-    gain, bend = weight * scale * albedo, by_phase / max(sine, _PHASE_FLOOR)
-    along = by_mu * _dot(e, normal) - bend * _dot(e, sun)
-    row[3] = row[4] = column[6] = column[7] = 0.0
+    bend = by_phase / max(sine, _PHASE_FLOOR)
+    by_e = weight * gain * (by_mu * normal - bend * sun)
+    along = by_e[0] * e[0] + by_e[1] * e[1] + by_e[2] * e[2]
+    by_normal = weight * gain * (by_mu0 * sun + by_mu * e)
+    by_sun = weight * gain * (by_mu0 * normal - bend * e)
     for c in range(3):
-        row[c] = -gain * (by_mu * normal[c] - bend * sun[c] - along * e[c]) / distance
-        by_normal = gain * (by_mu0 * sun[c] + by_mu * e[c])
-        by_sun = gain * (by_mu0 * normal[c] - bend * e[c])
-        for a in range(2):
-            row[3 + a] += by_normal * points.basis[j, c, a]
-            column[6 + a] += by_sun * cameras.sun_basis[k, c, a]
-    _by_pose(row, (center[0] - pivot[0], center[1] - pivot[1], center[2] - pivot[2]), column)
-    row[5], column[8], column[9] = weight * scale * rho, weight * albedo * rho, weight
+        by_landmark[2, c] = -(by_e[c] - along * e[c]) / distance
+    _by_pose(by_landmark[2], cameras.center[k] - pivot, by_camera[2])
+    for c in range(2):
+        basis, sun_basis = points.basis[j], cameras.sun_basis[k]
+        by_landmark[2, 3 + c] = by_normal[0] * basis[0, c] + by_normal[1] * basis[1, c] + by_normal[2] * basis[2, c]
+        by_camera[2, 6 + c] = by_sun[0] * sun_basis[0, c] + by_sun[1] * sun_basis[1, c] + by_sun[2] * sun_basis[2, c]
+    by_landmark[2, 5] = weight * cameras.scale[k] * rho
+    by_camera[2, 8] = weight * albedo * rho
+    by_camera[2, 9] = weight
 
 
 @njit(nogil=True, **_COMPILED)
