@@ -175,7 +175,7 @@ def test_points_of_the_body_are_seen_where_the_published_camera_model_sees_them(
 
 
 CAMERA = Camera("PINHOLE", 60, 40, (3000.0, 3000.0, 30.5, 19.5))
-POSE = Rigid(so3_exp(np.array([0.2, -0.1, 0.4])), np.array([1.0, -2.0, 8.0]))
+POSE = Rigid(so3_exp(np.array([0.2, -0.1, 0.4])), np.array([1.0, -2.0, -8.0]))
 SUN = unit(np.array([1.0, -0.5, 0.3]))
 
 
@@ -218,6 +218,23 @@ def test_lines_that_run_up_are_turned(tmp_path):
     options = IngestOptions(suns=suns_of(tmp_path, paths), pinhole=(500.0, 500.0, 30.0, 20.0), lines="up")
     (exposure,) = ingest(paths, tmp_path / "site", options).exposures
     np.testing.assert_array_equal(exposure.image.brightness, (texture() * 1e6).astype(np.uint16)[::-1])
+
+
+@pytest.mark.parametrize(
+    ("said", "lines", "turned"), [("UP", "label", False), ("UP", "up", True), ("DOWN", "label", False)]
+)
+def test_the_table_knows_the_lines_of_known_cameras_and_labels_those_of_others(tmp_path, said, lines, turned):
+    """AMICA's files are described in the order of their bytes; of an unknown camera, the label has the say."""
+    top = f"INSTRUMENT_ID = AMICA\r\nINSTRUMENT_HOST_NAME = HAYABUSA\r\nLINE_DISPLAY_DIRECTION = {said}\r\n"
+    pixels = texture((1024, 1024))
+    path = write_pds3(tmp_path / "a.img", pixels, sample_type="PC_REAL", top=top)
+    options = IngestOptions(suns=suns_of(tmp_path, [path]), undistorted=True, lines=lines)
+    (exposure,) = ingest([path], tmp_path / "known", options).exposures
+    np.testing.assert_array_equal(exposure.image.brightness, pixels[::-1] if turned else pixels)
+    path.write_bytes(path.read_bytes().replace(b"AMICA", b"OTHER"))
+    options = IngestOptions(suns=options.suns, pinhole=(9000.0, 9000.0, 512.0, 512.0), lines=lines)
+    (exposure,) = ingest([path], tmp_path / "other", options).exposures
+    np.testing.assert_array_equal(exposure.image.brightness, pixels[::-1] if said == "UP" else pixels)
 
 
 @pytest.mark.parametrize("by", ["name", "time"])
@@ -356,6 +373,12 @@ class TestWhatIsMissingIsSaid:
         path = mapcam_cube(tmp_path / "a.cub", pixels=texture())
         said = self.complaint([path], tmp_path)
         assert "is 60 x 40 pixels, but its camera has 1024 x 1024" in said
+
+    def test_a_camera_that_looks_away_from_the_body(self, tmp_path):
+        """As when the boresight is along another axis than thought; Sun and shadows would be wrong, too."""
+        tables = geometry_tables([1, 0, 0, 0], [5.0, 0.0, 0.1], [1, 0, 0, 0], [0.6e8, 0.0, -0.8e8])
+        said = self.complaint([mapcam_cube(tmp_path / "a.cub", tables=tables)], tmp_path, undistorted=True)
+        assert "would look 91 degrees past the body's centre" in said
 
     def test_mixed_units(self, tmp_path):
         write_fits(tmp_path / "a_iof.fits", texture((1024, 1024)))

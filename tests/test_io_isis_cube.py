@@ -44,6 +44,17 @@ def test_null_and_saturation_are_no_measurements(tmp_path, kind, dtype, special,
     assert (image.brightness[0][~expected] == 0).all()
 
 
+@pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
+@pytest.mark.parametrize(("kind", "dtype", "special", "ordinary"), SPECIAL[1:], ids=[s[0] for s in SPECIAL[1:]])
+def test_gdal_masks_the_same(tmp_path, kind, dtype, special, ordinary):
+    rasterio = pytest.importorskip("rasterio")
+    values = np.array([*special[:5], *ordinary], dtype)
+    path = write_cube(tmp_path / "a.cub", np.stack([values, values]), kind=kind)
+    with rasterio.open(path) as file:
+        masked = np.ma.getmaskarray(file.read(1, masked=True))
+    np.testing.assert_array_equal(read_isis_cube(path).image.valid, ~masked)
+
+
 def test_tables_and_windows_are_read(tmp_path):
     tables = geometry_tables([1, 0, 0, 0], [1.5, -2.5, 3.5], [0, 1, 0, 0], [1e8, 2e8, -3e8])
     alpha = (

@@ -15,7 +15,7 @@ from photoclinometry.io.product import Window
 from photoclinometry.scene import Camera
 
 _SKEW_TOLERANCE = 1e-3
-_IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+BORESIGHT_Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 NEGLIGIBLE_PX = 0.01
 """Displacements below are not worth resampling an image for."""
 
@@ -33,7 +33,7 @@ class Detector:
     """Pixel of the boresight (the principal point)."""
     axes: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
     """Directions (x, y) on the focal plane in which samples and lines grow; unit vectors at right angles."""
-    frame: tuple[tuple[float, float, float], ...] = _IDENTITY
+    frame: tuple[tuple[float, float, float], ...] = BORESIGHT_Z
     """Rows: the focal plane's x and y, and the boresight, in the instrument's frame."""
     distortion: Distortion | None = None
 

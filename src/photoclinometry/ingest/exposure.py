@@ -11,7 +11,7 @@ import numpy as np
 from photoclinometry.errors import ImageError, InputError
 from photoclinometry.geometry import unit
 from photoclinometry.ingest.cameras import KnownCamera, camera_named, code_for, detector_for, fitted, known_camera
-from photoclinometry.ingest.detector import Detector, turned_about, upright, windowed
+from photoclinometry.ingest.detector import BORESIGHT_Z, Detector, turned_about, upright, windowed
 from photoclinometry.ingest.facts import Facts, read_facts
 from photoclinometry.ingest.geometry import (
     Geometry,
@@ -32,6 +32,8 @@ from photoclinometry.io.spice import Kernels
 from photoclinometry.io.suns_csv import SunRow
 from photoclinometry.scene import Camera, Image
 
+_WIDEST_DEG = 85.0
+"""No image is taken farther than this from the direction of the body's centre."""
 _MAPS = ("IMAGE_MAP_PROJECTION", "MAPPING")
 """Blocks of labels whose images are maps."""
 
@@ -118,6 +120,8 @@ def _exposure(
     image, brightness = calibrated(measured, facts.unit, options.solar_flux, distance)
     sun, sigma, sun_source = _sun(row, geometry, options)
     prior = _prior(geometry, options)
+    if prior is not None:
+        _check_looks_at_body(prior)
     return Exposure(
         path=product.path,
         data=product.data,
@@ -139,16 +143,20 @@ def _exposure(
 def _in_order(product: Product, known: KnownCamera | None, options: IngestOptions) -> Product:
     """The product with its lines as the camera's files have them; for cameras that are not known, first line on top.
 
+    Where nothing is known of a camera's labels, its files are taken as the table has them, unless --lines is up.
+
     Raises ImageError where a label contradicts what all files of the camera have.
     """
     if product.kind == "ISIS":
         return product
     said = (product.lines_up, product.samples_left)
-    if known is None or not known.display:
-        turn = bool(options.lines_up if options.lines_up is not None else product.lines_up)
-        if known is None and product.samples_left:
+    if known is None:
+        if product.samples_left:
             raise ImageError(f"{product.path}: its samples run from right to left; mirror it first")
+        turn = product.lines_up if options.lines_up is None else options.lines_up
         return _turned(product) if turn else product
+    if not known.display:
+        return _turned(product) if options.lines_up else product
     if options.lines_up is not None:
         return product if options.lines_up == known.display[0][0] else _turned(product)
     if None not in said and said not in known.display:
@@ -204,11 +212,10 @@ def _whole_detector(
         found = detector_from_keywords(keywords_of_label(product.label), code, facts.filter, size)
         if found is not None:
             return _Optics(found, "ISIS keywords")
-    if kernels is not None and code is not None:
+    # Addenda describe detectors in ISIS's frames, with the boresight along z; not so, the table is the better guide.
+    if kernels is not None and code is not None and (known is None or known.detector.frame == BORESIGHT_Z):
         found = detector_from_keywords(kernels.keyword, code, facts.filter, size)
         if found is not None:
-            # The kernels' frame may have its boresight along another axis: the table knows.
-            found = replace(found, frame=known.detector.frame) if known else found
             turn = lines_turned and product.kind != "ISIS"
             return _Optics(turned_about(found, lines=True, samples=False) if turn else found, "instrument kernel")
     if known is None:
@@ -258,6 +265,17 @@ def _geometry(
         spacecraft = known.spacecraft_code if known else -(abs(code) // 1000)
         return geometry_from_kernels(kernels, facts, spacecraft, code, body, known.delay_s if known else 0.0)
     return geometry_from_tables(product) or geometry_from_label(product, facts)
+
+
+def _check_looks_at_body(prior: PosePrior) -> None:
+    """Raises InputError where the body would be beside or behind the camera: frames are mixed up then."""
+    center = prior.cam_from_body.translation
+    angle = float(np.degrees(np.arctan2(np.hypot(center[0], center[1]), center[2])))
+    if angle > _WIDEST_DEG:
+        raise InputError(
+            f"the camera would look {angle:.0f} degrees past the body's centre: its pose is in another frame than the "
+            "camera is described in; pass other kernels, or --no-pose-priors and --suns"
+        )
 
 
 def _no_camera(facts: Facts) -> str:

@@ -36,8 +36,9 @@ class Kernels:
 
     def __init__(self, files: Sequence[Path]):
         self.files = list(files)
+        # -P: the modules beside the script must not stand for others of their names, such as the standard `site`.
         self._process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("spice_worker.py"))],
+            [sys.executable, "-P", str(Path(__file__).with_name("spice_worker.py"))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
