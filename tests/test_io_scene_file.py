@@ -81,6 +81,15 @@ def test_every_dataset_says_its_unit_frame_and_meaning(tmp_path, scene):
         assert file["views/sun_sigma"].attrs["unit"] == "rad"
 
 
+def test_covariances_have_the_square_of_the_unit(tmp_path, scene):
+    stated = {"normal": np.zeros((len(scene.landmarks), 2, 2)), "albedo": np.ones(len(scene.landmarks))}
+    write_scene(tmp_path / "scene.h5", replace(scene, uncertainty=stated))
+    with h5py.File(tmp_path / "scene.h5") as file:
+        assert file["uncertainty/normal"].attrs["unit"] == "rad squared"
+        assert file["uncertainty/normal"].attrs["description"] == "covariance of normal"
+        assert file["uncertainty/albedo"].attrs["unit"] == "I/F"
+
+
 def test_another_version_is_refused_by_name(tmp_path, scene):
     path = tmp_path / "scene.h5"
     write_scene(path, scene)

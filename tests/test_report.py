@@ -71,7 +71,7 @@ def test_every_file_that_the_page_names_exists_and_nothing_else(report):
 def test_all_figures_of_a_photometric_run_are_there(report):
     _, page = report
     expected = {"reference", "albedo", "height", "normals", "slope", "photometric_error", "views_per_landmark"}
-    expected |= {"relit", "convergence", "difference_normal_error_deg", "uncertainty_albedo"}
+    expected |= {"relit", "convergence", "difference_normal_error_deg", "uncertainty_albedo_sigma_percent"}
     assert {f"{name}.png" for name in expected} <= page.files
     assert sum(file.startswith("rendering_") for file in page.files) == 4
 

@@ -16,6 +16,7 @@ from photoclinometry.metrics import photometric_error, psnr, spread
 from photoclinometry.predict import keypoint_residuals, observation_brightness
 from photoclinometry.render import draw_landmarks, landmark_faces, render_view
 from photoclinometry.scene import Image, Scene, Views, join_views
+from photoclinometry.sigmas import landmark_sigmas, view_sigmas
 
 SHADOW_FRACTION = 0.1
 """A reference pixel darker than this share of the region's median brightness counts as shadow."""
@@ -85,7 +86,7 @@ def completeness(scene: Scene, lit: np.ndarray) -> float:
 
 
 def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict]:
-    """One row per view: name, keypoints, residuals, brightness residual [% of its mean], scale, bias, PSNR.
+    """One row per view: name, keypoints, residuals, brightness residual [% of its mean], scale, bias, PSNR, sigmas.
 
     images: the views' images in any order; without them, or without a reflectance model, PSNR is left out.
     """
@@ -94,7 +95,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     pixel_residual = keypoint_residual_px(scene)
     faces = landmark_faces(scene)
     residual = None if scene.reflectance is None else observation_brightness(scene) - tracks.brightness
-    rows = []
+    sigmas, rows = view_sigmas(scene), []
     for k, name in enumerate(views.name):
         seen = tracks.view == k
         lit = seen & tracks.lit
@@ -107,6 +108,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
                 row["brightness_rms_percent"] = 100.0 * _rms(residual[lit]) / float(tracks.brightness[lit].mean())
             if name in by_name:
                 row |= {key: v for key, v in view_psnr(scene, k, by_name[name], faces).items() if np.isfinite(v)}
+        row |= {key: float(values[k]) for key, values in sigmas.items()}
         rows.append(row)
     return rows
 
@@ -158,6 +160,9 @@ def evaluate_scene(
         metrics |= spread(percent, "photometric_error", "percent")
         percent = 100.0 * landmark_photometric_error(scene, remove_scale_and_bias=True)
         metrics |= spread(percent, "photometric_error_without_scale_and_bias", "percent")
+    for name, values in landmark_sigmas(scene).items():
+        quantity, unit = name.rsplit("_", 1)
+        metrics |= spread(values, quantity, unit)
     if held_out:
         metrics["views_held_out"] = len(held_out)
     for name, key, table in (

@@ -210,7 +210,8 @@ class Scene:
     """Index of the reference view."""
     region: Region
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
-    """Standard deviations by name, first axis J or K; empty until computed. `calibrate.py` lists names and axes."""
+    """Standard deviations or covariances by name, first axis J or K; empty until computed. `calibrate.py` lists names
+    and axes, `adjust/uncertainty.py` says in which frame they are."""
 
     @property
     def gsd(self) -> float:

@@ -24,6 +24,7 @@ from photoclinometry.adjust.priors import Priors
 from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
 from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize, parameter_sigma
+from photoclinometry.adjust.uncertainty import OF_LANDMARKS, Weights, estimate_uncertainty
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.errors import InputError, ReconstructionError
 from photoclinometry.geometry import Rigid
@@ -95,6 +96,8 @@ class AdjustOptions:
     reflectance_sigma: float | None = None
     """Relative prior on the reflectance's phase weighting and phase coefficients about those given, which are then
     estimated too; left out, they are held."""
+    uncertainty: bool = True
+    """Find the covariance of every view and landmark after the last round."""
     max_rounds: int = 4
     """Rounds of gating, solving and measuring the noise, at most."""
     solver: SolverOptions = field(default_factory=SolverOptions)
@@ -176,7 +179,10 @@ def adjust(
     estimate = adjustment.scene.landmarks
     lit = np.empty(len(tracks), bool)
     lit[picked] = adjustment.lit[: len(tracks)]
-    adjusted = replace(scene, reflectance=adjustment.scene.reflectance)
+    uncertainty = {
+        name: value[back] if name in OF_LANDMARKS else value for name, value in adjustment.scene.uncertainty.items()
+    }
+    adjusted = replace(scene, reflectance=adjustment.scene.reflectance, uncertainty=uncertainty)
     return replace(adjustment, scene=adjusted.with_estimate(adjustment.scene.views, estimate[back]), lit=lit)
 
 
@@ -258,8 +264,12 @@ def _rounds(
         lit, noise = new_lit, new_noise
     assert solution is not None
     assert problem is not None
+    scene = replace(scene.with_estimate(estimate.views, estimate.landmarks), uncertainty={})
+    if options.uncertainty:
+        weights = _weights(scene, options, lit, own, noise)
+        scene = replace(scene, uncertainty=estimate_uncertainty(scene, estimate.pivot, problem, weights, noise, own))
     return Adjustment(
-        scene.with_estimate(estimate.views, estimate.landmarks),
+        scene,
         solution.converged,
         solution.message,
         tuple(history),
@@ -273,14 +283,23 @@ def _weighted(
     measured: Measurements, scene: Scene, options: AdjustOptions, place, lit, own, noise: Noise
 ) -> Measurements:
     """The measurements with the weights and loss limits that `noise` gives them; own: (J,) landmarks of the map."""
-    tracks, size = scene.tracks, measured.brightness.size
-    factor = np.where(own, noise.keypoint_factor * noise.keypoint_correlation_px, noise.anchor_factor)
-    limit = options.keypoint_loss / np.where(own, noise.keypoint_correlation_px, 1.0)
-    brightness_weight = lit / (noise.brightness_sigma * noise.brightness_correlation_px) if lit.any() else lit
+    weights, size = _weights(scene, options, lit, own, noise), measured.brightness.size
     return measured._replace(
-        keypoint_weight=spread(1.0 / (tracks.keypoint_sigma * factor[tracks.landmark]), place, size, np.float32),
-        brightness_weight=spread(brightness_weight, place, size, np.float32),
-        keypoint_limit=limit,
+        keypoint_weight=spread(weights.keypoint, place, size, np.float32),
+        brightness_weight=spread(weights.brightness, place, size, np.float32),
+        keypoint_limit=weights.keypoint_limit,
+        brightness_limit=weights.brightness_limit,
+    )
+
+
+def _weights(scene: Scene, options: AdjustOptions, lit, own, noise: Noise) -> Weights:
+    """Of all observations; own: (J,) landmarks of the map."""
+    tracks = scene.tracks
+    factor = np.where(own, noise.keypoint_factor * noise.keypoint_correlation_px, noise.anchor_factor)
+    return Weights(
+        keypoint=1.0 / (tracks.keypoint_sigma * factor[tracks.landmark]),
+        brightness=lit / (noise.brightness_sigma * noise.brightness_correlation_px) if lit.any() else lit.astype(float),
+        keypoint_limit=options.keypoint_loss / np.where(own, noise.keypoint_correlation_px, 1.0),
         brightness_limit=options.brightness_loss / noise.brightness_correlation_px,
     )
 

@@ -98,7 +98,7 @@ class Problem:
         _make_invertible(block, rest)
         where = linearized(cameras, landmarks, estimate.pivot)
         camera_observed = _full(self._normal.camera_block.sum(0))
-        camera_rest, camera_gradient = self._of_cameras(estimate)
+        camera_rest, camera_gradient = self.of_cameras(estimate)
         camera_block = camera_observed + camera_rest
         _make_invertible(camera_block, camera_rest)
         return cost, NormalEquations(
@@ -160,7 +160,7 @@ class Problem:
         reflectance = self.reflectance_at(estimate)
         return np.zeros(3) if reflectance is None else reflectance.packed
 
-    def _of_cameras(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
+    def of_cameras(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
         """Blocks (K, 10, 10) and gradient (K, 10) of the priors and the Sun factors."""
         block, gradient = self.priors.of_cameras(estimate)
         if self.with_brightness:

@@ -70,7 +70,8 @@ def show_run(run: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from photoclinometry.tables import metric_rows, number
+    from photoclinometry.sigmas import view_sigmas
+    from photoclinometry.tables import metric_rows, number, split_unit, words
 
     scene = read_run(run)
     console = Console(highlight=False)
@@ -86,14 +87,15 @@ def show_run(run: Path) -> None:
     )
     table = Table()
     table.add_column("view", no_wrap=True)
-    for head in ("keypoints", "scale", "bias"):
+    sigmas = view_sigmas(scene)
+    units = [split_unit(name) for name in sigmas]
+    for head in ("keypoints", "scale", "bias", *(f"{words(name)} \\[{unit}]" for name, unit in units)):
         table.add_column(head, justify="right")
     keypoints = np.bincount(scene.tracks.view, minlength=len(scene.views))
     for k, name in enumerate(scene.views.name):
-        table.add_row(name, str(keypoints[k]), number(float(scene.views.scale[k])), number(float(scene.views.bias[k])))
+        values = (scene.views.scale[k], scene.views.bias[k], *(sigma[k] for sigma in sigmas.values()))
+        table.add_row(name, str(keypoints[k]), *(number(float(value)) for value in values))
     console.print(table)
-    if scene.uncertainty:
-        console.print(f"uncertainty of: {', '.join(sorted(scene.uncertainty))}")
     if (run / "metrics.json").is_file():
         metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))["metrics"]
         flat = {k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}

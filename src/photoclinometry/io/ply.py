@@ -1,9 +1,9 @@
 """PLY: the landmark map as points or as a mesh, and surfaces from elsewhere.
 
 Written: binary little-endian; x y z double, nx ny nz albedo float, then the known standard deviations as
-float: sigma_x sigma_y sigma_z for "position", sigma_NAME for a number per landmark, sigma_NAME_x _y _z for a
-vector (of a covariance, the roots of its diagonal). Read: ascii and both binary forms.
-http://paulbourke.net/dataformats/ply/
+float: sigma_x sigma_y sigma_z for "position", sigma_NAME for a number per landmark or, of a direction, for each of two
+axes [rad], sigma_NAME_x _y _z for a vector (of a covariance, the roots of its diagonal). Read: ascii and both binary
+forms. http://paulbourke.net/dataformats/ply/
 """
 
 from __future__ import annotations
@@ -101,6 +101,8 @@ def _vertices(scene: Scene) -> np.ndarray:
             sigma = np.sqrt(np.diagonal(sigma, axis1=1, axis2=2))
         if np.shape(sigma) == (len(landmarks),):
             columns[f"sigma_{name}"] = sigma
+        elif np.shape(sigma) == (len(landmarks), 2, 2):
+            columns[f"sigma_{name}"] = np.sqrt(np.trace(sigma, axis1=1, axis2=2) / 2.0)
         elif np.shape(sigma) == (len(landmarks), 3):
             stem = "sigma_" if name == "position" else f"sigma_{name}_"
             columns |= {stem + axis: sigma[:, i] for i, axis in enumerate("xyz")}

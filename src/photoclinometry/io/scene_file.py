@@ -89,7 +89,10 @@ def write_scene(path: Path | str, scene: Scene) -> None:
         write = _Writer(file.create_group("uncertainty"), scene)
         for name, sigma in scene.uncertainty.items():
             unit, frame = _UNCERTAINTY_UNITS.get(name, ("as the quantity", "as the quantity"))
-            write(name, sigma, (unit, frame, f"standard deviation of {name}"))
+            if np.ndim(sigma) == 3:
+                unit = f"{write.units.get(unit, unit)} squared"
+            kind = "covariance" if np.ndim(sigma) == 3 else "standard deviation"
+            write(name, sigma, (unit, frame, f"{kind} of {name}"))
 
 
 def read_scene(path: Path | str) -> Scene:

@@ -18,6 +18,7 @@ from photoclinometry.report import page
 from photoclinometry.report.curves import draw_convergence, draw_renderings
 from photoclinometry.report.maps import draw_maps, draw_relit, draw_values
 from photoclinometry.scene import Image, Scene
+from photoclinometry.sigmas import landmark_sigmas
 from photoclinometry.tables import json_numbers
 
 log = logging.getLogger(__name__)
@@ -77,9 +78,10 @@ def _sections(work, scene, images, rows, stages, rounds, convergence, errors, un
     found = draw_values(work, scene, errors, "difference")
     if found:
         sections.append(("Differences", "Against the reference, after alignment.", page.figures(found)))
-    found = draw_values(work, scene, scene.uncertainty, "uncertainty")
+    found = draw_values(work, scene, landmark_sigmas(scene), "uncertainty")
     if found:
-        sections.append(("Uncertainty", "One standard deviation.", page.figures(found)))
+        note = "One standard deviation, of what measurements and smoothness determine; not of what the models miss."
+        sections.append(("Uncertainty", note, page.figures(found)))
     if scene.reflectance is not None:
         found = draw_renderings(work, scene, by_name, rows)
         if found:

@@ -1,0 +1,124 @@
+"""What the approximations in the covariances of a large map cost, against exact ones by sparse factorisation.
+
+    python benchmarks/uncertainty.py [side] [views]
+
+On matched problems, linearised at the truth: errors independent, and shared by neighbours as in real runs (keypoints by
+24 x 24 landmarks, brightness by 6 x 6). Printed: sigma as approximated over the exact one, in the map's own frame, mean
+and extremes over all views, and over a hundred landmarks.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.linalg import splu
+
+from matched import matched_problem
+from photoclinometry.adjust import AdjustOptions, covariance
+from photoclinometry.adjust.covariance import Linearised, marginals
+from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs, _priors, _reorder, _weighted, _weights
+from photoclinometry.adjust.layout import build_layout, lay_out, morton_order
+from photoclinometry.adjust.noise import Noise
+from photoclinometry.adjust.problem import Problem
+from photoclinometry.adjust.uncertainty import Weights, linearised, loosely_held
+from photoclinometry.scene import Scene
+
+BRIGHTNESS_SIGMA = 0.0015
+VIEW_KINDS = {
+    "rotation": slice(0, 3),
+    "shift": slice(3, 6),
+    "Sun": slice(6, 8),
+    "scale": slice(8, 9),
+    "bias": slice(9, 10),
+}
+LANDMARK_KINDS = {"position": slice(0, 3), "normal": slice(3, 5), "albedo": slice(5, 6)}
+
+
+def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.0) -> tuple[Problem, Weights]:
+    """The problem that `adjust` solves for a matched scene, least squares, errors shared by squares of these sides."""
+    options = AdjustOptions(keypoint_loss=np.inf, brightness_loss=np.inf)
+    noise = Noise(
+        keypoint_factor=1.0,
+        keypoint_correlation_px=keypoint_px,
+        anchor_factor=1.0,
+        brightness_sigma=BRIGHTNESS_SIGMA,
+        brightness_correlation_px=brightness_px,
+    )
+    count = len(scene.landmarks)
+    lit, mapped = np.ones(len(scene.tracks), bool), np.ones(count, bool)
+    layout, place = build_layout(scene.tracks, len(scene.views))
+    measured = _weighted(lay_out(scene.tracks, place, layout.places), scene, options, place, lit, mapped, noise)
+    pairs = _pairs(scene.landmarks.position, count, options.smooth_neighbours)
+    smooth = options.smooth_sigma_rad * max(1.0, brightness_px / BALANCED_CORRELATION_PX)
+    problem = Problem(
+        layout, measured, pairs, _priors(scene, options, count, None), scene.reflectance, smooth_sigma=smooth
+    )
+    return problem, _weights(scene, options, lit, mapped, noise)
+
+
+def at_truth(side: int, views: int, keypoint_px: float, brightness_px: float) -> Linearised:
+    """A matched problem in the solver's order, its gauge loose as in `estimate_uncertainty`."""
+    _, truth = matched_problem(side, views)
+    order = morton_order(truth.landmarks.pixel)
+    tracks, _ = _reorder(truth.tracks, order)
+    scene = Scene(**{**vars(truth), "landmarks": truth.landmarks[order], "tracks": tracks})
+    problem, weights = problem_of(scene, keypoint_px, brightness_px)
+    at, _ = linearised(scene, np.median(scene.landmarks.position, axis=0), problem, weights)
+    return loosely_held(at)
+
+
+def exact(at: Linearised, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Variances of all views (K, 10) and of chosen landmarks (n, 6), in the map's own frame."""
+    count, views, links = len(at), len(at.cameras.scale), at.links
+    patch = at.patch(0, count)
+    pairs = np.arange(len(links.source))
+    columns = np.hstack([6 * links.source[:, None] + np.arange(5), 6 * links.target[:, None] + np.arange(3)])
+    values = np.hstack([-links.rows[:, :3], links.rows[:, 3:], links.rows[:, :3]])
+    rows = sparse.csr_matrix((values.ravel(), (np.repeat(pairs, 8), columns.ravel())), shape=(len(pairs), 6 * count))
+    blocks = sparse.bsr_matrix((patch.own.sum(1) + at.prior, np.arange(count), np.arange(count + 1)))
+    information = (blocks.tocsc() + rows.T @ rows).tocsc()
+    factor = splu(information, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    coupling = patch.coupling.reshape(6 * count, -1)
+    response = factor.solve(coupling)
+    total = np.zeros((views, 10, views, 10))
+    total[range(views), :, range(views), :] = patch.camera + at.camera_prior
+    camera = np.linalg.inv(total.reshape(10 * views, -1) - coupling.T @ response)
+    move = covariance._move_landmarks(at, 0, count)
+    fit = move[:, :3].reshape(-1, 7)
+    by_position = response.reshape(count, 6, -1)[:, :3].reshape(3 * count, -1)
+    frame = -np.linalg.solve(fit.T @ fit, fit.T @ by_position)
+    kept = np.eye(len(camera)) + covariance._move_cameras(at) @ -frame
+    found = np.empty((len(chosen), 6))
+    for n, j in enumerate(chosen):
+        own = factor.solve(np.eye(6 * count, 6, -6 * int(j)))[6 * j : 6 * j + 6]
+        moved = response[6 * j : 6 * j + 6] + move[j] @ frame
+        found[n] = np.diag(own + moved @ camera @ moved.T)
+    return np.diag(kept @ camera @ kept.T).reshape(views, 10), found
+
+
+def main(side: int = 64, views: int = 12) -> None:
+    chosen = np.random.default_rng(0).choice(side * side, 100, replace=False)
+    for keypoint_px, brightness_px in ((1.0, 1.0), (24.0, 6.0)):
+        at = at_truth(side, views, keypoint_px, brightness_px)
+        by_view, by_landmark = exact(at, chosen)
+        begin = time.process_time()
+        found = marginals(at, frame=np.ones(len(at), bool), exact=0)
+        spent = time.process_time() - begin
+        print(f"{side} x {side} landmarks, {views} views, errors shared by {keypoint_px:g} and {brightness_px:g} px")
+        ratios = {
+            "views": (np.sqrt(np.diag(found.camera).reshape(views, 10) / by_view), VIEW_KINDS),
+            "landmarks": (np.sqrt(np.einsum("jaa->ja", found.landmark[chosen]) / by_landmark), LANDMARK_KINDS),
+        }
+        for ratio, kinds in ratios.values():
+            for kind, place in kinds.items():
+                part = ratio[:, place]
+                print(f"  {kind:10} {part.mean():.3f}  ({part.min():.3f} to {part.max():.3f})")
+        print(f"  {spent:.1f} CPU s")
+
+
+if __name__ == "__main__":
+    import sys
+
+    main(*map(int, sys.argv[1:]))

@@ -1,0 +1,183 @@
+"""Covariances against a dense inverse of numerical derivatives, scaling laws, and the error of the approximations."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jacobians import numerical_jacobian
+from photoclinometry.adjust.covariance import ErrorModel, marginals
+from photoclinometry.adjust.uncertainty import Weights, linearised
+from photoclinometry.adjust.variables import Estimate
+from scenes import synthetic_scene
+from test_adjust_factors import problem_of, some_tracks_missing
+from test_adjust_solver import residuals_of
+
+PIVOT = np.array([10.0, -20.0, 5.0])
+
+
+def at_truth(scene, factor=1.0, links=True):
+    """The scene linearised where it is, with the sigmas of `problem_of` times `factor`."""
+    problem, brightness_weight, index, present = problem_of(scene)
+    count, landmarks = len(scene.tracks), len(scene.landmarks)
+    weights = Weights(np.full(count, 2.0 / factor), brightness_weight / factor, np.full(landmarks, np.inf), np.inf)
+    at, _ = linearised(scene, PIVOT, problem, weights)
+    if not links:
+        none = np.zeros(0, np.int64)
+        start = np.zeros(landmarks + 1, np.int64)
+        at = replace(at, links=at.links._replace(
+            start=start, target=none, source=none, incoming_start=start, incoming=none, rows=np.zeros((0, 5))
+        ))  # fmt: skip
+    return at, problem, index, present
+
+
+def dense_covariance(scene, problem, index, present):
+    """Inverse of J^T J with J by differences of the residuals in plain NumPy."""
+    estimate = Estimate(scene.views, scene.landmarks, PIVOT)
+    residuals = residuals_of(scene, problem, index, present)
+    views = 10 * len(scene.views)
+    size = views + 6 * len(scene.landmarks)
+    steps = np.r_[np.tile([1e-6] * 3 + [1e-1] * 3 + [1e-4] * 4, len(scene.views)),
+                  np.tile([0.1] * 3 + [1e-4] * 3, len(scene.landmarks))]  # fmt: skip
+
+    def moved(x):
+        return residuals(estimate.step(x[:views].reshape(-1, 10), x[views:].reshape(-1, 6)))
+
+    jacobian = numerical_jacobian(moved, size, steps)
+    information = jacobian.T @ jacobian
+    scale = np.sqrt(np.diag(information))
+    return np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale), views
+
+
+@pytest.fixture(scope="module")
+def small():
+    return some_tracks_missing(synthetic_scene(size=3, views=3))
+
+
+def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
+    """Every block to a ten-thousandth of its sigmas."""
+    at, problem, index, present = at_truth(small)
+    expected, views = dense_covariance(small, problem, index, present)
+    found = marginals(at)
+    size = np.sqrt(np.diag(expected)[:views])
+    np.testing.assert_allclose(
+        found.camera / np.outer(size, size), expected[:views, :views] / np.outer(size, size), atol=1e-4
+    )
+    for j, block in enumerate(found.landmark):
+        here = slice(views + 6 * j, views + 6 * (j + 1))
+        size = np.sqrt(np.diag(expected)[here])
+        np.testing.assert_allclose(block / np.outer(size, size), expected[here, here] / np.outer(size, size), atol=1e-4)
+
+
+def held_by_gauge(scene, size=1.0):
+    """The scene with no pose known but the first: 1e-4 rad and 10 m; and a landmark to 100 m; all times `size`."""
+    at, problem, *_ = at_truth(scene)
+    first = np.r_[1.0, np.full(len(scene.views) - 1, np.inf)]
+    problem.priors = replace(problem.priors, pose_rotation=1e-4 * size * first, pose_translation=10.0 * size * first)
+    prior, _ = problem.of_cameras(Estimate(scene.views, scene.landmarks, PIVOT))
+    return replace(at, camera_prior=prior, prior=1e-4 * at.prior / size**2)
+
+
+@pytest.fixture(scope="module")
+def larger():
+    scene = synthetic_scene(size=20, views=6)
+    at, frame = held_by_gauge(scene), np.ones(len(scene.landmarks), bool)
+    return scene, at, frame, marginals(at, frame=frame)
+
+
+def test_the_map_frame_does_not_depend_on_what_holds_the_map(larger):
+    """The gauge ten times as loose: other sigmas in the priors' frame, in the map's the same within 2 %, which is what
+    the landmarks' own errors do to the frame."""
+    scene, at, frame, tight = larger
+    at_loose = held_by_gauge(scene, 10.0)
+    assert np.median(marginals(at_loose, exact=0).landmark[:, 0, 0]) > 4 * np.median(
+        marginals(at, exact=0).landmark[:, 0, 0]
+    )
+    loose = marginals(at_loose, frame=frame)
+    ours, theirs = (np.einsum("jaa->ja", found.landmark) for found in (loose, tight))
+    np.testing.assert_allclose(ours, theirs, rtol=2e-2)
+    np.testing.assert_allclose(np.diag(loose.camera), np.diag(tight.camera), rtol=2e-2)
+
+
+def test_half_the_noise_half_the_sigma(small):
+    """Of all that measurements alone determine: the landmarks, once priors and smoothness say nothing."""
+    at, *_ = at_truth(small, links=False)
+    finer, *_ = at_truth(small, factor=0.5, links=False)
+    free = {"camera_prior": 1e-12 * at.camera_prior}
+    coarse, fine = (
+        marginals(replace(at, **free)),
+        marginals(replace(finer, **{"camera_prior": 4e-12 * at.camera_prior})),
+    )
+    np.testing.assert_allclose(fine.camera * 4, coarse.camera, rtol=1e-3, atol=1e-3 * abs(coarse.camera).max())
+
+
+def test_twice_the_views_divide_variances_given_the_views_by_two():
+    """Every view there twice: what each landmark knows of itself doubles, smoothness apart."""
+    scene = synthetic_scene(size=6, views=4)
+    at, *_ = at_truth(scene, links=False)
+    observed = at.observed
+    twice = observed._replace(
+        start=2 * observed.start,
+        **{name: np.repeat(getattr(observed, name), 2, axis=0)
+           for name in ("seen_by", "keypoint", "brightness", "keypoint_weight", "brightness_weight")},
+    )  # fmt: skip
+    sure = {"camera_prior": 1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape), "prior": np.zeros((36, 6, 6))}
+    once = marginals(replace(at, **sure)).landmark
+    np.testing.assert_allclose(marginals(replace(at, observed=twice, **sure)).landmark * 2, once, rtol=1e-6, atol=1e-9)
+
+
+def test_patches_and_windows_are_near_the_exact_answer(larger):
+    """400 landmarks in patches of 64: sigmas of views 5 % smaller to a fifth larger (median 10 %),
+    of landmarks within 2 % in the median, but of normals, which share the uncertain tilt of so small a map."""
+    _, at, frame, exact = larger
+    found = marginals(at, exact=0, patch=64, frame=frame)
+    views = np.sqrt(np.diag(found.camera) / np.diag(exact.camera))
+    assert views.min() > 0.95
+    assert np.median(views) < 1.1
+    ratio = np.sqrt(np.einsum("jaa->ja", found.landmark) / np.einsum("jaa->ja", exact.landmark))
+    assert np.all(abs(np.median(ratio, 0) - 1) < [0.02, 0.02, 0.02, 0.3, 0.3, 0.02])
+
+
+def test_larger_patches_come_nearer(larger):
+    _, at, frame, exact = larger
+
+    def apart(patch):
+        found = marginals(at, exact=0, patch=patch, frame=frame)
+        return np.mean(np.sqrt(np.diag(found.camera) / np.diag(exact.camera)) - 1.0)
+
+    assert apart(16) > apart(64) > apart(256) > -1e-3
+
+
+def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_in_it(small):
+    at, *_ = at_truth(small)
+    known = replace(at, camera_prior=1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape))
+    plain = marginals(known).landmark
+    priors, *parts = [
+        marginals(known, ErrorModel(keypoint=k, brightness=b, smoothness=s)).landmark
+        for k, b, s in ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    ]
+    size = np.sqrt(np.einsum("jaa->ja", plain))
+    size = size[:, :, None] * size[:, None, :]
+    np.testing.assert_allclose((sum(parts) - 2 * priors) / size, plain / size, atol=5e-3)
+    assert all(np.linalg.eigvalsh(part / size)[:, 0].min() > -1e-2 for part in parts)
+
+
+def test_errors_that_all_neighbours_share_are_not_smoothed_away():
+    """Common keypoint errors give depths the sigma of a single landmark, however stiff the smoothness between them."""
+    at, *_ = at_truth(synthetic_scene(size=8, views=6))
+    known = replace(at, camera_prior=1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape))
+    only_keypoints = {"brightness": 0.0, "smoothness": 0.0}
+    alone = marginals(known, ErrorModel(keypoint=1.0, **only_keypoints)).landmark
+    shared = marginals(known, ErrorModel(keypoint=1.0, keypoint_common=1.0, **only_keypoints)).landmark
+    assert np.median(shared[:, 2, 2]) > 1.5 * np.median(alone[:, 2, 2])
+
+
+def test_what_nothing_measures_is_infinitely_uncertain_and_leaves_the_rest_alone():
+    """A landmark whose brightness never counts: no albedo, no normal without smoothness, a position by keypoints."""
+    at, *_ = at_truth(synthetic_scene(size=3, views=4), links=False)
+    dark = at.observed.brightness_weight.copy()
+    dark[at.observed.start[3] : at.observed.start[4]] = 0.0
+    found = marginals(replace(at, observed=at.observed._replace(brightness_weight=dark))).landmark
+    assert np.isinf(np.diag(found[3])).tolist() == [False, False, False, True, True, True]
+    assert np.isfinite(np.delete(found, 3, axis=0)).all()
+    assert np.linalg.eigvalsh(found[3, :3, :3])[0] > 0

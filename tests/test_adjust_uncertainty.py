@@ -1,0 +1,124 @@
+"""The uncertainties of an adjusted scene: honest, in the scene's order, in the coordinates that `calibrate` expects."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.adjust import AdjustOptions, Noise, adjust
+from photoclinometry.adjust.covariance import Marginals
+from photoclinometry.adjust.estimate import PosePriors
+from photoclinometry.adjust.uncertainty import error_model, scene_uncertainty
+from photoclinometry.adjust.variables import Estimate
+from photoclinometry.calibrate import sigma_metrics
+from photoclinometry.geometry import so3_log
+from photoclinometry.scene import Tracks
+from photoclinometry.sigmas import size
+from scenes import synthetic_scene
+from test_adjust_estimate import INDEPENDENT, anchors_around, start_of
+
+
+@pytest.fixture(scope="module")
+def adjusted():
+    true = synthetic_scene(size=16, views=8, keypoint_noise_px=0.3, brightness_noise=0.01)
+    return true, adjust(start_of(true), INDEPENDENT).scene
+
+
+def test_stated_sigmas_are_those_of_the_errors(adjusted):
+    """One draw, independent errors: the mean normalised square of 256 landmarks near one."""
+    true, found = adjusted
+    metrics = sigma_metrics(found, true.views, true.landmarks, 1.0)
+    assert metrics["position_sigma_nees"] == pytest.approx(1.0, abs=0.3)
+    assert metrics["normal_sigma_nees"] == pytest.approx(1.0, abs=0.5)
+    assert 0.2 < metrics["rotation_sigma_nees"] < 2.5
+    assert 0.2 < metrics["center_sigma_nees"] < 2.5
+
+
+def test_landmarks_of_fewer_views_are_less_certain_and_keep_their_places(adjusted):
+    """A corner seen in half of the views: there, and only there, larger sigmas."""
+    true, everywhere = adjusted
+    corner = (true.landmarks.pixel - (true.region.row, true.region.col) < 5).all(1)
+    kept = ~(corner[true.tracks.landmark] & (true.tracks.view % 2 == 1))
+    fields = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
+    count = np.bincount(true.tracks.landmark[kept], minlength=len(corner))
+    tracks = Tracks(start=np.concatenate([[0], np.cumsum(count)]), **{f: getattr(true.tracks, f)[kept] for f in fields})
+    found = adjust(start_of(replace(true, tracks=tracks)), INDEPENDENT).scene
+    grown = found.uncertainty["albedo"] / everywhere.uncertainty["albedo"]
+    assert np.median(grown[corner]) > 1.15
+    assert np.median(grown[~corner]) < 1.1
+
+
+def test_geometry_alone_states_what_it_estimates_and_anchors_are_left_out(adjusted):
+    true, _ = adjusted
+    found = adjust(replace(start_of(true), reflectance=None), INDEPENDENT, anchors=anchors_around(true)).scene
+    assert {name: value.shape for name, value in found.uncertainty.items()} == {
+        "position": (256, 3, 3),
+        "rotation": (8, 3, 3),
+        "center": (8, 3, 3),
+    }
+
+
+def test_with_pose_priors_the_frame_is_theirs(adjusted):
+    """Centres known to half a GSD along each axis: stated no worse than that; positions carry the frame's own error,
+    which eight such centres leave at a sixth of a GSD or so along each axis, where in the map's frame there is none."""
+    true, found = adjusted
+    count, sigma = len(true.views), 0.5 * true.gsd
+    priors = PosePriors(
+        body_from_cam=true.views.body_from_cam,
+        rotation_sigma=np.full(count, 1e-6),
+        center_sigma=np.full(count, sigma),
+    )
+    placed = adjust(start_of(true), INDEPENDENT, pose_priors=priors).scene
+    assert size(placed.uncertainty["center"]).max() <= np.sqrt(3) * sigma
+    apart = size(placed.uncertainty["position"]) ** 2 - size(found.uncertainty["position"]) ** 2
+    assert np.median(apart) > (sigma / 3) ** 2
+
+
+def test_they_can_be_left_out_and_older_ones_are_forgotten(adjusted):
+    _, found = adjusted
+    options = AdjustOptions(uncertainty=False, max_rounds=1)
+    assert adjust(found, options).scene.uncertainty == {}
+
+
+def test_poses_are_turned_into_the_camera_frame_and_its_centre(adjusted):
+    """As `calibrate` measures errors: so3_log(true^T estimate) in C, centres in B; by differences."""
+    true, _ = adjusted
+    estimate, count = Estimate(true.views, true.landmarks, np.array([30.0, -50.0, 9.0])), len(true.views)
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(10 * count, 10 * count)) / np.tile(np.r_[[1e3] * 3, [1.0] * 3, [1e3] * 4], count)[:, None]
+    camera = root @ root.T
+    step = 1e-5
+    by_turn, by_shift = np.zeros((count, 3, 6)), np.zeros((count, 3, 6))
+    for i in range(6):
+        moved = estimate.step(np.tile(step * np.eye(10)[i], (count, 1)), np.zeros((len(true.landmarks), 6))).views
+        turn = np.swapaxes(true.views.body_from_cam.rotation, 1, 2) @ moved.body_from_cam.rotation
+        by_turn[..., i] = so3_log(turn) / step
+        by_shift[..., i] = (moved.body_from_cam.translation - true.views.body_from_cam.translation) / step
+    landmark = np.tile(np.eye(6), (len(true.landmarks), 1, 1))
+    mapped = np.ones(len(true.landmarks), bool)
+    found = scene_uncertainty(Marginals(camera=camera, landmark=landmark), true.views, estimate.pivot, mapped)
+    for k in range(count):
+        block = camera[10 * k : 10 * k + 6, 10 * k : 10 * k + 6]
+        for name, by in (("rotation", by_turn[k]), ("center", by_shift[k])):
+            expected = by @ block @ by.T
+            np.testing.assert_allclose(found[name][k], expected, rtol=1e-3, atol=1e-3 * abs(expected).max())
+
+
+def test_an_error_that_n_share_has_a_nth_of_the_variance_it_is_weighed_with():
+    """Side 1: independent. Side 2: a quarter, 3 / 24 of it common. Side 10: a hundredth, all of it common."""
+
+    def model(side, smoothness=(1.0, 1.0)):
+        noise = Noise(
+            keypoint_factor=1.0,
+            keypoint_correlation_px=side,
+            anchor_factor=1.0,
+            brightness_sigma=1.0,
+            brightness_correlation_px=1.0,
+        )
+        return error_model(noise, np.array(smoothness))
+
+    assert (model(1.0).keypoint, model(1.0).keypoint_common) == (1.0, 0.0)
+    assert (model(2.0).keypoint, model(2.0).keypoint_common) == pytest.approx((0.25, 3 / 24))
+    assert (model(10.0).keypoint, model(10.0).keypoint_common) == pytest.approx((0.01, 1.0))
+    assert model(1.0, (0.3, -0.4)).smoothness == pytest.approx(0.125)
+    assert (model(10.0).brightness, model(10.0).brightness_common) == (1.0, 0.0)
