@@ -14,7 +14,15 @@ from photoclinometry.geometry import angle_between, so3_exp, unit
 from photoclinometry.matching.flow import FlowOptions
 from photoclinometry.pipeline import RunOptions, run
 from photoclinometry.predict import keypoint_residuals
-from photoclinometry.rounds import RelightOptions, changes, is_settled, odd_views, rematch, with_dense
+from photoclinometry.rounds import (
+    RelightOptions,
+    is_settled,
+    keypoints_moved,
+    normals_turned,
+    odd_views,
+    rematch,
+    with_dense,
+)
 from scenes import synthetic_images, synthetic_scene
 
 
@@ -58,11 +66,12 @@ def test_changes_are_those_of_keypoints_and_normals_in_common():
         landmarks=replace(before.landmarks, normal=turned),
         tracks=replace(before.tracks, keypoint=before.tracks.keypoint + (0.3, -0.4)),
     )
-    px, angle = changes(before, moved)
-    assert px == pytest.approx(0.5, abs=1e-9)
-    assert angle == pytest.approx(np.median(angle_between(turned, before.landmarks.normal)), rel=1e-9)
+    angle = angle_between(turned, before.landmarks.normal)
+    assert keypoints_moved(before, moved) == pytest.approx(0.5, abs=1e-9)
+    assert normals_turned(before, moved) == pytest.approx(np.median(angle), rel=1e-9)
     part = with_dense(moved, some_of(moved, 3))
-    assert changes(before, part) == pytest.approx((px, np.median(angle_between(turned, before.landmarks.normal)[::3])))
+    assert keypoints_moved(before, part) == pytest.approx(0.5, abs=1e-9)
+    assert normals_turned(before, part) == pytest.approx(np.median(angle[::3]))
 
 
 def some_of(scene, step):
@@ -111,11 +120,11 @@ def test_a_view_under_a_wrong_sun_is_named_and_no_other():
 
 @pytest.fixture
 def adjust_nothing(monkeypatch):
-    """The joint estimate stops at once, and is counted; no figures."""
+    """The joint estimate stops at once; whether uncertainties were asked of each. No figures."""
     calls = []
 
     def stand_in(scene, options, **_):
-        calls.append(scene)
+        calls.append(options.uncertainty)
         noise = Noise(
             keypoint_factor=1.0,
             keypoint_correlation_px=1.0,
@@ -134,22 +143,27 @@ def rounds_of(folder):
     return [entry["round"] for entry in json.loads((folder / "metrics.json").read_text())["rounds"]]
 
 
-def test_a_run_killed_in_a_round_goes_on_in_it(mapped, tmp_path, monkeypatch, adjust_nothing):
-    folder = mapped.copy(tmp_path / "run")
-    options = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0))
+def run_until_the_third_estimate(site, folder, options, calls):
+    """A run that is killed when it begins its third estimate; calls: of `adjust_nothing`."""
     stand_in = products.adjust
 
-    def killed_in_the_third(scene, options, **kwargs):
-        if len(adjust_nothing) == 2:
+    def killed(scene, options, **kwargs):
+        if len(calls) == 2:
             raise KeyboardInterrupt
         return stand_in(scene, options, **kwargs)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(products, "adjust", killed_in_the_third)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(products, "adjust", killed)
         with pytest.raises(KeyboardInterrupt):
-            run(mapped.site, folder, options)
+            run(site, folder, options)
+
+
+def test_a_run_killed_in_a_round_goes_on_in_it(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    options = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0))
+    run_until_the_third_estimate(mapped.site, folder, options, adjust_nothing)
     first = run(mapped.site, folder, options)
-    assert len(adjust_nothing) == 3
+    assert adjust_nothing == [False, False, True]  # uncertainties are found once
     assert rounds_of(folder) == [0, 1, 2]
     again = run(mapped.site, folder, options)
     assert len(adjust_nothing) == 3
@@ -164,6 +178,17 @@ def test_more_rounds_go_on_from_those_made(mapped, tmp_path, adjust_nothing):
     run(mapped.site, folder, RunOptions(reflectance="akimov", relight=two))
     assert len(adjust_nothing) == 3
     assert rounds_of(folder) == [0, 1, 2]
+
+
+def test_fewer_rounds_than_were_begun_start_again(mapped, tmp_path, adjust_nothing):
+    """The round that a longer run left has no uncertainties, which only the last one finds."""
+    folder = mapped.copy(tmp_path / "run")
+    two = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0))
+    run_until_the_third_estimate(mapped.site, folder, two, adjust_nothing)
+    one = replace(two, relight=replace(two.relight, rounds=1))
+    run(mapped.site, folder, one)
+    run(mapped.site, folder, one)
+    assert adjust_nothing == [False, False, False, True]
 
 
 def test_flow_and_geometry_alone_have_no_rounds(mapped, tmp_path, adjust_nothing):

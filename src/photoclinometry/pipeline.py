@@ -120,7 +120,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         key,
         scene,
         [image for image, there in zip(images, sparse.registered, strict=True) if there],
-        lambda start: adjusted(start, options.adjust, report_progress, anchors),
+        lambda start, last: adjusted(start, _uncertain_only_if(last, options.adjust), report_progress, anchors),
         options.relight if options.matcher == "relight" else replace(options.relight, rounds=0),
         options.flow,
         options.densify,
@@ -129,6 +129,11 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     key = digest("held out", key, options.flow, options.matcher, options.relight)
     aside = _resect_or_read(folder, key, adjustment.scene, views, held, images, options)
     return write_products(folder, adjustment, images, config, left_out, aside, rounds)
+
+
+def _uncertain_only_if(last: bool, options: AdjustOptions) -> AdjustOptions:
+    """Uncertainties take as long as an estimate; only those of the last one are kept."""
+    return replace(options, uncertainty=options.uncertainty and last)
 
 
 def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:

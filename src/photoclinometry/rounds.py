@@ -8,6 +8,7 @@ and the matches are triangulated and adjusted like the first ones.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -48,7 +49,7 @@ def adjust_in_rounds(
     key: str,
     scene: Scene,
     images: Sequence[Image],
-    adjusted: Callable[[Scene], Adjustment],
+    adjusted: Callable[[Scene, bool], Adjustment],
     rounds: RelightOptions,
     flow: FlowOptions,
     dense: DensifyOptions,
@@ -56,7 +57,7 @@ def adjust_in_rounds(
 ) -> tuple[Adjustment, list[dict[str, float]]]:
     """The adjusted scene after all rounds, and an entry for each (`round_entry`). A killed run goes on in its round.
 
-    images: of the scene's views. adjusted: the joint estimate, from where to start.
+    images: of the scene's views. adjusted: the joint estimate, from where to start, and whether it is the last one.
     """
     count = rounds.rounds if scene.reflectance is not None else 0
     keys = [key, *(digest("relight", key, n) for n in range(1, count + 1))]
@@ -64,7 +65,7 @@ def adjust_in_rounds(
     first = max((n for n in range(1, count + 1) if whole and folder.holds("adjust", keys[n], Kept)), default=0)
 
     def start() -> tuple[Adjustment, dict[str, Any]]:
-        found = adjusted(scene)
+        found = adjusted(scene, count == 0)
         for name, misfit in odd_views(found.scene):
             log.warning(
                 "%s: its brightness is %.0f %% off what the map predicts, far more than other views': "
@@ -72,9 +73,14 @@ def adjust_in_rounds(
                 name,
                 100.0 * misfit,
             )
-        return found, {"rounds": [round_entry(0, found.scene)]}
+        return found, {"rounds": [round_entry(0, found.scene)], "last": count == 0}
 
     adjustment, more = kept_or_made(folder, keys[first], start)
+    if first == count and not more["last"]:
+        # It was made as one of more rounds, without what only the last one finds.
+        folder.forget("adjust")
+        first = 0
+        adjustment, more = kept_or_made(folder, keys[first], start)
     for number in range(first + 1, count + 1):
         if is_settled(more["rounds"], rounds):
             break
@@ -82,8 +88,9 @@ def adjust_in_rounds(
             matched = rematch(adjustment.scene, images, flow, dense, progress, f"relight {number}")
 
         def again(matched=matched, before=adjustment.scene, entries=more["rounds"], number=number):
-            found = adjusted(matched)
-            return found, {"rounds": [*entries, round_entry(number, found.scene, before)]}
+            last = number == count or keypoints_moved(before, matched) < rounds.settled_px
+            found = adjusted(matched, last)
+            return found, {"rounds": [*entries, round_entry(number, found.scene, before)], "last": last}
 
         adjustment, more = kept_or_made(folder, keys[number], again)
     return adjustment, more["rounds"]
@@ -150,21 +157,23 @@ def round_entry(number: int, scene: Scene, before: Scene | None = None) -> dict[
         error = landmark_photometric_error(scene, remove_scale_and_bias=True)
         entry["photometric_error_mean_percent"] = 100.0 * float(np.nanmean(error))
     if before is not None:
-        moved, turned = changes(before, scene)
-        entry |= {"keypoints_moved_median_px": moved, "normals_turned_median_deg": float(np.degrees(turned))}
+        entry["keypoints_moved_median_px"] = keypoints_moved(before, scene)
+        entry["normals_turned_median_deg"] = math.degrees(normals_turned(before, scene))
     log.info("round %d: %s", number, entry)
     return entry
 
 
-def changes(before: Scene, after: Scene) -> tuple[float, float]:
-    """Median movement of the keypoints [px] and turn of the normals [rad] that both scenes have."""
+def keypoints_moved(before: Scene, after: Scene) -> float:
+    """Median movement [px] of the keypoints that both scenes have, but for the reference view's."""
     old, new = _observation_number(before), _observation_number(after)
     _, i, j = np.intersect1d(old, new, return_indices=True)
     other = before.tracks.view[i] != before.reference
-    i, j = i[other], j[other]
-    moved = np.linalg.norm(after.tracks.keypoint[j] - before.tracks.keypoint[i], axis=-1)
-    turned = angle_between(before.grid(before.landmarks.normal), after.grid(after.landmarks.normal))
-    return float(np.median(moved)), float(np.nanmedian(turned))
+    return float(np.median(np.linalg.norm(after.tracks.keypoint[j[other]] - before.tracks.keypoint[i[other]], axis=-1)))
+
+
+def normals_turned(before: Scene, after: Scene) -> float:
+    """Median turn [rad] of the normals that both scenes have."""
+    return float(np.nanmedian(angle_between(before.grid(before.landmarks.normal), after.grid(after.landmarks.normal))))
 
 
 def odd_views(scene: Scene) -> list[tuple[str, float]]:
