@@ -194,8 +194,11 @@ def _start(truth: Scene, noise: Noise, rng: np.random.Generator) -> Scene:
     return truth.with_estimate(replace(registered, scale=scale), landmarks)
 
 
-def main(side: int = 400, views: int = 29) -> None:
-    """Prints what the estimate costs once kernels are compiled, and how far from the truth it ends."""
+def main(side: int = 400, views: int = 29, views_per_landmark: int = 0, uncertainty: int = 0) -> None:
+    """Prints what the estimate costs once kernels are compiled, and how far from the truth it ends.
+
+    views_per_landmark: 0 for most views. uncertainty: 1 to find the covariances too.
+    """
     import resource
     import time
 
@@ -209,9 +212,10 @@ def main(side: int = 400, views: int = 29) -> None:
         keypoint_loss=np.inf,
         brightness_loss=np.inf,
         max_rounds=1,
+        uncertainty=bool(uncertainty),
     )
-    adjust(matched_problem(20, views)[0], options)
-    start, truth = matched_problem(side, views)
+    adjust(matched_problem(20, min(views, 29))[0], options)
+    start, truth = matched_problem(side, views, views_per_landmark=views_per_landmark or None)
     cpu = time.process_time()
     found = adjust(start, options)
     cpu = time.process_time() - cpu

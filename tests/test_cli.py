@@ -2,6 +2,8 @@
 
 import json
 import logging
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -32,13 +34,26 @@ def fails(monkeypatch):
     return set_error
 
 
-COMMANDS = ("run", "refine", "simulate", "render", "evaluate", "info", "study")
+COMMANDS = ("ingest", "run", "refine", "simulate", "render", "evaluate", "info", "export", "fetch", "study")
 
 
 @pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
 def test_help_is_no_failure(command, capsys):
     assert phomo(*command, "--help") == 0
     assert len(capsys.readouterr().out.splitlines()) > 5
+
+
+def test_a_reader_that_has_gone_is_not_complained_about():
+    """As in `phomo --help | head -0`."""
+    command = [sys.executable, "-c", "from photoclinometry.cli import main; main(['--help'])"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    complaints = process.stderr.read()
+    process.stderr.close()
+    assert process.wait() == 141
+    assert complaints == b""
 
 
 def test_help_of_run_explains_options(capsys):

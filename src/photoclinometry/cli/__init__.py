@@ -1,6 +1,7 @@
 """The command `phomo`. A command parses, calls one library function, and says where its result is.
 
-Exit codes: 0 done, 1 the images do not determine what was asked or data cannot be fetched, 2 misuse, 130 interrupted.
+Exit codes: 0 done, 1 the images do not determine what was asked or data cannot be fetched, 2 misuse, 130 interrupted,
+141 whoever read the output has gone (`phomo ... | head`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,18 @@ from collections.abc import Sequence
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point: parses, runs, and turns the package's errors into one line and an exit code."""
+    try:
+        try:
+            _run(arguments)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # What is still buffered has nowhere to go; written at exit it would be complained about.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(141) from None
+
+
+def _run(arguments: Sequence[str] | None) -> None:
     # Threads that wait should sleep, not spin: compiled loops are short, and other programs want the cores too.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     import tyro
