@@ -11,6 +11,7 @@ from photoclinometry.adjust.noise import (
     correlation_px,
     keypoint_factor,
     robust_sigma,
+    view_factor,
 )
 from photoclinometry.predict import keypoint_residuals
 from scenes import synthetic_scene
@@ -85,3 +86,16 @@ def test_noise_that_hardly_changed_is_close():
     assert replace(noise, keypoint_correlation_px=23.0, keypoint_factor=0.54).close_to(noise)
     assert not replace(noise, keypoint_correlation_px=25.0).close_to(noise)
     assert not replace(noise, anchor_factor=1.2).close_to(noise)
+
+
+def test_views_follow_chance_and_are_held_against_more():
+    """Offsets of up to a sigma and a half are left alone; under the factor found, as they fall by its square, they are
+    a sigma."""
+    rng = np.random.default_rng(0)
+    offsets = rng.normal(size=100)
+    assert view_factor(offsets, 1.0) == 1.0
+    assert view_factor(0.5 * offsets, 2.0) == pytest.approx(2.0 * np.sqrt(0.5 * np.sqrt(np.mean(offsets**2))))
+    factor = view_factor(4.0 * offsets, 1.5)
+    then = 4.0 * offsets * (1.5 / factor) ** 2
+    assert np.sqrt(np.mean(then**2)) == pytest.approx(1.0)
+    assert view_factor(1e6 * offsets, 1.0) == 5.0

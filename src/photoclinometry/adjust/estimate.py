@@ -19,9 +19,10 @@ from photoclinometry.adjust.noise import (
     brightness_residuals,
     correlation_px,
     keypoint_factor,
+    view_factor,
 )
 from photoclinometry.adjust.priors import Priors
-from photoclinometry.adjust.problem import Problem
+from photoclinometry.adjust.problem import Problem, sun_rows
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
 from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize, parameter_sigma
 from photoclinometry.adjust.uncertainty import OF_LANDMARKS, Weights, estimate_uncertainty
@@ -31,7 +32,7 @@ from photoclinometry.geometry import Rigid
 from photoclinometry.initialize import neighbours
 from photoclinometry.predict import keypoint_residuals, shading
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION
-from photoclinometry.scene import Landmarks, Scene, Tracks
+from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 
 log = logging.getLogger(__name__)
 
@@ -249,7 +250,8 @@ def _rounds(
         final = final or round_ == options.max_rounds - 1
         measured = _weighted(unweighted, scene, options, place, lit, own, noise)
         smooth_sigma = options.smooth_sigma_rad * max(1.0, noise.brightness_correlation_px / BALANCED_CORRELATION_PX)
-        problem = Problem(layout, measured, pairs, priors, given, smooth_sigma=smooth_sigma)
+        held = replace(priors, view_factor=noise.view_factor)
+        problem = Problem(layout, measured, pairs, held, given, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
         solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, progress=progress)
         history.extend(solution.log)
@@ -260,14 +262,20 @@ def _rounds(
             break
         new_lit = gate(scene, estimate, options) if photometric else lit
         new_noise = _measured_noise(scene, estimate, options, new_lit, own, noise)
+        if photometric and options.brightness_correlation_px is None:
+            offsets = _view_offsets(estimate.views, priors)
+            new_noise = replace(new_noise, view_factor=view_factor(offsets, noise.view_factor))
         final = bool(np.mean(new_lit != lit) < 1e-2 and new_noise.close_to(noise))
         lit, noise = new_lit, new_noise
     assert solution is not None
     assert problem is not None
     scene = replace(scene.with_estimate(estimate.views, estimate.landmarks), uncertainty={})
     if options.uncertainty:
-        weights = _weights(scene, options, lit, own, noise)
-        scene = replace(scene, uncertainty=estimate_uncertainty(scene, estimate.pivot, problem, weights, noise, own))
+        # As if what brightness errs by all over a view were noise, and all else known as well as stated.
+        problem.priors = priors
+        seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
+        weights = _weights(scene, options, lit, own, seen)
+        scene = replace(scene, uncertainty=estimate_uncertainty(scene, estimate.pivot, problem, weights, seen, own))
     return Adjustment(
         scene,
         solution.converged,
@@ -353,6 +361,13 @@ def _measured_noise(scene: Scene, estimate: Estimate, options: AdjustOptions, li
         if options.brightness_correlation_px is None:
             found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit])
     return replace(noise, **found)
+
+
+def _view_offsets(views: Views, priors: Priors) -> np.ndarray:
+    """Suns, scales and biases less what is known of them, in stated standard deviations; of those that are not free."""
+    scale, bias = (views.scale - 1.0) / priors.scale, views.bias / priors.bias
+    known = [part[np.isfinite(sigma)] for part, sigma in ((scale, priors.scale), (bias, priors.bias))]
+    return np.concatenate([sun_rows(views)[0].ravel(), *known])
 
 
 def _pairs(position: np.ndarray, mapped: int, count: int) -> Neighbours:

@@ -36,6 +36,9 @@ class Noise:
     """In the images' brightness; zero without photometry."""
     brightness_correlation_px: float
     """As for keypoints."""
+    view_factor: float = 1.0
+    """Likewise for what brightness errs by all over a view, which no residual shows, as the view's Sun, scale and bias
+    follow it: how many times smaller than stated the standard deviations of these are taken to be."""
 
     def close_to(self, other: Noise) -> bool:
         """Whether no standard deviation differs by more than a tenth, no correlation by more than a fifth."""
@@ -44,6 +47,13 @@ class Noise:
             if abs(a - b) > (0.2 if f.name.endswith("_px") else 0.1) * b:
                 return False
         return True
+
+
+CHANCE = 1.5
+"""Differences from what is known of Suns, scales and biases that are taken to be chance, in standard deviations."""
+
+MAX_VIEW_FACTOR = 5.0
+"""More, and what brightness says of Suns would count for nothing."""
 
 
 def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> float:
@@ -66,6 +76,19 @@ def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> flo
     landmarks = int(np.count_nonzero(np.bincount(scene.tracks.landmark[lit])))
     floor = 1e-4 * float(np.median(scene.tracks.brightness[lit]))
     return max(robust_sigma(residual[lit], parameters=3 * landmarks), floor)
+
+
+def view_factor(offsets: np.ndarray, factor: float) -> float:
+    """The factor under which Suns, scales and biases stay about as far from what is known of them as that allows.
+
+    offsets: their differences in stated standard deviations, found under `factor`. Where all of a view's brightness is
+    off, by relief finer than a pixel or by the model, they follow it, far beyond what navigation and calibration allow,
+    because so many landmarks insist. These then have to count for more. Offsets fall by the square of the factor.
+    """
+    excess = float(np.sqrt(np.mean(offsets**2)))
+    if factor == 1.0 and excess < CHANCE:
+        return 1.0
+    return float(np.clip(factor * np.sqrt(excess), 1.0, MAX_VIEW_FACTOR))
 
 
 def robust_sigma(residual: np.ndarray, parameters: int) -> float:

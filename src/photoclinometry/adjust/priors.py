@@ -38,6 +38,8 @@ class Priors:
     """(J,) [rad], about each tangent axis."""
     albedo: np.ndarray
     """(J,)."""
+    view_factor: float = 1.0
+    """How many times smaller than stated the standard deviations of Suns, scales and biases are taken to be."""
     reflectance: float = np.inf
     """Relative, of every reflectance parameter about its start; nothing where these are held."""
 
@@ -47,8 +49,8 @@ class Priors:
         turned, moved = _pose_offset(now, start)
         total = np.sum((turned / self.pose_rotation[:, None]) ** 2)
         total += np.sum((moved / self.pose_translation[:, None]) ** 2)
-        total += np.sum(((now.scale - start.scale) / self.scale) ** 2)
-        total += np.sum(((now.bias - start.bias) / self.bias) ** 2)
+        total += np.sum((self.view_factor * (now.scale - start.scale) / self.scale) ** 2)
+        total += np.sum((self.view_factor * (now.bias - start.bias) / self.bias) ** 2)
         total += np.sum((estimate.parameters / self.reflectance) ** 2)
         points, known = estimate.landmarks, self.landmarks
         i = _finite(self.position)
@@ -66,7 +68,8 @@ class Priors:
         turned, moved = _pose_offset(now, start)
         free = np.full((count, 2), np.inf)
         rotation, translation = np.tile(self.pose_rotation, (3, 1)).T, np.tile(self.pose_translation, (3, 1)).T
-        sigma = np.column_stack([rotation, translation, free, self.scale, self.bias])
+        scale, bias = self.scale / self.view_factor, self.bias / self.view_factor
+        sigma = np.column_stack([rotation, translation, free, scale, bias])
         nothing = np.zeros((count, 2))
         offset = np.column_stack([turned, moved, nothing, now.scale - start.scale, now.bias - start.bias])
         rows = np.tile(np.eye(CAMERA_SIZE), (count, 1, 1))

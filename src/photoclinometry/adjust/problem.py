@@ -145,7 +145,7 @@ class Problem:
             self.neighbours, landmarks.position, landmarks.normal, landmarks.normal_basis,
             self.smooth_sigma, self._smooth_rows, self._smooth_residual,
         )  # fmt: skip
-        cost[3] = np.sum(_sun_rows(views)[0] ** 2) if self.with_brightness else 0.0
+        cost[3] = np.sum(self._sun_rows(views)[0] ** 2) if self.with_brightness else 0.0
         cost[4] = self.priors.cost(estimate)
         return cost, cameras, landmarks
 
@@ -164,11 +164,16 @@ class Problem:
         """Blocks (K, 10, 10) and gradient (K, 10) of the priors and the Sun factors."""
         block, gradient = self.priors.of_cameras(estimate)
         if self.with_brightness:
-            residual, sun_rows = _sun_rows(estimate.views)
+            residual, sun_rows = self._sun_rows(estimate.views)
             views, touched = range(len(estimate.views)), [0, 1, 2, 6, 7]
             block[np.ix_(views, touched, touched)] += np.einsum("kri,krj->kij", sun_rows, sun_rows)
             gradient[:, touched] += np.einsum("kri,kr->ki", sun_rows, residual)
         return block, gradient
+
+    def _sun_rows(self, views: Views) -> tuple[np.ndarray, np.ndarray]:
+        """`sun_rows`, with the Suns held as `Priors.view_factor` says."""
+        residual, rows = sun_rows(views)
+        return self.priors.view_factor * residual, self.priors.view_factor * rows
 
     def _border(self, estimate: Estimate, cameras: CameraState, landmarks: LandmarkState, where: Linearized) -> Border:
         """The estimated reflectance parameters' part, priors included."""
@@ -185,7 +190,7 @@ class Problem:
         )
 
 
-def _sun_rows(views: Views) -> tuple[np.ndarray, np.ndarray]:
+def sun_rows(views: Views) -> tuple[np.ndarray, np.ndarray]:
     """Whitened Sun residuals (K, 2) and Jacobians (K, 2, 5), see `factors.sun_direction`."""
     rows = [
         sun_direction(*args)
