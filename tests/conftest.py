@@ -7,3 +7,32 @@ def mapped(tmp_path_factory):
     from runs import map_small_site
 
     return map_small_site(tmp_path_factory.mktemp("mapped"))
+
+
+@pytest.fixture
+def adjust_nothing(monkeypatch):
+    """The joint estimate stops at once, for tests of what surrounds it; the options of each call."""
+    from photoclinometry import products
+    from photoclinometry.adjust import Adjustment, Noise
+
+    calls = []
+
+    def stand_in(scene, options, **_):
+        calls.append(options)
+        noise = Noise(
+            keypoint_factor=1.0,
+            keypoint_correlation_px=1.0,
+            anchor_factor=1.0,
+            brightness_sigma=0.001,
+            brightness_correlation_px=1.0,
+        )
+        return Adjustment(scene, True, "not adjusted", (), noise, scene.tracks.lit)
+
+    monkeypatch.setattr(products, "adjust", stand_in)
+    return calls
+
+
+@pytest.fixture
+def no_figures(monkeypatch, mapped):
+    """Figures are drawn once, for the shared run; `test_report.py` proves them."""
+    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")

@@ -24,6 +24,8 @@ from photoclinometry.pipeline import RunOptions, choose_reflectance, run
 KEPT = ("sparse", "region", "dense", "adjust")
 """The stages that a run folder keeps."""
 
+pytestmark = pytest.mark.usefixtures("no_figures")
+
 
 def resumed(folder):
     """The stages that the last run in a folder read back."""
@@ -36,35 +38,6 @@ def changed_site(mapped, **changes):
     path = mapped.site.with_name("changed.toml")
     write_site(path, replace(read_site(mapped.site), **changes))
     return path
-
-
-@pytest.fixture
-def adjust_nothing(monkeypatch):
-    """The joint estimate stops at once, for tests of what surrounds it."""
-    from photoclinometry.adjust import Adjustment, Noise
-
-    calls = []
-
-    def stand_in(scene, options, **_):
-        calls.append(options)
-        noise = Noise(
-            keypoint_factor=1.0,
-            keypoint_correlation_px=1.0,
-            anchor_factor=1.0,
-            brightness_sigma=0.001,
-            brightness_correlation_px=1.0,
-        )
-        return Adjustment(scene, True, "not adjusted", (), noise, scene.tracks.lit)
-
-    monkeypatch.setattr(products, "adjust", stand_in)
-    return calls
-
-
-@pytest.fixture(autouse=True)
-def no_figures(monkeypatch, request):
-    """Figures are drawn once, for the shared run; `test_report.py` proves them."""
-    request.getfixturevalue("mapped")
-    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")
 
 
 def test_a_run_recovers_the_truth(mapped):
