@@ -22,15 +22,8 @@ import numpy as np
 from numba import njit
 from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 
-from photoclinometry.adjust.information import (
-    CAMERA_SIZE,
-    LANDMARK_SIZE,
-    Cameras,
-    Observed,
-    Patch,
-    Points,
-    observed_patch,
-)
+from photoclinometry.adjust.information import Observed, Patch, observed_patch
+from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
 from photoclinometry.adjust.windows import RIDGE, Links, covariances_given_views, hold
 from photoclinometry.geometry import skew
 
@@ -71,8 +64,8 @@ class ErrorModel:
 class Linearised:
     """A joint estimate at its minimum: all that its covariances depend on."""
 
-    cameras: Cameras
-    points: Points
+    cameras: CameraState
+    points: LandmarkState
     observed: Observed
     links: Links
     """Smoothness."""
@@ -300,7 +293,7 @@ def _move_landmarks(at: Linearised, first: int, last: int) -> np.ndarray:
     out[:, :3, :3] = -skew(position)
     out[:, range(3), range(3, 6)] = 1.0
     out[:, :3, 6] = position
-    out[:, 3:5, :3] = -np.einsum("jia,jib->jab", at.points.basis[first:last], skew(normal))
+    out[:, 3:5, :3] = -np.einsum("jia,jib->jab", at.points.normal_basis[first:last], skew(normal))
     return out
 
 

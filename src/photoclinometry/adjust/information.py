@@ -7,45 +7,13 @@ coupled with the views that see it, and what it tells them. `factors.py` states 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from photoclinometry.adjust.kernels import CAMERA_SIZE, FAST, LANDMARK_SIZE, CameraState, LandmarkState
 from photoclinometry.reflectance import _PHASE_FLOOR, phase_angle, photometric_function
-
-CAMERA_SIZE, LANDMARK_SIZE = 10, 6
-
-_COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz", "arcp"})
-
-
-class Cameras(NamedTuple):
-    """What the rows need of K views."""
-
-    rotation: np.ndarray
-    """(K, 3, 3) body_from_cam."""
-    center: np.ndarray
-    """(K, 3) in B."""
-    intrinsics: np.ndarray
-    """(K, 4) fx, fy, cx, cy [px]."""
-    sun: np.ndarray
-    """(K, 3) in B."""
-    sun_basis: np.ndarray
-    """(K, 3, 2) tangent basis of `sun`."""
-    scale: np.ndarray
-    bias: np.ndarray
-
-
-class Points(NamedTuple):
-    """What the rows need of J landmarks."""
-
-    position: np.ndarray
-    """(J, 3) in B."""
-    normal: np.ndarray
-    """(J, 3)."""
-    basis: np.ndarray
-    """(J, 3, 2) tangent basis of `normal`."""
-    albedo: np.ndarray
 
 
 class Observed(NamedTuple):
@@ -68,7 +36,7 @@ class Observed(NamedTuple):
     brightness_limit: float
 
 
-@njit(**_COMPILED)
+@njit(**FAST)
 def _keypoint_rows(j, i, k, cameras, points, observed, pivot, by_landmark, by_camera):
     """Rows 0 and 1 of observation i: `factors.projection`, scaled down beyond Huber's limit."""
     rotation, weight = cameras.rotation[k], observed.keypoint_weight[i]
@@ -88,7 +56,7 @@ def _keypoint_rows(j, i, k, cameras, points, observed, pivot, by_landmark, by_ca
         _by_pose(by_landmark[r], from_pivot, by_camera[r])
 
 
-@njit(**_COMPILED)
+@njit(**FAST)
 def _by_pose(a, arm, out):
     """The row by pose (orbit 3, shift 3) that belongs to the row a by position: torque about the pivot, and force."""
     out[0] = a[1] * arm[2] - a[2] * arm[1]
@@ -97,7 +65,7 @@ def _by_pose(a, arm, out):
     out[3], out[4], out[5] = -a[0], -a[1], -a[2]
 
 
-@njit(**_COMPILED)
+@njit(**FAST)
 def _brightness_row(j, i, k, cameras, points, observed, pivot, packed, by_landmark, by_camera):
     """Row 2 of observation i: `factors.photometric`, scaled down beyond Huber's limit."""
     weight = observed.brightness_weight[i]
@@ -127,7 +95,7 @@ def _brightness_row(j, i, k, cameras, points, observed, pivot, packed, by_landma
         by_landmark[2, c] = -(by_e[c] - along * e[c]) / distance
     _by_pose(by_landmark[2], cameras.center[k] - pivot, by_camera[2])
     for c in range(2):
-        basis, sun_basis = points.basis[j], cameras.sun_basis[k]
+        basis, sun_basis = points.normal_basis[j], cameras.sun_basis[k]
         by_landmark[2, 3 + c] = by_normal[0] * basis[0, c] + by_normal[1] * basis[1, c] + by_normal[2] * basis[2, c]
         by_camera[2, 6 + c] = by_sun[0] * sun_basis[0, c] + by_sun[1] * sun_basis[1, c] + by_sun[2] * sun_basis[2, c]
     by_landmark[2, 5] = weight * cameras.scale[k] * rho
@@ -135,7 +103,7 @@ def _brightness_row(j, i, k, cameras, points, observed, pivot, packed, by_landma
     by_camera[2, 9] = weight
 
 
-@njit(nogil=True, **_COMPILED)
+@njit(nogil=True, **FAST)
 def _add_patch(first, last, slot, cameras, points, observed, pivot, packed, patch):
     by_landmark, by_camera = np.zeros((3, LANDMARK_SIZE)), np.zeros((3, CAMERA_SIZE))
     for j in range(first, last):
@@ -174,7 +142,9 @@ class Patch(NamedTuple):
     """(m, 10, 10) each view's block."""
 
 
-def observed_patch(first, last, cameras: Cameras, points: Points, observed: Observed, pivot, packed) -> Patch:
+def observed_patch(
+    first, last, cameras: CameraState, points: LandmarkState, observed: Observed, pivot, packed
+) -> Patch:
     """The patch of landmarks first:last. pivot: (3,) of `Estimate`; packed: `Reflectance.packed`."""
     views = np.unique(observed.seen_by[observed.start[first] : observed.start[last]])
     slot = np.zeros(len(cameras.scale), np.int64)

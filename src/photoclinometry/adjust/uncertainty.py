@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from photoclinometry.adjust.covariance import ErrorModel, Linearised, Marginals, marginals
-from photoclinometry.adjust.information import CAMERA_SIZE, LANDMARK_SIZE, Cameras, Observed, Points
+from photoclinometry.adjust.information import Observed
+from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.smoothing import linearize_smoothness
@@ -95,7 +96,7 @@ def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weigh
     problem.priors.add_landmarks(estimate, prior, np.zeros_like(prior), np.zeros(prior.shape[:2]))
     pose, plain = views.body_from_cam, np.ascontiguousarray
     at = Linearised(
-        cameras=Cameras(
+        cameras=CameraState(
             plain(pose.rotation),
             plain(pose.translation),
             views.intrinsics,
@@ -104,7 +105,7 @@ def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weigh
             plain(views.scale),
             plain(views.bias),
         ),
-        points=Points(plain(points.position), plain(points.normal), basis, plain(points.albedo)),
+        points=LandmarkState(plain(points.position), plain(points.normal), basis, plain(points.albedo)),
         observed=Observed(
             plain(tracks.start),
             plain(tracks.view),

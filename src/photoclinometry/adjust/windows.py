@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import get_lapack_funcs
 
-from photoclinometry.adjust.information import LANDMARK_SIZE
+from photoclinometry.adjust.kernels import LANDMARK_SIZE
 from photoclinometry.adjust.smoothing import Neighbours
 
 OUTSIDE = 0.2
