@@ -11,7 +11,7 @@ from photoclinometry.io.isis_cube import read_isis_cube
 from photoclinometry.io.pds3 import read_pds3
 from photoclinometry.io.pds4 import read_pds4
 from photoclinometry.io.product import Product
-from photoclinometry.io.raw_raster import read_bytes
+from photoclinometry.io.reading import read_image_bytes
 
 _HEAD_BYTES = 4096
 
@@ -23,13 +23,13 @@ def read_product(path: Path | str) -> Product:
     stand below those of their labels.
     """
     product = _read(Path(path))
-    if product.kind in ("PDS3", "PDS4") and read_bytes(product.data, 6) == b"SIMPLE":
+    if product.kind in ("PDS3", "PDS4") and read_image_bytes(product.data, limit=6) == b"SIMPLE":
         product.label.blocks.append(read_fits_header(product.data))
     return product
 
 
 def _read(path: Path) -> Product:
-    head = read_bytes(path, _HEAD_BYTES)
+    head = read_image_bytes(path, limit=_HEAD_BYTES)
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     if _is_isis(start):
         return read_isis_cube(path)

@@ -11,6 +11,7 @@ from photoclinometry.errors import InputError
 from photoclinometry.io.geotiff import Dtm, read_dtm
 from photoclinometry.io.obj import read_obj
 from photoclinometry.io.ply import read_ply
+from photoclinometry.io.reading import read_bytes
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
@@ -30,13 +31,7 @@ class Mesh:
 def read_ground(path: Path | str) -> Mesh | Dtm:
     """The surface in a PLY, GeoTIFF or OBJ file. Raises InputError."""
     path = Path(path)
-    try:
-        with open(path, "rb") as stream:
-            head = stream.read(4)
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such surface; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    head = read_bytes(path, "surface", limit=4)
     if head in _TIFF:
         return read_dtm(path)
     if not head.startswith(b"ply"):

@@ -17,6 +17,7 @@ import numpy as np
 
 from photoclinometry.errors import ImageError
 from photoclinometry.io.atomic import write_bytes
+from photoclinometry.io.reading import read_image_bytes
 from photoclinometry.scene import Image
 
 MAX_PIXELS = 2**28
@@ -37,7 +38,7 @@ def read_image(path: Path | str) -> Image:
     and every pixel opaque. Raises ImageError.
     """
     path = Path(path)
-    data = _read_bytes(path)
+    data = read_image_bytes(path, "image")
     if data.startswith(b"SIMPLE"):
         values, valid = _read_fits(path, data)
     elif data.startswith(_PNG):
@@ -94,18 +95,6 @@ def png_bytes(array: np.ndarray) -> bytes:
     if not done:
         raise ValueError(f"an array of shape {array.shape} cannot be encoded as PNG")
     return encoded.tobytes()
-
-
-def _read_bytes(path: Path) -> bytes:
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise ImageError(f"{path}: there is no such image; check the path") from None
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if not data:
-        raise ImageError(f"{path}: is an empty file; fetch or export it again")
-    return data
 
 
 def _damaged(path: Path, what: str) -> ImageError:

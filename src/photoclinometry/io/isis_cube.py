@@ -12,7 +12,8 @@ import numpy as np
 from photoclinometry.errors import ImageError
 from photoclinometry.io.product import Product, Window
 from photoclinometry.io.pvl import MAX_LABEL_BYTES, Block, number, parse_pvl, whole
-from photoclinometry.io.raw_raster import Layout, physical_image, read_bytes, read_pixels
+from photoclinometry.io.raw_raster import Layout, physical_image, read_pixels
+from photoclinometry.io.reading import read_image_bytes
 
 _TYPES = {
     "UNSIGNEDBYTE": "u1",
@@ -39,7 +40,7 @@ _MAX_TABLE_BYTES = 1 << 26
 
 def read_isis_cube(path: Path) -> Product:
     """A cube of one band with its tables. Raises ImageError, InputError."""
-    label = parse_pvl(read_bytes(path, MAX_LABEL_BYTES + 1), str(path))
+    label = parse_pvl(read_image_bytes(path, limit=MAX_LABEL_BYTES + 1), str(path))
     core = label.block("ISISCUBE", "CORE")
     if core is None:
         raise ImageError(f"{path}: is an ISIS label without pixels (no Core); give the cube itself")

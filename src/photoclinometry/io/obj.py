@@ -13,13 +13,14 @@ from photoclinometry.errors import InputError
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.images import write_png
 from photoclinometry.io.ply import fan_triangles
+from photoclinometry.io.reading import read_bytes
 
 
 def read_obj(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) float64 and triangles (F, 3) int64; larger polygons are cut into fans. Raises InputError."""
     path = Path(path)
     vertex_lines, face_lines = [], []
-    for line in _lines(path):
+    for line in read_bytes(path).splitlines():
         if line.startswith(b"v "):
             vertex_lines.append(line)
         elif line.startswith(b"f "):
@@ -70,15 +71,6 @@ def write_obj(
             np.savetxt(stream, values, fmt=" ".join([key, *[number] * values.shape[1]]))
         corners = [corner.format(n) for n in range(1, len(vertices) + 1)]
         stream.writelines(f"f {corners[a]} {corners[b]} {corners[c]}\n" for a, b, c in faces.tolist())
-
-
-def _lines(path: Path) -> list[bytes]:
-    try:
-        return path.read_bytes().splitlines()
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
 def _faces(lines: list[bytes], vertices: int) -> np.ndarray:

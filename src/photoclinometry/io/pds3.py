@@ -11,7 +11,8 @@ import numpy as np
 from photoclinometry.errors import ImageError
 from photoclinometry.io.product import Product
 from photoclinometry.io.pvl import MAX_LABEL_BYTES, Block, Quantity, number, parse_pvl, whole
-from photoclinometry.io.raw_raster import Layout, check_size, physical_image, read_bytes, read_pixels
+from photoclinometry.io.raw_raster import Layout, check_size, physical_image, read_pixels
+from photoclinometry.io.reading import read_image_bytes
 from photoclinometry.scene import Image
 
 _ORDER = {"LSB": "<", "PC": "<", "VAX": "<", "MSB": ">", "IEEE": ">", "SUN": ">", "MAC": ">"}
@@ -37,7 +38,7 @@ _FITS_BLOCK = 2880
 
 def read_pds3(path: Path) -> Product:
     """The image of a PDS3 label, attached or detached. Raises ImageError, InputError."""
-    label = parse_pvl(read_bytes(path, MAX_LABEL_BYTES + 1), str(path))
+    label = parse_pvl(read_image_bytes(path, limit=MAX_LABEL_BYTES + 1), str(path))
     image = label.block("IMAGE")
     if image is None:
         held = ", ".join(b.name for b in label.blocks) or "nothing"
@@ -150,7 +151,7 @@ def _from_bits(digits: str, dtype: np.dtype) -> Any:
 
 def check_fits(path: Path, data: Path, layout: Layout) -> None:
     """Where the pixels lie in a FITS file, it must have as many as the label says."""
-    head = read_bytes(data, 10 * _FITS_BLOCK)
+    head = read_image_bytes(data, limit=10 * _FITS_BLOCK)
     if not head.startswith(b"SIMPLE"):
         return
     size = {}

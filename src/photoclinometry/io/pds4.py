@@ -12,7 +12,8 @@ from photoclinometry.errors import ImageError
 from photoclinometry.io.pds3 import check_fits, find_beside
 from photoclinometry.io.product import Product
 from photoclinometry.io.pvl import Block, Quantity, number, whole
-from photoclinometry.io.raw_raster import Layout, physical_image, read_bytes, read_pixels
+from photoclinometry.io.raw_raster import Layout, physical_image, read_pixels
+from photoclinometry.io.reading import read_image_bytes
 from photoclinometry.scene import Image
 
 _MAX_BYTES = 1 << 24
@@ -61,7 +62,7 @@ def read_pds4(path: Path) -> Product:
 
 
 def _label(path: Path) -> Block:
-    data = read_bytes(path, _MAX_BYTES + 1)
+    data = read_image_bytes(path, limit=_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
         raise ImageError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no PDS4 label")
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.errors import InputError
+from photoclinometry.io.reading import read_bytes
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -49,12 +50,7 @@ class _Element:
 
 def read_elements(path: Path) -> dict[str, Columns]:
     """Every element's properties by name. Raises InputError for anything but a whole, well-formed PLY file."""
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    data = read_bytes(path)
     try:
         form, elements, at = _parse_header(data)
         if form == "ascii":

@@ -30,20 +30,6 @@ class Layout:
     """(lines, samples) of ISIS's tiles; None for line after line."""
 
 
-def read_bytes(path: Path, limit: int | None = None) -> bytes:
-    """The file, or its first `limit` bytes. Raises ImageError."""
-    try:
-        with open(path, "rb") as file:
-            data = file.read(-1 if limit is None else limit)
-    except FileNotFoundError:
-        raise ImageError(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if not data:
-        raise ImageError(f"{path}: is an empty file; fetch or export it again")
-    return data
-
-
 def read_pixels(label: Path, path: Path, layout: Layout) -> np.ndarray:
     """(lines, samples) of `layout.dtype`, in the order of the file `path`, by what its `label` says.
 

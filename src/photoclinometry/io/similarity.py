@@ -10,6 +10,7 @@ import numpy as np
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Similarity
 from photoclinometry.io.atomic import write_text
+from photoclinometry.io.reading import read_bytes
 from photoclinometry.io.table import Table
 
 _ROTATION_TOLERANCE = 1e-6
@@ -26,12 +27,9 @@ def write_similarity(path: Path | str, similarity: Similarity) -> None:
 def read_similarity(path: Path | str) -> Similarity:
     """The transform in the file. Raises InputError for a file that is missing or holds no similarity."""
     path = Path(path)
+    data = read_bytes(path)
     try:
-        table = Table(tomllib.loads(path.read_text(encoding="utf-8")), str(path))
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        table = Table(tomllib.loads(data.decode()), str(path))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not readable as TOML: {error}") from error
     scale = table.positive_number("scale")

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.errors import InputError
+from photoclinometry.io.reading import read_bytes
 
 _TEXT = (".tls", ".tsc", ".tpc", ".tf", ".ti")
 _BINARY = (".bsp", ".bc", ".bpc", ".bds")
@@ -178,12 +179,6 @@ def loading_order(files: Sequence[Path]) -> list[Path]:
 
 def _check_head(file: Path) -> None:
     """Raises InputError for what is no kernel."""
-    try:
-        with open(file, "rb") as stream:
-            head = stream.read(1024)
-    except FileNotFoundError:
-        raise InputError(f"{file}: there is no such kernel; check the path") from None
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror or error}") from error
+    head = read_bytes(file, "kernel", limit=1024)
     if not head.lstrip().startswith(_KNOWN_HEADS) and b"\\begindata" not in head:
         raise InputError(f"{file}: is no SPICE kernel (it begins with {head[:8]!r}); check the path")

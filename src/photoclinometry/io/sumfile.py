@@ -17,6 +17,7 @@ import numpy as np
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, unit
 from photoclinometry.io.atomic import write_text
+from photoclinometry.io.reading import read_bytes
 from photoclinometry.scene import Camera
 
 PIXEL_OFFSET = 0.5
@@ -170,16 +171,11 @@ def _ten_columns(value: float) -> str:
 
 
 def _lines(path: Path) -> list[str]:
+    data = read_bytes(path, "SUMFILE", limit=_MAX_BYTES + 1)
+    if len(data) > _MAX_BYTES:
+        raise InputError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no SUMFILE")
     try:
-        with open(path, "rb") as file:
-            data = file.read(_MAX_BYTES + 1)
-        if len(data) > _MAX_BYTES:
-            raise InputError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no SUMFILE")
         return data.decode("ascii").splitlines()
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such SUMFILE; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: byte {error.start} is not ASCII, so it is no SUMFILE; check the path") from error
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.errors import InputError
+from photoclinometry.io.reading import read_bytes
 
 _MAX_BYTES = 1 << 26
 _COLUMNS = ("image", "sun_x", "sun_y", "sun_z")
@@ -42,14 +43,11 @@ def read_suns(path: Path) -> dict[str, SunRow]:
 
 
 def _text(path: Path) -> str:
+    data = read_bytes(path, "table of Suns", limit=_MAX_BYTES + 1)
+    if len(data) > _MAX_BYTES:
+        raise InputError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no table of Suns")
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InputError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no table of Suns")
-        return path.read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such table of Suns; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8 text ({error.reason} at byte {error.start})") from error
 
