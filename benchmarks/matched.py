@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.geometry import Rigid, so3_exp, unit
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours
 from photoclinometry.predict import shading
@@ -19,6 +20,17 @@ from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, publish
 from photoclinometry.scene import Camera, Landmarks, Region, Scene, Tracks, Views
 
 FOCAL_PX, ALTITUDE = 10_700.0, 680e3 / 60.0
+
+
+OPTIONS = AdjustOptions(
+    brightness_sigma=0.0015,
+    keypoint_correlation_px=1.0,
+    brightness_correlation_px=1.0,
+    keypoint_loss=np.inf,
+    brightness_loss=np.inf,
+    max_rounds=1,
+)
+"""The estimate of problems whose errors are what `Noise` says, and independent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,18 +214,9 @@ def main(side: int = 400, views: int = 29, views_per_landmark: int = 0, uncertai
     import resource
     import time
 
-    from photoclinometry.adjust import AdjustOptions, adjust
     from photoclinometry.geometry import align_similarity, angle_between
 
-    options = AdjustOptions(
-        brightness_sigma=0.0015,
-        keypoint_correlation_px=1.0,
-        brightness_correlation_px=1.0,
-        keypoint_loss=np.inf,
-        brightness_loss=np.inf,
-        max_rounds=1,
-        uncertainty=bool(uncertainty),
-    )
+    options = replace(OPTIONS, uncertainty=bool(uncertainty))
     adjust(matched_problem(20, min(views, 29))[0], options)
     start, truth = matched_problem(side, views, views_per_landmark=views_per_landmark or None)
     cpu = time.process_time()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from matched import matched_problem
+from matched import OPTIONS, matched_problem
 from photoclinometry.adjust import AdjustOptions, Anchors, PosePriors, adjust
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.errors import InputError, ReconstructionError
@@ -13,16 +13,6 @@ from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3
 from photoclinometry.reflectance import published
 from photoclinometry.scene import Tracks
 from scenes import synthetic_scene
-
-MATCHED = AdjustOptions(
-    brightness_sigma=0.0015,
-    keypoint_correlation_px=1,
-    brightness_correlation_px=1,
-    keypoint_loss=np.inf,
-    brightness_loss=np.inf,
-    max_rounds=1,
-)
-"""For the problems of benchmarks/matched.py."""
 
 INDEPENDENT = AdjustOptions(keypoint_correlation_px=1, brightness_correlation_px=1)
 
@@ -145,11 +135,11 @@ def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk):
     start, truth = matched_problem(24, 10, reflectance=published(disk, "vesta"))
     true = truth.reflectance.parameters
     start = replace(start, reflectance=truth.reflectance.with_parameters(factor * true))
-    found = adjust(start, replace(MATCHED, reflectance_sigma=0.5))
+    found = adjust(start, replace(OPTIONS, reflectance_sigma=0.5))
     assert found.converged
     assert np.all(np.abs(found.scene.reflectance.parameters - true) < 3 * found.parameter_sigma)
     assert np.all(found.parameter_sigma > 0)
-    held = adjust(start, MATCHED)
+    held = adjust(start, OPTIONS)
     assert held.scene.reflectance == start.reflectance
 
     def tilt(scene):
@@ -175,7 +165,7 @@ def test_pose_priors_place_the_map():
         rotation_sigma=np.full(8, 1e-6),
         center_sigma=np.full(8, 0.1),
     )
-    moved = adjust(start, MATCHED, pose_priors=priors).scene
+    moved = adjust(start, OPTIONS, pose_priors=priors).scene
     np.testing.assert_allclose(moved.views.body_from_cam.translation, poses.translation + shift, atol=0.5)
     offset = np.median(moved.landmarks.position - truth.landmarks.position, axis=0)
     np.testing.assert_allclose(offset, shift, atol=0.3)
@@ -183,7 +173,7 @@ def test_pose_priors_place_the_map():
 
 def test_landmarks_are_held_by_their_priors():
     start, _ = matched_problem(16, 8)
-    held = replace(MATCHED, position_sigma_gsd=1e-6, normal_sigma_rad=1e-7, albedo_sigma=1e-7)
+    held = replace(OPTIONS, position_sigma_gsd=1e-6, normal_sigma_rad=1e-7, albedo_sigma=1e-7)
     after, before = adjust(start, held).scene.landmarks, start.landmarks
     np.testing.assert_allclose(after.position, before.position, atol=1e-4)
     np.testing.assert_allclose(after.normal, before.normal, atol=1e-5)

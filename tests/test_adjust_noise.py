@@ -7,13 +7,12 @@ from scipy.ndimage import gaussian_filter
 from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
-    brightness_residuals,
     correlation_px,
     keypoint_factor,
     robust_sigma,
     view_factor,
 )
-from photoclinometry.predict import keypoint_residuals
+from photoclinometry.predict import brightness_residuals, keypoint_residuals
 from scenes import synthetic_scene
 
 SIZE = 160

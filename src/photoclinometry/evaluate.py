@@ -13,7 +13,7 @@ import numpy as np
 
 from photoclinometry.errors import InputError
 from photoclinometry.metrics import photometric_error, psnr, spread
-from photoclinometry.predict import keypoint_residuals, observation_brightness
+from photoclinometry.predict import brightness_residuals, keypoint_residuals, observation_brightness
 from photoclinometry.render import draw_landmarks, landmark_faces, render_view
 from photoclinometry.scene import Image, Scene, Views, join_views
 from photoclinometry.sigmas import landmark_sigmas, view_sigmas
@@ -94,7 +94,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     tracks, views = scene.tracks, scene.views
     pixel_residual = keypoint_residual_px(scene)
     faces = landmark_faces(scene)
-    residual = None if scene.reflectance is None else observation_brightness(scene) - tracks.brightness
+    residual = None if scene.reflectance is None else brightness_residuals(scene)
     sigmas, rows = view_sigmas(scene), []
     for k, name in enumerate(views.name):
         seen = tracks.view == k

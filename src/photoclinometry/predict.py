@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit, prange
 
 from photoclinometry.errors import InputError
-from photoclinometry.reflectance import Reflectance, phase_angle, photometric_function
+from photoclinometry.reflectance import Reflectance, angles_at, photometric_function
 from photoclinometry.scene import Scene, Views
 
 
@@ -37,6 +35,11 @@ def observation_brightness(scene: Scene) -> np.ndarray:
     views, landmark, view = scene.views, scene.tracks.landmark, scene.tracks.view
     rho = shading(landmark, view, views, scene.landmarks.position, scene.landmarks.normal, reflectance_of(scene))[2]
     return views.scale[view] * scene.landmarks.albedo[landmark] * rho + views.bias[view]
+
+
+def brightness_residuals(scene: Scene) -> np.ndarray:
+    """Predicted minus measured brightness (N,), lit or not. Raises InputError."""
+    return observation_brightness(scene) - scene.tracks.brightness
 
 
 def shading(
@@ -77,13 +80,6 @@ def _shade(landmark, view, center, sun, position, normal, packed, out):
     """`shading` into out (3, N); as `reflectance.photometric_angles`, without its temporary arrays."""
     for n in prange(view.size):
         j, k = landmark[n], view[n]
-        n0, n1, n2 = normal[j, 0], normal[j, 1], normal[j, 2]
-        e0, e1, e2 = center[k, 0] - position[j, 0], center[k, 1] - position[j, 1], center[k, 2] - position[j, 2]
-        inverse = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-        e0, e1, e2 = e0 * inverse, e1 * inverse, e2 * inverse
-        s0, s1, s2 = sun[k, 0], sun[k, 1], sun[k, 2]
-        x0, x1, x2 = s1 * e2 - s2 * e1, s2 * e0 - s0 * e2, s0 * e1 - s1 * e0
-        phase = phase_angle(s0 * e0 + s1 * e1 + s2 * e2, math.sqrt(x0 * x0 + x1 * x1 + x2 * x2))
-        mu0, mu = s0 * n0 + s1 * n1 + s2 * n2, e0 * n0 + e1 * n1 + e2 * n2
+        mu0, mu, phase = angles_at(sun[k], center[k], position[j], normal[j])
         out[0, n], out[1, n] = mu0, mu
         out[2, n] = photometric_function(packed, mu0, mu, phase)[0]

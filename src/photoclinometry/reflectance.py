@@ -166,6 +166,19 @@ def phase_angle(cosine, sine):
     return math.atan2(sine, cosine)
 
 
+@njit(cache=True, inline="always")
+def angles_at(sun, center, position, normal):
+    """`photometric_angles` of one point: mu0, mu, phase [rad]; (3,) each."""
+    n0, n1, n2 = normal[0], normal[1], normal[2]
+    e0, e1, e2 = center[0] - position[0], center[1] - position[1], center[2] - position[2]
+    inverse = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+    e0, e1, e2 = e0 * inverse, e1 * inverse, e2 * inverse
+    s0, s1, s2 = sun[0], sun[1], sun[2]
+    x0, x1, x2 = s1 * e2 - s2 * e1, s2 * e0 - s0 * e2, s0 * e1 - s1 * e0
+    phase = phase_angle(s0 * e0 + s1 * e1 + s2 * e2, math.sqrt(x0 * x0 + x1 * x1 + x2 * x2))
+    return s0 * n0 + s1 * n1 + s2 * n2, e0 * n0 + e1 * n1 + e2 * n2, phase
+
+
 @njit(cache=True)
 def _evaluate(packed, mu0, mu, phase, out):
     for i in range(out.size):

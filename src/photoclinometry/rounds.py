@@ -22,7 +22,7 @@ from photoclinometry.geometry import angle_between
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, padded_region, request_match
 from photoclinometry.matching.relight import RelightMatcher, map_depth
-from photoclinometry.predict import observation_brightness
+from photoclinometry.predict import brightness_residuals
 from photoclinometry.products import Kept, Progress, has_scene, kept_or_made
 from photoclinometry.runfolder import RunFolder, digest
 from photoclinometry.scene import Image, Scene, Tracks
@@ -185,7 +185,7 @@ def odd_views(scene: Scene) -> list[tuple[str, float]]:
     if scene.reflectance is None:
         return []
     tracks = scene.tracks
-    residual, misfit = np.abs(tracks.brightness - observation_brightness(scene)), np.zeros(len(scene.views))
+    residual, misfit = np.abs(brightness_residuals(scene)), np.zeros(len(scene.views))
     for k in range(len(misfit)):
         lit = tracks.lit & (tracks.view == k)
         if lit.any():

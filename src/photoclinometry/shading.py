@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.initialize import GRAZING, sample_brightness
-from photoclinometry.predict import keypoint_residuals, observation_brightness
+from photoclinometry.predict import brightness_residuals, keypoint_residuals
 from photoclinometry.reflectance import phase_angle, photometric_function
 from photoclinometry.relief import in_sunlight, unobstructed
 from photoclinometry.scene import Image, Scene
@@ -77,7 +77,7 @@ def _residual_sigma(scene: Scene) -> float:
     lit = scene.tracks.lit
     if not lit.any():
         return 0.0
-    return 1.4826 * float(np.median(np.abs(scene.tracks.brightness - observation_brightness(scene))[lit]))
+    return 1.4826 * float(np.median(np.abs(brightness_residuals(scene))[lit]))
 
 
 def _fit(scene: Scene, sigma: float, iterations: int, normal: np.ndarray, albedo: np.ndarray) -> None:

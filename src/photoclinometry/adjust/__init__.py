@@ -1,7 +1,8 @@
 """The joint estimate: one factor graph of keypoints, brightness, Sun directions and smoothness."""
 
-from photoclinometry.adjust.estimate import Adjustment, AdjustOptions, Anchors, PosePriors, adjust
+from photoclinometry.adjust.estimate import Adjustment, Anchors, PosePriors, adjust
 from photoclinometry.adjust.noise import Noise
+from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.solver import Iteration, SolverOptions
 
 __all__ = ["AdjustOptions", "Adjustment", "Anchors", "Iteration", "Noise", "PosePriors", "SolverOptions", "adjust"]

@@ -16,21 +16,21 @@ from photoclinometry.adjust.layout import Measurements, build_layout, lay_out, m
 from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
-    brightness_residuals,
     correlation_px,
     keypoint_factor,
     view_factor,
 )
+from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.priors import Priors
 from photoclinometry.adjust.problem import Problem, sun_rows
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
-from photoclinometry.adjust.solver import Iteration, SolverOptions, minimize, parameter_sigma
+from photoclinometry.adjust.solver import Iteration, minimize, parameter_sigma
 from photoclinometry.adjust.uncertainty import OF_LANDMARKS, Weights, estimate_uncertainty
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.errors import InputError, ReconstructionError
 from photoclinometry.geometry import Rigid
 from photoclinometry.initialize import neighbours
-from photoclinometry.predict import keypoint_residuals, shading
+from photoclinometry.predict import brightness_residuals, keypoint_residuals, shading
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION
 from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 
@@ -47,61 +47,6 @@ BALANCED_CORRELATION_PX = 3.0
 
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class AdjustOptions:
-    """Noise, gates, losses and priors of the joint estimate."""
-
-    keypoint_sigma_px: float | None = None
-    """Keypoint noise of every observation [px]; left out, each keypoint's own, times a factor from the residuals."""
-    brightness_sigma: float | None = None
-    """Brightness noise, in the images' brightness; left out, estimated from the residuals."""
-    keypoint_correlation_px: float | None = None
-    """Side of the square of landmarks that share their keypoints' errors [px]: matches are found over windows. As many
-    observations count as one: each one's sigma is multiplied by this. 1 for independent errors; left out, estimated
-    from the residuals."""
-    brightness_correlation_px: float | None = None
-    """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
-    the ground it misses next door too."""
-    smooth_sigma_rad: float = 0.2
-    """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none.
-    It grows with the correlation of brightness beyond 3 px, so that shading keeps its say against it."""
-    smooth_neighbours: int = 4
-    """Neighbours per landmark in the smoothness factors."""
-    max_incidence_deg: float = 85.0
-    """Brightness is not used where the Sun is lower than this."""
-    max_emission_deg: float = 85.0
-    """Brightness is not used where the camera is lower than this."""
-    keypoint_loss: float = 3.0
-    """Huber limit of keypoints, in standard deviations of one; inf for least squares."""
-    brightness_loss: float = 3.0
-    """Huber limit of brightness, in standard deviations of one; inf for least squares."""
-    pose_rotation_sigma_rad: float = 1e-4
-    """Gauge: prior on the reference view's rotation [rad]."""
-    pose_translation_sigma_gsd: float = 1e-2
-    """Gauge: prior on the reference view's position [GSD]."""
-    landmark_sigma_gsd: float = 1e-2
-    """Gauge: prior on the position of one central landmark, which fixes the scale [GSD]."""
-    scale_sigma: float | None = None
-    """Prior on the images' brightness scales about 1. Left out: 0.01 for I/F with a phase function, else none
-    but on the reference view, whose scale is 1."""
-    bias_sigma: float | None = None
-    """Prior on the images' brightness biases about 0. Left out: 1e-3 of the median brightness for I/F, else a tenth."""
-    position_sigma_gsd: float | None = None
-    """Prior on every landmark's position about its start [GSD]; left out, free."""
-    normal_sigma_rad: float | None = None
-    """Prior on every landmark's normal about its start [rad]; left out, free."""
-    albedo_sigma: float | None = None
-    """Relative prior on every landmark's albedo about its start; left out, free."""
-    reflectance_sigma: float | None = None
-    """Relative prior on the reflectance's phase weighting and phase coefficients about those given, which are then
-    estimated too; left out, they are held."""
-    uncertainty: bool = True
-    """Find the covariance of every view and landmark after the last round."""
-    max_rounds: int = 4
-    """Rounds of gating, solving and measuring the noise, at most."""
-    solver: SolverOptions = field(default_factory=SolverOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,9 +215,9 @@ def _rounds(
     assert solution is not None
     assert problem is not None
     scene = replace(scene.with_estimate(estimate.views, estimate.landmarks), uncertainty={})
+    problem.priors = priors
     if options.uncertainty:
         # As if what brightness errs by all over a view were noise, and all else known as well as stated.
-        problem.priors = priors
         seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
         weights = _weights(scene, options, lit, own, seen)
         scene = replace(scene, uncertainty=estimate_uncertainty(scene, estimate.pivot, problem, weights, seen, own))

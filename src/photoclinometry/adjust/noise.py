@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from photoclinometry.predict import observation_brightness
 from photoclinometry.scene import Scene
 
 _MAX_VIEWS = 8
@@ -61,11 +60,6 @@ def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> fl
     mine = which[scene.tracks.landmark]
     whitened = residual[mine] / scene.tracks.keypoint_sigma[mine, None]
     return robust_sigma(whitened, parameters=3 * int(np.count_nonzero(which)))
-
-
-def brightness_residuals(scene: Scene) -> np.ndarray:
-    """Predicted minus measured brightness (N,), lit or not."""
-    return observation_brightness(scene) - scene.tracks.brightness
 
 
 def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> float:

@@ -6,7 +6,6 @@ rows that `kernels.linearize` has stored. A parameter's coordinate is its relati
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from numba import njit, prange
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, STORED, CameraState, LandmarkState
 from photoclinometry.adjust.layout import LANES, Layout, Measurements
 from photoclinometry.adjust.product import BACK, Linearized, collect
-from photoclinometry.reflectance import phase_angle, photometric_function, photometric_parameters
+from photoclinometry.reflectance import angles_at, photometric_function, photometric_parameters
 
 
 class Border(NamedTuple):
@@ -92,18 +91,7 @@ def _linearize(layout, measured, cameras, landmarks, packed, start, stored, by_l
 @njit(cache=True, error_model="numpy")
 def _row(j, k, weight, brightness, cameras, landmarks, packed, row):
     """Derivatives of one whitened brightness by the parameters; returns the residual."""
-    n0, n1, n2 = landmarks.normal[j, 0], landmarks.normal[j, 1], landmarks.normal[j, 2]
-    e0, e1, e2 = (
-        cameras.center[k, 0] - landmarks.position[j, 0],
-        cameras.center[k, 1] - landmarks.position[j, 1],
-        cameras.center[k, 2] - landmarks.position[j, 2],
-    )
-    inverse = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-    e0, e1, e2 = e0 * inverse, e1 * inverse, e2 * inverse
-    s0, s1, s2 = cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]
-    x0, x1, x2 = s1 * e2 - s2 * e1, s2 * e0 - s0 * e2, s0 * e1 - s1 * e0
-    phase = phase_angle(s0 * e0 + s1 * e1 + s2 * e2, math.sqrt(x0 * x0 + x1 * x1 + x2 * x2))
-    mu0, mu = s0 * n0 + s1 * n1 + s2 * n2, e0 * n0 + e1 * n1 + e2 * n2
+    mu0, mu, phase = angles_at(cameras.sun[k], cameras.center[k], landmarks.position[j], landmarks.normal[j])
     gain = cameras.scale[k] * landmarks.albedo[j]
     photometric_parameters(packed, mu0, mu, phase, row)
     for t in range(row.size):

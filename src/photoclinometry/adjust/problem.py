@@ -18,7 +18,7 @@ from photoclinometry.adjust.smoothing import Neighbours, add_smoothness, lineari
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.geometry import tangent_basis
 from photoclinometry.reflectance import Reflectance
-from photoclinometry.scene import Views
+from photoclinometry.scene import Landmarks, Views
 
 COST_TERMS: tuple[str, ...] = ("keypoint", "brightness", "smoothness", "sun", "prior")
 
@@ -124,17 +124,8 @@ class Problem:
         return self._camera_out.sum(0)
 
     def _observe(self, estimate: Estimate, *, with_jacobian: bool):
-        views, points = estimate.views, estimate.landmarks
-        cameras = CameraState(
-            np.ascontiguousarray(views.body_from_cam.rotation),
-            np.ascontiguousarray(views.body_from_cam.translation),
-            views.intrinsics,
-            views.sun,
-            tangent_basis(views.sun),
-            views.scale,
-            views.bias,
-        )
-        landmarks = LandmarkState(points.position, points.normal, tangent_basis(points.normal), points.albedo)
+        views = estimate.views
+        cameras, landmarks = states(views, estimate.landmarks)
         kernels.linearize(
             self.layout, self.measured, cameras, landmarks, estimate.pivot, self._packed(estimate),
             with_jacobian, self._stored, self._normal,
@@ -188,6 +179,22 @@ class Problem:
         return border._replace(
             block=border.block + weight * np.eye(count), gradient=border.gradient + weight * estimate.parameters
         )
+
+
+def states(views: Views, landmarks: Landmarks) -> tuple[CameraState, LandmarkState]:
+    """What the kernels need of an estimate, contiguous."""
+    pose, plain = views.body_from_cam, np.ascontiguousarray
+    return CameraState(
+        plain(pose.rotation),
+        plain(pose.translation),
+        views.intrinsics,
+        plain(views.sun),
+        tangent_basis(views.sun),
+        plain(views.scale),
+        plain(views.bias),
+    ), LandmarkState(
+        plain(landmarks.position), plain(landmarks.normal), tangent_basis(landmarks.normal), plain(landmarks.albedo)
+    )
 
 
 def sun_rows(views: Views) -> tuple[np.ndarray, np.ndarray]:

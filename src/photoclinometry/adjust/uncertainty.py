@@ -19,13 +19,13 @@ import numpy as np
 
 from photoclinometry.adjust.covariance import ErrorModel, Linearised, Marginals, marginals
 from photoclinometry.adjust.information import Observed
-from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
+from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.noise import Noise
-from photoclinometry.adjust.problem import Problem
+from photoclinometry.adjust.problem import Problem, states
 from photoclinometry.adjust.smoothing import linearize_smoothness
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.windows import links
-from photoclinometry.geometry import skew, tangent_basis
+from photoclinometry.geometry import skew
 from photoclinometry.scene import Scene, Views
 
 log = logging.getLogger(__name__)
@@ -87,25 +87,19 @@ def loosely_held(at: Linearised) -> Linearised:
 def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weights) -> tuple[Linearised, np.ndarray]:
     """The estimate at its minimum, and the whitened residuals (P,) of smoothness there."""
     views, points, tracks = scene.views, scene.landmarks, scene.tracks
-    basis = tangent_basis(points.normal)
+    cameras, landmarks = states(views, points)
     neighbours = problem.neighbours
     rows, residual = np.zeros((len(neighbours.target), 5)), np.zeros(len(neighbours.target))
-    linearize_smoothness(neighbours, points.position, points.normal, basis, problem.smooth_sigma, rows, residual)
+    linearize_smoothness(
+        neighbours, points.position, points.normal, landmarks.normal_basis, problem.smooth_sigma, rows, residual
+    )
     estimate = Estimate(views, points, pivot)
     prior = np.zeros((len(points), LANDMARK_SIZE, LANDMARK_SIZE))
     problem.priors.add_landmarks(estimate, prior, np.zeros_like(prior), np.zeros(prior.shape[:2]))
-    pose, plain = views.body_from_cam, np.ascontiguousarray
+    plain = np.ascontiguousarray
     at = Linearised(
-        cameras=CameraState(
-            plain(pose.rotation),
-            plain(pose.translation),
-            views.intrinsics,
-            plain(views.sun),
-            tangent_basis(views.sun),
-            plain(views.scale),
-            plain(views.bias),
-        ),
-        points=LandmarkState(plain(points.position), plain(points.normal), basis, plain(points.albedo)),
+        cameras=cameras,
+        points=landmarks,
         observed=Observed(
             plain(tracks.start),
             plain(tracks.view),
