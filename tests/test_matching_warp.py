@@ -43,10 +43,10 @@ def still(**options):
 
 
 @pytest.mark.parametrize("grid", [(148, 148), (40, 56), (300, 200), (2, 2)])
-@pytest.mark.parametrize("row_col", [(50, 50), (0, 0), (100, 100)])
+@pytest.mark.parametrize("row_col", [(50, 50), (0, 0), (120, 100)])
 def test_an_affine_warp_gives_exact_positions_on_any_grid_up_to_the_images_edge(grid, row_col):
     request, _ = displaced()
-    region = Region(row=row_col[0], col=row_col[1], height=100, width=100)
+    region = Region(row=row_col[0], col=row_col[1], height=80, width=100)
     padded = padded_region(region, 24, CAMERA)
     steep = np.array([[1.1, -0.2], [0.1, 0.9]])
     prediction = padded.pixel_centers() @ steep.T + 20.0
@@ -99,11 +99,15 @@ def test_what_lands_on_masked_or_unpredicted_pixels_is_dropped_and_nothing_else(
     prediction[24 + 60, 24 + 70] = np.nan
     spoilt = np.where(mask, request.target.brightness, np.nan).astype(np.float32)
     target = replace(request.target, brightness=spoilt, valid=mask)
-    matches = matcher.match(replace(request, target=target, prediction=prediction))
+    dark = request.reference.valid.copy()
+    dark[50 + 5, 50 + 8] = False
+    reference = replace(request.reference, valid=dark)
+    matches = matcher.match(replace(request, reference=reference, target=target, prediction=prediction))
+    assert not matches.valid[5, 8]
     assert not matches.valid[30:40, 30:50].any()
     assert not matches.valid[60, 70]
     far = np.ones(matches.valid.shape, bool)
-    far[28:42, 28:52] = far[58:63, 68:73] = False
+    far[28:42, 28:52] = far[58:63, 68:73] = far[5, 8] = False
     assert matches.valid[far].all()
     assert np.isfinite(matches.position).all()
 
