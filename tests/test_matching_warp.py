@@ -8,7 +8,7 @@ import pytest
 
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.interface import padded_region
-from photoclinometry.matching.warp import Warp, WarpMatcher, WarpOptions, at, on_grid, pixel_centers, stretch
+from photoclinometry.matching.warp import Warp, WarpMatcher, WarpOptions, on_grid, pixel_centers, stretch
 from photoclinometry.scene import Region
 from test_matching import CAMERA, displaced, error_px
 
@@ -124,7 +124,7 @@ def test_the_network_sees_the_same_ground_in_both_pictures_whatever_their_gains(
     a, b, louder, _ = shown
     assert a.dtype == np.float32
     assert (a.min(), a.max()) == (0.0, 1.0)
-    np.testing.assert_allclose(a, b, atol=1e-5)
+    np.testing.assert_allclose(a, b, atol=2e-3)  # splines of fifth and of third order
     np.testing.assert_allclose(a, louder, atol=1e-4)
 
 
@@ -140,14 +140,12 @@ def test_masked_pixels_do_not_change_the_stretch():
     np.testing.assert_array_equal(stretch(np.ones((4, 4), np.float32), np.ones((4, 4), bool)), 0.0)
 
 
-def test_a_ramp_stays_one_on_other_grids_and_between_pixels():
+def test_a_ramp_stays_one_on_other_grids():
     ramp = pixel_centers((30, 20)) @ np.array([0.3, -0.7]) + 2.0
     cells = on_grid(ramp, (45, 70))
     centres = pixel_centers((45, 70)) * (20 / 70, 30 / 45)
     np.testing.assert_allclose(cells, centres @ np.array([0.3, -0.7]) + 2.0, atol=1e-12)
     np.testing.assert_array_equal(on_grid(ramp, ramp.shape), ramp)
-    xy = np.random.default_rng(1).uniform(0.5, 19.5, (100, 2))
-    np.testing.assert_allclose(at(ramp, xy), xy @ np.array([0.3, -0.7]) + 2.0, atol=1e-12)
 
 
 def test_the_network_of_the_docs_finds_a_shift():

@@ -118,14 +118,14 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
 
     with folder.timed("initialise"):
         scene = initial_scene(site, sparse, images, views, int(place.reference), region, dense, reflectance)
-    key = digest("adjust", key, options.reflectance, options.adjust)
+    key = digest("adjust", key, options.reflectance, options.adjust, options.relight.slack)
     anchors = anchors_from(sparse)
     adjustment, rounds = adjust_in_rounds(
         folder,
         key,
         scene,
         [image for image, there in zip(images, sparse.registered, strict=True) if there],
-        lambda start, last: adjusted(start, _uncertain_only_if(last, options.adjust), report_progress, anchors),
+        lambda start, last: adjusted(start, _of_round(last, options), report_progress, anchors),
         replace(options.relight, rounds=0) if options.matcher == "flow" else options.relight,
         options.flow,
         options.densify,
@@ -141,9 +141,12 @@ def first_matcher(options: RunOptions) -> Matcher:
     return roma_matcher(options.roma) if options.matcher == "roma" else FlowMatcher(options.flow)
 
 
-def _uncertain_only_if(last: bool, options: AdjustOptions) -> AdjustOptions:
-    """Uncertainties take as long as an estimate; only those of the last one are kept."""
-    return replace(options, uncertainty=options.uncertainty and last)
+def _of_round(last: bool, options: RunOptions) -> AdjustOptions:
+    """Keypoints are held tightly in the last estimate, and only its uncertainties are kept: they take as long as it."""
+    if last:
+        return options.adjust
+    slack = options.relight.slack * options.adjust.keypoint_slack
+    return replace(options.adjust, uncertainty=False, keypoint_slack=slack)
 
 
 def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:

@@ -42,6 +42,9 @@ class RelightOptions:
     """Rounds at most, after the first map. Geometry alone has none."""
     settled_px: float = 0.03
     """No further round once half of all matches moved by less [px]."""
+    slack: float = 6.0
+    """In maps that are to be matched again, keypoints are held this many times looser. Where it is finer than the
+    windows of matching, a match confirms the very map that it was made with: held tightly, that map hardly moves."""
 
 
 def adjust_in_rounds(

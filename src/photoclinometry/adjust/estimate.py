@@ -248,7 +248,8 @@ def _weighted(
 def _weights(scene: Scene, options: AdjustOptions, lit, own, noise: Noise) -> Weights:
     """Of all observations; own: (J,) landmarks of the map."""
     tracks = scene.tracks
-    factor = np.where(own, noise.keypoint_factor * noise.keypoint_correlation_px, noise.anchor_factor)
+    shared = options.keypoint_slack * noise.keypoint_factor * noise.keypoint_correlation_px
+    factor = np.where(own, shared, noise.anchor_factor)
     return Weights(
         keypoint=1.0 / (tracks.keypoint_sigma * factor[tracks.landmark]),
         brightness=lit / (noise.brightness_sigma * noise.brightness_correlation_px) if lit.any() else lit.astype(float),

@@ -22,6 +22,9 @@ class AdjustOptions:
     brightness_correlation_px: float | None = None
     """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
     the ground it misses next door too."""
+    keypoint_slack: float = 1.0
+    """All keypoints' standard deviations are this many times what they are measured to be: for maps that are to be
+    matched again (see `rounds.RelightOptions`)."""
     smooth_sigma_rad: float = 0.2
     """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none.
     It grows with the correlation of brightness beyond 3 px, so that shading keeps its say against it."""

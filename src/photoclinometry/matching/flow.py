@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from photoclinometry.matching.interface import Matches, MatchRequest
+from photoclinometry.matching.sampling import sample
 from photoclinometry.scene import Image, Region
 
 
@@ -51,11 +52,11 @@ class FlowMatcher:
         a = normalise(*reference, options.contrast_window_px)
         b = normalise(*warped, options.contrast_window_px)
         forward, backward = search(a, b, options), search(b, a, options)
-        round_trip = np.linalg.norm(forward + follow(backward, forward), axis=-1)
+        round_trip = np.linalg.norm(forward + follow(backward, forward, order=1), axis=-1)
         correlation, sigma = fit_quality(a, b, forward)
-        inside = reference[1] & (follow(warped[1].astype(np.float32), forward) > 0.99)
+        inside = reference[1] & (follow(warped[1].astype(np.float32), forward, order=1) > 0.99)
         valid = inside & (round_trip < options.max_round_trip_px) & (correlation > options.min_correlation)
-        position = follow(request.prediction, forward)
+        position = follow(request.prediction, forward, order=1)
         valid &= np.isfinite(position).all(-1)
         sigma = np.sqrt(options.sigma_floor_px**2 + sigma**2 + round_trip**2)
         certainty = correlation.clip(0, 1) * np.exp(-0.5 * (round_trip / options.max_round_trip_px) ** 2)
@@ -82,11 +83,10 @@ def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     filled = _fill(image.brightness.astype(np.float32), image.valid)
     if step > 1.2:
         filled = cv2.GaussianBlur(filled, (0, 0), 0.5 * np.sqrt(step**2 - 1.0))
-    at = np.where(np.isfinite(xy), xy - 0.5, -1e4).astype(np.float32)
-    x, y = at[..., 0], at[..., 1]
-    brightness = cv2.remap(filled, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    weight = cv2.remap(image.valid.astype(np.float32), x, y, cv2.INTER_LINEAR, borderValue=0.0)
-    return brightness, weight > 0.999
+    height, width = image.brightness.shape
+    inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)  # False where not finite
+    valid = inside & (sample(image.valid.astype(np.float32), xy, order=1) > 0.999)
+    return sample(filled, xy).astype(np.float32), valid
 
 
 def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.ndarray:
@@ -154,14 +154,14 @@ def fit_quality(a: np.ndarray, b: np.ndarray, flow: np.ndarray, window: float = 
     return correlation, np.sqrt(noise / np.maximum(smaller, 1e-4) / independent)
 
 
-def follow(values: np.ndarray, flow: np.ndarray) -> np.ndarray:
-    """Values (h, w, ...) at x + flow(x), cubic; edges repeat."""
-    import cv2
+def follow(values: np.ndarray, flow: np.ndarray, *, order: int = 3) -> np.ndarray:
+    """Values (h, w, ...) at x + flow(x), of their own type, by splines of an order; edges repeat.
 
+    Order 1 for masks and for what is not a picture: exact on ramps, and a pixel without a value spoils no others.
+    """
     height, width = flow.shape[:2]
-    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    x, y = x + flow[..., 0].astype(np.float32), y + flow[..., 1].astype(np.float32)
-    return cv2.remap(values, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    centers = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
+    return sample(values, centers + flow, order=order).astype(values.dtype)
 
 
 def _gradient(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from photoclinometry.errors import ReconstructionError
 from photoclinometry.geometry import Rigid
+from photoclinometry.matching.sampling import sample
 from photoclinometry.scene import Camera, Region
 from photoclinometry.sparse import SparseModel
 
@@ -64,7 +65,6 @@ def fit_depth(
     that a second difference is the change of slope expected of rough terrain: 0.01 per pixel.
     xy: (n, 2) [px]; depth: (n,) along the optical axis. Returns (region.height, region.width).
     """
-    import cv2
     from scipy.sparse import diags
     from scipy.sparse.linalg import splu
 
@@ -72,21 +72,20 @@ def fit_depth(
     offset = np.median(depth)
     value = (depth - offset) / (noise_gsd * gsd)
     origin, shape = _grid(xy, region, spacing)
-    sample = _bilinear_matrix((xy - origin) / spacing, shape)
+    at_points = _bilinear_matrix((xy - origin) / spacing, shape)
     bend = _second_differences(shape) * (noise_gsd / (curvature_per_px * spacing**2))
     smooth = (bend.T @ bend).tocsc()
     weight = np.ones(len(value))
     nodes = np.zeros(shape[0] * shape[1])
     for _ in range(sweeps):
-        normal = (sample.T @ diags(weight) @ sample + smooth).tocsc()
-        nodes = splu(normal, permc_spec="MMD_AT_PLUS_A").solve(sample.T @ (weight * value))
-        residual = sample @ nodes - value
+        normal = (at_points.T @ diags(weight) @ at_points + smooth).tocsc()
+        nodes = splu(normal, permc_spec="MMD_AT_PLUS_A").solve(at_points.T @ (weight * value))
+        residual = at_points @ nodes - value
         scale = max(1.0, 1.4826 * float(np.median(np.abs(residual))))
         weight = 1.0 / (1.0 + (residual / (2.4 * scale)) ** 2)
     grid = nodes.reshape(shape)
-    x, y = np.moveaxis((region.pixel_centers() - origin) / spacing, -1, 0).astype(np.float32)
-    fine = cv2.remap(grid.astype(np.float32), x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return offset + fine.astype(float) * noise_gsd * gsd
+    fine = sample(grid, (region.pixel_centers() - origin) / spacing + 0.5)
+    return offset + fine * noise_gsd * gsd
 
 
 def predict_pixels(

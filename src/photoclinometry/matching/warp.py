@@ -14,6 +14,7 @@ import numpy as np
 
 from photoclinometry.matching.flow import crop, jacobian_determinant, resample
 from photoclinometry.matching.interface import Matches, MatchRequest
+from photoclinometry.matching.sampling import sample
 
 STRETCH_PERCENT = (0.5, 99.5)
 """Shares of a picture's brightness between which it is stretched."""
@@ -81,10 +82,10 @@ def matches_from_warps(
     centres = pixel_centers(shape)
     forward, backward = (displacement(warp, shape) for warp in (there, back))
     found = centres + forward
-    round_trip = np.linalg.norm(forward + at(backward, found), axis=-1)
+    round_trip = np.linalg.norm(forward + sample(backward, found, order=1), axis=-1)
     certainty = np.clip(on_grid(there.certainty, shape), 0.0, 1.0)
-    position = at(request.prediction, found)
-    valid = reference_valid & (at(target_valid.astype(float), found) > 0.99)
+    position = sample(request.prediction, found, order=1)
+    valid = reference_valid & (sample(target_valid.astype(float), found, order=1) > 0.99)
     outermost = np.array(shape[::-1]) - (0.5 - ROUNDING)
     valid &= np.all((found > 0.5 - ROUNDING) & (found < outermost), axis=-1) & np.isfinite(position).all(-1)
     valid &= (round_trip < options.max_round_trip_px) & (certainty >= options.min_certainty)
@@ -137,18 +138,3 @@ def _along(values: np.ndarray, count: int, axis: int) -> np.ndarray:
     low = np.clip(np.floor(where).astype(int), 0, len(values) - 2)
     share = (where - low).reshape(-1, *[1] * (values.ndim - 1))
     return np.moveaxis((1.0 - share) * values[low] + share * values[low + 1], 0, axis)
-
-
-def at(values: np.ndarray, xy: np.ndarray) -> np.ndarray:
-    """Values (h, w) or (h, w, n) of pixels at positions (..., 2) [px], linear between centres; edges repeat.
-
-    Not OpenCV's `remap`: its cubic kernel is off by up to 0.04 px on a ramp.
-    """
-    from scipy.ndimage import map_coordinates
-
-    row_col = (xy[..., 1] - 0.5, xy[..., 0] - 0.5)
-    layers = values.reshape(*values.shape[:2], -1)
-    found = [
-        map_coordinates(layers[..., n], row_col, np.float64, order=1, mode="nearest") for n in range(layers.shape[-1])
-    ]
-    return np.stack(found, axis=-1).reshape(*xy.shape[:-1], *values.shape[2:])
