@@ -38,7 +38,7 @@ class PosePrior:
     rotation_sigma_rad: float
     """Standard deviation about each axis."""
     translation_sigma: float
-    """Standard deviation along each axis, in the unit of B."""
+    """Standard deviation of the camera's centre along each axis, in the unit of B (metres, where B is body-fixed)."""
 
 
 @dataclass(frozen=True)
