@@ -81,6 +81,11 @@ class Site:
     path: Path
     """The file itself; image paths are relative to its folder."""
 
+    @property
+    def pose_priors(self) -> dict[str, PosePrior]:
+        """By the names of the views that have one."""
+        return {view.name: view.pose_prior for view in self.views if view.pose_prior is not None}
+
 
 def read_site(path: Path | str) -> Site:
     """The site that a TOML file describes; images are not opened. Raises SiteError."""
