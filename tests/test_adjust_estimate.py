@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from convergence import DEFAULT as CONVERGENCE
+from convergence import final_cost, random_start
 from matched import OPTIONS, matched_problem
 from photoclinometry.adjust import AdjustOptions, Anchors, PosePriors, adjust
 from photoclinometry.adjust.variables import Estimate
@@ -119,6 +121,15 @@ def test_outlier_keypoints_do_not_spoil_the_map(noisy):
     spoiled = replace(start, tracks=replace(start.tracks, keypoint=keypoint))
     clean, robust = adjust(start, INDEPENDENT).scene, adjust(spoiled, INDEPENDENT).scene
     assert errors(robust, noisy)[0] < 2.0 * errors(clean, noisy)[0]
+
+
+@pytest.mark.parametrize("seed", [0, 5, 7])
+def test_a_far_start_and_the_truth_end_at_one_cost(seed):
+    """Also of the two seeds that stalled before steps were limited against the map's common motion."""
+    start, truth = random_start(seed)
+    found = adjust(start, CONVERGENCE)
+    assert found.converged
+    assert final_cost(found) < (1.0 + 1e-4) * final_cost(adjust(truth, CONVERGENCE))
 
 
 def test_too_little_to_estimate_is_refused(noisy):

@@ -107,15 +107,6 @@ def test_what_progress_raises_ends_the_solve():
         minimize(problem, perturbed(scene), progress=cancel)
 
 
-def test_a_step_never_moves_a_landmark_beyond_the_limit():
-    scene = synthetic_scene(size=8, views=5)
-    problem, *_ = problem_of(scene)
-    start = perturbed(scene, size=3.0)
-    steps = []
-    minimize(problem, start, SolverOptions(max_steps=1), step_limit=5.0, progress=steps.append)
-    assert 0 < steps[0].position_step <= 5.0 + 1e-9
-
-
 def test_chebyshev_polynomial_approaches_the_inverse():
     """At a high degree the landmarks' preconditioner is the dense solution of their coupled system."""
     scene = synthetic_scene(size=6, views=5, keypoint_noise_px=0.3, brightness_noise=0.01)

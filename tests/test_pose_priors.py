@@ -19,8 +19,8 @@ from photoclinometry.io.truth import read_truth
 from photoclinometry.pipeline import RunOptions, run
 from photoclinometry.pose_priors import (
     enough,
-    fingerprint,
     place_by_priors,
+    prior_fingerprint,
     prior_metrics,
     prior_table,
     told,
@@ -135,8 +135,8 @@ def test_a_fingerprint_tells_the_last_digit(priors):
     name, prior = next(iter(priors.items()))
     pose = prior.cam_from_body
     nearly = Rigid(pose.rotation, pose.translation * (1.0 + 2e-16))
-    assert fingerprint(priors) == fingerprint(dict(reversed(priors.items())))
-    assert fingerprint(priors) != fingerprint(priors | {name: replace(prior, cam_from_body=nearly)})
+    assert prior_fingerprint(priors) == prior_fingerprint(dict(reversed(priors.items())))
+    assert prior_fingerprint(priors) != prior_fingerprint(priors | {name: replace(prior, cam_from_body=nearly)})
 
 
 def test_the_estimate_does_not_depend_on_frame_and_unit():

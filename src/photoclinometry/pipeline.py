@@ -23,7 +23,8 @@ from photoclinometry.io.site import Site, input_fingerprint, load_images, read_s
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
-from photoclinometry.pose_priors import adjust_with_priors, enough, fingerprint, place_by_priors
+from photoclinometry.matching.roma import RomaOptions, fingerprint, roma_matcher
+from photoclinometry.pose_priors import adjust_with_priors, enough, place_by_priors, prior_fingerprint
 from photoclinometry.products import Progress, RunResult, adjusted, write_config, write_products
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
 from photoclinometry.region import RegionOptions, choose_region
@@ -46,9 +47,10 @@ class RunOptions:
     match_rounds: int = 2
     """Times that the views are matched before the first map: after a pre-warp by the sparse surface, then by the dense
     one."""
-    matcher: Literal["relight", "flow"] = "relight"
+    matcher: Literal["relight", "flow", "roma"] = "relight"
     """relight: with a first map, match the views again, each with the reference relit for it, and adjust again. flow:
-    leave it at the first map, whose matches are of optical flow on the images themselves."""
+    leave it at the first map, whose matches are of optical flow on the images themselves. roma: as relight, but the
+    first map's matches are RoMa's (--roma.weights, --roma.dinov2); with --relight.rounds 0 it is left at them."""
     hold_out: tuple[str, ...] = ()
     """Views to leave out of the map, and measure it on: only their poses are found, from the finished map."""
     pose_priors: bool = True
@@ -57,6 +59,7 @@ class RunOptions:
     sfm: SfmOptions = field(default_factory=SfmOptions)
     region: RegionOptions = field(default_factory=RegionOptions)
     flow: FlowOptions = field(default_factory=FlowOptions)
+    roma: RomaOptions = field(default_factory=RomaOptions)
     relight: RelightOptions = field(default_factory=RelightOptions)
     densify: DensifyOptions = field(default_factory=DensifyOptions)
     adjust: AdjustOptions = field(default_factory=AdjustOptions)
@@ -83,6 +86,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     chosen = site.region.reference if site.region else None
     held_out = held_out_mask([view.name for view in site.views], options.hold_out, chosen)
     reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
+    matcher = first_matcher(options)
     folder = open_run(out)
     config = {"site": str(Path(site_file).resolve()), **asdict(options)}
     write_config(folder, config)
@@ -106,12 +110,13 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     place = folder.stage("region", key, lambda: _choose_place(site, sparse, images, views, options), _Place)
     region = Region(**dict(zip(("row", "col", "height", "width"), map(int, place.region), strict=True)))
 
-    key = digest("dense", key, options.match_rounds, options.flow, options.densify)
+    learned = (fingerprint(options.roma),) if options.matcher == "roma" else ()
+    key = digest("dense", key, options.match_rounds, options.flow, options.densify, *learned)
     dense: DenseTracks = folder.stage(
         "dense",
         key,
         lambda: match_and_densify(
-            sparse, images, views, int(place.reference), region, FlowMatcher(options.flow), options, report_progress
+            sparse, images, views, int(place.reference), region, matcher, options, report_progress
         ),
         DenseTracks,
     )
@@ -122,7 +127,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     anchors = anchors_from(sparse)
     priors = enough(site.pose_priors, scene) if options.pose_priors else {}
     if priors:
-        key = digest(key, fingerprint(priors))
+        key = digest(key, prior_fingerprint(priors))
 
     def estimate(start: Scene, last: bool) -> Adjustment:
         chosen, alone = _uncertain_only_if(last, options.adjust), None
@@ -144,7 +149,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         scene,
         [image for image, there in zip(images, sparse.registered, strict=True) if there],
         estimate,
-        options.relight if options.matcher == "relight" else replace(options.relight, rounds=0),
+        replace(options.relight, rounds=0) if options.matcher == "flow" else options.relight,
         options.flow,
         options.densify,
         report_progress,
@@ -167,6 +172,11 @@ def _in_frame_of(scene: Scene, anchors: Anchors, views: Views) -> Anchors:
     found = triangulate_tracks(anchors.tracks, scene.views)
     roughly = align_views(views, scene)(anchors.position)
     return replace(anchors, position=np.where(np.isfinite(found), found, roughly))
+
+
+def first_matcher(options: RunOptions) -> Matcher:
+    """What finds the matches of the first map. Raises InputError where its weights or packages are missing."""
+    return roma_matcher(options.roma) if options.matcher == "roma" else FlowMatcher(options.flow)
 
 
 def _uncertain_only_if(last: bool, options: AdjustOptions) -> AdjustOptions:

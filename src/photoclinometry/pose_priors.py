@@ -125,7 +125,7 @@ def told(scene: Scene, priors: Mapping[str, PosePrior]) -> PosePriors:
     return PosePriors(body_from_cam=Rigid(rotation, center), rotation_sigma=rotation_sigma, center_sigma=center_sigma)
 
 
-def fingerprint(priors: Mapping[str, PosePrior]) -> list[list[Any]]:
+def prior_fingerprint(priors: Mapping[str, PosePrior]) -> list[list[Any]]:
     """What the priors say, exactly, for `runfolder.digest`."""
     return [
         [

@@ -179,7 +179,6 @@ def _rounds(
     layout, place = build_layout(tracks, len(scene.views))
     unweighted = lay_out(tracks, place, layout.places)
     smooth = photometric and options.smooth_sigma_rad > 0
-    pairs = _pairs(scene.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
     own = np.arange(len(scene.landmarks)) < mapped
     if options.keypoint_sigma_px is not None:
         sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
@@ -199,6 +198,7 @@ def _rounds(
         final = final or round_ == options.max_rounds - 1
         measured = _weighted(unweighted, scene, options, place, lit, own, noise)
         smooth_sigma = options.smooth_sigma_rad * max(1.0, noise.brightness_correlation_px / BALANCED_CORRELATION_PX)
+        pairs = _pairs(estimate.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
         held = replace(priors, view_factor=noise.view_factor)
         problem = Problem(layout, measured, pairs, held, given, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose

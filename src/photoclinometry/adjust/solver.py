@@ -7,10 +7,8 @@ by pair. The preconditioner is each view's 10 x 10 block and, for landmarks, a C
 with the coupling of neighbours, as much as there is of it. (An exact Schur complement onto the cameras did not lower
 the count of iterations, nor did weakly determined directions remembered from earlier solves.)
 
-Two safeguards keep it from stalling. A landmark's step is cut to half a ground sample: the smoothness residual
-saturates, and one landmark that leaps becomes a spike that spoils every later step of all. And damping may fall far:
-turning and shifting a narrow-field camera are nearly the same. Where a step fails, a shorter one along the same
-direction is tried before damping has to rise.
+Two safeguards keep it from stalling. Steps are limited, and shortened where they fail, before damping has to rise (see
+`descent`). And damping may fall far: turning and shifting a narrow-field camera are nearly the same.
 """
 
 from __future__ import annotations
@@ -19,11 +17,11 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from photoclinometry.adjust.blocks import invert_blocks
+from photoclinometry.adjust.descent import descend
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.krylov import conjugate_gradients
 from photoclinometry.adjust.problem import COST_TERMS, NormalEquations, Problem
@@ -44,12 +42,6 @@ _LIGHT_DAMPING = 1e-4
 
 COARSE_ITERATIONS = 40
 """Conjugate-gradient iterations at most for how the other variables follow each reflectance parameter."""
-
-MAX_TURN = 0.5
-"""A normal turns by this at most in one step [rad]."""
-
-MAX_GLOBAL_TURN = 0.05
-"""A Sun, or a camera about the map, turns by this at most in one step [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,8 +116,9 @@ def minimize(
 ) -> Solution:
     """The estimate of least cost near `start`.
 
-    step_limit: longest step of a landmark, in units of B (half a ground sample). progress is called after
-    every step; what it raises ends the solve. throw: raise NotConvergedError instead of returning a status.
+    step_limit: longest step of a landmark against what all do, in units of B (half a ground sample). progress is
+    called after every step; what it raises ends the solve. throw: raise NotConvergedError instead of returning a
+    status.
     """
     options = options or SolverOptions()
     estimate, damping = start, options.initial_damping
@@ -147,7 +140,7 @@ def minimize(
             truncation=options.truncation if fast else options.final_truncation,
             enough=ENOUGH * max(options.relative_decrease * total, options.absolute_decrease),
         )
-        trial = _descend(problem, estimate, total, system.split(solve.x), step_limit)
+        trial = descend(problem, estimate, total, system.split(solve.x), step_limit)
         new_cost, moved, used = trial.cost, trial.moved, damping
         accepted = bool(new_cost.sum() <= total) and solve.iterations > 0
         if accepted:
@@ -156,7 +149,7 @@ def minimize(
             limit = max(options.relative_decrease * total, options.absolute_decrease)
             small = small + 1 if total - new_cost.sum() <= limit else 0
             fast = total - new_cost.sum() > FAST * total
-            if small and promised <= limit and damping <= _LIGHT_DAMPING:
+            if small and trial.whole and promised <= limit and damping <= _LIGHT_DAMPING:
                 small = 2
             estimate, cost, growth = trial.estimate, new_cost, 4.0
             damping = max(damping * _relief(gain), options.min_damping)
@@ -303,66 +296,6 @@ def _polynomial(problem: Problem, equations: NormalEquations, options: SolverOpt
     found = lowest_eigenvalue(problem.neighbours, equations.smooth_rows, block.astype(np.float32), inverse)
     low = min(max(found, options.chebyshev_low), 1.0)
     return low, chebyshev_degree(low, options.chebyshev_reduction)
-
-
-class _Trial(NamedTuple):
-    """A step tried."""
-
-    estimate: Estimate
-    cost: np.ndarray
-    """By term (5,)."""
-    equations: NormalEquations | None
-    """There, where they were made along with the cost."""
-    moves: np.ndarray
-    """(10 K + 6 J + T,) made."""
-    moved: float
-    """Root mean square of the landmarks' moves."""
-
-
-def _descend(
-    problem: Problem,
-    estimate: Estimate,
-    cost: float,
-    step: tuple[np.ndarray, np.ndarray, np.ndarray],
-    step_limit: float,
-) -> _Trial:
-    """The first of the whole step, a quarter and a sixteenth of it that does not raise the cost, else the last.
-
-    Most whole steps are good, so the normal equations are made there at once. Trying a shorter step costs a
-    thirtieth of solving for another.
-    """
-    camera, landmark, parameter = (part.astype(float) for part in step)
-    whole = _global_share(camera, parameter, estimate)
-    for share in (whole, whole / 4.0, whole / 16.0):
-        moves = _limited(share * landmark, step_limit, estimate)
-        candidate = estimate.step(share * camera, moves, share * parameter)
-        new_cost, equations = problem.linearize(candidate) if share == whole else (problem.cost(candidate), None)
-        if new_cost.sum() <= cost:
-            break
-        equations = None
-    moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
-    made = np.concatenate([share * camera.ravel(), moves.ravel(), share * parameter])
-    return _Trial(candidate, new_cost, equations, made, moved)
-
-
-def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
-    """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale and no
-    reflectance parameter by more than a fifth: beyond, the linear model of a view's brightness is worth nothing."""
-    turn = max(np.linalg.norm(camera[:, :3], axis=1).max(), np.linalg.norm(camera[:, 6:8], axis=1).max())
-    gain = np.max(np.abs(camera[:, 8]) / np.abs(estimate.views.scale))
-    return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / 0.2, *np.abs(parameter) / 0.2)
-
-
-def _limited(landmark: np.ndarray, max_move: float, estimate: Estimate) -> np.ndarray:
-    """Landmark steps (J, 6), each cut as a whole so that its position moves by `max_move` at most, its normal turns by
-    MAX_TURN, and its albedo does not fall below a tenth of what it is."""
-    length = np.linalg.norm(landmark[:, :3], axis=1)
-    turn = np.linalg.norm(landmark[:, 3:5], axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.minimum(1.0, np.minimum(max_move / length, MAX_TURN / turn))
-        fall = -landmark[:, 5] / (0.9 * np.maximum(estimate.landmarks.albedo, 1e-12))
-        share = np.where(fall * share > 1.0, 1.0 / fall, share)
-    return landmark * np.nan_to_num(share, nan=1.0)[:, None]
 
 
 def _iteration(cost, damping, iterations, accepted, moved, wall_s, cpu_s) -> Iteration:

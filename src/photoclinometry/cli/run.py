@@ -31,7 +31,8 @@ def run(
     from photoclinometry import pipeline
     from photoclinometry.io.site import read_site
 
-    read_site(site)  # a mistake there leaves no run folder behind
+    read_site(site)  # a mistake here leaves no run folder behind
+    pipeline.first_matcher(options)
 
     console = Console(stderr=True)
     with progress_bars(console) as progress, log_to(out, console):

@@ -11,7 +11,7 @@ from photoclinometry.io.atomic import write_text
 
 
 def write_options(path: Path, options: Mapping[str, Any]) -> None:
-    """The options and the package's version; tuples become lists, and what is None is left out, since TOML has none."""
+    """The options and the package's version; tuples become lists, paths text, and what is None is left out."""
     import tomli_w
 
     write_text(path, tomli_w.dumps(_plain({"version": __version__, **options})))
@@ -20,4 +20,6 @@ def write_options(path: Path, options: Mapping[str, Any]) -> None:
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _plain(v) for key, v in value.items() if v is not None}
+    if isinstance(value, Path):
+        return str(value.resolve())
     return list(value) if isinstance(value, tuple) else value

@@ -78,7 +78,7 @@ def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     it is sampled sparsely (a closer view), so that both pictures resolve the same."""
     import cv2
 
-    step = np.sqrt(np.abs(np.nanmedian(_jacobian_determinant(xy))))
+    step = np.sqrt(np.abs(np.nanmedian(jacobian_determinant(xy))))
     filled = _fill(image.brightness.astype(np.float32), image.valid)
     if step > 1.2:
         filled = cv2.GaussianBlur(filled, (0, 0), 0.5 * np.sqrt(step**2 - 1.0))
@@ -173,7 +173,8 @@ def _gradient(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return cv2.sepFilter2D(picture, -1, kernel, one), cv2.sepFilter2D(picture, -1, one, kernel)
 
 
-def _jacobian_determinant(xy: np.ndarray) -> np.ndarray:
+def jacobian_determinant(xy: np.ndarray) -> np.ndarray:
+    """(h, w) target pixels for one pixel of the grid, from where its pixels' centres lie (h, w, 2); signed."""
     down, right = np.gradient(xy, axis=0), np.gradient(xy, axis=1)
     return right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
 

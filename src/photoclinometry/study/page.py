@@ -34,7 +34,7 @@ def write_page(out: Path, options: StudyOptions, records: Sequence[Record]) -> P
         "tables": [table.as_dict() for table in found],
         "cells": [_as_dict(record) for record in records],
     }
-    write_text(out / "study.json", json.dumps(content, indent=1) + "\n")
+    write_text(out / "study.json", json.dumps(content, indent=1, default=str) + "\n")
     return out / "study.md"
 
 

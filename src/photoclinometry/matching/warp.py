@@ -1,0 +1,154 @@
+"""From a network's dense warp to matches: all of a learned matcher but the network.
+
+A network is any function of two pictures that says where each pixel of one lies in the other, and how surely; torch's
+(`matching/roma.py`), one in ONNX, or a stand-in. It is given the reference and the pre-warped target, as `flow` is: so
+it need not know rotations and scales that are known, and the same piece of ground fills both pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.matching.flow import crop, jacobian_determinant, resample
+from photoclinometry.matching.interface import Matches, MatchRequest
+
+STRETCH_PERCENT = (0.5, 99.5)
+"""Shares of a picture's brightness between which it is stretched."""
+
+ROUNDING = 1e-6
+"""How far beyond the outermost pixels' centres a match may be said to lie, by rounding [px]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Warp:
+    """Where one picture lies in another, on a grid (H, W) of any size that covers the whole picture."""
+
+    position: np.ndarray
+    """(H, W, 2) where each cell's centre lies in the other picture: x from -1, its left edge, to 1, its right edge; y
+    likewise from top to bottom."""
+    certainty: np.ndarray
+    """(H, W) in [0, 1]."""
+
+
+Network = Callable[[np.ndarray, np.ndarray], tuple[Warp, Warp]]
+"""Two pictures (h, w) float32 in [0, 1] -> warps from the first to the second, and back."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WarpOptions:
+    """Which of a network's matches are kept, and how well they are taken to be known."""
+
+    max_round_trip_px: float = 1.0
+    """A match must come back to its pixel within this when matched in return [px]."""
+    min_certainty: float = 0.05
+    """Least certainty that the network gives a match."""
+    sigma_cells: float = 0.5
+    """Standard deviation of a match about each axis, in cells of the warp's grid (pixels, as the network sees
+    them)."""
+
+
+@dataclass(frozen=True)
+class WarpMatcher:
+    """A network's dense matches after the pre-warp (`interface.Matcher`)."""
+
+    network: Network
+    options: WarpOptions
+    name: str = "warp"
+
+    def match(self, request: MatchRequest) -> Matches:
+        reference, target = crop(request.reference, request.padded), resample(request.target, request.prediction)
+        there, back = self.network(stretch(*reference), stretch(*target))
+        return matches_from_warps(request, reference[1], target[1], there, back, self.options)
+
+
+def matches_from_warps(
+    request: MatchRequest,
+    reference_valid: np.ndarray,
+    target_valid: np.ndarray,
+    there: Warp,
+    back: Warp,
+    options: WarpOptions,
+) -> Matches:
+    """Matches of the region from warps between the padded reference and the pre-warped target, both (h, w).
+
+    Kept is what lands on valid pixels, comes back, and is certain enough. The standard deviation is that of the
+    options and the round trip, in quadrature: a warp has no covariance, and certainty is no measure of precision.
+    """
+    shape = reference_valid.shape
+    centres = pixel_centers(shape)
+    forward, backward = (displacement(warp, shape) for warp in (there, back))
+    found = centres + forward
+    round_trip = np.linalg.norm(forward + at(backward, found), axis=-1)
+    certainty = np.clip(on_grid(there.certainty, shape), 0.0, 1.0)
+    position = at(request.prediction, found)
+    valid = reference_valid & (at(target_valid.astype(float), found) > 0.99)
+    outermost = np.array(shape[::-1]) - (0.5 - ROUNDING)
+    valid &= np.all((found > 0.5 - ROUNDING) & (found < outermost), axis=-1) & np.isfinite(position).all(-1)
+    valid &= (round_trip < options.max_round_trip_px) & (certainty >= options.min_certainty)
+    cell_px = np.sqrt(np.prod(shape) / there.certainty.size)
+    step = np.sqrt(np.abs(jacobian_determinant(request.prediction)))  # target pixels for one of the reference
+    sigma = step * np.hypot(options.sigma_cells * cell_px, round_trip)
+    inner = request.inner
+    return Matches(
+        position=np.where(valid[..., None], position, 0.0)[inner],
+        certainty=np.where(valid, certainty, 0.0).astype(np.float32)[inner],
+        sigma_px=sigma.astype(np.float32)[inner],
+        valid=valid[inner],
+    )
+
+
+def stretch(brightness: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """(h, w) float32 in [0, 1]: brightness between low and high percentiles of what is valid; elsewhere its median."""
+    if not valid.any():
+        return np.full(brightness.shape, 0.5, np.float32)
+    low, middle, high = np.percentile(brightness[valid], (STRETCH_PERCENT[0], 50.0, STRETCH_PERCENT[1]))
+    filled = np.where(valid, brightness, middle)
+    return np.clip((filled - low) / max(high - low, 1e-12), 0.0, 1.0).astype(np.float32)
+
+
+def displacement(warp: Warp, shape: tuple[int, ...]) -> np.ndarray:
+    """(h, w, 2) [px] from each pixel of a picture to where a warp says it lies in another of the same shape."""
+    height, width = shape
+    return (on_grid(warp.position, shape) + 1.0) / 2.0 * (width, height) - pixel_centers(shape)
+
+
+def pixel_centers(shape: tuple[int, ...]) -> np.ndarray:
+    """(h, w, 2) centres of a picture's pixels: (0.5, 0.5) is the top-left one's."""
+    row, col = np.indices(shape)
+    return np.stack([col, row], axis=-1) + 0.5
+
+
+def on_grid(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Values (H, W, ...) of cells as values (h, w, ...) of other cells on the same area, linear between centres.
+
+    Beyond the outermost centres it goes on as it was, so that what is linear stays so: H and W are at least 2.
+    """
+    for axis in (0, 1):
+        values = _along(np.asarray(values, float), shape[axis], axis)
+    return values
+
+
+def _along(values: np.ndarray, count: int, axis: int) -> np.ndarray:
+    values = np.moveaxis(values, axis, 0)
+    where = (np.arange(count) + 0.5) * len(values) / count - 0.5
+    low = np.clip(np.floor(where).astype(int), 0, len(values) - 2)
+    share = (where - low).reshape(-1, *[1] * (values.ndim - 1))
+    return np.moveaxis((1.0 - share) * values[low] + share * values[low + 1], 0, axis)
+
+
+def at(values: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """Values (h, w) or (h, w, n) of pixels at positions (..., 2) [px], linear between centres; edges repeat.
+
+    Not OpenCV's `remap`: its cubic kernel is off by up to 0.04 px on a ramp.
+    """
+    from scipy.ndimage import map_coordinates
+
+    row_col = (xy[..., 1] - 0.5, xy[..., 0] - 0.5)
+    layers = values.reshape(*values.shape[:2], -1)
+    found = [
+        map_coordinates(layers[..., n], row_col, np.float64, order=1, mode="nearest") for n in range(layers.shape[-1])
+    ]
+    return np.stack(found, axis=-1).reshape(*xy.shape[:-1], *values.shape[2:])
