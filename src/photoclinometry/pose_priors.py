@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,9 @@ from photoclinometry.geometry import Rigid, so3_log
 from photoclinometry.georeference import MIN_PRIORS, OUTLIER, agreement, deviation, georeferenced
 from photoclinometry.io.site import PosePrior
 from photoclinometry.metrics import spread
-from photoclinometry.pose_start import start_at_priors
 from photoclinometry.scene import Scene
 
 log = logging.getLogger(__name__)
-
-FAR_OFF = 3.0
-"""Where poses are off by so many sigmas (median), priors are so much better that they are the better start."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +29,6 @@ class Placed:
     """What the joint estimate is told: the priors that agree with the scene, by their sigmas."""
     names: tuple[str, ...]
     """Views whose priors these are."""
-    far_off: bool
-    """The scene's poses are off by many sigmas."""
 
 
 def enough(priors: Mapping[str, PosePrior], scene: Scene) -> dict[str, PosePrior]:
@@ -72,20 +66,7 @@ def place_by_priors(scene: Scene, priors: Mapping[str, PosePrior]) -> Placed | N
         moved.gsd,
     )
     agreeing = {name: priors[name] for name, used in zip(fit.names, fit.used, strict=True) if used}
-    far_off = bool(np.median(fit.deviation[fit.used]) > FAR_OFF)
-    return Placed(scene=moved, pose_priors=told(moved, agreeing), names=tuple(agreeing), far_off=far_off)
-
-
-def start_of(placed: Placed) -> Placed:
-    """Where the estimate starts: at the scene as it is, or, where this is far off, at the priors themselves."""
-    if not placed.far_off:
-        return placed
-    scene, used = start_at_priors(placed.scene, placed.pose_priors)
-    names = tuple(name for name, use in zip(scene.views.name, used, strict=True) if use)
-    log.info("the estimate starts at the pose priors of %s", ", ".join(names))
-    known, free = placed.pose_priors, np.where(used, 0.0, np.inf)
-    sigmas = {"rotation_sigma": known.rotation_sigma + free, "center_sigma": known.center_sigma + free}
-    return Placed(scene=scene, pose_priors=replace(known, **sigmas), names=names, far_off=True)
+    return Placed(scene=moved, pose_priors=told(moved, agreeing), names=tuple(agreeing))
 
 
 def adjust_with_priors(
@@ -99,7 +80,6 @@ def adjust_with_priors(
     placed = place_by_priors(start, priors)
     if placed is None:
         return None
-    placed = start_of(placed)
     found = adjust(placed.scene, placed.pose_priors)
     own = {name: priors[name] for name in placed.names}
     fit = agreement(found.scene, own)
@@ -109,7 +89,6 @@ def adjust_with_priors(
     if again is None:
         return found
     log.info("adjusted again without priors that contradict the images")
-    again = start_of(again)
     return adjust(again.scene, again.pose_priors)
 
 
