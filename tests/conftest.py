@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 
 
@@ -17,8 +18,9 @@ def adjust_nothing(monkeypatch):
 
     calls = []
 
-    def stand_in(scene, options, **_):
+    def stand_in(scene, options, pose_priors=None, **_):
         calls.append(options)
+        used = np.zeros(0, bool) if pose_priors is None else np.isfinite(pose_priors.center_sigma)
         noise = Noise(
             keypoint_factor=1.0,
             keypoint_correlation_px=1.0,
@@ -26,7 +28,7 @@ def adjust_nothing(monkeypatch):
             brightness_sigma=0.001,
             brightness_correlation_px=1.0,
         )
-        return Adjustment(scene, True, "not adjusted", (), noise, scene.tracks.lit)
+        return Adjustment(scene, True, "not adjusted", (), noise, scene.tracks.lit, pose_priors_used=used)
 
     monkeypatch.setattr(products, "adjust", stand_in)
     return calls

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from photoclinometry.align import transform_scene
-from photoclinometry.calibrate import sigma_metrics, tangent_error
+from photoclinometry.calibrate import scene_errors, sigma_metrics, tangent_error
 from photoclinometry.compare import compare_with_truth
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, Similarity, so3_exp, sphere_step
 from photoclinometry.metrics import calibration, normalised_square
+from photoclinometry.scene import BODY_FIXED, OWN
 from scenes import bumpy_surface, synthetic_scene
 from test_evaluate import on_bumps, truth_of
 
@@ -138,6 +139,16 @@ def test_uncertainties_say_the_same_of_a_scene_in_another_frame(kind, form):
     moved = transform_scene(Similarity(1e-2, so3_exp(np.array([-0.7, 1.5, 0.4])), np.array([5.0, 2.0, 1.0])), scene)
     expected = sigma_metrics(scene, true.views, true.landmarks, 1.0)
     assert sigma_metrics(moved, true.views, true.landmarks, 1.0) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_body_fixed_scene_is_compared_where_it_is():
+    """Moved by 5 m as a whole it is off by that; in a frame of its own that means nothing."""
+    true = synthetic_scene(size=8)
+    off = transform_scene(Similarity(1.0, np.eye(3), np.array([3.0, 4.0, 0.0])), true)
+    for frame, expected in ((BODY_FIXED, 5.0), (OWN, 0.0)):
+        found = scene_errors(replace(off, frame=frame), true.views, true.landmarks, 1.0)
+        for kind in ("position", "center"):
+            np.testing.assert_allclose(np.linalg.norm(found[kind], axis=-1), expected, atol=1e-6)
 
 
 def test_relative_albedos_are_compared_after_the_common_factor():

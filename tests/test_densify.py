@@ -1,5 +1,7 @@
 """Landmarks from matches: exact matches give exact points; wrong ones are found out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from photoclinometry.densify import (
     fundamental_matrix,
     sampson_error,
     triangulate,
+    triangulate_tracks,
 )
 from photoclinometry.errors import ReconstructionError
 from photoclinometry.geometry import Rigid
@@ -146,3 +149,15 @@ def test_triangulation_agrees_with_the_textbook_transform(scene):
         solution = np.linalg.svd(np.array(rows))[2][-1]
         expected = scene.gsd * solution[:3] / solution[3]
         assert np.linalg.norm(point - expected) < 0.05 * scene.gsd
+
+
+def test_exact_tracks_are_triangulated_exactly():
+    true = synthetic_scene(size=10)
+    found = triangulate_tracks(true.tracks, true.views)
+    np.testing.assert_allclose(found, true.landmarks.position, atol=1e-6 * np.abs(true.landmarks.position).max())
+
+
+def test_a_point_seen_once_has_no_place():
+    true = synthetic_scene(size=4)
+    once = replace(true.tracks, start=np.arange(len(true.tracks) + 1))
+    assert np.isnan(triangulate_tracks(once, true.views)).all()

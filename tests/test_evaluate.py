@@ -8,7 +8,7 @@ import pytest
 
 from photoclinometry.align import align_poses, refine_on_surface, transform_poses, transform_scene
 from photoclinometry.closest import CloudSurface, MeshSurface
-from photoclinometry.compare import compare_with_truth, evaluate_against_map, evaluate_against_truth
+from photoclinometry.compare import compare_with_truth, evaluate_against_map, evaluate_against_truth, frame_metrics
 from photoclinometry.errors import InputError
 from photoclinometry.evaluate import (
     completeness,
@@ -374,6 +374,17 @@ def test_a_scene_made_of_a_simulations_own_truth_has_no_error(tmp_path):
     assert metrics["camera_position_error_rms_m"] < 1e-2
     assert metrics["normal_error_at_point_mean_deg"] > 0.5  # relief below a pixel
     assert metrics["completeness_truly_lit_percent"] == 100.0
+
+
+def test_a_frame_that_is_off_is_told_by_hand():
+    """Scale 1 % too small, turned by 0.1 rad, and moved by 5 m: of three landmarks, one of which has no truth."""
+    true_from_found = Similarity(1.01, so3_exp(np.array([0.0, 0.1, 0.0])), np.zeros(3))
+    position = np.array([[3.0, 4.0, 0.0], [3.0, 4.0, 1.0], [9.0, 9.0, 9.0]])
+    true = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [np.nan] * 3])
+    found = frame_metrics(true_from_found, position, true)
+    assert found["frame_offset_m"] == pytest.approx(5.0)
+    assert found["frame_turn_deg"] == pytest.approx(np.degrees(0.1))
+    assert found["frame_scale_error_percent"] == pytest.approx(100.0 / 1.01 - 100.0)
 
 
 def test_geometry_alone_is_evaluated_without_photometry():

@@ -12,6 +12,7 @@ from photoclinometry.export.frame import framed
 from photoclinometry.geometry import Similarity
 from photoclinometry.io.similarity import read_similarity, write_similarity
 from photoclinometry.io.site import PosePrior, Site, SiteView, write_site
+from photoclinometry.scene import BODY_FIXED
 from places import IAU_RADIUS, RADIUS, cratered_place
 
 pytest.importorskip("rasterio")
@@ -82,6 +83,25 @@ def test_a_body_fixed_scene_in_kilometres_becomes_metres(place):
     expected = place.body_from_scene(place.scene.landmarks.position)
     np.testing.assert_allclose(found.scene.landmarks.position, expected, rtol=1e-12)
     assert found.globe.name == "Bennu, sphere of 260000 m"
+
+
+def test_a_run_in_the_frame_of_pose_priors_is_on_the_body_already(place):
+    moved = replace(transform_scene(place.body_from_scene, place.scene), frame=BODY_FIXED)
+    found = framed(moved, ExportOptions(body="vesta"))
+    np.testing.assert_array_equal(found.scene.landmarks.position, moved.landmarks.position)
+    assert (found.globe.name, found.metric) == (
+        framed(moved, ExportOptions(body="vesta", body_fixed=True)).globe.name,
+        True,
+    )
+    assert "by the pose priors of its run" in found.words
+    in_own = framed(moved, ExportOptions(unit_m=1.0))
+    assert (in_own.globe, in_own.metric) == (None, True)
+
+
+def test_a_run_whose_priors_were_not_body_fixed_is_not_put_on_the_body(place):
+    local = replace(place.scene, frame=BODY_FIXED)
+    with pytest.raises(InputError, match=r"pose priors of its site are not body-fixed.*--unit-m 1"):
+        framed(local, ExportOptions(body="vesta"))
 
 
 def test_a_scene_of_its_own_keeps_its_frame(place):

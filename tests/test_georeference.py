@@ -10,6 +10,7 @@ from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, Similarity, so3_exp, so3_log
 from photoclinometry.georeference import _inverse_left_jacobian, _linearised, _moved, fit_to_priors, georeferenced
 from photoclinometry.io.site import PosePrior
+from photoclinometry.scene import BODY_FIXED, OWN
 from scenes import synthetic_scene
 
 TRUTH = Similarity(3.7, so3_exp(np.array([0.4, -1.1, 2.0])), np.array([250.0, -90.0, 40.0]))
@@ -96,6 +97,48 @@ def test_one_wrong_prior_is_told_and_does_not_lead_astray():
     assert after.deviation[5] > 50
     shift = error(after.similarity, middle) - error(before.similarity, middle)
     assert np.abs(shift / np.sqrt(np.diag(before.covariance))).max() < 3.0
+
+
+def known(scene, noise=1.0, **sigmas):
+    priors = priors_of(scene.views.body_from_cam, np.random.default_rng(10), noise, **sigmas)
+    return dict(zip(scene.views.name, priors, strict=True))
+
+
+@pytest.mark.parametrize("degrees", [1.0, 170.0])
+def test_a_prior_that_contradicts_the_images_is_left_out_and_named(degrees, caplog):
+    """With it the frame is that of the others, to the last digit."""
+    scene = synthetic_scene(size=8, views=7)
+    priors = known(scene, rotation_sigma=1e-3)
+    name = scene.views.name[4]
+    pose, turn = priors[name].cam_from_body, so3_exp(np.array([0.0, np.radians(degrees), 0.0]))
+    spoilt = priors | {name: replace(priors[name], cam_from_body=Rigid(turn @ pose.rotation, turn @ pose.translation))}
+    moved, fit = georeferenced(scene, spoilt)
+    assert np.flatnonzero(~fit.used).tolist() == [4]
+    assert f"{name} is off by" in caplog.text
+    assert f"{degrees:.2g}"[0] in caplog.text
+    others, _ = georeferenced(scene, {n: p for n, p in priors.items() if n != name})
+    np.testing.assert_allclose(moved.landmarks.position, others.landmarks.position, rtol=1e-6)
+    assert (moved.frame, scene.frame) == (BODY_FIXED, OWN)
+
+
+def test_priors_within_their_sigmas_are_all_used(caplog):
+    """Also where the scene's poses are off by ten sigmas: that is the scene's error, not a prior's."""
+    scene = synthetic_scene(size=8, views=7)
+    for noise in (1.0, 10.0):
+        _, fit = georeferenced(scene, known(scene, noise, rotation_sigma=1e-3))
+        assert fit.used.all()
+    assert not caplog.records
+
+
+def test_priors_that_agree_on_nothing_are_refused():
+    scene = synthetic_scene(size=8, views=7)
+    rng, priors = np.random.default_rng(11), known(scene)
+    for name, prior in priors.items():
+        turn = so3_exp(rng.uniform(0.5, 2.0, 3) * rng.choice([-1, 1], 3))
+        pose = prior.cam_from_body
+        priors[name] = replace(prior, cam_from_body=Rigid(turn @ pose.rotation, turn @ pose.translation))
+    with pytest.raises(InputError, match=r"pose priors agree with the images|contradict their orientations"):
+        georeferenced(scene, priors)
 
 
 def test_the_fit_is_a_minimum():

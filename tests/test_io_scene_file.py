@@ -9,7 +9,7 @@ import pytest
 from photoclinometry.errors import RunFolderError
 from photoclinometry.io.scene_file import read_scene, write_scene
 from photoclinometry.reflectance import Reflectance
-from photoclinometry.scene import Camera
+from photoclinometry.scene import BODY_FIXED, OWN, Camera
 from scenes import synthetic_scene
 
 
@@ -46,7 +46,7 @@ def variants(scene):
     yield "plain", scene
     yield "geometry alone", replace(scene, reflectance=None)
     yield "no phase function", replace(scene, reflectance=Reflectance("mcewen"), brightness="dn")
-    yield "body and several cameras", replace(scene, body="vesta", views=views, reference=2)
+    yield "body and several cameras", replace(scene, body="vesta", views=views, reference=2, frame=BODY_FIXED)
     yield (
         "uncertainty",
         replace(
@@ -66,6 +66,21 @@ def test_reading_gives_back_every_field_exactly(tmp_path, scene, number):
     _, written = list(variants(scene))[number]
     write_scene(tmp_path / "scene.h5", written)
     assert_same(written, read_scene(tmp_path / "scene.h5"))
+
+
+def test_the_frame_is_told_and_files_that_do_not_know_of_it_are_read(tmp_path, scene):
+    """A body-fixed scene's lengths are metres. Files of before say nothing, others nonsense."""
+    path = tmp_path / "scene.h5"
+    write_scene(path, replace(scene, frame=BODY_FIXED))
+    with h5py.File(path, "r+") as file:
+        assert file["landmarks/position"].attrs["unit"] == "m"
+        assert file["views/translation"].attrs["unit"] == "m"
+        del file.attrs["frame"]
+    assert read_scene(path).frame == OWN
+    with h5py.File(path, "r+") as file:
+        file.attrs["frame"] = "galactic"
+    with pytest.raises(RunFolderError, match=r"contradicts itself \(its frame is 'galactic'\)"):
+        read_scene(path)
 
 
 def test_every_dataset_says_its_unit_frame_and_meaning(tmp_path, scene):

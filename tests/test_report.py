@@ -52,6 +52,7 @@ def report(tmp_path_factory):
             {"stage": "sparse", "wall_s": 12.25, "cpu_s": 20.5, "peak_memory_gb": 1.25},
             {"stage": "adjust", "wall_s": 30.0, "cpu_s": 55.0, "peak_memory_gb": 2.5},
         ],
+        pose_priors=[{"name": "images/prior.fits", "used": False, "center_off_m": 812.5, "off_sigmas": 13.8}],
         convergence=[{"projection": 1e6 / 4**i, "photometric": 3e6 / 9**i + 1e3, "sun": 0.0} for i in range(6)],
         errors={"normal_error_deg": np.abs(np.random.default_rng(0).normal(size=1600))},
         options={"adjust": {"iterations": 10, "sigma": {"keypoint_px": 1.0}}, "matcher": "flow"},
@@ -83,6 +84,9 @@ def test_page_shows_views_stages_and_options(report):
         "images/<odd>.fits",
         "peak memory [GB]",
         "12.25",
+        "images/prior.fits",
+        "center off [m]",
+        "812.5",
         "adjust.sigma.keypoint_px = 1.0",
         "PSNR [dB]",
     ):

@@ -105,12 +105,13 @@ def test_suns_and_pose_priors_of_the_site_are_off_by_about_what_they_state(tmp_p
 
 
 def test_pose_priors_scatter_by_what_they_state():
-    """About each axis of C, of 600 views; independent of each other."""
+    """Attitudes about each axis of C, centres along each of B, of 600 views; independent of each other."""
     options = replace(SMALL, views=600, pose_sigma=(0.01, 20.0))
     _, views = draw_views(options, PRESETS["demo"])
-    priors, true = pose_priors(options, views.body_from_cam), views.body_from_cam.inverse()
-    turn = np.array([so3_log(p.cam_from_body.rotation @ true.rotation[k].T) for k, p in enumerate(priors)])
-    shift = np.array([p.cam_from_body.translation - true.translation[k] for k, p in enumerate(priors)])
+    true = views.body_from_cam
+    found = [prior.cam_from_body.inverse() for prior in pose_priors(options, true)]
+    turn = np.array([so3_log(true.rotation[k].T @ pose.rotation) for k, pose in enumerate(found)])
+    shift = np.array([pose.translation - true.translation[k] for k, pose in enumerate(found)])
     errors = np.concatenate([turn / np.radians(0.01), shift / 20.0], 1)
     np.testing.assert_allclose(np.cov(errors.T), np.eye(6), atol=0.2)  # its own spread is 0.06 on the diagonal
     np.testing.assert_allclose(errors.mean(0), 0.0, atol=0.2)

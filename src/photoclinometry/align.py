@@ -14,7 +14,7 @@ import numpy as np
 
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, Similarity, so3_exp, tangent_basis
-from photoclinometry.scene import Scene
+from photoclinometry.scene import OWN, Scene, Views
 
 Closest = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Points (n, 3) -> their nearest points on a surface (n, 3), and (n,) bool: not on the surface's rim."""
@@ -31,10 +31,14 @@ def transform_poses(similarity: Similarity, body_from_cam: Rigid) -> Rigid:
 
 
 def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
-    """The same scene in another frame (target_from_B): nothing that it predicts about images changes."""
+    """The same scene in another frame (target_from_B): nothing that it predicts about images changes.
+
+    Of which kind that frame is, `Scene.frame`, is for the caller to say.
+    """
     views, landmarks = scene.views, scene.landmarks
     moved = replace(
         scene,
+        frame=OWN,
         views=replace(
             views,
             body_from_cam=transform_poses(similarity, views.body_from_cam),
@@ -108,6 +112,19 @@ def align_poses(source: Rigid, target: Rigid, distance: float) -> Similarity:
         rotation,
         target.translation.mean(0) - scale * rotation @ source.translation.mean(0),
     )
+
+
+def align_views(views: Views, scene: Scene) -> Similarity:
+    """scene_from_views by the poses of the views that both have (by name). Raises InputError as `align_poses`."""
+    shared = [views.name.index(name) for name in scene.views.name]
+    theirs = views.body_from_cam[shared]
+    return align_poses(scene.views.body_from_cam, theirs, camera_distance(scene)).inverse()
+
+
+def camera_distance(scene: Scene) -> float:
+    """Median distance of the cameras from the middle of the map, in units of B."""
+    middle = np.median(scene.landmarks.position, axis=0)
+    return float(np.median(np.linalg.norm(scene.views.body_from_cam.translation - middle, axis=-1)))
 
 
 @dataclass(frozen=True)

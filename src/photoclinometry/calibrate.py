@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3_log, tangent_basis, unit
+from photoclinometry.geometry import Rigid, Similarity, align_similarity, angle_between, so3_log, tangent_basis, unit
 from photoclinometry.metrics import calibration
-from photoclinometry.scene import Landmarks, Scene, Views
+from photoclinometry.scene import BODY_FIXED, Landmarks, Scene, Views
 
 
 def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, float]:
@@ -23,7 +23,8 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
 
     true_views: the scene's views, in order; true: the truth behind each landmark, NaN where there is none, both in
     a frame and unit of their own. The frames are joined by the similarity of least squares between the landmarks,
-    since a scene made from images alone cannot know them. albedo_factor: albedo times this is the truth's.
+    since a scene made from images alone cannot know them; a body-fixed one is taken to be in the truth's frame and unit
+    already, as far as its uncertainties say. albedo_factor: albedo times this is the truth's.
     Raises InputError for uncertainties of a shape that means nothing.
     """
     metrics: dict[str, float] = {}
@@ -43,7 +44,9 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
 def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, np.ndarray]:
     """Estimate minus truth, in the coordinates of the module's table, frame and unit of the scene."""
     known = np.isfinite(true.position).all(-1)
-    scene_from_true = align_similarity(true.position[known], scene.landmarks.position[known])
+    scene_from_true = Similarity(1.0, np.eye(3), np.zeros(3))
+    if scene.frame != BODY_FIXED:
+        scene_from_true = align_similarity(true.position[known], scene.landmarks.position[known])
     poses = true_views.body_from_cam
     true_poses = Rigid(scene_from_true.rotation @ poses.rotation, scene_from_true(poses.translation))
     turn = np.swapaxes(true_poses.rotation, -1, -2) @ scene.views.body_from_cam.rotation

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from photoclinometry.align import Closest, align_poses, refine_on_surface, transform_poses, transform_scene
+from photoclinometry.align import (
+    Closest,
+    align_poses,
+    camera_distance,
+    refine_on_surface,
+    transform_poses,
+    transform_scene,
+)
 from photoclinometry.calibrate import sigma_metrics
 from photoclinometry.closest import CloudSurface, MeshSurface
 from photoclinometry.errors import InputError
@@ -17,7 +24,7 @@ from photoclinometry.geometry import Rigid, Similarity, angle_between, so3_log
 from photoclinometry.metrics import albedo_error, albedo_factor, landmark_error, normal_error, spread
 from photoclinometry.predict import keypoint_residuals
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION
-from photoclinometry.scene import Landmarks, Scene, Views
+from photoclinometry.scene import BODY_FIXED, Landmarks, Scene, Views
 
 if TYPE_CHECKING:
     from photoclinometry.io.ply import PlyMap
@@ -72,7 +79,7 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
     true_views: the scene's views in the same order; maps: arrays over the region with the attributes of
     `simulate.truth.TruthMaps`; closest: nearest points of the true surface. Lengths in metres.
     """
-    by_poses = align_poses(scene.views.body_from_cam, true_views.body_from_cam, distance=_camera_distance(scene))
+    by_poses = align_poses(scene.views.body_from_cam, true_views.body_from_cam, distance=camera_distance(scene))
     fit = refine_on_surface(scene.landmarks.position, scene.landmarks.normal, closest, by_poses)
     aligned = transform_scene(fit.similarity, scene)
     row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
@@ -101,6 +108,8 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
     for key in ("surface_distance", "landmark_error", "position_error"):
         metrics |= spread(errors[f"{key}_m"] / aligned.gsd, key, "gsd")
     metrics |= _alignment_metrics(by_poses, fit.similarity, fit.determined, aligned)
+    if scene.frame == BODY_FIXED:
+        metrics |= frame_metrics(by_poses, scene.landmarks.position, true.position)
     metrics |= pose_metrics(scene.views.body_from_cam, true_views.body_from_cam, by_poses, "m")
     metrics |= spread(np.degrees(angle_between(aligned.views.sun, true_views.sun)), "sun_error", "deg")
     metrics |= spread(_keypoint_error(scene, true_views, true.position), "keypoint_error", "px")
@@ -139,7 +148,7 @@ def evaluate_against_map(
                 f"the scene has {scene.views.name[0]}, the reference {names[0] if names else 'none'}"
             )
         ours, theirs = scene.views.body_from_cam[list(index)], body_from_cam[list(index.values())]
-        by_poses = align_poses(ours, theirs, distance=_camera_distance(scene))
+        by_poses = align_poses(ours, theirs, distance=camera_distance(scene))
         metrics = pose_metrics(ours, theirs, by_poses, unit)
     normals = _vertex_normals(reference) if reference.normal is None else reference.normal
     if reference.faces is not None and len(reference.faces):
@@ -166,6 +175,18 @@ def evaluate_against_map(
         found, extra = _albedo_metrics(scene, theirs, "albedo_error")
         errors, metrics = errors | found, metrics | extra
     return Comparison(metrics, aligned, errors)
+
+
+def frame_metrics(true_from_found: Similarity, position: np.ndarray, true: np.ndarray) -> dict[str, float]:
+    """How far off the frame of a body-fixed scene is: attitude and scale by its cameras, place by its landmarks.
+
+    position, true: (J, 3) landmarks as they are, without any alignment, and the truth, NaN where there is none.
+    """
+    return {
+        "frame_offset_m": float(np.linalg.norm(np.nanmedian(position - true, axis=0))),
+        "frame_turn_deg": float(np.degrees(np.linalg.norm(so3_log(true_from_found.rotation)))),
+        "frame_scale_error_percent": 100.0 * (1.0 / true_from_found.scale - 1.0),
+    }
 
 
 def pose_metrics(found: Rigid, true: Rigid, true_from_found: Similarity, unit: str) -> dict[str, float]:
@@ -241,12 +262,6 @@ def _keypoint_error(scene: Scene, true_views: Views, true_position: np.ndarray) 
     error = np.linalg.norm(keypoint_residuals(truth), axis=-1)
     error[scene.tracks.view == scene.reference] = np.nan
     return error
-
-
-def _camera_distance(scene: Scene) -> float:
-    """Median distance of the cameras from the middle of the map, in units of B."""
-    middle = np.median(scene.landmarks.position, axis=0)
-    return float(np.median(np.linalg.norm(scene.views.body_from_cam.translation - middle, axis=-1)))
 
 
 def _indices(ours: Sequence[str], theirs: Sequence[str]) -> dict[int, int]:

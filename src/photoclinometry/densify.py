@@ -12,7 +12,7 @@ from numba import njit, prange
 from photoclinometry.errors import ReconstructionError
 from photoclinometry.geometry import Rigid, skew
 from photoclinometry.matching.interface import Matches
-from photoclinometry.scene import Camera, Region
+from photoclinometry.scene import Camera, Region, Tracks, Views
 
 log = logging.getLogger(__name__)
 
@@ -197,6 +197,30 @@ def triangulate(xy, weight, used, rotation, translation, intrinsics, point):
         point[1] = (c01 * b0 + c11 * b1 + c12 * b2) / determinant
         point[2] = (c02 * b0 + c12 * b1 + c22 * b2) / determinant
     return True
+
+
+def triangulate_tracks(tracks: Tracks, views: Views) -> np.ndarray:
+    """(J, 3) the points of all tracks by `triangulate`; NaN where their rays do not fix one."""
+    cam_from_body = views.body_from_cam.inverse()
+    rotation = np.ascontiguousarray(cam_from_body.rotation)
+    weight = 1.0 / tracks.keypoint_sigma
+    found = np.full((len(tracks.start) - 1, 3), np.nan)
+    _triangulate_tracks(
+        tracks.start, tracks.view, tracks.keypoint, weight, rotation, cam_from_body.translation, views.intrinsics, found
+    )
+    return found
+
+
+@njit(cache=True)
+def _triangulate_tracks(start, view, keypoint, weight, rotation, translation, intrinsics, position):
+    """Writes position (J, 3) where there is one."""
+    point = np.zeros(3)
+    for j in range(len(start) - 1):
+        seen = slice(start[j], start[j + 1])
+        k = view[seen]
+        used = np.ones(len(k), np.bool_)
+        if triangulate(keypoint[seen], weight[seen], used, rotation[k], translation[k], intrinsics[k], point):
+            position[j] = point
 
 
 @njit(cache=True)

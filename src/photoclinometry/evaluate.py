@@ -152,7 +152,7 @@ def evaluate_scene(
         "landmarks": len(scene.landmarks),
         "observations": len(tracks),
         "observations_per_landmark_mean": len(tracks) / max(1, len(scene.landmarks)),
-        "gsd_in_scene_unit": scene.gsd,
+        "gsd_m" if scene.unit == "m" else "gsd_in_scene_unit": scene.gsd,
         **spread(keypoint_residual_px(scene), "keypoint_residual", "px"),
     }
     if scene.reflectance is not None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from photoclinometry.align import align_views, transform_poses
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, skew, so3_exp
 from photoclinometry.initialize import predicted_ratio, sample_brightness
@@ -92,6 +93,16 @@ def held_out_views(views: Views, resected: Resected) -> Views:
         sun=np.einsum("kij,kj->ki", resected.body_from_cam.rotation, chosen.sun_measured),
         scale=resected.scale,
         bias=resected.bias,
+    )
+
+
+def views_in_frame_of(scene: Scene, views: Views) -> Views:
+    """All K views with their rough poses in the scene's frame, by the poses of those that both have."""
+    scene_from_views = align_views(views, scene)
+    return replace(
+        views,
+        body_from_cam=transform_poses(scene_from_views, views.body_from_cam),
+        sun=views.sun @ scene_from_views.rotation.T,
     )
 
 

@@ -11,11 +11,12 @@ from typing import Literal
 import numpy as np
 
 from photoclinometry import __version__
-from photoclinometry.adjust import AdjustOptions, Anchors
-from photoclinometry.densify import DenseTracks, DensifyOptions, densify
+from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, PosePriors
+from photoclinometry.align import align_views
+from photoclinometry.densify import DenseTracks, DensifyOptions, densify, triangulate_tracks
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import unit
-from photoclinometry.holdout import Resected, held_out_mask, held_out_views, resect_views
+from photoclinometry.holdout import Resected, held_out_mask, held_out_views, resect_views, views_in_frame_of
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours, sample_brightness
 from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
@@ -23,12 +24,13 @@ from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
 from photoclinometry.matching.roma import RomaOptions, fingerprint, roma_matcher
+from photoclinometry.pose_priors import adjust_with_priors, enough, place_by_priors, prior_fingerprint
 from photoclinometry.products import Progress, RunResult, adjusted, write_config, write_products
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
 from photoclinometry.region import RegionOptions, choose_region
 from photoclinometry.rounds import RelightOptions, adjust_in_rounds
 from photoclinometry.runfolder import RunFolder, digest, open_run
-from photoclinometry.scene import Image, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.scene import OWN, Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sparse import SparseModel, without_views
 
@@ -51,6 +53,9 @@ class RunOptions:
     first map's matches are RoMa's (--roma.weights, --roma.dinov2); with --relight.rounds 0 it is left at them."""
     hold_out: tuple[str, ...] = ()
     """Views to leave out of the map, and measure it on: only their poses are found, from the finished map."""
+    pose_priors: bool = True
+    """Where three views or more have pose priors (`cam_from_body`), put the map into their frame, body-fixed and in
+    metres, and let them have their say in the estimate."""
     sfm: SfmOptions = field(default_factory=SfmOptions)
     region: RegionOptions = field(default_factory=RegionOptions)
     flow: FlowOptions = field(default_factory=FlowOptions)
@@ -89,7 +94,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         images = load_images(site, lambda done, total: report_progress("images", done, total))
     cameras = [view.camera for view in site.views]
 
-    key = digest("sparse", __version__, input_fingerprint(replace(site, region=None)), options.sfm)
+    key = digest("sparse", __version__, input_fingerprint(_images_alone(site)), options.sfm)
     sparse: SparseModel = folder.stage(
         "sparse",
         key,
@@ -120,20 +125,53 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         scene = initial_scene(site, sparse, images, views, int(place.reference), region, dense, reflectance)
     key = digest("adjust", key, options.reflectance, options.adjust, options.relight.slack)
     anchors = anchors_from(sparse)
+    priors = enough(site.pose_priors, scene) if options.pose_priors else {}
+    if priors:
+        key = digest(key, prior_fingerprint(priors))
+
+    def estimate(start: Scene, last: bool) -> Adjustment:
+        chosen, alone = _of_round(last, options), None
+
+        def adjust(scene: Scene, known: PosePriors | None = None) -> Adjustment:
+            return adjusted(scene, chosen, report_progress, _in_frame_of(scene, anchors, views), known)
+
+        if start.frame == OWN:
+            alone = adjust(start)
+            placed = place_by_priors(alone.scene, priors) if priors else None
+            if placed is None or not last:
+                return alone if placed is None else replace(alone, scene=placed.scene)
+            start = alone.scene
+        return adjust_with_priors(start, priors, adjust) or alone or adjust(start)
+
     adjustment, rounds = adjust_in_rounds(
         folder,
         key,
         scene,
         [image for image, there in zip(images, sparse.registered, strict=True) if there],
-        lambda start, last: adjusted(start, _of_round(last, options), report_progress, anchors),
+        estimate,
         replace(options.relight, rounds=0) if options.matcher == "flow" else options.relight,
         options.flow,
         options.densify,
         report_progress,
     )
     key = digest("held out", key, options.flow, options.matcher, options.relight)
-    aside = _resect_or_read(folder, key, adjustment.scene, views, held, images, options)
-    return write_products(folder, adjustment, images, config, left_out, aside, rounds)
+    rough = views_in_frame_of(adjustment.scene, views) if priors else views
+    aside = _resect_or_read(folder, key, adjustment.scene, rough, held, images, options)
+    return write_products(folder, adjustment, images, config, left_out, aside, rounds, priors)
+
+
+def _images_alone(site: Site) -> Site:
+    """The site without what the sparse stage does not look at, so that it is not done again for that."""
+    return replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
+
+
+def _in_frame_of(scene: Scene, anchors: Anchors, views: Views) -> Anchors:
+    """The anchors, which are in the frame of `views`, in the scene's, where its own poses see them."""
+    if scene.frame == OWN:
+        return anchors
+    found = triangulate_tracks(anchors.tracks, scene.views)
+    roughly = align_views(views, scene)(anchors.position)
+    return replace(anchors, position=np.where(np.isfinite(found), found, roughly))
 
 
 def first_matcher(options: RunOptions) -> Matcher:

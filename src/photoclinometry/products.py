@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, Iteration, Noise, adjust
+from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, Iteration, Noise, PosePriors, adjust
 from photoclinometry.errors import RunFolderError
 from photoclinometry.io.options import write_options
+from photoclinometry.io.site import PosePrior
+from photoclinometry.pose_priors import prior_metrics, prior_table, warn_of_outliers
 from photoclinometry.runfolder import RunFolder
 from photoclinometry.scene import Image, Scene, Views
 
@@ -58,7 +60,13 @@ def adjust_or_read(
     return kept_or_made(folder, key, lambda: (adjusted(scene, options, progress, anchors), {}))[0]
 
 
-def adjusted(scene: Scene, options: AdjustOptions, progress: Progress, anchors: Anchors | None = None) -> Adjustment:
+def adjusted(
+    scene: Scene,
+    options: AdjustOptions,
+    progress: Progress,
+    anchors: Anchors | None = None,
+    pose_priors: PosePriors | None = None,
+) -> Adjustment:
     """`adjust`, with its steps reported."""
     steps = 0
 
@@ -67,7 +75,7 @@ def adjusted(scene: Scene, options: AdjustOptions, progress: Progress, anchors: 
         steps += 1
         progress("adjust", steps, 0)
 
-    return adjust(scene, options, anchors=anchors, progress=count)
+    return adjust(scene, options, anchors=anchors, pose_priors=pose_priors, progress=count)
 
 
 def kept_or_made(
@@ -92,6 +100,7 @@ def kept_or_made(
             "log": [asdict(i) for i in adjustment.log],
             "noise": asdict(adjustment.noise),
             "parameter_sigma": adjustment.parameter_sigma.tolist(),
+            "pose_priors_used": adjustment.pose_priors_used.tolist(),
         }
         return Kept(summary=json.dumps(summary), more=json.dumps(more))
 
@@ -107,6 +116,7 @@ def kept_or_made(
         Noise(**done["noise"]),
         scene.tracks.lit,
         np.array(done["parameter_sigma"]),
+        np.array(done["pose_priors_used"], bool),
     ), json.loads(kept.more)
 
 
@@ -134,11 +144,13 @@ def write_products(
     left_out: tuple[str, ...],
     held_out: Views | None = None,
     rounds: Sequence[Mapping[str, float]] = (),
+    priors: Mapping[str, PosePrior] | None = None,
 ) -> RunResult:
     """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
 
     config: what shaped the run, for the report; left_out: names of views that are not in the scene; held_out: views
-    that the scene was not made from, in its frame; rounds: what each round of matching and adjusting brought.
+    that the scene was not made from, in its frame; rounds: what each round of matching and adjusting brought; priors:
+    of the poses of views (by name), if the scene is in their frame.
     """
     from photoclinometry.evaluate import evaluate_scene, held_out_table, view_table
     from photoclinometry.io.atomic import write_text
@@ -159,6 +171,9 @@ def write_products(
         noise = asdict(adjustment.noise).items()
         metrics |= {name: value for name, value in noise if photometric or not name.startswith("brightness")}
         metrics |= _parameter_metrics(adjustment)
+        of_priors = prior_table(scene, priors or {}, adjustment.pose_priors_used)
+        metrics |= prior_metrics(of_priors)
+        warn_of_outliers(of_priors)
     with folder.timed("report"):
         rows = [{"registered": True, **row} for row in rows + aside]
         rows += [{"name": name, "registered": False} for name in left_out]
@@ -170,14 +185,18 @@ def write_products(
             per_view=rows,
             stages=[asdict(stage) for stage in folder.stages],
             rounds=rounds,
+            pose_priors=of_priors,
             convergence=[i.cost for i in adjustment.log if i.accepted],
             options=config,
+            unit=scene.unit,
         )
     summary = {
         "metrics": json_numbers(metrics),
         "views": rows,
         "left_out": list(left_out),
         "rounds": [json_numbers(round_) for round_ in rounds],
+        "frame": scene.frame,
+        "pose_priors": of_priors,
         "stages": [asdict(stage) for stage in folder.stages],
         "message": adjustment.message,
     }

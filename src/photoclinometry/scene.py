@@ -15,6 +15,9 @@ from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid
 from photoclinometry.reflectance import Reflectance
 
+OWN, BODY_FIXED = "own", "body-fixed"
+"""What is known of a scene's frame B."""
+
 CAMERA_PARAMETERS = {"PINHOLE": 4, "SIMPLE_PINHOLE": 3}
 
 
@@ -212,6 +215,14 @@ class Scene:
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
     """Standard deviations or covariances by name, first axis J or K; empty until computed. `calibrate.py` lists names
     and axes, `adjust/uncertainty.py` says in which frame they are."""
+    frame: str = OWN
+    """OWN: origin, axes and unit of length are the images' alone, or nobody said. BODY_FIXED: those of pose priors,
+    origin in the body's centre, z to the north pole, x to longitude 0, in metres."""
+
+    @property
+    def unit(self) -> str | None:
+        """The unit of length, where it is known."""
+        return "m" if self.frame == BODY_FIXED else None
 
     @property
     def gsd(self) -> float:

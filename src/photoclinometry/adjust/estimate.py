@@ -87,6 +87,8 @@ class Adjustment:
     """(N,) bool: observations whose brightness was used, in the order of the scene's tracks."""
     parameter_sigma: np.ndarray = field(default_factory=lambda: np.zeros(0))
     """(T,) standard deviations of the reflectance's `parameters`; of none where they are held."""
+    pose_priors_used: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    """(K,) views whose pose prior had a say; of none where there were no priors but the gauge's."""
 
 
 def adjust(
@@ -129,6 +131,8 @@ def adjust(
         name: value[back] if name in OF_LANDMARKS else value for name, value in adjustment.scene.uncertainty.items()
     }
     adjusted = replace(scene, reflectance=adjustment.scene.reflectance, uncertainty=uncertainty)
+    if pose_priors is not None:
+        adjustment = replace(adjustment, pose_priors_used=np.isfinite(pose_priors.center_sigma))
     return replace(adjustment, scene=adjusted.with_estimate(adjustment.scene.views, estimate[back]), lit=lit)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from photoclinometry.cli.folders import read_run
 from photoclinometry.errors import InputError
+from photoclinometry.scene import BODY_FIXED
 
 
 def info(path: Path, /) -> None:
@@ -80,11 +81,12 @@ def show_run(run: Path) -> None:
         f"[bold]{scene.name}[/bold]: {len(scene.landmarks)} landmarks, {len(scene.views)} views, "
         f"{len(scene.tracks)} observations, {model}, brightness {scene.brightness}, body {scene.body}"
     )
-    region = scene.region
+    region, unit = scene.region, scene.unit or "scene unit"
     console.print(
         f"region: {region.width} x {region.height} pixels from column {region.col}, row {region.row} of "
-        f"{scene.views.name[scene.reference]}; one pixel is {scene.gsd:.4g} long on the ground (scene unit)"
+        f"{scene.views.name[scene.reference]}; one pixel is {scene.gsd:.4g} long on the ground ({unit})"
     )
+    console.print(f"frame: {'body-fixed, by pose priors' if scene.frame == BODY_FIXED else 'its own'}")
     table = Table()
     table.add_column("view", no_wrap=True)
     sigmas = view_sigmas(scene)

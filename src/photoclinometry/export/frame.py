@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,15 @@ from photoclinometry.georeference import georeferenced
 from photoclinometry.io.globe import Globe, find_globe
 from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.site import read_site
-from photoclinometry.scene import Scene
+from photoclinometry.scene import BODY_FIXED, Scene
 
 _RADIUS_RANGE = (0.3, 3.0)
 """Landmarks are this near to the globe's radius, on the longest and on the shortest axis of bodies like Eros."""
+
+_NOT_BODY_FIXED = (
+    "the pose priors of its site are not body-fixed, or the body is another; --unit-m 1 exports the map in metres, on "
+    "no known place of a body"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +64,9 @@ def framed(scene: Scene, options: ExportOptions) -> Framed:
         return _in_own_frame(scene, options)
     body_from_scene, how = told
     globe = find_globe(options.body or scene.body, options.radii_m)
-    moved = transform_scene(body_from_scene, scene)
-    _check_on_body(moved, globe)
+    moved = replace(transform_scene(body_from_scene, scene), frame=BODY_FIXED)
+    by_run = scene.frame == BODY_FIXED and not (options.transform or options.site)
+    _check_on_body(moved, globe, _NOT_BODY_FIXED if by_run else "check --transform, --unit-m and the body")
     return Framed(scene=moved, globe=globe, metric=True, how=how)
 
 
@@ -76,6 +82,8 @@ def _body_from_scene(scene: Scene, options: ExportOptions) -> tuple[Similarity, 
         return read_similarity(options.transform), f"by {options.transform}"
     if options.site is not None:
         return _by_priors(scene, options.site)
+    if scene.frame == BODY_FIXED and options.unit_m is None:
+        return _scaling(1.0), "by the pose priors of its run"
     if not options.body_fixed:
         return None
     if options.unit_m is None:
@@ -84,10 +92,9 @@ def _body_from_scene(scene: Scene, options: ExportOptions) -> tuple[Similarity, 
 
 
 def _by_priors(scene: Scene, site: Path) -> tuple[Similarity, str]:
-    priors = {view.name: view.pose_prior for view in read_site(site).views if view.pose_prior is not None}
-    _, fit = georeferenced(scene, priors)
+    _, fit = georeferenced(scene, read_site(site).pose_priors)
     angle = np.degrees(fit.rms_rotation)
-    how = f"by the pose priors of {len(fit.names)} views, off by {fit.rms_position:.3g} m and {angle:.2g} degrees (RMS)"
+    how = f"by the pose priors of {fit.used.sum()} views, off by {fit.rms_position:.3g} m and {angle:.2g} degrees (RMS)"
     return fit.similarity, how
 
 
@@ -110,7 +117,7 @@ def _scaling(unit_m: float) -> Similarity:
     return Similarity(float(unit_m), np.eye(3), np.zeros(3))
 
 
-def _check_on_body(scene: Scene, globe: Globe) -> None:
+def _check_on_body(scene: Scene, globe: Globe, cure: str) -> None:
     """Raises InputError unless the landmarks lie about a radius from the centre and their normals look away from it."""
     position, normal = scene.landmarks.position, scene.landmarks.normal
     distance = float(np.median(np.linalg.norm(position, axis=-1)))
@@ -118,11 +125,10 @@ def _check_on_body(scene: Scene, globe: Globe) -> None:
     if not low <= distance <= high:
         raise InputError(
             f"the landmarks of scene {scene.name!r} would be {distance:.4g} m from the centre of {globe.name}, whose "
-            f"radius is {globe.radii_m[0]:.4g} m: this is not the body-fixed frame, or the unit is wrong; check "
-            "--transform, --unit-m and the body"
+            f"radius is {globe.radii_m[0]:.4g} m: this is not the body-fixed frame, or the unit is wrong; {cure}"
         )
     if np.median(np.sum(unit(position) * normal, axis=-1)) <= 0:
         raise InputError(
             f"the normals of scene {scene.name!r} would look into {globe.name}: this is not the body-fixed frame; "
-            "check --transform"
+            f"{cure}"
         )

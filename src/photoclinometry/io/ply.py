@@ -36,7 +36,11 @@ class PlyMap:
 def write_ply(path: Path | str, scene: Scene, mesh: bool = False) -> None:
     """The scene's landmarks, in B; with `mesh` also the triangles of `grid_faces`. Raises RunFolderError."""
     vertices = _vertices(scene)
-    header = ["ply", "format binary_little_endian 1.0", "comment body-fixed frame, unit of length as the scene"]
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment body-fixed frame, unit of length {scene.unit or 'as the scene'}",
+    ]
     header.append(f"element vertex {len(vertices)}")
     for name in vertices.dtype.names or ():
         header.append(f"property {'double' if vertices.dtype[name].itemsize == 8 else 'float'} {name}")

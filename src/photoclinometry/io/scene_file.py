@@ -18,7 +18,7 @@ from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.geometry import Rigid
 from photoclinometry.io.hdf5 import new_hdf5
 from photoclinometry.reflectance import Reflectance
-from photoclinometry.scene import Camera, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.scene import BODY_FIXED, OWN, Camera, Landmarks, Region, Scene, Tracks, Views
 
 FORMAT = "photoclinometry scene"
 VERSION = 1
@@ -70,6 +70,7 @@ def write_scene(path: Path | str, scene: Scene) -> None:
         file.attrs.update(name=scene.name, brightness=scene.brightness, reference=scene.reference)
         if scene.body is not None:
             file.attrs["body"] = scene.body
+        file.attrs["frame"] = scene.frame
         file.create_group("region").attrs.update({f.name: getattr(scene.region, f.name) for f in fields(Region)})
         if scene.reflectance is not None:
             model = file.create_group("reflectance")
@@ -127,7 +128,7 @@ class _Writer:
     def __init__(self, group: h5py.Group, scene: Scene):
         self.group = group
         brightness = "I/F" if scene.brightness == "iof" else "DN"
-        self.units = {_LENGTH: "unit of length of B", _BRIGHTNESS: brightness}
+        self.units = {_LENGTH: scene.unit or "unit of length of B", _BRIGHTNESS: brightness}
 
     def __call__(self, name: str, values, about: tuple[str, str, str]) -> None:
         values = np.asarray(values)
@@ -186,6 +187,7 @@ def _read(file: Any) -> Scene:
         reference=int(file.attrs["reference"]),
         region=Region(**{f.name: int(file["region"].attrs[f.name]) for f in fields(Region)}),
         uncertainty={name: dataset[()] for name, dataset in file["uncertainty"].items()},
+        frame=str(file.attrs.get("frame", OWN)),  # files from before pose priors were used do not say
     )
 
 
@@ -221,6 +223,8 @@ def _inconsistency(scene: Scene) -> str | None:
         (tracks.start, j + 1),
         *((getattr(tracks, name), n) for name in _TRACKS if name != "start"),
     ]
+    if scene.frame not in (OWN, BODY_FIXED):
+        return f"its frame is {scene.frame!r}"
     if any(len(values) != expected for values, expected in lengths):
         return "arrays of different lengths"
     if tracks.start[0] != 0 or tracks.start[-1] != n or (np.diff(tracks.start) < 0).any():

@@ -38,7 +38,7 @@ class PosePrior:
     rotation_sigma_rad: float
     """Standard deviation about each axis."""
     translation_sigma: float
-    """Standard deviation along each axis, in the unit of B."""
+    """Standard deviation of the camera's centre along each axis, in the unit of B (metres, where B is body-fixed)."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,11 @@ class Site:
     region: RegionRequest | None
     path: Path
     """The file itself; image paths are relative to its folder."""
+
+    @property
+    def pose_priors(self) -> dict[str, PosePrior]:
+        """By the names of the views that have one."""
+        return {view.name: view.pose_prior for view in self.views if view.pose_prior is not None}
 
 
 def read_site(path: Path | str) -> Site:

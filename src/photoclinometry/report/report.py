@@ -17,7 +17,7 @@ from photoclinometry.io.atomic import atomic_path
 from photoclinometry.report import page
 from photoclinometry.report.curves import draw_convergence, draw_renderings
 from photoclinometry.report.maps import draw_maps, draw_relit, draw_values
-from photoclinometry.scene import Image, Scene
+from photoclinometry.scene import BODY_FIXED, Image, Scene
 from photoclinometry.sigmas import landmark_sigmas
 from photoclinometry.tables import json_numbers
 
@@ -33,6 +33,7 @@ def write_report(
     per_view: Sequence[Mapping[str, Any]] | None = None,
     stages: Sequence[Mapping[str, Any]] = (),
     rounds: Sequence[Mapping[str, float]] = (),
+    pose_priors: Sequence[Mapping[str, Any]] = (),
     convergence: Sequence[Mapping[str, float]] = (),
     errors: Mapping[str, np.ndarray] | None = None,
     options: Mapping[str, Any] | None = None,
@@ -48,6 +49,7 @@ def write_report(
         like, such as "registered" (False makes a row red) and "how"; units are read from the keys.
     stages: one mapping per stage, such as {"stage": ..., "wall_s": ..., "cpu_s": ..., "peak_memory_gb": ...}.
     rounds: one mapping per round of matching and adjusting, as `rounds.round_entry` gives.
+    pose_priors: one mapping per view that has one, as `pose_priors.prior_table` gives; those not "used" are red.
     convergence: one mapping per iteration, the first before any step: cost by type of factor.
     errors: per-landmark values (J,) to be drawn as maps, such as `Comparison.errors`.
     options: of the run, nested as they are. unit: of frame B, where it means something ("m").
@@ -57,7 +59,7 @@ def write_report(
     metrics = evaluate_scene(scene, images, per_view=rows) if metrics is None else metrics
     with atomic_path(folder) as work:
         work.mkdir()
-        sections = _sections(work, scene, images, rows, stages, rounds, convergence, errors or {}, unit)
+        sections = _sections(work, scene, images, rows, stages, rounds, pose_priors, convergence, errors or {}, unit)
         sections.insert(0, ("Summary", "", page.tiles(metrics)))
         sections.append(("All figures", "", page.metrics_tables(metrics)))
         if options:
@@ -70,7 +72,7 @@ def write_report(
     return folder / "index.html"
 
 
-def _sections(work, scene, images, rows, stages, rounds, convergence, errors, unit):
+def _sections(work, scene, images, rows, stages, rounds, pose_priors, convergence, errors, unit):
     """The page's sections in order, drawing their figures into `work`."""
     by_name = {image.name: image for image in images}
     reference = by_name.get(scene.views.name[scene.reference])
@@ -81,6 +83,8 @@ def _sections(work, scene, images, rows, stages, rounds, convergence, errors, un
     found = draw_values(work, scene, landmark_sigmas(scene), "uncertainty")
     if found:
         note = "One standard deviation, of what measurements and smoothness determine; not of what the models miss."
+        if scene.frame == BODY_FIXED:
+            note += " That of the whole map's place on the body, by the pose priors, is in that of position and height."
         sections.append(("Uncertainty", note, page.figures(found)))
     if scene.reflectance is not None:
         found = draw_renderings(work, scene, by_name, rows)
@@ -93,6 +97,9 @@ def _sections(work, scene, images, rows, stages, rounds, convergence, errors, un
     if rounds:
         note = "Each round renders the map under every view's Sun, matches that, and adjusts again."
         sections.append(("Rounds", note, page.mapping_table(rounds)))
+    if pose_priors:
+        note = "How far the map's cameras are from what was known of them. Red: left out, as it contradicts the images."
+        sections.append(("Pose priors", note, page.mapping_table(pose_priors)))
     if convergence:
         draw_convergence(work / "convergence.png", convergence)
         shown = page.figures([("convergence.png", "Cost by type of factor.")], "grid wide half")
@@ -107,4 +114,5 @@ def _subtitle(scene: Scene) -> str:
     model = "geometry alone" if scene.reflectance is None else f"{scene.reflectance.disk} reflectance"
     kind = "radiance factor I/F" if scene.brightness == "iof" else "uncalibrated brightness"
     size = f"{scene.region.width} x {scene.region.height} pixels of {scene.views.name[scene.reference]}"
-    return ", ".join(part for part in (scene.body, size, model, kind) if part)
+    frame = "body-fixed frame" if scene.frame == BODY_FIXED else ""
+    return ", ".join(part for part in (scene.body, size, model, kind, frame) if part)

@@ -93,7 +93,8 @@ class SimulationOptions:
     sun_sigma_deg: float = 0.0573
     """Standard deviation of the Sun directions in site.toml."""
     pose_sigma: tuple[float, float] | None = None
-    """Write pose priors, off by (degrees, metres) about each axis; left out by default."""
+    """Write pose priors: attitudes off by (degrees) about each axis, camera centres by (metres) along each; left out by
+    default."""
     detector: Detector = field(default_factory=Detector)
     """The camera's optics and noise."""
 
@@ -332,10 +333,10 @@ def pose_priors(options: SimulationOptions, body_from_cam: Rigid) -> list[PosePr
         return [None] * count
     rotation, translation = float(np.radians(options.pose_sigma[0])), float(options.pose_sigma[1])
     rng = _stream(options, _POSE_NOISE)
-    cam_from_body = body_from_cam.inverse()
     turn = so3_exp(rotation * rng.standard_normal((count, 3)))
     shift = translation * rng.standard_normal((count, 3))
-    noisy = Rigid(turn @ body_from_cam.inverse().rotation, cam_from_body.translation + shift)
+    # Of the camera's centre, wherever it points: an attitude that is off moves nothing.
+    noisy = Rigid(body_from_cam.rotation @ turn, body_from_cam.translation + shift).inverse()
     return [PosePrior(noisy[k], rotation, translation) for k in range(count)]
 
 
