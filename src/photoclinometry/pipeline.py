@@ -93,7 +93,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         SparseModel,
     )
     views = views_from(site, sparse)
-    left_out = tuple(name for name, there in zip(views.name, sparse.registered, strict=True) if not there)
+    left_out = {views.name[k]: reason for k, reason in sparse.why_unregistered().items()}
     held = np.flatnonzero(held_out & sparse.registered)
     sparse = without_views(sparse, held_out)
 
