@@ -22,8 +22,9 @@ from photoclinometry.io.site import Site, input_fingerprint, load_images, read_s
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
+from photoclinometry.misfits import Misfits, find_misfits
 from photoclinometry.products import Progress, RunResult, adjusted, write_config, write_products
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
+from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, published
 from photoclinometry.region import RegionOptions, choose_region
 from photoclinometry.rounds import RelightOptions, adjust_in_rounds
 from photoclinometry.runfolder import RunFolder, digest, open_run
@@ -49,6 +50,8 @@ class RunOptions:
     leave it at the first map, whose matches are of optical flow on the images themselves."""
     hold_out: tuple[str, ...] = ()
     """Views to leave out of the map, and measure it on: only their poses are found, from the finished map."""
+    check_views: bool = True
+    """Leave out views whose Sun direction, or what they show, contradicts the brightness of the others."""
     sfm: SfmOptions = field(default_factory=SfmOptions)
     region: RegionOptions = field(default_factory=RegionOptions)
     flow: FlowOptions = field(default_factory=FlowOptions)
@@ -96,8 +99,17 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     left_out = {views.name[k]: reason for k, reason in sparse.why_unregistered().items()}
     held = np.flatnonzero(held_out & sparse.registered)
     sparse = without_views(sparse, held_out)
+    if options.check_views and reflectance is not None:
+        misfits_key = digest("misfits", key, sorted(options.hold_out), options.reflectance)
+        misfits: Misfits = folder.stage(
+            "misfits", misfits_key, lambda: find_misfits(sparse, images, views, reflectance, site.brightness), Misfits
+        )
+        left_out |= {views.name[k]: str(misfits.reason[k]) for k in np.flatnonzero(misfits.left_out)}
+        sparse = without_views(sparse, misfits.left_out)
+    if chosen in left_out:
+        raise InputError(f"region.reference {chosen!r} is left out: {left_out[chosen]}; or name another view")
 
-    key = digest("region", key, site.region, options.region, sorted(options.hold_out))
+    key = digest("region", key, site.region, options.region, sorted({*options.hold_out, *left_out}))
     place = folder.stage("region", key, lambda: _choose_place(site, sparse, images, views, options), _Place)
     region = Region(**dict(zip(("row", "col", "height", "width"), map(int, place.region), strict=True)))
 
@@ -215,10 +227,7 @@ def initial_scene(
     dense: DenseTracks,
     reflectance: Reflectance | None,
 ) -> Scene:
-    """The scene at which the joint estimate starts: registered views only, first normals, albedos and scales.
-
-    Raises InputError for a view whose Sun lights nothing of what is bright in it.
-    """
+    """The scene at which the joint estimate starts: registered views only, first normals, albedos and scales."""
     brightness, lit = sample_brightness(list(images), dense.view, dense.keypoint)
     kept = np.flatnonzero(sparse.registered)
     new_index = np.cumsum(sparse.registered) - 1
@@ -234,7 +243,6 @@ def initial_scene(
     )
     own, albedo = int(new_index[reference]), np.ones(len(normal))
     if reflectance is not None:
-        _check_suns(registered, dense.position, normal, tracks)
         free = site.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
         albedo, scale, _ = initial_albedo(
             dense.position, normal, tracks.start, tracks.view, brightness, lit, registered, reflectance, own, free
@@ -271,21 +279,6 @@ def anchors_from(sparse: SparseModel) -> Anchors:
             lit=np.zeros(count, bool),
         ),
     )
-
-
-def _check_suns(views: Views, position: np.ndarray, normal: np.ndarray, tracks: Tracks) -> None:
-    """A Sun below the horizon of nearly all that is bright is a wrong Sun."""
-    center = views.body_from_cam.translation
-    for k, name in enumerate(views.name):
-        seen = tracks.landmark[(tracks.view == k) & tracks.lit]
-        if len(seen) == 0:
-            continue
-        mu0, _, _ = photometric_angles(views.sun[k], center[k], position[seen], normal[seen])
-        if np.mean(mu0 > 0) < 0.1:
-            raise InputError(
-                f"{name}: the Sun direction lights {100 * np.mean(mu0 > 0):.0f} % of the ground that is bright in the "
-                "image; `sun` points from the body towards the Sun, in the camera frame (x right, y down, z forward)"
-            )
 
 
 def _resect_or_read(
