@@ -32,8 +32,8 @@ simulated sites that were mapped with another model than theirs."""
 MIN_EXPLAINED = 0.5
 """A view shows something else whose brightness correlates less than this with the map's, whatever its Sun."""
 
-MIN_WITNESSES = 3
-"""With fewer others it is one word against another."""
+MIN_WITNESSES = 4
+"""With fewer others their ground is too uncertain to judge by: of four sound views, one was left out."""
 
 SUSPECTS = 5
 """Views that are tried at a time."""
@@ -71,7 +71,7 @@ def find_misfits(
 ) -> Misfits:
     """Which of the registered views (of K) contradict the others.
 
-    None of fewer than MIN_POINTS sparse points. Raises InputError where most Suns, or one of three, light nearly
+    None of fewer than MIN_POINTS sparse points. Raises InputError where half of the Suns, or one of few, light nearly
     nothing of what is bright.
     """
     left_out, reason = np.zeros(len(views), bool), np.full(len(views), "", object)
