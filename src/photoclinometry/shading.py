@@ -76,15 +76,15 @@ def normals_from_shading(scene: Scene, iterations: int = 6) -> Scene:
 
 
 def _residual_sigma(scene: Scene) -> float:
-    """Standard deviation of lit brightness about the scene's own, from the median size; 0 where nothing is lit.
+    """Standard deviation of lit brightness about the scene's own, from the median size.
 
-    At least LEAST_SIGMA of the median brightness.
+    At least LEAST_SIGMA of the median brightness; 0 where nothing is lit, or everything is explained exactly.
     """
     lit = scene.tracks.lit
     if not lit.any():
         return 0.0
-    least = LEAST_SIGMA * float(np.median(scene.tracks.brightness[lit]))
-    return max(1.4826 * float(np.median(np.abs(brightness_residuals(scene))[lit])), least)
+    size = 1.4826 * float(np.median(np.abs(brightness_residuals(scene))[lit]))
+    return max(size, LEAST_SIGMA * float(np.median(scene.tracks.brightness[lit]))) if size > 0 else 0.0
 
 
 def _fit(scene: Scene, sigma: float, iterations: int, normal: np.ndarray, albedo: np.ndarray) -> None:
