@@ -159,11 +159,11 @@ def test_run_logs_reports_and_prints_where(mapped, tmp_path, capsys, monkeypatch
 
 def test_run_says_what_went_less_than_well(mapped, tmp_path, capsys, monkeypatch):
     adjustment = replace(mapped.result.adjustment, converged=False, message="stopped after 60 iterations")
-    result = replace(mapped.result, adjustment=adjustment, left_out=("images/004.fits",))
+    result = replace(mapped.result, adjustment=adjustment, left_out={"images/004.fits": "not registered"})
     monkeypatch.setattr(pipeline, "run", lambda *_: result)
     assert phomo("run", mapped.site, "--out", tmp_path / "run") == 0
     message = capsys.readouterr().err
-    assert "not registered, left out: images/004.fits" in message
+    assert "left out: images/004.fits: not registered" in message
     assert "the joint estimate has not converged: stopped after 60 iterations" in message
 
 

@@ -178,7 +178,7 @@ def test_a_run_holds_views_out_and_evaluates_on_them(mapped, tmp_path, monkeypat
     aside = next(n for k, n in enumerate(mapped.result.scene.views.name) if k != mapped.result.scene.reference)
     result = run(mapped.site, folder, RunOptions(hold_out=(aside,), **FEW))
     assert aside not in result.scene.views.name
-    assert result.left_out == ()
+    assert result.left_out == {}
     assert len(result.scene.views) == 5
     assert result.metrics["views_held_out"] == 1
     assert result.metrics["psnr_held_out_mean_db"] > 30

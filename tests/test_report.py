@@ -41,7 +41,7 @@ def report(tmp_path_factory):
     """A noisy uncalibrated-looking scene with a hole, a view left out, stages and a convergence history."""
     scene = synthetic_scene(size=40, views=4, keypoint_noise_px=0.2, brightness_noise=0.01)
     rows = view_table(scene, synthetic_images(scene))
-    rows = [{"registered": True, **row} for row in rows] + [{"registered": False, "name": "images/<odd>.fits"}]
+    rows = [{"used": True, **row} for row in rows] + [{"used": False, "name": "images/<odd>.fits"}]
     folder = tmp_path_factory.mktemp("run") / "report"
     path = write_report(
         folder,

@@ -128,8 +128,9 @@ def test_views_of_another_place_are_left_out_by_name(one_site, tmp_path, caplog,
     with caplog.at_level(logging.WARNING):
         found = reconstruct_sparse(one_site[0] + strangers, [CAMERA] * 4 + [twin] * 4, tmp_path, OPTIONS)
     assert found.registered.tolist() == [True] * 5 + [False] * 3
-    assert "b1.fits is not registered" in caplog.text
-    assert "different places" in caplog.text
+    assert "b1.fits is left out: not registered, it matched 0 of the 5 registered views" in caplog.text
+    assert "it shows another place, with b0.fits, b2.fits" in found.why_unregistered()[6]
+    assert not "".join(found.reason[:5])
     assert capfd.readouterr().err == ""
 
 

@@ -52,6 +52,16 @@ def test_landmarks_without_light_stay_and_do_not_touch_others():
     np.testing.assert_allclose(found.normal[30:], whole.normal[30:], atol=2e-3)
 
 
+@pytest.mark.parametrize("views", [1, 2])
+def test_views_too_few_to_determine_normals_are_fitted_as_they_are_known_before(views):
+    """Residuals vanish after the first fit; what is not determined stays near its start."""
+    scene = synthetic_scene(size=12, views=6, brightness_noise=0.03)
+    lit = scene.tracks.view < views
+    found = normals_from_shading(normals_from_shading(replace(scene, tracks=replace(scene.tracks, lit=lit))))
+    assert np.degrees(angle_between(found.landmarks.normal, scene.landmarks.normal)).max() < 15.0
+    np.testing.assert_allclose(np.linalg.norm(found.landmarks.normal, axis=-1), 1.0)
+
+
 def test_a_shadow_among_the_views_is_tempered():
     scene = synthetic_scene(size=12, views=10)
     brightness = scene.tracks.brightness.copy()

@@ -24,9 +24,10 @@ from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
 from photoclinometry.matching.roma import RomaOptions, fingerprint, roma_matcher
+from photoclinometry.misfits import Misfits, find_misfits
 from photoclinometry.pose_priors import adjust_with_priors, enough, place_by_priors, prior_fingerprint
 from photoclinometry.products import Progress, RunResult, adjusted, write_config, write_products
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, photometric_angles, published
+from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, published
 from photoclinometry.region import RegionOptions, choose_region
 from photoclinometry.rounds import RelightOptions, adjust_in_rounds
 from photoclinometry.runfolder import RunFolder, digest, open_run
@@ -56,6 +57,8 @@ class RunOptions:
     pose_priors: bool = True
     """Where three views or more have pose priors (`cam_from_body`), put the map into their frame, body-fixed and in
     metres, and let them have their say in the estimate."""
+    check_views: bool = True
+    """Leave out views whose Sun direction, or what they show, contradicts the brightness of the others."""
     sfm: SfmOptions = field(default_factory=SfmOptions)
     region: RegionOptions = field(default_factory=RegionOptions)
     flow: FlowOptions = field(default_factory=FlowOptions)
@@ -102,11 +105,20 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         SparseModel,
     )
     views = views_from(site, sparse)
-    left_out = tuple(name for name, there in zip(views.name, sparse.registered, strict=True) if not there)
+    left_out = {views.name[k]: reason for k, reason in sparse.why_unregistered().items()}
     held = np.flatnonzero(held_out & sparse.registered)
     sparse = without_views(sparse, held_out)
+    if options.check_views and reflectance is not None:
+        misfits_key = digest("misfits", key, sorted(options.hold_out), options.reflectance)
+        misfits: Misfits = folder.stage(
+            "misfits", misfits_key, lambda: find_misfits(sparse, images, views, reflectance, site.brightness), Misfits
+        )
+        left_out |= {views.name[k]: str(misfits.reason[k]) for k in np.flatnonzero(misfits.left_out)}
+        sparse = without_views(sparse, misfits.left_out)
+    if chosen in left_out:
+        raise InputError(f"region.reference {chosen!r} is left out: {left_out[chosen]}; or name another view")
 
-    key = digest("region", key, site.region, options.region, sorted(options.hold_out))
+    key = digest("region", key, site.region, options.region, sorted({*options.hold_out, *left_out}))
     place = folder.stage("region", key, lambda: _choose_place(site, sparse, images, views, options), _Place)
     region = Region(**dict(zip(("row", "col", "height", "width"), map(int, place.region), strict=True)))
 
@@ -266,10 +278,7 @@ def initial_scene(
     dense: DenseTracks,
     reflectance: Reflectance | None,
 ) -> Scene:
-    """The scene at which the joint estimate starts: registered views only, first normals, albedos and scales.
-
-    Raises InputError for a view whose Sun lights nothing of what is bright in it.
-    """
+    """The scene at which the joint estimate starts: registered views only, first normals, albedos and scales."""
     brightness, lit = sample_brightness(list(images), dense.view, dense.keypoint)
     kept = np.flatnonzero(sparse.registered)
     new_index = np.cumsum(sparse.registered) - 1
@@ -285,7 +294,6 @@ def initial_scene(
     )
     own, albedo = int(new_index[reference]), np.ones(len(normal))
     if reflectance is not None:
-        _check_suns(registered, dense.position, normal, tracks)
         free = site.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
         albedo, scale, _ = initial_albedo(
             dense.position, normal, tracks.start, tracks.view, brightness, lit, registered, reflectance, own, free
@@ -322,21 +330,6 @@ def anchors_from(sparse: SparseModel) -> Anchors:
             lit=np.zeros(count, bool),
         ),
     )
-
-
-def _check_suns(views: Views, position: np.ndarray, normal: np.ndarray, tracks: Tracks) -> None:
-    """A Sun below the horizon of nearly all that is bright is a wrong Sun."""
-    center = views.body_from_cam.translation
-    for k, name in enumerate(views.name):
-        seen = tracks.landmark[(tracks.view == k) & tracks.lit]
-        if len(seen) == 0:
-            continue
-        mu0, _, _ = photometric_angles(views.sun[k], center[k], position[seen], normal[seen])
-        if np.mean(mu0 > 0) < 0.1:
-            raise InputError(
-                f"{name}: the Sun direction lights {100 * np.mean(mu0 > 0):.0f} % of the ground that is bright in the "
-                "image; `sun` points from the body towards the Sun, in the camera frame (x right, y down, z forward)"
-            )
 
 
 def _resect_or_read(

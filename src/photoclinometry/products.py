@@ -34,8 +34,8 @@ class RunResult:
     metrics: dict[str, float]
     report: Path
     """The report's page."""
-    left_out: tuple[str, ...]
-    """Names of views that did not register."""
+    left_out: dict[str, str]
+    """Names of views that the map was made without, and why."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,14 +141,14 @@ def write_products(
     adjustment: Adjustment,
     images: Sequence[Image],
     config: Mapping[str, Any],
-    left_out: tuple[str, ...],
+    left_out: Mapping[str, str],
     held_out: Views | None = None,
     rounds: Sequence[Mapping[str, float]] = (),
     priors: Mapping[str, PosePrior] | None = None,
 ) -> RunResult:
     """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
 
-    config: what shaped the run, for the report; left_out: names of views that are not in the scene; held_out: views
+    config: what shaped the run, for the report; left_out: views that are not in the scene, and why; held_out: views
     that the scene was not made from, in its frame; rounds: what each round of matching and adjusting brought; priors:
     of the poses of views (by name), if the scene is in their frame.
     """
@@ -175,8 +175,8 @@ def write_products(
         metrics |= prior_metrics(of_priors)
         warn_of_outliers(of_priors)
     with folder.timed("report"):
-        rows = [{"registered": True, **row} for row in rows + aside]
-        rows += [{"name": name, "registered": False} for name in left_out]
+        rows = [{"used": True, **row} for row in rows + aside]
+        rows += [{"name": name, "used": False, "left_out": reason} for name, reason in left_out.items()]
         page = write_report(
             folder.path / "report",
             scene,
@@ -193,7 +193,7 @@ def write_products(
     summary = {
         "metrics": json_numbers(metrics),
         "views": rows,
-        "left_out": list(left_out),
+        "left_out": [{"name": name, "reason": reason} for name, reason in left_out.items()],
         "rounds": [json_numbers(round_) for round_ in rounds],
         "frame": scene.frame,
         "pose_priors": of_priors,
@@ -201,7 +201,7 @@ def write_products(
         "message": adjustment.message,
     }
     write_text(folder.path / "metrics.json", json.dumps(summary, indent=2) + "\n")
-    return RunResult(scene, adjustment, metrics, page, left_out)
+    return RunResult(scene, adjustment, metrics, page, dict(left_out))
 
 
 def _parameter_metrics(adjustment: Adjustment) -> dict[str, float]:

@@ -118,7 +118,8 @@ def refine(
             image_id=start.model.image_id,
             point_id=start.model.point_id,
         )
-    return write_products(folder, adjustment, [], config, start.left_out)
+    left_out = dict.fromkeys(start.left_out, "too few lit observations")
+    return write_products(folder, adjustment, [], config, left_out)
 
 
 def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -65,7 +65,7 @@ def reconstruct_sparse(
     """Poses and sparse points of the views, from their images alone; intrinsics are known and held fixed.
 
     images, cameras: one per view. work_dir receives 8-bit copies and COLMAP's database (overwritten).
-    Views that do not register are logged by name and False in `registered`.
+    Views that do not register are logged by name and False in `registered`; `reason` says why.
     Raises InputError for fewer than 3 images, ReconstructionError where fewer than 3 views register.
     """
     options = options or SfmOptions()
@@ -82,8 +82,14 @@ def reconstruct_sparse(
     if best is None or best.num_reg_images() < 3:
         raise ReconstructionError(_explain_failure(names, inliers, best, options))
     sparse = normalised(_from_colmap(best, len(images)), cameras)
-    _log_left_out(names, sparse, models, inliers, options)
-    return sparse
+    log.info(
+        "%d of %d views registered, %d points, %.3f px mean reprojection error",
+        sparse.registered.sum(), len(names), len(sparse.points), sparse.mean_reprojection_px,
+    )  # fmt: skip
+    reason = _reasons(names, sparse.registered, [_views_of(model) for model in models], inliers, options)
+    for view in np.flatnonzero(~sparse.registered):
+        log.warning("%s is left out: %s", names[view], reason[view])
+    return replace(sparse, reason=reason)
 
 
 @contextmanager
@@ -389,23 +395,17 @@ def _listing(names: list[str], groups: list[list[int]]) -> str:
     return "; ".join("[" + ", ".join(names[view] for view in group) + "]" for group in groups)
 
 
-def _log_left_out(
-    names: list[str], sparse: SparseModel, models: list[Any], inliers: np.ndarray, options: SfmOptions
-) -> None:
-    kept = np.flatnonzero(sparse.registered)
-    log.info(
-        "%d of %d views registered, %d points, %.3f px mean reprojection error",
-        len(kept), len(names), len(sparse.points), sparse.mean_reprojection_px,
-    )  # fmt: skip
-    for view in np.flatnonzero(~sparse.registered):
-        partners = np.count_nonzero(inliers[view][kept] >= options.min_pair_matches)
-        log.warning(
-            "%s is not registered and left out (it matched %d of the %d registered views)",
-            names[view], partners, len(kept),
-        )  # fmt: skip
-    others = [group for model in models if not set(group := _views_of(model)) & set(kept.tolist())]
-    if others:
-        log.warning(
-            "the views show different places and the largest was kept; others, each a site of its own: %s",
-            _listing(names, others),
-        )
+def _reasons(
+    names: list[str], registered: np.ndarray, places: list[list[int]], inliers: np.ndarray, options: SfmOptions
+) -> np.ndarray:
+    """(K,) str: why views are not registered. places: the views of each model that was found."""
+    reason = np.full(len(names), "", object)
+    for view in np.flatnonzero(~registered):
+        partners = np.count_nonzero(inliers[view][registered] >= options.min_pair_matches)
+        said = f"not registered, it matched {partners} of the {registered.sum()} registered views"
+        place = next((p for p in places if view in p and not registered[p].any()), None)
+        if place is not None:
+            others = ", ".join(names[k] for k in place if k != view)
+            said += f"; it shows another place, with {others}: that of more views is mapped, the other is a site apart"
+        reason[view] = said
+    return reason.astype(str)

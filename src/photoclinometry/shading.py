@@ -24,6 +24,9 @@ from photoclinometry.scene import Image, Scene
 NORMAL_SIGMA_RAD, ALBEDO_SIGMA = 0.1, 0.1
 """How far normals, and albedos relative to their own size, are expected to move: what few views leave open stays."""
 
+LEAST_SIGMA = 1e-4
+"""Of the median brightness: one or two views are fitted exactly, and what was known before must still count."""
+
 HUBER = 3.0
 """Residuals beyond this many standard deviations count less."""
 
@@ -73,11 +76,15 @@ def normals_from_shading(scene: Scene, iterations: int = 6) -> Scene:
 
 
 def _residual_sigma(scene: Scene) -> float:
-    """Standard deviation of lit brightness about the scene's own, from the median size; 0 where nothing is lit."""
+    """Standard deviation of lit brightness about the scene's own, from the median size.
+
+    At least LEAST_SIGMA of the median brightness; 0 where nothing is lit, or everything is explained exactly.
+    """
     lit = scene.tracks.lit
     if not lit.any():
         return 0.0
-    return 1.4826 * float(np.median(np.abs(brightness_residuals(scene))[lit]))
+    size = 1.4826 * float(np.median(np.abs(brightness_residuals(scene))[lit]))
+    return max(size, LEAST_SIGMA * float(np.median(scene.tracks.brightness[lit]))) if size > 0 else 0.0
 
 
 def _fit(scene: Scene, sigma: float, iterations: int, normal: np.ndarray, albedo: np.ndarray) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,11 +31,18 @@ class SparseModel:
     point_xy: np.ndarray
     """(M, 2) observed pixel."""
     mean_reprojection_px: float
+    reason: np.ndarray = field(default_factory=lambda: np.array([], str))
+    """(K,) str: why a view is not registered, empty for those that are; no entries where nobody said."""
 
     @property
     def point_of_observation(self) -> np.ndarray:
         """(M,) int64: the point that each observation is of."""
         return np.repeat(np.arange(len(self.points)), np.diff(self.point_start))
+
+    def why_unregistered(self) -> dict[int, str]:
+        """The reason for each view that is not registered."""
+        told = self.reason if len(self.reason) else np.full(len(self.registered), "not registered")
+        return {int(k): str(told[k]) for k in np.flatnonzero(~self.registered)}
 
     def seen_by(self, view: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (n,) of the points that a view observes, and where (n, 2) [px]."""

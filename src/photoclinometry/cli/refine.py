@@ -35,4 +35,4 @@ def refine(
     console = Console(stderr=True)
     with progress_bars(console) as progress, log_to(out, console):
         result = library.refine(start, out, options, progress)
-    say_result(console, result, "too few lit observations")
+    say_result(console, result)

@@ -37,4 +37,4 @@ def run(
     console = Console(stderr=True)
     with progress_bars(console) as progress, log_to(out, console):
         result = pipeline.run(site, out, options, progress)
-    say_result(console, result, "not registered")
+    say_result(console, result)

@@ -32,10 +32,10 @@ def progress_bars(console) -> Iterator[Progress]:
         yield progress
 
 
-def say_result(console, result: RunResult, why_left_out: str) -> None:
+def say_result(console, result: RunResult) -> None:
     """What was mapped and what is wanting, on the console; the report's page on standard output."""
-    for name in result.left_out:
-        console.print(f"{why_left_out}, left out: {name}", highlight=False)
+    for name, reason in result.left_out.items():
+        console.print(f"left out: {name}: {reason}", highlight=False, markup=False)
     psnr = result.metrics.get("psnr_mean_db")
     quality = f", mean PSNR {psnr:.1f} dB" if psnr is not None else ""
     console.print(f"{len(result.scene.landmarks)} landmarks in {len(result.scene.views)} views{quality}")

@@ -97,14 +97,15 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequence[b
 
 
 def mapping_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows of mappings; units are read from the keys; rows with registered or used = False are red."""
+    """Rows of mappings; units are read from the keys; rows with used = False are red."""
     keys = list(dict.fromkeys(key for row in rows for key in row))
     head = []
     for key in keys:
         name, unit = split_unit(key)
         head.append(f"{words(name)} [{unit}]" if unit else words(name))
-    out = [row.get("registered") is False or row.get("used") is False for row in rows]
-    return table(head, [[cell(row.get(key)) for key in keys] for row in rows], out)
+    return table(
+        head, [[cell(row.get(key)) for key in keys] for row in rows], [row.get("used") is False for row in rows]
+    )
 
 
 def cell(value: Any) -> str:

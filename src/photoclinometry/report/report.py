@@ -46,7 +46,7 @@ def write_report(
     images: the views' images in any order; without them there are no renderings beside real images.
     metrics: as `evaluate_scene` (computed if left out), joined with `compare`'s where there is a truth.
     per_view: rows as `evaluate.view_table` gives (computed if left out), with more columns and rows as you
-        like, such as "registered" (False makes a row red) and "how"; units are read from the keys.
+        like, such as "used" (False makes a row red) and "left_out"; units are read from the keys.
     stages: one mapping per stage, such as {"stage": ..., "wall_s": ..., "cpu_s": ..., "peak_memory_gb": ...}.
     rounds: one mapping per round of matching and adjusting, as `rounds.round_entry` gives.
     pose_priors: one mapping per view that has one, as `pose_priors.prior_table` gives; those not "used" are red.
