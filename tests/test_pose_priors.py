@@ -26,7 +26,6 @@ from photoclinometry.pose_priors import (
     told,
     warn_of_outliers,
 )
-from photoclinometry.rounds import RelightOptions
 from photoclinometry.scene import BODY_FIXED, OWN
 from scenes import synthetic_scene
 
@@ -181,9 +180,9 @@ def test_a_run_comes_out_in_the_frame_of_the_truth_and_names_a_wrong_prior(mappe
     off by up to 0.3 degrees, so that only the estimate with all of them tells."""
     folder = mapped.copy(tmp_path / "run")
     site, bad = with_priors(mapped, known), sorted(known)[-1]
-    result = run(site, folder, RunOptions(relight=RelightOptions(rounds=1)))
+    result = run(site, folder, RunOptions())
     summary = json.loads((folder / "metrics.json").read_text())
-    assert [s["stage"] for s in summary["stages"] if s["resumed"]] == ["sparse", "region", "dense"]
+    assert [s["stage"] for s in summary["stages"] if s["resumed"]] == ["sparse", "misfits", "region", "dense"]
     assert [row["name"] for row in summary["pose_priors"] if not row["used"]] == [bad]
     assert f"{bad}: its pose prior contradicts the images and is left out" in caplog.text
     [row] = [row for row in summary["pose_priors"] if not row["used"]]
@@ -203,7 +202,7 @@ def test_a_run_comes_out_in_the_frame_of_the_truth_and_names_a_wrong_prior(mappe
     assert metrics["camera_relative_rotation_error_mean_deg"] < 0.5 * before["camera_relative_rotation_error_mean_deg"]
     assert metrics["position_sigma_nees"] < 4.0
 
-    again = run(site, folder, RunOptions(relight=RelightOptions(rounds=1)))
+    again = run(site, folder, RunOptions())
     assert json.loads((folder / "metrics.json").read_text())["pose_priors"] == summary["pose_priors"]
     np.testing.assert_array_equal(again.scene.landmarks.position, scene.landmarks.position)
 
@@ -218,7 +217,13 @@ def test_priors_that_are_not_used_change_nothing(mapped, known, tmp_path):
     ):
         result = run(site, folder, options)
         summary = json.loads((folder / "metrics.json").read_text())
-        assert [s["stage"] for s in summary["stages"] if s["resumed"]] == ["sparse", "region", "dense", "adjust"]
+        assert [s["stage"] for s in summary["stages"] if s["resumed"]] == [
+            "sparse",
+            "misfits",
+            "region",
+            "dense",
+            "adjust",
+        ]
         assert (summary["frame"], summary["pose_priors"]) == (OWN, [])
         assert result.metrics == mapped.result.metrics
 

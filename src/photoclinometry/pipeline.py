@@ -141,8 +141,8 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     if priors:
         key = digest(key, prior_fingerprint(priors))
 
-    def estimate(start: Scene, last: bool) -> Adjustment:
-        chosen, alone = _of_round(last, options), None
+    def estimate(start: Scene, slack: float, last: bool) -> Adjustment:
+        chosen, alone = _of_round(options.adjust, slack, last), None
 
         def adjust(scene: Scene, known: PosePriors | None = None) -> Adjustment:
             return adjusted(scene, chosen, report_progress, _in_frame_of(scene, anchors, views), known)
@@ -191,12 +191,9 @@ def first_matcher(options: RunOptions) -> Matcher:
     return roma_matcher(options.roma) if options.matcher == "roma" else FlowMatcher(options.flow)
 
 
-def _of_round(last: bool, options: RunOptions) -> AdjustOptions:
-    """Keypoints are held tightly in the last estimate, and only its uncertainties are kept: they take as long as it."""
-    if last:
-        return options.adjust
-    slack = options.relight.slack * options.adjust.keypoint_slack
-    return replace(options.adjust, uncertainty=False, keypoint_slack=slack)
+def _of_round(options: AdjustOptions, slack: float, last: bool) -> AdjustOptions:
+    """Uncertainties take as long as an estimate; only those of the last one are kept."""
+    return replace(options, uncertainty=options.uncertainty and last, keypoint_slack=slack * options.keypoint_slack)
 
 
 def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:

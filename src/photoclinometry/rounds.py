@@ -42,9 +42,10 @@ class RelightOptions:
     """Rounds at most, after the first map. Geometry alone has none."""
     settled_px: float = 0.03
     """No further round once half of all matches moved by less [px]."""
-    slack: float = 6.0
-    """In maps that are to be matched again, keypoints are held this many times looser. Where it is finer than the
-    windows of matching, a match confirms the very map that it was made with: held tightly, that map hardly moves."""
+    slack: float = 5.0
+    """Keypoints that were found with a map are held this many times looser in the next one, but for the last. Where it
+    is finer than the windows of matching, a match confirms the very map that it was made with: held tightly, that
+    map hardly moves."""
 
 
 def adjust_in_rounds(
@@ -52,7 +53,7 @@ def adjust_in_rounds(
     key: str,
     scene: Scene,
     images: Sequence[Image],
-    adjusted: Callable[[Scene, bool], Adjustment],
+    adjusted: Callable[[Scene, float, bool], Adjustment],
     rounds: RelightOptions,
     flow: FlowOptions,
     dense: DensifyOptions,
@@ -60,7 +61,8 @@ def adjust_in_rounds(
 ) -> tuple[Adjustment, list[dict[str, float]]]:
     """The adjusted scene after all rounds, and an entry for each (`round_entry`). A killed run goes on in its round.
 
-    images: of the scene's views. adjusted: the joint estimate, from where to start, and whether it is the last one.
+    images: of the scene's views. adjusted: the joint estimate, from where to start, the slack of
+    keypoints, and whether it is the last one.
     """
     count = rounds.rounds if scene.reflectance is not None else 0
     keys = [key, *(digest("relight", key, n) for n in range(1, count + 1))]
@@ -68,7 +70,7 @@ def adjust_in_rounds(
     first = max((n for n in range(1, count + 1) if whole and folder.holds("adjust", keys[n], Kept)), default=0)
 
     def start() -> tuple[Adjustment, dict[str, Any]]:
-        found = adjusted(scene, count == 0)
+        found = adjusted(scene, 1.0, count == 0)
         for name, misfit in odd_views(found.scene):
             log.warning(
                 "%s: its brightness is %.0f %% off what the map predicts, far more than other views': "
@@ -92,7 +94,7 @@ def adjust_in_rounds(
 
         def again(matched=matched, before=adjustment.scene, entries=more["rounds"], number=number):
             last = number == count or keypoints_moved(before, matched) < rounds.settled_px
-            found = adjusted(matched, last)
+            found = adjusted(matched, 1.0 if last else rounds.slack, last)
             return found, {"rounds": [*entries, round_entry(number, found.scene, before)], "last": last}
 
         adjustment, more = kept_or_made(folder, keys[number], again)
