@@ -11,10 +11,10 @@ from typing import Literal
 import numpy as np
 
 from photoclinometry import __version__
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, PosePriors
-from photoclinometry.align import align_views
-from photoclinometry.densify import DenseTracks, DensifyOptions, densify, triangulate_tracks
+from photoclinometry.adjust import AdjustOptions, Anchors
+from photoclinometry.densify import DenseTracks, DensifyOptions, densify
 from photoclinometry.errors import InputError
+from photoclinometry.estimator import Estimator
 from photoclinometry.geometry import unit
 from photoclinometry.holdout import Resected, held_out_mask, held_out_views, resect_views, views_in_frame_of
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours, sample_brightness
@@ -25,13 +25,13 @@ from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region
 from photoclinometry.matching.prewarp import landmark_depth, sparse_depth
 from photoclinometry.matching.roma import RomaOptions, fingerprint, roma_matcher
 from photoclinometry.misfits import Misfits, find_misfits
-from photoclinometry.pose_priors import adjust_with_priors, enough, place_by_priors, prior_fingerprint
-from photoclinometry.products import Progress, RunResult, adjusted, write_config, write_products
+from photoclinometry.pose_priors import enough, prior_fingerprint
+from photoclinometry.products import Progress, RunResult, write_config, write_products
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, published
 from photoclinometry.region import RegionOptions, choose_region
 from photoclinometry.rounds import RelightOptions, adjust_in_rounds
 from photoclinometry.runfolder import RunFolder, digest, open_run
-from photoclinometry.scene import OWN, Image, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sparse import SparseModel, without_views
 
@@ -136,31 +136,18 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     with folder.timed("initialise"):
         scene = initial_scene(site, sparse, images, views, int(place.reference), region, dense, reflectance)
     key = digest("adjust", key, options.reflectance, options.adjust, options.relight.slack)
-    anchors = anchors_from(sparse)
     priors = enough(site.pose_priors, scene) if options.pose_priors else {}
     if priors:
         key = digest(key, prior_fingerprint(priors))
-
-    def estimate(start: Scene, slack: float, last: bool) -> Adjustment:
-        chosen, alone = _of_round(options.adjust, slack, last), None
-
-        def adjust(scene: Scene, known: PosePriors | None = None) -> Adjustment:
-            return adjusted(scene, chosen, report_progress, _in_frame_of(scene, anchors, views), known)
-
-        if start.frame == OWN:
-            alone = adjust(start)
-            placed = place_by_priors(alone.scene, priors) if priors else None
-            if placed is None or not last:
-                return alone if placed is None else replace(alone, scene=placed.scene)
-            start = alone.scene
-        return adjust_with_priors(start, priors, adjust) or alone or adjust(start)
-
+    estimator = Estimator(
+        options=options.adjust, anchors=anchors_from(sparse), views=views, priors=priors, progress=report_progress
+    )
     adjustment, rounds = adjust_in_rounds(
         folder,
         key,
         scene,
         [image for image, there in zip(images, sparse.registered, strict=True) if there],
-        estimate,
+        estimator,
         replace(options.relight, rounds=0) if options.matcher == "flow" else options.relight,
         options.flow,
         options.densify,
@@ -177,23 +164,9 @@ def _images_alone(site: Site) -> Site:
     return replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
 
 
-def _in_frame_of(scene: Scene, anchors: Anchors, views: Views) -> Anchors:
-    """The anchors, which are in the frame of `views`, in the scene's, where its own poses see them."""
-    if scene.frame == OWN:
-        return anchors
-    found = triangulate_tracks(anchors.tracks, scene.views)
-    roughly = align_views(views, scene)(anchors.position)
-    return replace(anchors, position=np.where(np.isfinite(found), found, roughly))
-
-
 def first_matcher(options: RunOptions) -> Matcher:
     """What finds the matches of the first map. Raises InputError where its weights or packages are missing."""
     return roma_matcher(options.roma) if options.matcher == "roma" else FlowMatcher(options.flow)
-
-
-def _of_round(options: AdjustOptions, slack: float, last: bool) -> AdjustOptions:
-    """Uncertainties take as long as an estimate; only those of the last one are kept."""
-    return replace(options, uncertainty=options.uncertainty and last, keypoint_slack=slack * options.keypoint_slack)
 
 
 def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:
