@@ -7,7 +7,6 @@ import pytest
 
 from photoclinometry.geometry import angle_between, unit
 from photoclinometry.initialize import (
-    bilinear,
     initial_albedo,
     neighbours,
     normals_from_neighbours,
@@ -55,15 +54,6 @@ def test_neighbours_do_not_reach_across_a_hole():
     assert not keep[-1].any()
     assert keep[:-3].all()
     assert not (near == np.arange(400)[:, None]).any()
-
-
-def test_bilinear_is_exact_on_a_plane():
-    row, col = np.indices((20, 30))
-    image = Image("plane", (2.0 * (col + 0.5) - 3.0 * (row + 0.5)).astype(np.float32), np.ones((20, 30), bool))
-    xy = np.random.default_rng(0).uniform([0.5, 0.5], [29.5, 19.5], (200, 2))
-    value, valid = bilinear(image, xy)
-    assert valid.all()
-    np.testing.assert_allclose(value, 2 * xy[:, 0] - 3 * xy[:, 1], atol=1e-4)
 
 
 def test_brightness_is_not_lit_outside_beside_invalid_pixels_or_in_shadow():

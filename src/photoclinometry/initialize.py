@@ -6,6 +6,7 @@ import numpy as np
 
 from photoclinometry.predict import shading
 from photoclinometry.reflectance import Reflectance
+from photoclinometry.sampling import sample_image
 from photoclinometry.scene import Image, Views
 
 GRAZING = np.cos(np.radians(85.0))
@@ -56,7 +57,7 @@ def neighbours(position: np.ndarray, count: int = 4) -> tuple[np.ndarray, np.nda
 def sample_brightness(
     images: list[Image], view: np.ndarray, keypoint: np.ndarray, shadow_fraction: float = 0.15
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bilinear brightness (N,) at keypoints (N, 2) [px] of views (N,), and where it is a measurement.
+    """Brightness (N,) at keypoints (N, 2) [px] of views (N,), and where it is a measurement.
 
     Not lit (False): outside of the image's pixel centres, any of the four pixels invalid, or brightness below
     `shadow_fraction` of the median over the view's own keypoints: a shadow holds scattered light and camera
@@ -65,27 +66,11 @@ def sample_brightness(
     brightness, lit = np.zeros(len(view)), np.zeros(len(view), bool)
     for k in np.unique(view):
         mine = np.flatnonzero(view == k)
-        value, valid = bilinear(images[k], keypoint[mine])
+        value, valid = sample_image(images[k], keypoint[mine])
         if valid.any():
             brightness[mine] = value
             lit[mine] = valid & (value > shadow_fraction * np.median(value[valid]))
     return brightness, lit
-
-
-def bilinear(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Brightness (n,) at pixel positions (n, 2), and (n,) bool: all four pixels exist and are valid."""
-    height, width = image.brightness.shape
-    x, y = (np.asarray(xy) - 0.5).T
-    inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
-    col = np.clip(np.where(inside, x, 0), 0, width - 2).astype(int)
-    row = np.clip(np.where(inside, y, 0), 0, height - 2).astype(int)
-    u, v = np.where(inside, x - col, 0.0), np.where(inside, y - row, 0.0)
-    value, valid = np.zeros(len(x)), inside.copy()
-    for dr, dc, weight in ((0, 0, (1 - u) * (1 - v)), (0, 1, u * (1 - v)), (1, 0, (1 - u) * v), (1, 1, u * v)):
-        good = image.valid[row + dr, col + dc]
-        value += weight * np.where(good, image.brightness[row + dr, col + dc], 0.0)
-        valid &= good
-    return np.where(valid, value, 0.0), valid
 
 
 def predicted_ratio(

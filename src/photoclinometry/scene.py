@@ -164,7 +164,7 @@ class Tracks:
     keypoint_sigma: np.ndarray
     """(N,) float64 [px]."""
     brightness: np.ndarray
-    """(N,) float64, bilinear at the keypoint. Defined only where `lit`."""
+    """(N,) float64, interpolated at the keypoint. Defined only where `lit`."""
     lit: np.ndarray
     """(N,) bool: the brightness is a measurement (valid pixels, not in shadow)."""
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from photoclinometry.matching.interface import Matches, MatchRequest
-from photoclinometry.matching.sampling import sample
+from photoclinometry.sampling import sample
 from photoclinometry.scene import Image, Region
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from photoclinometry.errors import ReconstructionError
 from photoclinometry.geometry import Rigid
-from photoclinometry.matching.sampling import sample
+from photoclinometry.sampling import sample
 from photoclinometry.scene import Camera, Region
 from photoclinometry.sparse import SparseModel
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from photoclinometry.matching.flow import crop, jacobian_determinant, resample
 from photoclinometry.matching.interface import Matches, MatchRequest
-from photoclinometry.matching.sampling import sample
+from photoclinometry.sampling import sample
 
 STRETCH_PERCENT = (0.5, 99.5)
 """Shares of a picture's brightness between which it is stretched."""

