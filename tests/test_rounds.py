@@ -101,10 +101,11 @@ def test_new_tracks_keep_each_pixels_normal_and_albedo():
 
 
 def test_rounds_end_when_matches_stay():
-    entries = [{"round": 0}, {"round": 1, "keypoints_moved_median_px": 0.04}]
-    assert not is_settled(entries[:1], RelightOptions())
+    entries = [{"round": n, "keypoints_moved_median_px": 0.04} for n in range(3)]
     assert not is_settled(entries, RelightOptions(settled_px=0.03))
     assert is_settled(entries, RelightOptions(settled_px=0.05))
+    assert not is_settled(entries[:2], RelightOptions(settled_px=0.05))
+    assert not is_settled([{"round": 0}], RelightOptions())
 
 
 def test_a_view_under_a_wrong_sun_is_named_and_no_other():

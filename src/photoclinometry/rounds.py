@@ -34,6 +34,11 @@ ODD_SHARE, ODD_TIMES = 0.03, 3.0
 """A view is odd whose brightness is off by more than this share, and by so many times what is usual."""
 
 
+FEWEST = 2
+"""Rounds that are made in any case, where so many are allowed: one in which brightness moves the map, one that settles
+it."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class RelightOptions:
     """Rounds of matching against the reference as it would look under each view's Sun."""
@@ -41,7 +46,7 @@ class RelightOptions:
     rounds: int = 3
     """Rounds at most, after the first map. Geometry alone has none."""
     settled_px: float = 0.03
-    """No further round once half of all matches moved by less [px]."""
+    """No further round once half of all matches moved by less [px]; from the second on, as the first is loose."""
     slack: float = 5.0
     """Keypoints that were found with a map are held this many times looser in the next one, but for the last. Where it
     is finer than the windows of matching, a match confirms the very map that it was made with: held tightly, that
@@ -93,7 +98,7 @@ def adjust_in_rounds(
             matched = rematch(adjustment.scene, images, flow, dense, progress, f"relight {number}")
 
         def again(matched=matched, before=adjustment.scene, entries=more["rounds"], number=number):
-            last = number == count or keypoints_moved(before, matched) < rounds.settled_px
+            last = number == count or (number >= FEWEST and keypoints_moved(before, matched) < rounds.settled_px)
             found = adjusted(matched, 1.0 if last else rounds.slack, last)
             return found, {"rounds": [*entries, round_entry(number, found.scene, before)], "last": last}
 
@@ -200,7 +205,8 @@ def odd_views(scene: Scene) -> list[tuple[str, float]]:
 
 
 def is_settled(entries: Sequence[dict[str, float]], options: RelightOptions) -> bool:
-    return entries[-1].get("keypoints_moved_median_px", np.inf) < options.settled_px
+    """Whether the last of these rounds was the last that is needed."""
+    return entries[-1]["round"] >= FEWEST and entries[-1].get("keypoints_moved_median_px", np.inf) < options.settled_px
 
 
 def _observation_number(scene: Scene) -> np.ndarray:
