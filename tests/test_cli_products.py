@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 import tyro
 
+from photoclinometry.align import transform_scene
 from photoclinometry.cli.evaluate import evaluate
 from photoclinometry.cli.folders import site_path, view_index
 from photoclinometry.cli.info import info
 from photoclinometry.cli.render import render
 from photoclinometry.errors import InputError, RunFolderError
+from photoclinometry.geometry import Similarity, so3_exp
 from photoclinometry.io.colmap import write_colmap
 from photoclinometry.io.images import read_image, write_fits
 from photoclinometry.io.ply import write_ply
 from photoclinometry.io.scene_file import write_scene
+from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.site import Site, SiteView, write_site
 from photoclinometry.render import render_view
 from scenes import synthetic_images, synthetic_scene
@@ -113,6 +116,20 @@ def test_evaluate_against_its_own_map_finds_no_difference(place, tmp_path):
     assert metrics["normal_error_rms_deg"] < 1e-3
     assert metrics["camera_position_error_rms_m"] < 1e-3
     assert "psnr_mean_db" not in metrics
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("km", 1000.0)])
+def test_a_map_elsewhere_georeferences_the_run(place, tmp_path, unit, metres):
+    """What `phomo export --transform` takes brings the run onto the other map, in metres."""
+    true = Similarity(2.5, so3_exp(np.array([0.3, -0.5, 0.2])), np.array([100.0, 2000.0, -300.0]))
+    moved = transform_scene(true, place.scene)
+    write_ply(tmp_path / "map.ply", moved, mesh=True)
+    write_colmap(tmp_path / "sparse", moved)
+    arguments = ("--reference", tmp_path / "map.ply", "--cameras", tmp_path / "sparse", "--no-images")
+    command(evaluate, place.run, *arguments, "--unit", unit, "--out", tmp_path / "found")
+    found = read_similarity(tmp_path / "found" / "reference_from_scene.toml")
+    expected = metres * moved.landmarks.position
+    np.testing.assert_allclose(found(place.scene.landmarks.position), expected, atol=1e-5 * np.ptp(expected))
 
 
 def test_evaluate_says_how_to_go_on_without_the_site(place, tmp_path):

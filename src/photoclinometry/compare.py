@@ -40,6 +40,8 @@ class Comparison:
     """The scene in the reference's frame and unit."""
     errors: dict[str, np.ndarray]
     """(J,) by name, units at the end of the name; NaN where there is nothing to compare with."""
+    similarity: Similarity
+    """reference_from_scene, what brought it there."""
 
 
 def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
@@ -120,7 +122,7 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
         if scene.brightness == "dn" or scene.reflectance.disk not in HAS_PHASE_FUNCTION:
             factor = extra["albedo_factor"]
     metrics |= sigma_metrics(scene, true_views, true, factor)
-    return Comparison(metrics, aligned, errors)
+    return Comparison(metrics, aligned, errors, fit.similarity)
 
 
 def evaluate_against_map(
@@ -174,7 +176,7 @@ def evaluate_against_map(
         theirs = np.where(inside, reference.albedo[nearest], np.nan)
         found, extra = _albedo_metrics(scene, theirs, "albedo_error")
         errors, metrics = errors | found, metrics | extra
-    return Comparison(metrics, aligned, errors)
+    return Comparison(metrics, aligned, errors, fit.similarity)
 
 
 def frame_metrics(true_from_found: Similarity, position: np.ndarray, true: np.ndarray) -> dict[str, float]:

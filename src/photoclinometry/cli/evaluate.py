@@ -7,12 +7,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from photoclinometry.cli.folders import read_run, run_images, site_path
 from photoclinometry.errors import InputError
+from photoclinometry.geometry import Similarity
 from photoclinometry.scene import Scene
 
 if TYPE_CHECKING:
     from photoclinometry.compare import Comparison
+
+METRES = {"m": 1.0, "km": 1000.0}
+"""In one unit of a reference map."""
 
 
 def evaluate(
@@ -30,7 +36,8 @@ def evaluate(
     """Measure a run: photometric error, PSNR and completeness, and how far it is from truth or another map.
 
     Writes evaluation.json and evaluation.md, and prints the same as tables. Each figure's name ends in its
-    unit; GSD is the ground sample distance, one reference pixel on the ground.
+    unit; GSD is the ground sample distance, one reference pixel on the ground. The alignment with a truth or map in
+    metres or kilometres is kept in reference_from_scene.toml: `phomo export --transform` takes it.
 
     Args:
         run: Folder of a finished run.
@@ -46,6 +53,7 @@ def evaluate(
         out: Folder for the files. Default: evaluation/ in the run folder.
     """
     from photoclinometry.io.atomic import write_text
+    from photoclinometry.io.similarity import write_similarity
     from photoclinometry.tables import json_numbers, markdown
 
     if truth is not None and reference is not None:
@@ -62,6 +70,9 @@ def evaluate(
         found = against_map(scene, reference, cameras, unit)
     if found is not None:
         metrics |= found.metrics
+        if unit in METRES:
+            to_metres = Similarity(METRES[unit], np.eye(3), np.zeros(3))
+            write_similarity(folder / "reference_from_scene.toml", to_metres @ found.similarity)
         if maps:
             draw_differences(folder / "maps", found)
     write_text(folder / "evaluation.json", json.dumps(json_numbers(metrics), indent=2) + "\n")
