@@ -32,14 +32,13 @@ class Estimator:
     def __call__(self, start: Scene, slack: float, last: bool) -> Adjustment:
         """The scene adjusted from `start`, keypoints held `slack` times looser; uncertainties if it is the last.
 
-        The first estimate is free of priors: it places the scene in their frame, in which later ones use them.
+        Estimates before the last end early: what they leave is matched again, and what they have not settled are the
+        slow motions of the whole map. The first one is free of priors: it places the scene in their frame, in which
+        later ones use them.
         """
-        options = replace(
-            self.options,
-            keypoint_slack=slack * self.options.keypoint_slack,
-            # They take as long as an estimate.
-            uncertainty=self.options.uncertainty and last,
-        )
+        options = replace(self.options, keypoint_slack=slack * self.options.keypoint_slack)
+        if not last:
+            options = replace(options, uncertainty=False, solver=options.solver.roughly())
 
         def adjust(scene: Scene, known: PosePriors | None = None) -> Adjustment:
             return adjusted(scene, options, self.progress, self._anchors_for(scene), known)

@@ -36,12 +36,6 @@ from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 
 log = logging.getLogger(__name__)
 
-ROUND_DECREASE = 1e-3
-"""Relative decrease at which a round ends while gates and noise still change."""
-
-ROUND_STEPS = 8
-"""Steps at most of such a round."""
-
 BALANCED_CORRELATION_PX = 3.0
 """Brightness correlation up to which smoothness is as given."""
 
@@ -184,12 +178,7 @@ def _rounds(
         sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
     priors, given = _priors(scene, options, mapped, pose_priors), scene.reflectance
-    loose = replace(
-        options.solver,
-        relative_decrease=max(options.solver.relative_decrease, ROUND_DECREASE),
-        max_steps=min(options.solver.max_steps, ROUND_STEPS),
-        final_truncation=options.solver.truncation,
-    )
+    loose = options.solver.roughly()
     history: list[Iteration] = []
     lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
     noise = _starting_noise(scene, options, lit)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,9 @@ ENOUGH = 1e-3
 
 _LIGHT_DAMPING = 1e-4
 """Damping up to which the linear model's promise is that of the problem itself."""
+
+ROUGH_DECREASE, ROUGH_STEPS = 1e-3, 8
+"""Relative decrease at which a rough estimate ends, and its steps at most."""
 
 COARSE_ITERATIONS = 40
 """Conjugate-gradient iterations at most for how the other variables follow each reflectance parameter."""
@@ -69,6 +72,15 @@ class SolverOptions:
     """Lowest eigenvalue that the landmarks' preconditioner treats, out of (0, 2]; fewer where there are none so low."""
     chebyshev_reduction: float = 0.4
     """By how much it shrinks errors; sets the polynomial's degree."""
+
+    def roughly(self) -> SolverOptions:
+        """For an estimate that is made again with other weights or matches: without the slow motions at the end."""
+        return replace(
+            self,
+            relative_decrease=max(self.relative_decrease, ROUGH_DECREASE),
+            max_steps=min(self.max_steps, ROUGH_STEPS),
+            final_truncation=self.truncation,
+        )
 
 
 @dataclass(frozen=True)
