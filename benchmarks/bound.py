@@ -1,0 +1,79 @@
+"""What bounds a map of a simulated site: how well its reflectance model explains the images at the true geometry.
+
+    python benchmarks/bound.py RUN SITE       # a finished run, and the folder of its simulated site
+
+Prints PSNR (all pixels; lit ones) of three maps: the run's; the truth averaged over the optics' footprint; and true
+poses, Suns and positions with normals, albedos and scales fitted to the images. What the last one lacks no better
+matching or estimate can give: it is the model, noise, cast shadow, and relief below a pixel.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.evaluate import view_psnr
+from photoclinometry.geometry import angle_between
+from photoclinometry.io.scene_file import read_scene
+from photoclinometry.io.site import load_images, read_site
+from photoclinometry.io.truth import read_truth
+from photoclinometry.predict import observation_brightness
+from photoclinometry.render import landmark_faces
+from photoclinometry.scene import Image, Scene
+from photoclinometry.shading import brightness_on_surface, normals_from_shading
+from photoclinometry.simulate.truth import Truth, truth_maps
+
+FITS = 4
+"""Of scales, then of normals and albedos, in turns."""
+
+
+def at_true_geometry(scene: Scene, truth: Truth, images: Sequence[Image]) -> Scene:
+    """The scene with true poses, Suns, positions, mean normals and mean albedos, and brightness where they project."""
+    maps = truth_maps(truth, scene.views.name[scene.reference], scene.region)
+    at = tuple((scene.landmarks.pixel - (scene.region.row, scene.region.col)).T)
+    views = truth.views[[truth.views.name.index(name) for name in scene.views.name]]
+    true = {name: getattr(views, name) for name in ("body_from_cam", "sun", "scale", "bias")}
+    landmarks = replace(
+        scene.landmarks, position=maps.position[at], normal=maps.normal_mean[at], albedo=maps.albedo_mean[at]
+    )
+    return brightness_on_surface(scene.with_estimate(replace(scene.views, **true), landmarks), images)
+
+
+def with_scales(scene: Scene) -> Scene:
+    """The views' scales by the median ratio of measured to modelled brightness."""
+    tracks, model, scale = scene.tracks, observation_brightness(scene), scene.views.scale.copy()
+    for k in range(len(scale)):
+        lit = (tracks.view == k) & tracks.lit & (model > 0)
+        scale[k] *= np.median(tracks.brightness[lit] / model[lit])
+    return replace(scene, views=replace(scene.views, scale=scale))
+
+
+def main(run: Path, site: Path) -> None:
+    scene, truth = read_scene(run / "scene.h5"), read_truth(site / "truth.h5")
+    described = read_site(site / "site.toml")
+    by_name = {view.name: image for view, image in zip(described.views, load_images(described), strict=True)}
+    images = [by_name[name] for name in scene.views.name]
+    true = with_scales(at_true_geometry(scene, truth, images))
+    fitted = true
+    for _ in range(FITS):
+        fitted = with_scales(normals_from_shading(fitted))
+    for title, map_ in (("the run", scene), ("the truth", true), ("fitted at the true geometry", fitted)):
+        faces = landmark_faces(map_)
+        found = [view_psnr(map_, k, image, faces) for k, image in enumerate(images)]
+        psnr, lit = (np.mean([one[key] for one in found]) for key in ("psnr_db", "psnr_lit_db"))
+        print(f"{title}: {psnr:.2f} dB, {lit:.2f} where lit", end="")
+        if map_ is fitted:
+            turn = np.degrees(np.mean(angle_between(map_.landmarks.normal, true.landmarks.normal)))
+            ratio = map_.landmarks.albedo / true.landmarks.albedo
+            print(
+                f"; normals {turn:.2f} deg, albedo {100 * np.mean(np.abs(ratio / np.median(ratio) - 1)):.2f} %", end=""
+            )
+        print()
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:3]))
