@@ -6,8 +6,11 @@ import numpy as np
 
 from photoclinometry.predict import shading
 from photoclinometry.reflectance import Reflectance
-from photoclinometry.sampling import sample_image
+from photoclinometry.sampling import blurred, sample_image
 from photoclinometry.scene import Image, Views
+
+COARSER = 1.2
+"""A map is coarser than an image that has more pixels than this from landmark to landmark."""
 
 GRAZING = np.cos(np.radians(85.0))
 """Observations at larger incidence or emission say nothing reliable about albedo."""
@@ -55,9 +58,16 @@ def neighbours(position: np.ndarray, count: int = 4) -> tuple[np.ndarray, np.nda
 
 
 def sample_brightness(
-    images: list[Image], view: np.ndarray, keypoint: np.ndarray, shadow_fraction: float = 0.15
+    images: list[Image],
+    view: np.ndarray,
+    keypoint: np.ndarray,
+    shadow_fraction: float = 0.15,
+    spacing_px: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Brightness (N,) at keypoints (N, 2) [px] of views (N,), and where it is a measurement.
+
+    spacing_px: (K,) pixels of each image between landmarks; images that see finer than the map are smoothed to its
+    resolution, or relief between landmarks would pass for noise, and views of other resolutions would disagree.
 
     Not lit (False): outside of the image's pixel centres, any of the four pixels invalid, or brightness below
     `shadow_fraction` of the median over the view's own keypoints: a shadow holds scattered light and camera
@@ -66,11 +76,26 @@ def sample_brightness(
     brightness, lit = np.zeros(len(view)), np.zeros(len(view), bool)
     for k in np.unique(view):
         mine = np.flatnonzero(view == k)
-        value, valid = sample_image(images[k], keypoint[mine])
+        image = images[k]
+        if spacing_px is not None and spacing_px[k] > COARSER:
+            image = blurred(image, 0.5 * np.sqrt(spacing_px[k] ** 2 - 1.0))
+        value, valid = sample_image(image, keypoint[mine])
         if valid.any():
             brightness[mine] = value
             lit[mine] = valid & (value > shadow_fraction * np.median(value[valid]))
     return brightness, lit
+
+
+def pixels_per_length(views: Views, view: int, position: np.ndarray) -> float:
+    """Pixels of a view across one unit of length in B, at the median depth of points (J, 3)."""
+    depth = views.body_from_cam[view].inverse()(position)[:, 2]
+    return float(np.mean(views.cameras[view].focal_px) / np.median(depth))
+
+
+def landmark_spacing_px(views: Views, position: np.ndarray, reference: int) -> np.ndarray:
+    """(K,) pixels of each view across one pixel of the reference view, which is what lies between landmarks (J, 3)."""
+    found = np.array([pixels_per_length(views, k, position) for k in range(len(views))])
+    return found / found[reference]
 
 
 def predicted_ratio(

@@ -17,7 +17,7 @@ from photoclinometry.errors import InputError
 from photoclinometry.estimator import Estimator
 from photoclinometry.geometry import unit
 from photoclinometry.holdout import Resected, held_out_mask, held_out_views, resect_views, views_in_frame_of
-from photoclinometry.initialize import initial_albedo, normals_from_neighbours, sample_brightness
+from photoclinometry.initialize import initial_albedo, landmark_spacing_px, normals_from_neighbours, sample_brightness
 from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
@@ -249,10 +249,13 @@ def initial_scene(
     reflectance: Reflectance | None,
 ) -> Scene:
     """The scene at which the joint estimate starts: registered views only, first normals, albedos and scales."""
-    brightness, lit = sample_brightness(list(images), dense.view, dense.keypoint)
     kept = np.flatnonzero(sparse.registered)
     new_index = np.cumsum(sparse.registered) - 1
-    registered = views[kept]
+    registered, own = views[kept], int(new_index[reference])
+    spacing = landmark_spacing_px(registered, dense.position, own)
+    brightness, lit = sample_brightness(
+        [images[k] for k in kept], new_index[dense.view], dense.keypoint, spacing_px=spacing
+    )
     normal = normals_from_neighbours(dense.position, registered.body_from_cam.translation)
     tracks = Tracks(
         start=dense.start,
@@ -262,7 +265,7 @@ def initial_scene(
         brightness=brightness,
         lit=lit,
     )
-    own, albedo = int(new_index[reference]), np.ones(len(normal))
+    albedo = np.ones(len(normal))
     if reflectance is not None:
         free = site.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
         albedo, scale, _ = initial_albedo(

@@ -49,6 +49,15 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return value, usable
 
 
+def blurred(image: Image, sigma_px: float) -> Image:
+    """The image through a Gaussian, of what is valid; valid where it was and half of its surroundings are."""
+    import cv2
+
+    share = cv2.GaussianBlur(image.valid.astype(np.float32), (0, 0), sigma_px)
+    total = cv2.GaussianBlur(np.where(image.valid, image.brightness, 0.0).astype(np.float32), (0, 0), sigma_px)
+    return Image(image.name, total / np.maximum(share, 1e-6), image.valid & (share > 0.5))
+
+
 def sample(values: np.ndarray, xy: np.ndarray, *, order: int = 3) -> np.ndarray:
     """Values (h, w, ...) of pixels at positions (..., 2) [px], (0.5, 0.5) the first pixel's centre; edges repeat.
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.initialize import GRAZING, sample_brightness
+from photoclinometry.initialize import GRAZING, landmark_spacing_px, sample_brightness
 from photoclinometry.predict import brightness_residuals, keypoint_residuals
 from photoclinometry.reflectance import phase_angle, photometric_function
 from photoclinometry.relief import in_sunlight, unobstructed
@@ -39,7 +39,8 @@ def brightness_on_surface(scene: Scene, images: Sequence[Image]) -> Scene:
     """
     tracks = scene.tracks
     xy = tracks.keypoint + keypoint_residuals(scene)
-    brightness, lit = sample_brightness(list(images), tracks.view, xy)
+    spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
+    brightness, lit = sample_brightness(list(images), tracks.view, xy, spacing_px=spacing)
     for k in range(len(scene.views)):
         seen = np.flatnonzero(tracks.view == k)
         free = in_sunlight(scene, scene.views.sun[k]) & in_view(scene, k)

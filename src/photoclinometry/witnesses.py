@@ -14,8 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.geometry import unit
-from photoclinometry.initialize import normals_from_neighbours, predicted_ratio, sample_brightness
+from photoclinometry.initialize import (
+    normals_from_neighbours,
+    pixels_per_length,
+    predicted_ratio,
+    sample_brightness,
+)
 from photoclinometry.reflectance import Reflectance
+from photoclinometry.sampling import blurred
 from photoclinometry.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.shading import normals_from_shading
 from photoclinometry.sparse import SparseModel
@@ -51,8 +57,8 @@ def coarse_scene(
     if len(chosen) > POINTS:
         chosen = np.sort(np.random.default_rng(0).choice(chosen, POINTS, replace=False))
     position, normal = sparse.points[chosen], normal[chosen]
-    sigma_px = [radius * _pixels_per_length(views, n, position) for n in range(len(views))]
-    pictures = [_blurred(images[k], sigma) for k, sigma in zip(kept.tolist(), sigma_px, strict=True)]
+    sigma_px = [radius * pixels_per_length(views, n, position) for n in range(len(views))]
+    pictures = [blurred(images[k], max(sigma, 0.5)) for k, sigma in zip(kept.tolist(), sigma_px, strict=True)]
     tracks = _projected(position, normal, views, pictures)
     return Scene(
         name="sparse points",
@@ -152,21 +158,6 @@ def _planes(position: np.ndarray, camera_centers: np.ndarray) -> tuple[np.ndarra
     count = min(NEIGHBOURS, len(position))
     farthest = np.asarray(KDTree(position).query(position, k=count)[0])[:, -1]
     return normals_from_neighbours(position, camera_centers, count), 0.5 * float(np.median(farthest))
-
-
-def _pixels_per_length(views: Views, view: int, position: np.ndarray) -> float:
-    depth = views.body_from_cam[view].inverse()(position)[:, 2]
-    return float(np.mean(views.cameras[view].focal_px) / np.median(depth))
-
-
-def _blurred(image: Image, sigma_px: float) -> Image:
-    """The image through a Gaussian, of what is valid; valid where it was and half of its surroundings are."""
-    import cv2
-
-    sigma_px = max(sigma_px, 0.5)
-    share = cv2.GaussianBlur(image.valid.astype(np.float32), (0, 0), sigma_px)
-    total = cv2.GaussianBlur(np.where(image.valid, image.brightness, 0.0).astype(np.float32), (0, 0), sigma_px)
-    return Image(image.name, total / np.maximum(share, 1e-6), image.valid & (share > 0.5))
 
 
 def _projected(position: np.ndarray, normal: np.ndarray, views: Views, images: Sequence[Image]) -> Tracks:
