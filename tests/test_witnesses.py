@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from photoclinometry.geometry import angle_between, so3_exp
+from photoclinometry.sampling import blurred
 from photoclinometry.scene import Image
 from photoclinometry.sparse import SparseModel
-from photoclinometry.witnesses import MIN_POINTS, _albedo_and_gains, _blurred, coarse_scene, ground_of, sun_by_witnesses
+from photoclinometry.witnesses import MIN_POINTS, _albedo_and_gains, coarse_scene, ground_of, sun_by_witnesses
 from scenes import synthetic_images, synthetic_scene
 
 
@@ -47,7 +48,7 @@ def test_a_blur_takes_the_mean_of_what_is_valid():
     """Constant brightness stays, however many pixels are missing; where most are missing nothing is valid."""
     valid = np.random.default_rng(0).random((40, 40)) < 0.8
     valid[:, 25:] = False
-    found = _blurred(Image("a", np.where(valid, 3.0, np.nan).astype(np.float32), valid), 2.0)
+    found = blurred(Image("a", np.where(valid, 3.0, np.nan).astype(np.float32), valid), 2.0)
     np.testing.assert_allclose(found.brightness[found.valid], 3.0, rtol=1e-5)
     np.testing.assert_array_equal(found.valid[10:30, 8:16], valid[10:30, 8:16])
     assert not found.valid[:, 30:].any()
