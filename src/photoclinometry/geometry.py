@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+METRES = {"m": 1.0, "km": 1000.0}
+"""In one unit of length of a file."""
+
 
 @dataclass(frozen=True)
 class Rigid:

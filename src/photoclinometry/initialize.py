@@ -6,11 +6,8 @@ import numpy as np
 
 from photoclinometry.predict import shading
 from photoclinometry.reflectance import Reflectance
-from photoclinometry.sampling import blurred, sample_image
+from photoclinometry.sampling import blurred, sample_image, smoothing_px
 from photoclinometry.scene import Image, Views
-
-COARSER = 1.2
-"""A map is coarser than an image that has more pixels than this from landmark to landmark."""
 
 GRAZING = np.cos(np.radians(85.0))
 """Observations at larger incidence or emission say nothing reliable about albedo."""
@@ -76,9 +73,8 @@ def sample_brightness(
     brightness, lit = np.zeros(len(view)), np.zeros(len(view), bool)
     for k in np.unique(view):
         mine = np.flatnonzero(view == k)
-        image = images[k]
-        if spacing_px is not None and spacing_px[k] > COARSER:
-            image = blurred(image, 0.5 * np.sqrt(spacing_px[k] ** 2 - 1.0))
+        blur_px = 0.0 if spacing_px is None else smoothing_px(float(spacing_px[k]))
+        image = blurred(images[k], blur_px) if blur_px else images[k]
         value, valid = sample_image(image, keypoint[mine])
         if valid.any():
             brightness[mine] = value
@@ -86,16 +82,10 @@ def sample_brightness(
     return brightness, lit
 
 
-def pixels_per_length(views: Views, view: int, position: np.ndarray) -> float:
-    """Pixels of a view across one unit of length in B, at the median depth of points (J, 3)."""
-    depth = views.body_from_cam[view].inverse()(position)[:, 2]
-    return float(np.mean(views.cameras[view].focal_px) / np.median(depth))
-
-
 def landmark_spacing_px(views: Views, position: np.ndarray, reference: int) -> np.ndarray:
     """(K,) pixels of each view across one pixel of the reference view, which is what lies between landmarks (J, 3)."""
-    found = np.array([pixels_per_length(views, k, position) for k in range(len(views))])
-    return found / found[reference]
+    gsd = np.array([views.gsd(k, position) for k in range(len(views))])
+    return gsd[reference] / gsd
 
 
 def predicted_ratio(

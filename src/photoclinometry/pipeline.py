@@ -254,7 +254,7 @@ def initial_scene(
     registered, own = views[kept], int(new_index[reference])
     spacing = landmark_spacing_px(registered, dense.position, own)
     brightness, lit = sample_brightness(
-        [images[k] for k in kept], new_index[dense.view], dense.keypoint, spacing_px=spacing
+        [images[k] for k in kept.tolist()], new_index[dense.view], dense.keypoint, spacing_px=spacing
     )
     normal = normals_from_neighbours(dense.position, registered.body_from_cam.translation)
     tracks = Tracks(

@@ -33,7 +33,6 @@ log = logging.getLogger(__name__)
 ODD_SHARE, ODD_TIMES = 0.03, 3.0
 """A view is odd whose brightness is off by more than this share, and by so many times what is usual."""
 
-
 FEWEST = 2
 """Rounds that are made in any case, where so many are allowed: one in which brightness moves the map, one that settles
 it."""
@@ -98,9 +97,10 @@ def adjust_in_rounds(
             matched = rematch(adjustment.scene, images, flow, dense, progress, f"relight {number}")
 
         def again(matched=matched, before=adjustment.scene, entries=more["rounds"], number=number):
-            last = number == count or (number >= FEWEST and keypoints_moved(before, matched) < rounds.settled_px)
+            moved = keypoints_moved(before, matched)
+            last = number == count or _settles(number, moved, rounds)
             found = adjusted(matched, 1.0 if last else rounds.slack, last)
-            return found, {"rounds": [*entries, round_entry(number, found.scene, before)], "last": last}
+            return found, {"rounds": [*entries, round_entry(number, found.scene, before, moved)], "last": last}
 
         adjustment, more = kept_or_made(folder, keys[number], again)
     return adjustment, more["rounds"]
@@ -154,8 +154,13 @@ def with_dense(scene: Scene, dense: DenseTracks) -> Scene:
     )
 
 
-def round_entry(number: int, scene: Scene, before: Scene | None = None) -> dict[str, float]:
-    """What a round brought: how well the map explains its measurements, and how far it moved from `before`."""
+def round_entry(
+    number: int, scene: Scene, before: Scene | None = None, moved_px: float = float("nan")
+) -> dict[str, float]:
+    """What a round brought: how well the map explains its measurements, and how far it moved from `before`.
+
+    moved_px: `keypoints_moved` of the two, which decided whether this is the last round.
+    """
     residual = keypoint_residual_px(scene)
     entry = {
         "round": number,
@@ -167,7 +172,7 @@ def round_entry(number: int, scene: Scene, before: Scene | None = None) -> dict[
         error = landmark_photometric_error(scene, remove_scale_and_bias=True)
         entry["photometric_error_mean_percent"] = 100.0 * float(np.nanmean(error))
     if before is not None:
-        entry["keypoints_moved_median_px"] = keypoints_moved(before, scene)
+        entry["keypoints_moved_median_px"] = moved_px
         entry["normals_turned_median_deg"] = math.degrees(normals_turned(before, scene))
     log.info("round %d: %s", number, entry)
     return entry
@@ -206,7 +211,12 @@ def odd_views(scene: Scene) -> list[tuple[str, float]]:
 
 def is_settled(entries: Sequence[dict[str, float]], options: RelightOptions) -> bool:
     """Whether the last of these rounds was the last that is needed."""
-    return entries[-1]["round"] >= FEWEST and entries[-1].get("keypoints_moved_median_px", np.inf) < options.settled_px
+    last = entries[-1]
+    return _settles(last["round"], last.get("keypoints_moved_median_px", np.inf), options)
+
+
+def _settles(number: float, moved_px: float, options: RelightOptions) -> bool:
+    return number >= FEWEST and moved_px < options.settled_px
 
 
 def _observation_number(scene: Scene) -> np.ndarray:

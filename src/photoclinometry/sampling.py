@@ -11,6 +11,9 @@ import numpy as np
 
 from photoclinometry.scene import Image
 
+COARSER = 1.2
+"""A grid is coarser than an image that has more pixels than this from point to point."""
+
 _MARGIN_PX = 16
 """Beyond it a spline does not reach: its weights are below 1e-9."""
 
@@ -22,8 +25,6 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     between pixels: of relief of a few pixels no reflectance model then fits all views at once. Invalid pixels are given
     their nearest valid neighbour's value; where nothing is valid the brightness is 0 and means nothing.
     """
-    from scipy.ndimage import distance_transform_edt
-
     height, width = image.brightness.shape
     xy = np.asarray(xy, float)
     inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)
@@ -39,14 +40,26 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for right, down in ((0, 0), (1, 0), (0, 1), (1, 1)):
         col, row = np.minimum(corner + (right, down), np.array(there.shape[::-1]) - 1).T
         valid &= there[row, col]
-    if not there.all():
-        nearest = np.asarray(distance_transform_edt(~there, return_distances=False, return_indices=True))
-        brightness = brightness[nearest[0], nearest[1]]
     usable = inside.copy()
     usable[inside] = valid
     if valid.any():
-        value[usable] = sample(brightness, xy[usable] - first)
+        value[usable] = sample(filled_from_nearest(brightness, there), xy[usable] - first)
     return value, usable
+
+
+def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Values (h, w), those that are not valid replaced by their nearest valid neighbour's; one is valid at least."""
+    from scipy.ndimage import distance_transform_edt
+
+    if valid.all():
+        return values
+    nearest = np.asarray(distance_transform_edt(~valid, return_distances=False, return_indices=True))
+    return values[nearest[0], nearest[1]]
+
+
+def smoothing_px(spacing_px: float) -> float:
+    """Standard deviation [px] that makes an image as coarse as a grid of so many of its pixels; 0 where it is so."""
+    return 0.5 * float(np.sqrt(spacing_px**2 - 1.0)) if spacing_px > COARSER else 0.0
 
 
 def blurred(image: Image, sigma_px: float) -> Image:

@@ -108,6 +108,11 @@ class Views:
         """Pixels (..., 2) of body-fixed points (..., 3) in one view."""
         return self.cameras[view].pixel_from_cam(self.body_from_cam[view].inverse()(points))
 
+    def gsd(self, view: int, points: np.ndarray) -> float:
+        """Length in B of one pixel of a view across the line of sight, at the median depth of points (J, 3)."""
+        depth = np.median(self.body_from_cam[view].inverse()(points)[..., 2])
+        return float(depth / np.mean(self.cameras[view].focal_px))
+
     def __getitem__(self, index: np.ndarray | list[int] | slice) -> Views:
         """The views at `index`, in that order."""
         chosen = np.arange(len(self))[index]
@@ -227,9 +232,7 @@ class Scene:
     @property
     def gsd(self) -> float:
         """Ground sample distance: length in B of one reference pixel across the line of sight."""
-        pose = self.views.body_from_cam[self.reference]
-        depth = np.median(pose.inverse()(self.landmarks.position)[..., 2])
-        return float(depth / np.mean(self.views.cameras[self.reference].focal_px))
+        return self.views.gsd(self.reference, self.landmarks.position)
 
     def grid(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
         """Per-landmark values (J, ...) as an image (region height, width, ...), `fill` where none."""

@@ -16,7 +16,6 @@ import numpy as np
 from photoclinometry.geometry import unit
 from photoclinometry.initialize import (
     normals_from_neighbours,
-    pixels_per_length,
     predicted_ratio,
     sample_brightness,
 )
@@ -57,7 +56,7 @@ def coarse_scene(
     if len(chosen) > POINTS:
         chosen = np.sort(np.random.default_rng(0).choice(chosen, POINTS, replace=False))
     position, normal = sparse.points[chosen], normal[chosen]
-    sigma_px = [radius * pixels_per_length(views, n, position) for n in range(len(views))]
+    sigma_px = [radius / views.gsd(n, position) for n in range(len(views))]
     pictures = [blurred(images[k], max(sigma, 0.5)) for k, sigma in zip(kept.tolist(), sigma_px, strict=True)]
     tracks = _projected(position, normal, views, pictures)
     return Scene(

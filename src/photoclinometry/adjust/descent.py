@@ -89,9 +89,9 @@ def limited(landmark: np.ndarray, max_move: float, estimate: Estimate) -> np.nda
         share = np.minimum(1.0, np.minimum(max_move / length, MAX_TURN / turn))
         fall = -landmark[:, 5] / (0.9 * np.maximum(estimate.landmarks.albedo, 1e-12))
         share = np.nan_to_num(np.where(fall * share > 1.0, 1.0 / fall, share), nan=1.0)[:, None]
-    limited = share * landmark
-    limited[:, :3] += (1.0 - share) * common
-    return limited
+    moves = share * landmark
+    moves[:, :3] += (1.0 - share) * common
+    return moves
 
 
 def common_motion(moves: np.ndarray, position: np.ndarray, own: float) -> np.ndarray:

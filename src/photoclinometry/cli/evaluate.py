@@ -11,14 +11,11 @@ import numpy as np
 
 from photoclinometry.cli.folders import read_run, run_images, site_path
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import Similarity
+from photoclinometry.geometry import METRES, Similarity
 from photoclinometry.scene import Scene
 
 if TYPE_CHECKING:
     from photoclinometry.compare import Comparison
-
-METRES = {"m": 1.0, "km": 1000.0}
-"""In one unit of a reference map."""
 
 
 def evaluate(

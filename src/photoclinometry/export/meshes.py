@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from photoclinometry.export.frame import Framed
 from photoclinometry.io.gltf import write_glb
 from photoclinometry.io.obj import write_obj
 from photoclinometry.render import landmark_faces
+from photoclinometry.sampling import filled_from_nearest
 from photoclinometry.scene import Scene
 
 
@@ -30,13 +30,10 @@ class Texture:
 
 def albedo_texture(scene: Scene) -> Texture | None:
     """The albedo on the reference image's pixels, gaps filled with the nearest; None for geometry alone."""
-    from scipy.ndimage import distance_transform_edt
-
     if scene.reflectance is None:
         return None
     albedo = scene.grid(scene.landmarks.albedo)
-    nearest: Any = distance_transform_edt(np.isnan(albedo), return_distances=False, return_indices=True)
-    albedo = albedo[tuple(nearest)]
+    albedo = filled_from_nearest(albedo, ~np.isnan(albedo))
     peak = float(albedo.max())
     if not peak > 0:
         raise InputError(f"scene {scene.name!r}: no albedo is positive; export the mesh as ply instead")

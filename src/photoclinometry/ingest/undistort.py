@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.ingest.detector import NEGLIGIBLE_PX, Detector, displacement, upright
+from photoclinometry.sampling import filled_from_nearest, sample
 from photoclinometry.scene import Image
 
 _REACH = 2
@@ -33,10 +34,9 @@ def undistorted(image: Image, detector: Detector) -> Image:
 def _resampled(brightness: np.ndarray, valid: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness and validity at the pixels `seen` (h, w, 2), where (0.5, 0.5) is the centre of the first.
 
-    OpenCV's remap would round positions to 1/32 px.
+    By splines, see `sampling`.
     """
     import cv2
-    from scipy.ndimage import distance_transform_edt, map_coordinates
 
     x, y = np.moveaxis(seen - 0.5, -1, 0)
     height, width = brightness.shape
@@ -48,7 +48,6 @@ def _resampled(brightness: np.ndarray, valid: np.ndarray, seen: np.ndarray) -> t
     at = np.clip(row, 0, height - 1) + _REACH, np.clip(col, 0, width - 1) + _REACH
     kept = inside & (touched[at] == 0)
     # Splines reach far, though weakly: holes take their nearest neighbour's value.
-    nearest = np.asarray(distance_transform_edt(~valid, return_distances=False, return_indices=True))
-    source = brightness[nearest[0], nearest[1]].astype(np.float64) if valid.any() else np.zeros(valid.shape)
-    values = map_coordinates(source, [y, x], order=3, mode="nearest")
+    source = filled_from_nearest(brightness, valid).astype(np.float64) if valid.any() else np.zeros(valid.shape)
+    values = sample(source, seen)
     return np.where(kept, values, 0.0).astype(np.float32), kept

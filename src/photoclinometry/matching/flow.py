@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from photoclinometry.matching.interface import Matches, MatchRequest
-from photoclinometry.sampling import sample
+from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
+from photoclinometry.sampling import sample, smoothing_px
 from photoclinometry.scene import Image, Region
 
 
@@ -60,13 +60,7 @@ class FlowMatcher:
         valid &= np.isfinite(position).all(-1)
         sigma = np.sqrt(options.sigma_floor_px**2 + sigma**2 + round_trip**2)
         certainty = correlation.clip(0, 1) * np.exp(-0.5 * (round_trip / options.max_round_trip_px) ** 2)
-        inner = request.inner
-        return Matches(
-            position=np.where(valid[..., None], position, 0.0)[inner],
-            certainty=np.where(valid, certainty, 0.0).astype(np.float32)[inner],
-            sigma_px=sigma.astype(np.float32)[inner],
-            valid=valid[inner],
-        )
+        return region_matches(request, position, certainty, sigma, valid)
 
 
 def crop(image: Image, region: Region) -> tuple[np.ndarray, np.ndarray]:
@@ -81,8 +75,8 @@ def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     step = np.sqrt(np.abs(np.nanmedian(jacobian_determinant(xy))))
     filled = _fill(image.brightness.astype(np.float32), image.valid)
-    if step > 1.2:
-        filled = cv2.GaussianBlur(filled, (0, 0), 0.5 * np.sqrt(step**2 - 1.0))
+    if blur_px := smoothing_px(step):
+        filled = cv2.GaussianBlur(filled, (0, 0), blur_px)
     height, width = image.brightness.shape
     inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)  # False where not finite
     valid = inside & (sample(image.valid.astype(np.float32), xy, order=1) > 0.999)
@@ -160,7 +154,7 @@ def follow(values: np.ndarray, flow: np.ndarray, *, order: int = 3) -> np.ndarra
     Order 1 for masks and for what is not a picture: exact on ramps, and a pixel without a value spoils no others.
     """
     height, width = flow.shape[:2]
-    centers = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), axis=-1)
+    centers = Region(row=0, col=0, height=height, width=width).pixel_centers()
     return sample(values, centers + flow, order=order).astype(values.dtype)
 
 

@@ -68,6 +68,19 @@ class Matches:
     """(h, w) bool."""
 
 
+def region_matches(
+    request: MatchRequest, position: np.ndarray, certainty: np.ndarray, sigma_px: np.ndarray, valid: np.ndarray
+) -> Matches:
+    """The region's part of what was found on the padded region: arrays (h, w, ...) as in `Matches`."""
+    inner = request.inner
+    return Matches(
+        position=np.where(valid[..., None], position, 0.0)[inner],
+        certainty=np.where(valid, certainty, 0.0).astype(np.float32)[inner],
+        sigma_px=sigma_px.astype(np.float32)[inner],
+        valid=valid[inner],
+    )
+
+
 class Matcher(Protocol):
     """Anything that answers a request."""
 

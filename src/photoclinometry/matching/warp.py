@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.matching.flow import crop, jacobian_determinant, resample
-from photoclinometry.matching.interface import Matches, MatchRequest
+from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
 from photoclinometry.sampling import sample
+from photoclinometry.scene import Region
 
 STRETCH_PERCENT = (0.5, 99.5)
 """Shares of a picture's brightness between which it is stretched."""
@@ -92,13 +93,7 @@ def matches_from_warps(
     cell_px = np.sqrt(np.prod(shape) / there.certainty.size)
     step = np.sqrt(np.abs(jacobian_determinant(request.prediction)))  # target pixels for one of the reference
     sigma = step * np.hypot(options.sigma_cells * cell_px, round_trip)
-    inner = request.inner
-    return Matches(
-        position=np.where(valid[..., None], position, 0.0)[inner],
-        certainty=np.where(valid, certainty, 0.0).astype(np.float32)[inner],
-        sigma_px=sigma.astype(np.float32)[inner],
-        valid=valid[inner],
-    )
+    return region_matches(request, position, certainty, sigma, valid)
 
 
 def stretch(brightness: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -118,8 +113,7 @@ def displacement(warp: Warp, shape: tuple[int, ...]) -> np.ndarray:
 
 def pixel_centers(shape: tuple[int, ...]) -> np.ndarray:
     """(h, w, 2) centres of a picture's pixels: (0.5, 0.5) is the top-left one's."""
-    row, col = np.indices(shape)
-    return np.stack([col, row], axis=-1) + 0.5
+    return Region(row=0, col=0, height=shape[0], width=shape[1]).pixel_centers()
 
 
 def on_grid(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -10,21 +10,20 @@ import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import Similarity, unit
+from photoclinometry.geometry import METRES, Similarity, unit
 from photoclinometry.io.geotiff import Dtm
 from photoclinometry.io.ground import Mesh, read_ground
 from photoclinometry.raster import draw_triangles
+from photoclinometry.sampling import filled_from_nearest
 from photoclinometry.simulate.surface import sphere_drop
 from photoclinometry.simulate.terrain import Grid
 
 log = logging.getLogger(__name__)
 
-METRES = {"m": 1.0, "km": 1000.0}
 MAX_FACET_GSD = 3.0
 """Ground whose facets or pixels are larger than this many ground samples would show them in the images."""
 _MAX_OVERLAP = 0.02
@@ -68,7 +67,7 @@ def _from_map(
     path: Path, dtm: Dtm, scale: float, center: tuple[float, ...] | None, grid: Grid, gsd: float
 ) -> tuple[Relief, np.ndarray]:
     """Heights of a map, on the sphere that it is a map of, and where they are missing (n, n)."""
-    from scipy.ndimage import distance_transform_edt, map_coordinates
+    from scipy.ndimage import map_coordinates
 
     _check_fine(path, math.sqrt(dtm.pixel[0] * dtm.pixel[1]), "pixels", gsd)
     rows, cols = dtm.height.shape
@@ -79,8 +78,7 @@ def _from_map(
     at = np.stack(np.meshgrid(row, col, indexing="ij"))
     missing = map_coordinates((~dtm.valid).astype(np.float32), at, order=1, mode="constant", cval=1.0) > 0.0
     # Splines reach beyond the samples around a point: gaps outside of the grid are filled smoothly.
-    nearest: Any = distance_transform_edt(~dtm.valid, return_distances=False, return_indices=True)
-    height = scale * map_coordinates(dtm.height[nearest[0], nearest[1]], at, order=3, mode="nearest")
+    height = scale * map_coordinates(filled_from_nearest(dtm.height, dtm.valid), at, order=3, mode="nearest")
     middle = float(height[grid.half, grid.half])
     height -= middle
     if dtm.radius is not None:
