@@ -28,6 +28,7 @@ OPTIONS = AdjustOptions(
     brightness_correlation_px=1.0,
     keypoint_loss=np.inf,
     brightness_loss=np.inf,
+    reflectance_sigma=0.0,
     max_rounds=1,
 )
 """The estimate of problems whose errors are what `Noise` says, and independent."""

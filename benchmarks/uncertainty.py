@@ -38,7 +38,7 @@ LANDMARK_KINDS = {"position": slice(0, 3), "normal": slice(3, 5), "albedo": slic
 
 def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.0) -> tuple[Problem, Weights]:
     """The problem that `adjust` solves for a matched scene, least squares, errors shared by squares of these sides."""
-    options = AdjustOptions(keypoint_loss=np.inf, brightness_loss=np.inf)
+    options = AdjustOptions(keypoint_loss=np.inf, brightness_loss=np.inf, reflectance_sigma=0.0)
     noise = Noise(
         keypoint_factor=1.0,
         keypoint_correlation_px=keypoint_px,

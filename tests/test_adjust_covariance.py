@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from jacobians import numerical_jacobian
-from photoclinometry.adjust.covariance import ErrorModel, marginals
+from photoclinometry.adjust.covariance import ErrorModel, marginals, with_parameters
+from photoclinometry.adjust.solver import minimize, parameter_response
 from photoclinometry.adjust.uncertainty import Weights, linearised
 from photoclinometry.adjust.variables import Estimate
 from scenes import synthetic_scene
 from test_adjust_factors import problem_of, some_tracks_missing
-from test_adjust_solver import residuals_of
+from test_adjust_solver import TIGHT, residuals_of
 
 PIVOT = np.array([10.0, -20.0, 5.0])
 
@@ -32,7 +33,14 @@ def at_truth(scene, factor=1.0, links=True):
 
 
 def dense_covariance(scene, problem, index, present):
-    """Inverse of J^T J with J by differences of the residuals in plain NumPy."""
+    """Inverse of J^T J, J by differences of the residuals in plain NumPy, and the number of the views' coordinates."""
+    jacobian, views = dense_jacobian_of(scene, problem, index, present)
+    information = jacobian.T @ jacobian
+    scale = np.sqrt(np.diag(information))
+    return np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale), views
+
+
+def dense_jacobian_of(scene, problem, index, present):
     estimate = Estimate(scene.views, scene.landmarks, PIVOT)
     residuals = residuals_of(scene, problem, index, present)
     views = 10 * len(scene.views)
@@ -43,10 +51,7 @@ def dense_covariance(scene, problem, index, present):
     def moved(x):
         return residuals(estimate.step(x[:views].reshape(-1, 10), x[views:].reshape(-1, 6)))
 
-    jacobian = numerical_jacobian(moved, size, steps)
-    information = jacobian.T @ jacobian
-    scale = np.sqrt(np.diag(information))
-    return np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale), views
+    return numerical_jacobian(moved, size, steps), views
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +72,36 @@ def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
         here = slice(views + 6 * j, views + 6 * (j + 1))
         size = np.sqrt(np.diag(expected)[here])
         np.testing.assert_allclose(block / np.outer(size, size), expected[here, here] / np.outer(size, size), atol=1e-4)
+
+
+def test_parameters_that_are_estimated_make_all_else_less_certain():
+    """Marginals given the parameters, plus the response to them, are the dense inverse with the parameters in it."""
+    scene = some_tracks_missing(synthetic_scene(size=5, views=5))
+    at, problem, index, present = at_truth(scene)
+    problem.priors = replace(problem.priors, reflectance=0.1)
+    count = len(scene.reflectance.parameters)
+    estimate = replace(Estimate(scene.views, scene.landmarks, PIVOT), parameters=np.zeros(count))
+    solution = minimize(problem, estimate, TIGHT)
+    response = parameter_response(problem, solution, TIGHT)
+    others, _ = dense_covariance(scene, problem, index, present)
+    reflectance = scene.reflectance
+
+    def residuals(change):
+        changed = replace(scene, reflectance=reflectance.with_parameters(reflectance.parameters * (1 + change)))
+        return residuals_of(changed, problem, index, present)(estimate)
+
+    by_parameter = numerical_jacobian(residuals, count, 1e-4)
+    by_others = dense_jacobian_of(scene, problem, index, present)[0]
+    follow = -others @ (by_others.T @ by_parameter)
+    left = by_parameter.T @ by_parameter + by_parameter.T @ by_others @ follow + np.eye(count) / 0.1**2
+    expected = np.linalg.inv(left)
+    size = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(response.covariance / np.outer(size, size), expected / np.outer(size, size), atol=2e-2)
+    whole = others + follow @ expected @ follow.T
+    found = with_parameters(marginals(at), at, response)
+    variance = np.concatenate([np.diag(found.camera), np.einsum("jaa->ja", found.landmark).ravel()])
+    np.testing.assert_allclose(variance, np.diag(whole), rtol=2e-2)
+    assert np.max(np.diag(whole) / np.diag(others)) > 1.5, "the parameters matter"
 
 
 def held_by_gauge(scene, size=1.0):

@@ -10,7 +10,7 @@ from convergence import final_cost, random_start
 from matched import OPTIONS, matched_problem
 from photoclinometry.adjust import AdjustOptions, Anchors, PosePriors, adjust
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.errors import ReconstructionError
 from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3_log
 from photoclinometry.reflectance import published
 from photoclinometry.scene import Tracks
@@ -150,7 +150,7 @@ def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk):
     assert found.converged
     assert np.all(np.abs(found.scene.reflectance.parameters - true) < 3 * found.parameter_sigma)
     assert np.all(found.parameter_sigma > 0)
-    held = adjust(start, OPTIONS)
+    held = adjust(start, replace(OPTIONS, reflectance_sigma=0.0))
     assert held.scene.reflectance == start.reflectance
 
     def tilt(scene):
@@ -161,8 +161,23 @@ def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk):
 
 def test_a_model_without_parameters_has_none_to_estimate():
     scene = synthetic_scene(size=12, reflectance=published("mcewen"))
-    with pytest.raises(InputError, match="reflectance mcewen has no parameters"):
-        adjust(scene, AdjustOptions(reflectance_sigma=0.1))
+    found, held = (adjust(scene, AdjustOptions(reflectance_sigma=sigma)) for sigma in (0.1, 0.0))
+    assert len(found.parameter_sigma) == 0
+    assert found.scene.landmarks.normal.tobytes() == held.scene.landmarks.normal.tobytes()
+
+
+def test_an_estimate_of_an_estimate_is_held_by_what_was_given():
+    """The prior is of the reflectance given, not of the last estimate: else every new one would loosen it."""
+    start, truth = matched_problem(24, 10, reflectance=published("lunar-lambert", "vesta"))
+    given = truth.reflectance.with_parameters(1.2 * truth.reflectance.parameters)
+    tight = replace(OPTIONS, reflectance_sigma=0.03, uncertainty=False)
+    once = adjust(replace(start, reflectance=given), tight).scene
+    again, drifted = adjust(once, tight, reflectance=given).scene, adjust(once, tight).scene
+
+    def moved(scene):
+        return np.abs(once.reflectance.relative_change(scene.reflectance)).max()
+
+    assert moved(again) < 0.1 * moved(drifted)
 
 
 def test_pose_priors_place_the_map():

@@ -13,6 +13,7 @@ from photoclinometry.densify import triangulate_tracks
 from photoclinometry.io.site import PosePrior
 from photoclinometry.pose_priors import adjust_with_priors, place_by_priors
 from photoclinometry.products import Progress, adjusted
+from photoclinometry.reflectance import Reflectance
 from photoclinometry.scene import OWN, Scene, Views
 
 
@@ -25,6 +26,8 @@ class Estimator:
     """Sparse landmarks, in the frame of `views`."""
     views: Views
     """As the sparse stage left them."""
+    reflectance: Reflectance | None
+    """As it is known beforehand; None of geometry alone."""
     priors: Mapping[str, PosePrior]
     """By name of view; none, or enough to determine a frame."""
     progress: Progress
@@ -41,7 +44,7 @@ class Estimator:
             options = replace(options, uncertainty=False, solver=options.solver.roughly())
 
         def adjust(scene: Scene, known: PosePriors | None = None) -> Adjustment:
-            return adjusted(scene, options, self.progress, self._anchors_for(scene), known)
+            return adjusted(scene, options, self.progress, self._anchors_for(scene), known, self.reflectance)
 
         if not self.priors:
             return adjust(start)

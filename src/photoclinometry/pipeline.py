@@ -140,7 +140,12 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     if priors:
         key = digest(key, prior_fingerprint(priors))
     estimator = Estimator(
-        options=options.adjust, anchors=anchors_from(sparse), views=views, priors=priors, progress=report_progress
+        options=options.adjust,
+        anchors=anchors_from(sparse),
+        views=views,
+        reflectance=reflectance,
+        priors=priors,
+        progress=report_progress,
     )
     adjustment, rounds = adjust_in_rounds(
         folder,

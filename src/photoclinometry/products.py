@@ -16,6 +16,7 @@ from photoclinometry.errors import RunFolderError
 from photoclinometry.io.options import write_options
 from photoclinometry.io.site import PosePrior
 from photoclinometry.pose_priors import prior_metrics, prior_table, warn_of_outliers
+from photoclinometry.reflectance import Reflectance
 from photoclinometry.runfolder import RunFolder
 from photoclinometry.scene import Image, Scene, Views
 
@@ -66,6 +67,7 @@ def adjusted(
     progress: Progress,
     anchors: Anchors | None = None,
     pose_priors: PosePriors | None = None,
+    reflectance: Reflectance | None = None,
 ) -> Adjustment:
     """`adjust`, with its steps reported."""
     steps = 0
@@ -75,7 +77,7 @@ def adjusted(
         steps += 1
         progress("adjust", steps, 0)
 
-    return adjust(scene, options, anchors=anchors, pose_priors=pose_priors, progress=count)
+    return adjust(scene, options, anchors=anchors, pose_priors=pose_priors, reflectance=reflectance, progress=count)
 
 
 def kept_or_made(

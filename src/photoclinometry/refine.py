@@ -54,8 +54,10 @@ class RefineOptions:
     """Landmarks with fewer lit observations are left out (with fewer keypoints, of geometry alone)."""
     min_view_observations: int = 100
     """Images with fewer are left out."""
-    adjust: AdjustOptions = field(default_factory=lambda: AdjustOptions(keypoint_correlation_px=1.0))
-    """As of `phomo run`, but keypoints are taken to err independently."""
+    adjust: AdjustOptions = field(
+        default_factory=lambda: AdjustOptions(keypoint_correlation_px=1.0, reflectance_sigma=0.0)
+    )
+    """As of `phomo run`, but keypoints are taken to err independently and the reflectance is held, as theirs are."""
 
 
 @dataclass(frozen=True, kw_only=True)

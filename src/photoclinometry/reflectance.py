@@ -226,6 +226,11 @@ class Reflectance:
         """(T,) w0, w1, c_1 ... c_n; none of the models without a phase function."""
         return self.packed[1:] if self.disk in HAS_PHASE_FUNCTION else np.zeros(0)
 
+    def relative_change(self, other: Reflectance) -> np.ndarray:
+        """(T,) by how much the parameters of another estimate of the same model differ, relative to these; 0 of a 0."""
+        own = self.parameters
+        return np.divide(other.parameters - own, own, out=np.zeros(len(own)), where=own != 0)
+
     def with_parameters(self, values: np.ndarray) -> Reflectance:
         """The same model with other `parameters` (T,)."""
         if len(values) == 0:

@@ -24,6 +24,7 @@ from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 
 from photoclinometry.adjust.information import Observed, Patch, observed_patch
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
+from photoclinometry.adjust.solver import ParameterResponse
 from photoclinometry.adjust.windows import RIDGE, Links, covariances_given_views, hold
 from photoclinometry.geometry import skew
 
@@ -127,6 +128,28 @@ def marginals(
     unmeasured = np.diag(reduced.information) == 0.0
     camera[unmeasured, unmeasured] = np.inf
     return Marginals(camera=camera, landmark=landmark)
+
+
+def with_parameters(
+    given: Marginals, at: Linearised, response: ParameterResponse, frame: np.ndarray | None = None
+) -> Marginals:
+    """Marginals as if the reflectance parameters were known, plus what the parameters' own errors do.
+
+        cov(x) = cov(x | p) + M cov(p) M^T,   M the moves of x that follow p
+
+    frame: as for `marginals`; the moves, too, are those that remain after the best similarity of the landmarks.
+    """
+    of_cameras, of_landmarks = response.of_cameras, response.of_landmarks
+    if frame is not None:
+        basis = _move_landmarks(at, 0, len(at))
+        own = basis[frame, :3].reshape(-1, _SIMILARITY)
+        moved = of_landmarks[frame, :3].reshape(len(own), -1)
+        similarity = np.linalg.solve(own.T @ own, own.T @ moved)
+        of_cameras, of_landmarks = of_cameras - _move_cameras(at) @ similarity, of_landmarks - basis @ similarity
+    return Marginals(
+        camera=given.camera + of_cameras @ response.covariance @ of_cameras.T,
+        landmark=given.landmark + of_landmarks @ response.covariance @ np.swapaxes(of_landmarks, 1, 2),
+    )
 
 
 def _runs(count: int, size: int) -> list[tuple[int, int]]:

@@ -24,14 +24,14 @@ from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.priors import Priors
 from photoclinometry.adjust.problem import Problem, sun_rows
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
-from photoclinometry.adjust.solver import Iteration, minimize, parameter_sigma
+from photoclinometry.adjust.solver import Iteration, minimize, parameter_response
 from photoclinometry.adjust.uncertainty import OF_LANDMARKS, Weights, estimate_uncertainty
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.errors import ReconstructionError
 from photoclinometry.geometry import Rigid
 from photoclinometry.initialize import neighbours
 from photoclinometry.predict import brightness_residuals, keypoint_residuals, shading
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION
+from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance
 from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 
 log = logging.getLogger(__name__)
@@ -91,15 +91,17 @@ def adjust(
     *,
     anchors: Anchors | None = None,
     pose_priors: PosePriors | None = None,
+    reflectance: Reflectance | None = None,
     progress: Callable[[Iteration], None] | None = None,
 ) -> Adjustment:
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
 
     anchors: sparse landmarks, from structure from motion, that help to hold the poses. pose_priors: of spacecraft
-    navigation; without them only the gauge is fixed, by the reference view's pose and one landmark.
+    navigation; without them only the gauge is fixed, by the reference view's pose and one landmark. reflectance: as it
+    is known beforehand, of which the scene's is an estimate; left out, the scene's own.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or no landmarks are
-    left to estimate, InputError where parameters are to be estimated of a reflectance that has none.
+    left to estimate.
     """
     options = options or AdjustOptions()
     if len(scene.views) < 3 or len(scene.landmarks) < 10:
@@ -114,9 +116,11 @@ def adjust(
     if anchors is not None:
         sorted_scene = _with_anchors(sorted_scene, anchors)
         start = replace(start, landmarks=sorted_scene.landmarks)
-    if options.reflectance_sigma is not None:
-        start = replace(start, parameters=np.zeros(len(_parameters(scene))))
-    adjustment = _rounds(sorted_scene, start, options, len(order), pose_priors, progress)
+    given = scene.reflectance
+    if scene.reflectance is not None and options.reflectance_sigma > 0:
+        given = reflectance or scene.reflectance
+        start = replace(start, parameters=given.relative_change(scene.reflectance))
+    adjustment = _rounds(sorted_scene, start, given, options, len(order), pose_priors, progress)
     back = np.argsort(order)
     estimate = adjustment.scene.landmarks
     lit = np.empty(len(tracks), bool)
@@ -128,17 +132,6 @@ def adjust(
     if pose_priors is not None:
         adjustment = replace(adjustment, pose_priors_used=np.isfinite(pose_priors.center_sigma))
     return replace(adjustment, scene=adjusted.with_estimate(adjustment.scene.views, estimate[back]), lit=lit)
-
-
-def _parameters(scene: Scene) -> np.ndarray:
-    """The reflectance's parameters (T,). Raises InputError where it has none."""
-    if scene.reflectance is None or len(scene.reflectance.parameters) == 0:
-        model = "none" if scene.reflectance is None else scene.reflectance.disk
-        raise InputError(
-            f"reflectance {model} has no parameters to estimate; leave reflectance_sigma out, or choose one of "
-            f"{', '.join(sorted(HAS_PHASE_FUNCTION))}"
-        )
-    return scene.reflectance.parameters
 
 
 def _with_anchors(scene: Scene, anchors: Anchors) -> Scene:
@@ -166,9 +159,18 @@ def _with_anchors(scene: Scene, anchors: Anchors) -> Scene:
 
 
 def _rounds(
-    scene: Scene, estimate: Estimate, options: AdjustOptions, mapped: int, pose_priors: PosePriors | None, progress
+    scene: Scene,
+    estimate: Estimate,
+    given: Reflectance | None,
+    options: AdjustOptions,
+    mapped: int,
+    pose_priors: PosePriors | None,
+    progress,
 ) -> Adjustment:
-    """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors."""
+    """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors.
+
+    given: the reflectance from which that of the estimate differs by its parameters.
+    """
     tracks, photometric = scene.tracks, scene.reflectance is not None
     layout, place = build_layout(tracks, len(scene.views))
     unweighted = lay_out(tracks, place, layout.places)
@@ -177,7 +179,7 @@ def _rounds(
     if options.keypoint_sigma_px is not None:
         sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
-    priors, given = _priors(scene, options, mapped, pose_priors), scene.reflectance
+    priors = _priors(scene, options, mapped, pose_priors)
     loose = options.solver.roughly()
     history: list[Iteration] = []
     lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
@@ -191,7 +193,8 @@ def _rounds(
         held = replace(priors, view_factor=noise.view_factor)
         problem = Problem(layout, measured, pairs, held, given, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
-        solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, progress=progress)
+        moves = None if solution is None else solution.parameter_moves
+        solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, moves=moves, progress=progress)
         history.extend(solution.log)
         estimate = solution.estimate
         scene = replace(scene, reflectance=problem.reflectance_at(estimate))
@@ -209,11 +212,17 @@ def _rounds(
     assert problem is not None
     scene = replace(scene.with_estimate(estimate.views, estimate.landmarks), uncertainty={})
     problem.priors = priors
+    response, parameter_sigma = None, np.zeros(0)
+    if len(estimate.parameters):
+        response = parameter_response(problem, solution, options.solver)
+        assert given is not None
+        parameter_sigma = np.abs(given.parameters) * np.sqrt(np.diag(response.covariance))
     if options.uncertainty:
         # As if what brightness errs by all over a view were noise, and all else known as well as stated.
         seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
         weights = _weights(scene, options, lit, own, seen)
-        scene = replace(scene, uncertainty=estimate_uncertainty(scene, estimate.pivot, problem, weights, seen, own))
+        found = estimate_uncertainty(scene, estimate.pivot, problem, weights, seen, own, response)
+        scene = replace(scene, uncertainty=found)
     return Adjustment(
         scene,
         solution.converged,
@@ -221,7 +230,7 @@ def _rounds(
         tuple(history),
         noise,
         lit,
-        parameter_sigma(problem, estimate, options.solver),
+        parameter_sigma,
     )
 
 

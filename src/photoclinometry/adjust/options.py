@@ -55,9 +55,9 @@ class AdjustOptions:
     """Prior on every landmark's normal about its start [rad]; left out, free."""
     albedo_sigma: float | None = None
     """Relative prior on every landmark's albedo about its start; left out, free."""
-    reflectance_sigma: float | None = None
-    """Relative prior on the reflectance's phase weighting and phase coefficients about those given, which are then
-    estimated too; left out, they are held."""
+    reflectance_sigma: float = 0.05
+    """Relative prior on the reflectance's phase weighting and phase coefficients about those given, which are
+    estimated too: published ones are means over a body, and no disk function is quite the ground's. 0 holds them."""
     uncertainty: bool = True
     """Find the covariance of every view and landmark after the last round."""
     max_rounds: int = 4

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, STORED, CameraState, LandmarkState
+from photoclinometry.adjust.kernels import CAMERA_SIZE, FAST, LANDMARK_SIZE, STORED, CameraState, LandmarkState
 from photoclinometry.adjust.layout import LANES, Layout, Measurements
 from photoclinometry.adjust.product import BACK, Linearized, collect
 from photoclinometry.reflectance import angles_at, photometric_function, photometric_parameters
@@ -113,3 +113,46 @@ def _add(rows, lane, scale, albedo, row, by_landmark, back):
         by_landmark[5, t] += rows[10 * LANES + lane] * scale * g
         back[t, 8] += rows[10 * LANES + lane] * albedo * g
         back[t, 9] += rows[11 * LANES + lane] * g
+
+
+@njit(parallel=True, **FAST)
+def add_border(by_landmark, landmark, parameter, landmark_out, parameter_out):
+    """landmark_out += border parameter, and parameter_out (threads, T) its transpose times landmark (J, 6); float32.
+
+    Compiled, as BLAS would set threads of its own spinning for products this thin.
+    """
+    parts, count = parameter_out.shape
+    marks = landmark.shape[0]
+    for part in prange(parts):
+        total = np.zeros(count)
+        for j in range(part * marks // parts, (part + 1) * marks // parts):
+            for i in range(LANDMARK_SIZE):
+                x, change = landmark[j, i], np.float32(0.0)
+                for t in range(count):
+                    change += by_landmark[j, i, t] * parameter[t]
+                    total[t] += by_landmark[j, i, t] * x
+                landmark_out[j, i] += change
+        parameter_out[part] = total
+
+
+@njit(parallel=True, **FAST)
+def shares(directions, vector, out):
+    """out (threads, T): the products of directions (T, n) with a vector (n,)."""
+    parts, count = out.shape
+    size = vector.size
+    for part in prange(parts):
+        for t in range(count):
+            total = 0.0
+            for i in range(part * size // parts, (part + 1) * size // parts):
+                total += directions[t, i] * vector[i]
+            out[part, t] = total
+
+
+@njit(parallel=True, **FAST)
+def add_combination(directions, factor, out):
+    """out (n,) += factor (T,) times directions (T, n)."""
+    for i in prange(out.size):
+        total = np.float32(0.0)
+        for t in range(factor.size):
+            total += factor[t] * directions[t, i]
+        out[i] += total

@@ -18,12 +18,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 
 from photoclinometry.adjust.blocks import invert_blocks
 from photoclinometry.adjust.descent import descend
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.krylov import conjugate_gradients
+from photoclinometry.adjust.parameters import add_border, add_combination, shares
 from photoclinometry.adjust.problem import COST_TERMS, NormalEquations, Problem
 from photoclinometry.adjust.smoothing import add_product, chebyshev_degree, lowest_eigenvalue, solve_approximately
 from photoclinometry.adjust.variables import Estimate
@@ -43,8 +45,11 @@ _LIGHT_DAMPING = 1e-4
 ROUGH_DECREASE, ROUGH_STEPS = 1e-3, 8
 """Relative decrease at which a rough estimate ends, and its steps at most."""
 
-COARSE_ITERATIONS = 40
-"""Conjugate-gradient iterations at most for how the other variables follow each reflectance parameter."""
+COARSE_ITERATIONS, COARSE_ENOUGH = 40, 0.1
+"""Conjugate-gradient iterations at most for how the other variables follow a reflectance parameter; fewer if they would
+change less than this share of what the parameter costs when they follow."""
+STALE = 10
+"""Iterations of a step that tell that they follow otherwise by now."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +116,8 @@ class Solution:
     message: str
     log: tuple[Iteration, ...]
     """The first entry is the start."""
+    parameter_moves: np.ndarray | None
+    """(T, 10 K + 6 J + T) how all variables follow the reflectance parameters, see the function; None of no step."""
 
     @property
     def cost(self) -> dict[str, float]:
@@ -123,26 +130,29 @@ def minimize(
     options: SolverOptions | None = None,
     *,
     step_limit: float = np.inf,
+    moves: np.ndarray | None = None,
     progress: Callable[[Iteration], None] | None = None,
     throw: bool = False,
 ) -> Solution:
     """The estimate of least cost near `start`.
 
-    step_limit: longest step of a landmark against what all do, in units of B (half a ground sample). progress is
-    called after every step; what it raises ends the solve. throw: raise NotConvergedError instead of returning a
-    status.
+    step_limit: longest step of a landmark against what all do, in units of B (half a ground sample). moves: the
+    `parameter_moves` of an earlier solution with other weights. progress is called after every step; what it raises
+    ends the solve. throw: raise NotConvergedError instead of returning a status.
     """
     options = options or SolverOptions()
     estimate, damping = start, options.initial_damping
     cost, equations = problem.linearize(estimate)
     polynomial = _polynomial(problem, equations, options)
     history = [_iteration(cost, damping, 0, True, 0.0, 0.0, 0.0)]
-    small, growth, fast = 0, 4.0, True
+    small, growth, fast, stale = 0, 4.0, True, moves is None
     message = f"no convergence within {options.max_steps} steps"
     for _ in range(options.max_steps):
         wall, cpu = time.perf_counter(), time.process_time()
         total = float(cost.sum())
-        system = _Damped(problem, equations, damping, *polynomial)
+        if stale:
+            moves = parameter_moves(_Damped(problem, equations, damping, *polynomial), moves)
+        system = _Damped(problem, equations, damping, *polynomial, moves)
         gradient = equations.gradient
         solve = conjugate_gradients(
             system.multiply,
@@ -154,6 +164,7 @@ def minimize(
         )
         trial = descend(problem, estimate, total, system.split(solve.x), step_limit)
         new_cost, moved, used = trial.cost, trial.moved, damping
+        stale = solve.iterations > STALE
         accepted = bool(new_cost.sum() <= total) and solve.iterations > 0
         if accepted:
             promised = _promised_decrease(system, gradient, trial.moves)
@@ -186,28 +197,50 @@ def minimize(
     converged = small == 2
     if throw and not converged:
         raise NotConvergedError(message)
-    return Solution(estimate, converged, message, tuple(history))
+    return Solution(estimate, converged, message, tuple(history), moves)
 
 
-def parameter_sigma(problem: Problem, estimate: Estimate, options: SolverOptions) -> np.ndarray:
-    """Standard deviations (T,) of the reflectance parameters, all other variables estimated along with them.
+@dataclass(frozen=True)
+class ParameterResponse:
+    """How uncertain the T reflectance parameters are, as relative changes, and what all else does when they move."""
 
-    Columns of the inverse of the normal equations, by conjugate gradients.
+    covariance: np.ndarray
+    """(T, T)."""
+    of_cameras: np.ndarray
+    """(10 K, T)."""
+    of_landmarks: np.ndarray
+    """(J, 6, T)."""
+
+
+def parameter_response(problem: Problem, solution: Solution, options: SolverOptions) -> ParameterResponse:
+    """At the solution, all other variables estimated along with the parameters.
+
+    The covariance is made of columns of the inverse of the normal equations, by conjugate gradients. What rounding has
+    spoiled is as uncertain as the prior says: albedos follow a phase function almost wholly.
     """
-    count = len(estimate.parameters)
-    if count == 0 or problem.reflectance is None:
-        return np.zeros(0)
-    _, equations = problem.linearize(estimate)
-    system = _Damped(problem, equations, options.min_damping, *_polynomial(problem, equations, options))
-    variance = np.empty(count)
+    count = len(solution.estimate.parameters)
+    _, equations = problem.linearize(solution.estimate)
+    polynomial = _polynomial(problem, equations, options)
+    undamped = _Damped(problem, equations, options.min_damping, *polynomial)
+    moves = parameter_moves(undamped, solution.parameter_moves, enough=1e-3)
+    system = _Damped(problem, equations, options.min_damping, *polynomial, moves)
+    covariance = np.empty((count, count))
     for t in range(count):
         unit = np.zeros(len(system.added), np.float32)
         unit[len(unit) - count + t] = 1.0
         solve = conjugate_gradients(
             system.multiply, system.precondition, unit, max_iterations=500, truncation=options.final_truncation
         )
-        variance[t] = solve.x[len(unit) - count + t]
-    return np.abs(problem.reflectance.parameters) * np.sqrt(variance)
+        covariance[t] = solve.x[-count:]
+    value, vector = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    prior = problem.priors.reflectance**2
+    value = np.where((value > 0) & (value < prior), value, prior)
+    cameras = CAMERA_SIZE * len(equations.camera_block)
+    return ParameterResponse(
+        covariance=(vector * value) @ vector.T,
+        of_cameras=moves[:, :cameras].T.astype(float),
+        of_landmarks=np.moveaxis(moves[:, cameras : moves.shape[1] - count].reshape(count, -1, LANDMARK_SIZE), 0, 2),
+    )
 
 
 def _promised_decrease(system: _Damped, gradient: np.ndarray, moves: np.ndarray) -> float:
@@ -225,8 +258,17 @@ def _relief(gain: float) -> float:
 class _Damped:
     """The damped normal equations of one step: product and preconditioner of vectors (10 K + 6 J + T,), float32."""
 
-    def __init__(self, problem: Problem, equations: NormalEquations, damping: float, low: float, degree: int):
-        """low, degree: of the Chebyshev polynomial, see `smoothing.solve_approximately`."""
+    def __init__(
+        self,
+        problem: Problem,
+        equations: NormalEquations,
+        damping: float,
+        low: float,
+        degree: int,
+        coarse: np.ndarray | None = None,
+    ):
+        """low, degree: of the Chebyshev polynomial, see `smoothing.solve_approximately`; coarse: (T, 10 K + 6 J + T)
+        directions that the preconditioner treats exactly."""
         self.problem, self.equations, self.low, self.degree = problem, equations, low, degree
         border = equations.border.block
         diagonals = [np.einsum("nii->ni", b).ravel() for b in (equations.camera_block, equations.landmark_block)]
@@ -237,27 +279,13 @@ class _Damped:
         self.camera_inverse = np.linalg.inv(camera)
         self.landmark_inverse = np.empty(equations.landmark_block.shape, np.float32)
         invert_blocks(equations.landmark_block, damping, self.landmark_inverse)
-        self.coarse, self.coarse_inverse = np.zeros((0, len(self.added)), np.float32), np.zeros((0, 0))
-        if len(border):
-            self._remember_parameters()
+        self.threads = numba.get_num_threads()
+        self.coarse, self.coarse_inverse = coarse, np.zeros((0, 0))
+        if coarse is not None and len(coarse):
+            products = np.array([self.multiply(move) for move in coarse])
+            self.coarse_inverse = np.linalg.inv(np.einsum("tn,un->tu", coarse, products, dtype=float))
 
-    def _remember_parameters(self) -> None:
-        """What all other variables do when a parameter moves: directions (T, 10 K + 6 J + T) in which the cost hardly
-        changes, since albedos and scales make up for it, and which the preconditioner then treats exactly."""
-        count = len(self.parameter_inverse)
-        coarse = np.zeros((count, len(self.added)), np.float32)
-        for t in range(count):
-            coarse[t, t - count] = 1.0
-            pull = self.multiply(coarse[t])
-            pull[-count:] = 0.0
-            coarse[t] -= conjugate_gradients(
-                self._multiply_others, self.precondition, pull, max_iterations=COARSE_ITERATIONS, truncation=1e-3
-            ).x
-        products = np.array([self.multiply(direction) for direction in coarse], float)
-        self.coarse_inverse = np.linalg.inv(coarse @ products.T)
-        self.coarse = coarse
-
-    def _multiply_others(self, vector: np.ndarray) -> np.ndarray:
+    def multiply_others(self, vector: np.ndarray) -> np.ndarray:
         """`multiply` with the parameters held."""
         out = self.multiply(vector)
         out[len(out) - len(self.parameter_inverse) :] = 0.0
@@ -279,9 +307,10 @@ class _Damped:
         add_product(self.problem.neighbours, equations.smooth_rows, equations.landmark_rest, landmark, landmark_out)
         if len(parameter):
             camera_out += border.by_camera @ parameter
-            landmark_out += border.by_landmark @ parameter
-            parameter_out[:] = border.block @ parameter
-            parameter_out += np.tensordot(camera, border.by_camera, 2) + np.tensordot(landmark, border.by_landmark, 2)
+            by_landmarks = np.empty((self.threads, len(parameter)))
+            add_border(border.by_landmark, landmark, parameter, landmark_out, by_landmarks)
+            parameter_out[:] = border.block @ parameter + by_landmarks.sum(0)
+            parameter_out += np.einsum("ki,kit->t", camera, border.by_camera)
         out += self.added * vector
         return out
 
@@ -293,9 +322,35 @@ class _Damped:
         rows, inverse = self.equations.smooth_rows, self.landmark_inverse
         landmark_out[:] = solve_approximately(self.problem.neighbours, rows, inverse, landmark, self.degree, self.low)
         parameter_out[:] = self.parameter_inverse @ parameter
-        if len(self.coarse):
-            out += (self.coarse_inverse @ (self.coarse @ vector)) @ self.coarse
+        if self.coarse is not None and len(self.coarse):
+            along = np.empty((self.threads, len(self.coarse)))
+            shares(self.coarse, vector, along)
+            add_combination(self.coarse, (self.coarse_inverse @ along.sum(0)).astype(np.float32), out)
         return out
+
+
+def parameter_moves(system: _Damped, before: np.ndarray | None, enough: float = COARSE_ENOUGH) -> np.ndarray:
+    """What all variables (T, 10 K + 6 J + T) do when a parameter moves.
+
+    Directions in which the cost hardly changes, since albedos and scales make up for it. before: what they did at
+    another point, from which to start; enough: the share of its cost that is not worth following.
+    """
+    count = len(system.parameter_inverse)
+    moves = np.zeros((count, len(system.added)), np.float32) if before is None else before.copy()
+    for t in range(count):
+        moves[t, t - count] = 1.0
+        pull = system.multiply(moves[t])
+        left = max(float(np.vdot(moves[t], pull)), system.problem.priors.reflectance**-2.0)
+        pull[-count:] = 0.0
+        moves[t] -= conjugate_gradients(
+            system.multiply_others,
+            system.precondition,
+            pull,
+            max_iterations=COARSE_ITERATIONS,
+            truncation=1e-3,
+            enough=enough * left,
+        ).x
+    return moves
 
 
 def _polynomial(problem: Problem, equations: NormalEquations, options: SolverOptions) -> tuple[float, int]:

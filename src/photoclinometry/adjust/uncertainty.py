@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from photoclinometry.adjust.covariance import ErrorModel, Linearised, Marginals, marginals
+from photoclinometry.adjust.covariance import ErrorModel, Linearised, Marginals, marginals, with_parameters
 from photoclinometry.adjust.information import Observed
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Problem, states
 from photoclinometry.adjust.smoothing import linearize_smoothness
+from photoclinometry.adjust.solver import ParameterResponse
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.windows import links
 from photoclinometry.geometry import skew
@@ -54,11 +55,18 @@ class Weights(NamedTuple):
 
 
 def estimate_uncertainty(
-    scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weights, noise: Noise, mapped: np.ndarray
+    scene: Scene,
+    pivot: np.ndarray,
+    problem: Problem,
+    weights: Weights,
+    noise: Noise,
+    mapped: np.ndarray,
+    response: ParameterResponse | None = None,
 ) -> dict[str, np.ndarray]:
     """`Scene.uncertainty` of an adjusted scene, of the landmarks in `mapped` (J,).
 
-    Empty, with a warning, where the measurements do not determine the views.
+    response: of reflectance parameters that were estimated along; without it they count as known. Empty, with a
+    warning, where the measurements do not determine the views.
     """
     at, smoothness = linearised(scene, pivot, problem, weights)
     errors = error_model(noise, smoothness, photometric=problem.with_brightness)
@@ -72,6 +80,8 @@ def estimate_uncertainty(
     except np.linalg.LinAlgError:
         log.warning("no uncertainties: the measurements do not determine all views")
         return {}
+    if response is not None:
+        found = with_parameters(found, at, response, frame)
     uncertainty = scene_uncertainty(found, scene.views, pivot, mapped)
     estimated = uncertainty if problem.with_brightness else ("position", "rotation", "center")
     return {name: uncertainty[name] for name in estimated}
