@@ -1,5 +1,6 @@
 """A text model is refined to the truth it was spoiled from, and what its files do not say is asked for."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,9 +8,9 @@ import numpy as np
 import pytest
 
 from photoclinometry import products
-from photoclinometry.adjust import AdjustOptions, SolverOptions, adjust
+from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, angle_between, so3_exp, unit
+from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
 from photoclinometry.io.scene_file import read_scene
 from photoclinometry.io.text_model import read_text_model, write_text_model
 from photoclinometry.refine import RefineOptions, photometry, read_start, refine
@@ -181,8 +182,12 @@ def test_geometry_alone_needs_no_light(truth, tmp_path):
 
 
 @pytest.mark.data
-def test_the_cost_at_the_start_is_that_of_the_authors_graph():
-    """Half the sum of squares, with the noise and gates of the authors' configuration."""
+def test_the_authors_graph_is_minimised_from_their_cost_to_below_theirs():
+    """Half the sum of squares, with the noise and gates of their configuration; accuracy about as theirs.
+
+    Theirs ends 0.06 % above the minimum, landmarks 0.103 GSD and normals 0.486 deg off. What this graph determines
+    least is a tilt that all normals share, 0.36 deg at the minimum: without it they are 0.495 deg off.
+    """
     if not (DATA / "site_2500").exists():
         pytest.skip(f"the model in the authors' format is not at {DATA}")
     with np.load(DATA / "site_2500_truth.npz") as stored:
@@ -201,9 +206,27 @@ def test_the_cost_at_the_start_is_that_of_the_authors_graph():
         smooth_sigma_rad=float(truth["sigma_smooth"]),
         keypoint_loss=np.inf,
         brightness_loss=np.inf,
+        reflectance_sigma=0.0,
         max_rounds=1,
-        solver=SolverOptions(max_steps=1),
+        uncertainty=False,
     )
     adjustment = adjust(scene, independent)
     np.testing.assert_array_equal(adjustment.lit, truth["obs_valid"])
-    assert 0.5 * sum(adjustment.log[0].cost.values()) == pytest.approx(158_735, abs=0.5)
+    cost = [0.5 * iteration.total for iteration in adjustment.log]
+    assert cost[0] == pytest.approx(158_735, abs=0.5)
+    assert adjustment.converged
+    assert cost[-1] < 6_493.76
+    found = adjustment.scene.landmarks
+    aligned = align_similarity(found.position, truth["X_true"])
+    offset = np.linalg.norm(aligned(found.position) - truth["X_true"], axis=1)
+    assert np.sqrt(np.mean(offset**2)) / truth["gsd_km"] < 0.1045
+    tilt = angle_between(_without_common_tilt(found.normal, truth["n_true"]), truth["n_true"])
+    assert np.mean(tilt) < math.radians(0.5)
+    ratio = found.albedo / truth["a_true"]
+    assert np.mean(np.abs(ratio / np.median(ratio) - 1)) < 4.9e-3
+
+
+def _without_common_tilt(normal, like):
+    """Normals (J, 3) turned as one to be as near to others as may be (Kabsch 1976)."""
+    u, _, v = np.linalg.svd(like.T @ normal)
+    return normal @ (u @ v).T
