@@ -145,7 +145,8 @@ def minimize(
     cost, equations = problem.linearize(estimate)
     polynomial = _polynomial(problem, equations, options)
     history = [_iteration(cost, damping, 0, True, 0.0, 0.0, 0.0)]
-    small, growth, fast, stale = 0, 4.0, True, moves is None
+    small, growth, fast = 0, 4.0, True
+    stale = len(start.parameters) > 0 and moves is None
     message = f"no convergence within {options.max_steps} steps"
     for _ in range(options.max_steps):
         wall, cpu = time.perf_counter(), time.process_time()
@@ -164,7 +165,7 @@ def minimize(
         )
         trial = descend(problem, estimate, total, system.split(solve.x), step_limit)
         new_cost, moved, used = trial.cost, trial.moved, damping
-        stale = solve.iterations > STALE
+        stale = len(start.parameters) > 0 and solve.iterations > STALE
         accepted = bool(new_cost.sum() <= total) and solve.iterations > 0
         if accepted:
             promised = _promised_decrease(system, gradient, trial.moves)
