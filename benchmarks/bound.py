@@ -16,10 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from photoclinometry.cli.folders import read_run, run_images
 from photoclinometry.evaluate import view_psnr
 from photoclinometry.geometry import angle_between
-from photoclinometry.io.scene_file import read_scene
-from photoclinometry.io.site import load_images, read_site
 from photoclinometry.io.truth import read_truth
 from photoclinometry.predict import observation_brightness
 from photoclinometry.render import landmark_faces
@@ -53,10 +52,8 @@ def with_scales(scene: Scene) -> Scene:
 
 
 def main(run: Path, site: Path) -> None:
-    scene, truth = read_scene(run / "scene.h5"), read_truth(site / "truth.h5")
-    described = read_site(site / "site.toml")
-    by_name = {view.name: image for view, image in zip(described.views, load_images(described), strict=True)}
-    images = [by_name[name] for name in scene.views.name]
+    scene, truth = read_run(run), read_truth(site / "truth.h5")
+    images = run_images(site / "site.toml", scene.views.name)
     true = with_scales(at_true_geometry(scene, truth, images))
     fitted = true
     for _ in range(FITS):

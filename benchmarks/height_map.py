@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.align import transform_scene
+from photoclinometry.cli.folders import read_run
 from photoclinometry.compare import evaluate_against_truth
 from photoclinometry.export import ExportOptions
 from photoclinometry.export.frame import Framed
@@ -22,7 +23,6 @@ from photoclinometry.export.maps import write_maps
 from photoclinometry.geometry import Similarity, align_similarity, unit
 from photoclinometry.io.geotiff import read_dtm_mesh
 from photoclinometry.io.globe import find_globe
-from photoclinometry.io.scene_file import read_scene
 from photoclinometry.io.truth import read_truth
 from photoclinometry.simulate.truth import nearest_surface
 
@@ -31,7 +31,7 @@ UP = unit(np.array([0.95, 0.27, -0.16]))
 
 
 def main(run: Path, site: Path) -> None:
-    scene, truth = read_scene(run / "scene.h5"), read_truth(site / "truth.h5")
+    scene, truth = read_run(run), read_truth(site / "truth.h5")
     aligned = evaluate_against_truth(scene, truth).aligned.landmarks.position
     globe = find_globe("vesta")
     east = unit(np.cross([0.0, 0.0, 1.0], UP))

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from photoclinometry.adjust import AdjustOptions, adjust
-from photoclinometry.geometry import Rigid, so3_exp, unit
+from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
 from photoclinometry.initialize import initial_albedo, normals_from_neighbours
 from photoclinometry.predict import shading
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, published
@@ -207,6 +207,19 @@ def _start(truth: Scene, noise: Noise, rng: np.random.Generator) -> Scene:
     return truth.with_estimate(replace(registered, scale=scale), landmarks)
 
 
+def rms_errors(found: Scene, truth: Scene) -> dict[str, float]:
+    """Of position [GSD], normal [deg] and albedo [%], after the best similarity and the median albedo's factor."""
+    landmarks, true = found.landmarks, truth.landmarks
+    fit = align_similarity(landmarks.position, true.position)
+    ratio = landmarks.albedo / true.albedo
+    errors = {
+        "position": np.linalg.norm(fit(landmarks.position) - true.position, axis=1),
+        "normal": np.degrees(angle_between(landmarks.normal @ fit.rotation.T, true.normal)),
+        "albedo": 100 * (ratio / np.median(ratio) - 1),
+    }
+    return {name: float(np.sqrt(np.mean(error**2))) for name, error in errors.items()}
+
+
 def main(side: int = 400, views: int = 29, views_per_landmark: int = 0, uncertainty: int = 0) -> None:
     """Prints what the estimate costs once kernels are compiled, and how far from the truth it ends.
 
@@ -215,25 +228,16 @@ def main(side: int = 400, views: int = 29, views_per_landmark: int = 0, uncertai
     import resource
     import time
 
-    from photoclinometry.geometry import align_similarity, angle_between
-
     options = replace(OPTIONS, uncertainty=bool(uncertainty))
     adjust(matched_problem(20, min(views, 29))[0], options)
     start, truth = matched_problem(side, views, views_per_landmark=views_per_landmark or None)
     cpu = time.process_time()
     found = adjust(start, options)
     cpu = time.process_time() - cpu
-    landmarks, true = found.scene.landmarks, truth.landmarks
-    fit = align_similarity(landmarks.position, true.position)
-    aligned = fit.scale * landmarks.position @ fit.rotation.T + fit.translation
-    position = np.linalg.norm(aligned - true.position, axis=1)
-    normal = np.degrees(angle_between(landmarks.normal @ fit.rotation.T, true.normal))
-    ratio = landmarks.albedo / true.albedo
-    albedo = 100 * (ratio / np.median(ratio) - 1)
     print(f"{truth.name}: {len(truth.tracks)} observations, {found.message}")
     print(f"{cpu:.1f} CPU s, {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GB at most")
-    for name, error, of in (("position", position, "GSD"), ("normal", normal, "deg"), ("albedo", albedo, "%")):
-        print(f"{name}: {np.sqrt(np.mean(error**2)):.3f} {of} RMS")
+    for (name, error), of in zip(rms_errors(found.scene, truth).items(), ("GSD", "deg", "%"), strict=True):
+        print(f"{name}: {error:.3f} {of} RMS")
 
 
 if __name__ == "__main__":

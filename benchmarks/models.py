@@ -10,11 +10,8 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 
-import numpy as np
-
-from matched import OPTIONS, matched_problem
+from matched import OPTIONS, matched_problem, rms_errors
 from photoclinometry.adjust import adjust
-from photoclinometry.geometry import align_similarity, angle_between
 from photoclinometry.reflectance import DISK_FUNCTIONS, HAS_PHASE_FUNCTION, published
 
 
@@ -24,12 +21,9 @@ def main(side: int = 100, views: int = 29) -> None:
             for sigma in (0.0, 0.05) if disk in HAS_PHASE_FUNCTION else (0.0,):
                 start, truth = matched_problem(side, views, reflectance=published(disk, "vesta"), brightness=brightness)
                 found = adjust(start, replace(OPTIONS, reflectance_sigma=sigma, uncertainty=False))
-                landmarks = found.scene.landmarks
-                turn = align_similarity(landmarks.position, truth.landmarks.position).rotation
-                tilt = np.degrees(angle_between(landmarks.normal @ turn.T, truth.landmarks.normal))
                 print(
                     f"{disk:14} {brightness:4} {'estimated' if sigma else 'held':10} {found.message}; "
-                    f"{len(found.log) - 1} steps, normals {np.sqrt(np.mean(tilt**2)):.3f} deg RMS"
+                    f"{len(found.log) - 1} steps, normals {rms_errors(found.scene, truth)['normal']:.3f} deg RMS"
                 )
 
 
