@@ -14,11 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.geometry import unit
-from photoclinometry.initialize import (
-    normals_from_neighbours,
-    predicted_ratio,
-    sample_brightness,
-)
+from photoclinometry.initialize import normals_from_neighbours, predicted_ratio, sample_brightness
 from photoclinometry.reflectance import Reflectance
 from photoclinometry.sampling import blurred
 from photoclinometry.scene import Image, Landmarks, Region, Scene, Tracks, Views

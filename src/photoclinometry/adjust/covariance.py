@@ -24,7 +24,7 @@ from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 
 from photoclinometry.adjust.information import Observed, Patch, observed_patch
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
-from photoclinometry.adjust.solver import ParameterResponse
+from photoclinometry.adjust.parameters import ParameterResponse
 from photoclinometry.adjust.windows import RIDGE, Links, covariances_given_views, hold
 from photoclinometry.geometry import skew
 

@@ -30,6 +30,17 @@ class Border(NamedTuple):
     """(T,)."""
 
 
+class ParameterResponse(NamedTuple):
+    """How uncertain T estimated parameters are, as relative changes, and what all else does when they move."""
+
+    covariance: np.ndarray
+    """(T, T)."""
+    of_cameras: np.ndarray
+    """(10 K, T)."""
+    of_landmarks: np.ndarray
+    """(J, 6, T)."""
+
+
 def no_border(views: int, landmarks: int) -> Border:
     """Of no parameters."""
     by_landmark, by_camera = np.zeros((landmarks, LANDMARK_SIZE, 0), np.float32), np.zeros((views, CAMERA_SIZE, 0))

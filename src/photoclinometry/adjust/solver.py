@@ -25,7 +25,7 @@ from photoclinometry.adjust.blocks import invert_blocks
 from photoclinometry.adjust.descent import descend
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.krylov import conjugate_gradients
-from photoclinometry.adjust.parameters import add_border, add_combination, shares
+from photoclinometry.adjust.parameters import ParameterResponse, add_border, add_combination, shares
 from photoclinometry.adjust.problem import COST_TERMS, NormalEquations, Problem
 from photoclinometry.adjust.smoothing import add_product, chebyshev_degree, lowest_eigenvalue, solve_approximately
 from photoclinometry.adjust.variables import Estimate
@@ -117,7 +117,7 @@ class Solution:
     log: tuple[Iteration, ...]
     """The first entry is the start."""
     parameter_moves: np.ndarray | None
-    """(T, 10 K + 6 J + T) how all variables follow the reflectance parameters, see the function; None of no step."""
+    """(T, 10 K + 6 J + T) how all variables follow the reflectance parameters; None where none are estimated."""
 
     @property
     def cost(self) -> dict[str, float]:
@@ -146,14 +146,17 @@ def minimize(
     polynomial = _polynomial(problem, equations, options)
     history = [_iteration(cost, damping, 0, True, 0.0, 0.0, 0.0)]
     small, growth, fast = 0, 4.0, True
-    stale = len(start.parameters) > 0 and moves is None
+    estimated = len(start.parameters) > 0
+    stale = estimated and moves is None
     message = f"no convergence within {options.max_steps} steps"
     for _ in range(options.max_steps):
         wall, cpu = time.perf_counter(), time.process_time()
         total = float(cost.sum())
+        system = _Damped(problem, equations, damping, *polynomial)
         if stale:
-            moves = parameter_moves(_Damped(problem, equations, damping, *polynomial), moves)
-        system = _Damped(problem, equations, damping, *polynomial, moves)
+            moves = parameter_moves(system, moves)
+        if moves is not None:
+            system.treat_exactly(moves)
         gradient = equations.gradient
         solve = conjugate_gradients(
             system.multiply,
@@ -165,7 +168,7 @@ def minimize(
         )
         trial = descend(problem, estimate, total, system.split(solve.x), step_limit)
         new_cost, moved, used = trial.cost, trial.moved, damping
-        stale = len(start.parameters) > 0 and solve.iterations > STALE
+        stale = estimated and solve.iterations > STALE
         accepted = bool(new_cost.sum() <= total) and solve.iterations > 0
         if accepted:
             promised = _promised_decrease(system, gradient, trial.moves)
@@ -201,18 +204,6 @@ def minimize(
     return Solution(estimate, converged, message, tuple(history), moves)
 
 
-@dataclass(frozen=True)
-class ParameterResponse:
-    """How uncertain the T reflectance parameters are, as relative changes, and what all else does when they move."""
-
-    covariance: np.ndarray
-    """(T, T)."""
-    of_cameras: np.ndarray
-    """(10 K, T)."""
-    of_landmarks: np.ndarray
-    """(J, 6, T)."""
-
-
 def parameter_response(problem: Problem, solution: Solution, options: SolverOptions) -> ParameterResponse:
     """At the solution, all other variables estimated along with the parameters.
 
@@ -221,10 +212,9 @@ def parameter_response(problem: Problem, solution: Solution, options: SolverOpti
     """
     count = len(solution.estimate.parameters)
     _, equations = problem.linearize(solution.estimate)
-    polynomial = _polynomial(problem, equations, options)
-    undamped = _Damped(problem, equations, options.min_damping, *polynomial)
-    moves = parameter_moves(undamped, solution.parameter_moves, enough=1e-3)
-    system = _Damped(problem, equations, options.min_damping, *polynomial, moves)
+    system = _Damped(problem, equations, options.min_damping, *_polynomial(problem, equations, options))
+    moves = parameter_moves(system, solution.parameter_moves, enough=1e-3)
+    system.treat_exactly(moves)
     covariance = np.empty((count, count))
     for t in range(count):
         unit = np.zeros(len(system.added), np.float32)
@@ -259,17 +249,8 @@ def _relief(gain: float) -> float:
 class _Damped:
     """The damped normal equations of one step: product and preconditioner of vectors (10 K + 6 J + T,), float32."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        equations: NormalEquations,
-        damping: float,
-        low: float,
-        degree: int,
-        coarse: np.ndarray | None = None,
-    ):
-        """low, degree: of the Chebyshev polynomial, see `smoothing.solve_approximately`; coarse: (T, 10 K + 6 J + T)
-        directions that the preconditioner treats exactly."""
+    def __init__(self, problem: Problem, equations: NormalEquations, damping: float, low: float, degree: int):
+        """low, degree: of the Chebyshev polynomial, see `smoothing.solve_approximately`."""
         self.problem, self.equations, self.low, self.degree = problem, equations, low, degree
         border = equations.border.block
         diagonals = [np.einsum("nii->ni", b).ravel() for b in (equations.camera_block, equations.landmark_block)]
@@ -281,10 +262,13 @@ class _Damped:
         self.landmark_inverse = np.empty(equations.landmark_block.shape, np.float32)
         invert_blocks(equations.landmark_block, damping, self.landmark_inverse)
         self.threads = numba.get_num_threads()
-        self.coarse, self.coarse_inverse = coarse, np.zeros((0, 0))
-        if coarse is not None and len(coarse):
-            products = np.array([self.multiply(move) for move in coarse])
-            self.coarse_inverse = np.linalg.inv(np.einsum("tn,un->tu", coarse, products, dtype=float))
+        self.coarse, self.coarse_inverse = np.zeros((0, len(self.added)), np.float32), np.zeros((0, 0))
+
+    def treat_exactly(self, directions: np.ndarray) -> None:
+        """From now on the preconditioner solves for directions (T, 10 K + 6 J + T) exactly."""
+        products = np.array([self.multiply(direction) for direction in directions])
+        self.coarse = directions
+        self.coarse_inverse = np.linalg.inv(np.einsum("tn,un->tu", directions, products, dtype=float))
 
     def multiply_others(self, vector: np.ndarray) -> np.ndarray:
         """`multiply` with the parameters held."""
@@ -323,7 +307,7 @@ class _Damped:
         rows, inverse = self.equations.smooth_rows, self.landmark_inverse
         landmark_out[:] = solve_approximately(self.problem.neighbours, rows, inverse, landmark, self.degree, self.low)
         parameter_out[:] = self.parameter_inverse @ parameter
-        if self.coarse is not None and len(self.coarse):
+        if len(self.coarse):
             along = np.empty((self.threads, len(self.coarse)))
             shares(self.coarse, vector, along)
             add_combination(self.coarse, (self.coarse_inverse @ along.sum(0)).astype(np.float32), out)

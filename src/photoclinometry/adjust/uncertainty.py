@@ -21,9 +21,9 @@ from photoclinometry.adjust.covariance import ErrorModel, Linearised, Marginals,
 from photoclinometry.adjust.information import Observed
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.noise import Noise
+from photoclinometry.adjust.parameters import ParameterResponse
 from photoclinometry.adjust.problem import Problem, states
 from photoclinometry.adjust.smoothing import linearize_smoothness
-from photoclinometry.adjust.solver import ParameterResponse
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.windows import links
 from photoclinometry.geometry import skew
