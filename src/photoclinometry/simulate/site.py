@@ -56,7 +56,8 @@ class SimulationOptions:
     """demo (5-km crater, small), cornelia (15-km crater on Vesta), ahuna (dome and crater on Ceres) or
     ikapati (part of a 50-km ridged crater on Ceres)."""
     lighting: str = "moderate"
-    """moderate (Sun's azimuth within 25 degrees, incidence 30 to 60) or strong (90 degrees, 25 to 70)."""
+    """moderate (Sun's azimuth within 25 degrees, incidence 30 to 60), strong (90 degrees, 25 to 70) or harsh (all
+    round, 25 to 80)."""
     seed: int = 0
     """Everything random follows from it."""
     views: int | None = None

@@ -25,6 +25,7 @@ class Lighting:
 LIGHTING = {
     "moderate": Lighting(azimuth_spread_deg=25.0, incidence_deg=(30.0, 60.0)),
     "strong": Lighting(azimuth_spread_deg=90.0, incidence_deg=(25.0, 70.0)),
+    "harsh": Lighting(azimuth_spread_deg=360.0, incidence_deg=(25.0, 80.0)),
 }
 
 
