@@ -10,9 +10,10 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from photoclinometry.errors import InputError, ReconstructionError
 from photoclinometry.geometry import Rigid, Similarity, align_similarity, so3_log
-from photoclinometry.keypoints import sift_keypoints, stretch_for_features
 from photoclinometry.scene import Camera, Image, Region
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
+from photoclinometry.sfm.keypoints import sift_keypoints
+from photoclinometry.sfm.pictures import brightness_picture
 from photoclinometry.sparse import connected_groups, normalised, transformed
 from scenes import from_zenith, look_at_origin
 
@@ -161,14 +162,14 @@ def test_keypoints_keep_away_from_invalid_pixels(one_site):
     image = one_site[0][0]
     valid = np.ones((300, 300), bool)
     valid[:, 150:] = False
-    keypoints, descriptors = sift_keypoints(stretch_for_features(image), valid, 500)
+    keypoints, descriptors = sift_keypoints(brightness_picture(image), valid, 500)
     assert len(keypoints) == len(descriptors) > 50
     assert keypoints[:, 0].max() < 150
 
 
 def test_keypoints_are_unbiased_in_half_turns(one_site):
     """Pixel convention: turning the picture by 180 degrees maps (x, y) to (width - x, height - y)."""
-    picture, valid = stretch_for_features(one_site[0][0]), np.ones((300, 300), bool)
+    picture, valid = brightness_picture(one_site[0][0]), np.ones((300, 300), bool)
     a = sift_keypoints(picture, valid, 400)[0][:, :2]
     b = 300.0 - sift_keypoints(picture[::-1, ::-1].copy(), valid, 400)[0][:, :2]
     difference = b[:, None] - a[None]

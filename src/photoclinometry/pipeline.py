@@ -15,7 +15,6 @@ from photoclinometry.adjust import AdjustOptions, Anchors
 from photoclinometry.densify import DenseTracks, DensifyOptions, densify
 from photoclinometry.errors import InputError
 from photoclinometry.estimator import Estimator
-from photoclinometry.geometry import unit
 from photoclinometry.holdout import Resected, held_out_mask, held_out_views, resect_views, views_in_frame_of
 from photoclinometry.initialize import initial_albedo, landmark_spacing_px, normals_from_neighbours, sample_brightness
 from photoclinometry.io import held_out as held_out_file
@@ -101,7 +100,9 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     sparse: SparseModel = folder.stage(
         "sparse",
         key,
-        lambda: reconstruct_sparse(images, cameras, folder.path / "stages" / "sfm", options.sfm, report_progress),
+        lambda: reconstruct_sparse(
+            images, cameras, folder.path / "stages" / "sfm", options.sfm, report_progress, site.sun_in_cam
+        ),
         SparseModel,
     )
     views = views_from(site, sparse)
@@ -161,7 +162,8 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     key = digest("held out", key, options.flow, options.matcher, options.relight)
     rough = views_in_frame_of(adjustment.scene, views) if priors else views
     aside = _resect_or_read(folder, key, adjustment.scene, rough, held, images, options)
-    return write_products(folder, adjustment, images, config, left_out, aside, rounds, priors)
+    brought_in = {views.name[k]: how for k, how in sparse.how_brought_in().items()}
+    return write_products(folder, adjustment, images, config, left_out, brought_in, aside, rounds, priors)
 
 
 def _images_alone(site: Site) -> Site:
@@ -189,8 +191,7 @@ def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflecta
 
 def views_from(site: Site, sparse: SparseModel) -> Views:
     """All K views of the site with the poses of the sparse model, in the site's order."""
-    sun_in_cam = unit(np.array([view.sun for view in site.views]))
-    count = len(site.views)
+    count, sun_in_cam = len(site.views), site.sun_in_cam
     return Views(
         name=tuple(view.name for view in site.views),
         cameras=tuple(view.camera for view in site.views),

@@ -144,13 +144,15 @@ def write_products(
     images: Sequence[Image],
     config: Mapping[str, Any],
     left_out: Mapping[str, str],
+    brought_in: Mapping[str, str] | None = None,
     held_out: Views | None = None,
     rounds: Sequence[Mapping[str, float]] = (),
     priors: Mapping[str, PosePrior] | None = None,
 ) -> RunResult:
     """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
 
-    config: what shaped the run, for the report; left_out: views that are not in the scene, and why; held_out: views
+    config: what shaped the run, for the report; left_out: views that are not in the scene, and why;
+    brought_in: views that are, though light differs too much for plain matching, and how they came in; held_out: views
     that the scene was not made from, in its frame; rounds: what each round of matching and adjusting brought; priors:
     of the poses of views (by name), if the scene is in their frame.
     """
@@ -177,7 +179,9 @@ def write_products(
         metrics |= prior_metrics(of_priors)
         warn_of_outliers(of_priors)
     with folder.timed("report"):
-        rows = [{"used": True, **row} for row in rows + aside]
+        brought_in = brought_in or {}
+        how = {name: {"brought_in_by": way} for name, way in brought_in.items()}
+        rows = [{"used": True, **row, **how.get(row["name"], {})} for row in rows + aside]
         rows += [{"name": name, "used": False, "left_out": reason} for name, reason in left_out.items()]
         page = write_report(
             folder.path / "report",
@@ -196,6 +200,7 @@ def write_products(
         "metrics": json_numbers(metrics),
         "views": rows,
         "left_out": [{"name": name, "reason": reason} for name, reason in left_out.items()],
+        "brought_in": [{"name": name, "by": way} for name, way in brought_in.items()],
         "rounds": [json_numbers(round_) for round_ in rounds],
         "frame": scene.frame,
         "pose_priors": of_priors,

@@ -33,6 +33,9 @@ class SparseModel:
     mean_reprojection_px: float
     reason: np.ndarray = field(default_factory=lambda: np.array([], str))
     """(K,) str: why a view is not registered, empty for those that are; no entries where nobody said."""
+    brought_in: np.ndarray = field(default_factory=lambda: np.array([], str))
+    """(K,) str: how a view came in that brightness alone does not register, empty for the others; no entries where
+    nobody said."""
 
     @property
     def point_of_observation(self) -> np.ndarray:
@@ -43,6 +46,11 @@ class SparseModel:
         """The reason for each view that is not registered."""
         told = self.reason if len(self.reason) else np.full(len(self.registered), "not registered")
         return {int(k): str(told[k]) for k in np.flatnonzero(~self.registered)}
+
+    def how_brought_in(self) -> dict[int, str]:
+        """How each registered view came in that brightness alone does not register."""
+        told = self.brought_in if len(self.brought_in) else np.full(len(self.registered), "")
+        return {int(k): str(told[k]) for k in np.flatnonzero(self.registered & (told != ""))}
 
     def seen_by(self, view: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (n,) of the points that a view observes, and where (n, 2) [px]."""

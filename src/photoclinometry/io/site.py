@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.errors import ImageError, InputError, SiteError
-from photoclinometry.geometry import Rigid
+from photoclinometry.geometry import Rigid, unit
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.exposure import off_body_mask, shows_nothing
 from photoclinometry.io.images import read_image
@@ -80,6 +80,11 @@ class Site:
     region: RegionRequest | None
     path: Path
     """The file itself; image paths are relative to its folder."""
+
+    @property
+    def sun_in_cam(self) -> np.ndarray:
+        """(K, 3) unit vectors towards the Sun in C."""
+        return unit(np.array([view.sun for view in self.views]))
 
     @property
     def pose_priors(self) -> dict[str, PosePrior]:

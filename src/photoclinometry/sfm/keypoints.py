@@ -1,24 +1,8 @@
-"""Sparse keypoints: a picture that the detector likes, and SIFT."""
+"""SIFT keypoints, sparse and precise."""
 
 from __future__ import annotations
 
 import numpy as np
-
-from photoclinometry.errors import InputError
-from photoclinometry.scene import Image
-
-
-def stretch_for_features(image: Image) -> np.ndarray:
-    """(height, width) uint8 picture for the keypoint detector, linear between percentiles of valid pixels.
-
-    Raises InputError where the image shows nothing.
-    """
-    values = image.brightness[image.valid]
-    low, high = np.percentile(values, [0.5, 99.8]) if values.size else (0.0, 0.0)
-    if not high > low:
-        raise InputError(f"{image.name}: constant or without valid pixels; leave this view out of the site")
-    unit_range = np.clip((np.where(image.valid, image.brightness, low) - low) / (high - low), 0.0, 1.0)
-    return np.rint(255.0 * unit_range).astype(np.uint8)
 
 
 def sift_keypoints(picture: np.ndarray, valid: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

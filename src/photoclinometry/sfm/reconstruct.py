@@ -1,0 +1,170 @@
+"""Images and intrinsics -> poses and sparse points.
+
+SIFT keypoints are matched between all pairs of images, verified by two-view geometry and mapped with the intrinsics
+held fixed; where light differs too much for that, keypoints of the relief help.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.scene import Camera, Image
+from photoclinometry.sfm.database import add_relief_keypoints, match_views, write_views
+from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap, size, views_of
+from photoclinometry.sfm.options import Progress, SfmOptions
+from photoclinometry.sparse import SparseModel, connected_groups, normalised
+
+log = logging.getLogger(__name__)
+
+
+class _Found(NamedTuple):
+    """What one way of matching led to."""
+
+    inliers: np.ndarray
+    """(K, K) verified matches between views."""
+    models: list[Any]
+    """One for each set of views that hang together."""
+
+    @property
+    def best(self) -> Any:
+        return max(self.models, key=size, default=None)
+
+    @property
+    def registered(self) -> set[int]:
+        return set(views_of(self.best)) if self.models else set()
+
+
+def reconstruct_sparse(
+    images: list[Image],
+    cameras: list[Camera],
+    work_dir: Path,
+    options: SfmOptions | None = None,
+    progress: Progress | None = None,
+    sun_in_cam: np.ndarray | None = None,
+) -> SparseModel:
+    """Poses and sparse points of the views, from their images alone; intrinsics are known and held fixed.
+
+    images, cameras: one per view. work_dir receives 8-bit copies and COLMAP's database (overwritten).
+    sun_in_cam: (K, 3) unit vectors towards the Sun in C. With them, where views are left out or fewer than half of the
+    pairs match, all are matched again with keypoints of the relief (`relief_picture`), too.
+    Views that do not register are logged by name and False in `registered`; `reason` says why. `brought_in` says of
+    those that registered only thanks to the relief how.
+    Raises InputError for fewer than 3 images, ReconstructionError where fewer than 3 views register.
+    """
+    options = options or SfmOptions()
+    if len(images) < 3:
+        raise InputError(f"{len(images)} images given; a reconstruction needs at least 3 views")
+    work_dir = Path(work_dir)
+    work_dir.mkdir(parents=True, exist_ok=True)
+    names = [image.name for image in images]
+    with quiet_pycolmap(options.seed):
+        plain = _by_brightness(images, cameras, work_dir, options, progress)
+        found = plain
+        if sun_in_cam is not None and options.relief_keypoints and _thin(plain, options):
+            found = _by_relief_too(images, cameras, sun_in_cam, plain, work_dir, options, progress)
+    best = found.best
+    if best is None or best.num_reg_images() < 3:
+        raise ReconstructionError(_explain_failure(names, found.inliers, best, options))
+    sparse = normalised(from_colmap(best, len(images)), cameras)
+    log.info(
+        "%d of %d views registered, %d points, %.3f px mean reprojection error",
+        sparse.registered.sum(), len(names), len(sparse.points), sparse.mean_reprojection_px,
+    )  # fmt: skip
+    reason = _reasons(names, sparse.registered, [views_of(model) for model in found.models], found.inliers, options)
+    for view in np.flatnonzero(~sparse.registered):
+        log.warning("%s is left out: %s", names[view], reason[view])
+    brought_in = _brought_in(plain, found, options)
+    for view in np.flatnonzero(brought_in != ""):
+        log.info("%s came in by %s", names[view], brought_in[view])
+    return replace(sparse, reason=reason, brought_in=brought_in)
+
+
+def _by_brightness(
+    images: list[Image], cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress | None
+) -> _Found:
+    write_views(images, cameras, work_dir, options, progress)
+    count = len(images)
+    inliers = match_views(count, work_dir, options, "matches", progress)
+    log.info("%d of %d pairs match", np.count_nonzero(inliers) // 2, count * (count - 1) // 2)
+    return _Found(inliers, map_views(cameras, work_dir, options, progress))
+
+
+def _thin(found: _Found, options: SfmOptions) -> bool:
+    """Whether views are left out, or fewer than half of the pairs match."""
+    count = len(found.inliers)
+    matching = np.count_nonzero(found.inliers >= options.min_pair_matches) / (count * (count - 1))
+    return bool(len(found.registered) < count or matching < 0.5)
+
+
+def _by_relief_too(
+    images: list[Image],
+    cameras: list[Camera],
+    sun_in_cam: np.ndarray,
+    plain: _Found,
+    work_dir: Path,
+    options: SfmOptions,
+    progress: Progress | None,
+) -> _Found:
+    """All pairs matched anew, by both kinds of keypoints; of the two models the one of more views stays.
+
+    All, since a view is placed by points that others of them have in common: matched by brightness alone, these lack
+    those that the relief shows.
+    """
+    add_relief_keypoints(images, sun_in_cam, work_dir, options)
+    inliers = match_views(len(images), work_dir, options, "relief matches", progress)
+    log.info("with keypoints of the relief, %d", np.count_nonzero(inliers) // 2)
+    found = _Found(inliers, map_views(cameras, work_dir, options, progress))
+    return found if len(found.registered) >= len(plain.registered) else plain
+
+
+def _brought_in(plain: _Found, found: _Found, options: SfmOptions) -> np.ndarray:
+    """(K,) str: how views came in that brightness alone does not register, empty for the others."""
+    how = np.full(len(plain.inliers), "", object)
+    gained = (found.inliers >= options.min_pair_matches) & (plain.inliers < options.min_pair_matches)
+    for view in found.registered - plain.registered:
+        how[view] = f"keypoints of the relief, which match it with {gained[view].sum()} views more"
+    return how.astype(str)
+
+
+def _explain_failure(names: list[str], inliers: np.ndarray, best: Any, options: SfmOptions) -> str:
+    registered = best.num_reg_images() if best is not None else 0
+    pairs = np.count_nonzero(inliers >= options.min_pair_matches) // 2
+    other = "global" if options.mapper == "incremental" else "incremental"
+    message = (
+        f"{registered} of {len(names)} views registered, at least 3 are needed "
+        f"({pairs} of {len(names) * (len(names) - 1) // 2} pairs of images matched, "
+        f"{int(inliers.max())} matches in the best)."
+    )
+    groups = [group for group in connected_groups(inliers, options.min_pair_matches) if len(group) > 1]
+    if len(groups) > 1:
+        message += " The views fall apart into places that share nothing: " + _listing(names, groups) + "."
+    return message + (
+        " Use images that overlap more and whose light differs less (Sun within about 30 degrees), views 3 "
+        f"to 30 degrees apart, more features (now {options.max_features}), or the {other} mapper."
+    )
+
+
+def _listing(names: list[str], groups: list[list[int]]) -> str:
+    return "; ".join("[" + ", ".join(names[view] for view in group) + "]" for group in groups)
+
+
+def _reasons(
+    names: list[str], registered: np.ndarray, places: list[list[int]], inliers: np.ndarray, options: SfmOptions
+) -> np.ndarray:
+    """(K,) str: why views are not registered. places: the views of each model that was found."""
+    reason = np.full(len(names), "", object)
+    for view in np.flatnonzero(~registered):
+        partners = np.count_nonzero(inliers[view][registered] >= options.min_pair_matches)
+        said = f"not registered, it matched {partners} of the {registered.sum()} registered views"
+        place = next((p for p in places if view in p and not registered[p].any()), None)
+        if place is not None:
+            others = ", ".join(names[k] for k in place if k != view)
+            said += f"; it shows another place, with {others}: that of more views is mapped, the other is a site apart"
+        reason[view] = said
+    return reason.astype(str)

@@ -1,0 +1,120 @@
+"""Keypoints of the relief: the same under any Sun, and what views of opposite light have in common."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from photoclinometry.scene import Image, Region
+from photoclinometry.sfm import reconstruct_sparse
+from photoclinometry.sfm.pictures import brightness_picture, relief_picture
+from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, views_around
+
+ALL = np.ones((300, 300), bool)
+
+
+def relief_of(seed):
+    """(512, 512) heights: hills of about 8 units, without which poses are hard to tell, and detail of all scales."""
+    rng = np.random.default_rng(seed)
+    hills = 800 * gaussian_filter(rng.normal(size=(512, 512)), 25)
+    return hills + sum(0.25 * s**2 * gaussian_filter(rng.normal(size=(512, 512)), s) for s in (1.5, 3, 6, 12))
+
+
+def shaded(pose, sun, height, noise_seed):
+    """What a camera sees of the relief, Lambert's cosine of the Sun's angle for brightness."""
+    rays = CAMERA.ray_in_cam(Region(row=0, col=0, height=300, width=300).pixel_centers()) @ pose.rotation.T
+    z = 0.0
+    for _ in range(8):  # fixed point: slopes are gentle
+        point = pose.translation + ((z - pose.translation[2]) / rays[..., 2])[..., None] * rays
+        at = point[..., 1::-1].reshape(-1, 2).T + 256
+        z = map_coordinates(height, at, order=1, mode="nearest").reshape(300, 300)
+    slope = np.array([map_coordinates(g, at, order=3, mode="nearest").reshape(300, 300) for g in np.gradient(height)])
+    cosine = (sun[2] - slope[1] * sun[0] - slope[0] * sun[1]) / np.sqrt(1 + (slope**2).sum(0))
+    noise = 0.003 * np.random.default_rng(noise_seed).normal(size=cosine.shape)
+    return np.maximum(0.1 * cosine, 0.0) + noise
+
+
+def sun_at(azimuth_deg, incidence_deg=55.0):
+    azimuth, incidence = np.radians([azimuth_deg, incidence_deg])
+    return np.array([np.sin(incidence) * np.cos(azimuth), np.sin(incidence) * np.sin(azimuth), np.cos(incidence)])
+
+
+def site(azimuths_deg, seed=0, prefix="a"):
+    """Views of one relief, each under its own Sun: images, Suns in C, poses."""
+    poses, height = views_around(len(azimuths_deg)), relief_of(seed)
+    suns = [sun_at(azimuth) for azimuth in azimuths_deg]
+    pictures = [shaded(poses[k], sun, height, 10 * seed + k) for k, sun in enumerate(suns)]
+    images = [Image(f"{prefix}{k}.fits", p.astype(np.float32), ALL) for k, p in enumerate(pictures)]
+    return images, np.array([poses[k].rotation.T @ sun for k, sun in enumerate(suns)]), poses
+
+
+def flat_shading(azimuth_deg, height):
+    """(300, 300) brightness of heights that are seen from above, to first order in their slopes."""
+    azimuth = np.radians(azimuth_deg)
+    down, right = np.gradient(height)
+    slope = np.cos(azimuth) * right + np.sin(azimuth) * down
+    return Image("a.fits", (1.0 - 0.5 * slope)[100:400, 100:400].astype(np.float32), ALL)
+
+
+def correlation(a, b):
+    inner = np.s_[30:-30, 30:-30]
+    return np.corrcoef(a[inner].ravel().astype(float), b[inner].ravel().astype(float))[0, 1]
+
+
+@pytest.mark.parametrize(("apart", "brightness", "least"), [(180, -0.99, 0.99), (120, -0.4, 0.35), (90, 0.0, 0.2)])
+def test_the_picture_of_the_relief_hardly_depends_on_the_sun(apart, brightness, least):
+    """Lit from opposite sides brightness is the negative; lit squarely it has nothing in common; the relief has."""
+    height, azimuths = relief_of(3), (25.0, 25.0 + apart)
+    images = [flat_shading(azimuth, height) for azimuth in azimuths]
+    suns = [np.array([np.cos(a), np.sin(a), -1.0]) / np.sqrt(2) for a in np.radians(azimuths)]
+    reliefs = [relief_picture(image, sun) for image, sun in zip(images, suns, strict=True)]
+    assert correlation(*map(brightness_picture, images)) == pytest.approx(brightness, abs=0.2)
+    assert correlation(*reliefs) > least
+
+
+def test_the_picture_is_dark_where_the_ground_is_high():
+    """Of hills along the Sun's direction; of either sign it is the same for all views, as it must be."""
+    hills = np.sin(2 * np.pi * np.arange(300) / 9.0) * np.ones((300, 1))
+    for sun in (0.8, -0.8):
+        brightness = 1.0 - 0.1 * np.sign(sun) * np.gradient(hills, axis=1)
+        image = Image("a.fits", brightness.astype(np.float32), ALL)
+        assert correlation(relief_picture(image, np.array([sun, 0.0, -0.6])), hills) < -0.98
+
+
+def test_a_sun_behind_the_camera_shows_no_relief():
+    image = flat_shading(0.0, relief_of(3))
+    assert relief_picture(image, np.array([0.05, 0.1, -np.sqrt(1 - 0.0125)])) is None
+
+
+def test_views_of_opposite_light_come_in_by_their_relief(tmp_path, caplog):
+    images, suns, poses = site([20, 25, 30, 200, 205, 210])
+    options = replace(OPTIONS, threads=1)
+    alone = reconstruct_sparse(images, [CAMERA] * 6, tmp_path / "a", options)
+    assert alone.registered.sum() == 3
+    with caplog.at_level(logging.INFO):
+        found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path / "b", options, sun_in_cam=suns)
+    assert found.registered.all()
+    assert sorted(found.how_brought_in()) == np.flatnonzero(~alone.registered).tolist()
+    assert "came in by keypoints of the relief, which match it with 3 views more" in caplog.text
+    assert rotation_errors_deg(found.body_from_cam, poses).max() < 0.5
+
+
+def test_views_that_match_by_their_brightness_are_left_at_that(tmp_path):
+    images, suns, _ = site([20, 25, 30, 35])
+    options = replace(OPTIONS, threads=1)
+    alone = reconstruct_sparse(images, [CAMERA] * 4, tmp_path / "a", options)
+    told = reconstruct_sparse(images, [CAMERA] * 4, tmp_path / "b", options, sun_in_cam=suns)
+    assert alone.registered.all()
+    np.testing.assert_array_equal(alone.points, told.points)
+    assert told.how_brought_in() == {}
+
+
+def test_relief_does_not_bring_in_another_place(tmp_path):
+    images, suns, _ = site([20, 25, 30, 205])
+    strangers, their_suns, _ = site([22, 28, 200], seed=7, prefix="b")
+    found = reconstruct_sparse(
+        images + strangers, [CAMERA] * 7, tmp_path, OPTIONS, sun_in_cam=np.concatenate([suns, their_suns])
+    )
+    assert found.registered.tolist() == [True] * 4 + [False] * 3
