@@ -146,10 +146,14 @@ def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk):
     start, truth = matched_problem(24, 10, reflectance=published(disk, "vesta"))
     true = truth.reflectance.parameters
     start = replace(start, reflectance=truth.reflectance.with_parameters(factor * true))
-    found = adjust(start, replace(OPTIONS, reflectance_sigma=0.5))
+    found = adjust(start, replace(OPTIONS, reflectance_sigma=0.5, uncertainty=True))
     assert found.converged
     assert np.all(np.abs(found.scene.reflectance.parameters - true) < 3 * found.parameter_sigma)
     assert np.all(found.parameter_sigma > 0)
+    unstated = adjust(start, replace(OPTIONS, reflectance_sigma=0.5, uncertainty=False))
+    assert unstated.scene.reflectance == found.scene.reflectance
+    assert len(unstated.parameter_sigma) == len(true)
+    assert np.isnan(unstated.parameter_sigma).all()
     held = adjust(start, replace(OPTIONS, reflectance_sigma=0.0))
     assert held.scene.reflectance == start.reflectance
 

@@ -212,12 +212,12 @@ def write_products(
 
 
 def _parameter_metrics(adjustment: Adjustment) -> dict[str, float]:
-    """The reflectance parameters, where they were estimated, and their standard deviations."""
+    """The reflectance parameters, where they were estimated, and their standard deviations, where these were."""
     metrics, model = {}, adjustment.scene.reflectance
     if model is not None and len(adjustment.parameter_sigma):
         for i, (value, sigma) in enumerate(zip(model.parameters, adjustment.parameter_sigma, strict=True)):
             name = f"reflectance_w{i}" if i < 2 else f"reflectance_c{i - 1}"
-            metrics |= {name: float(value), f"{name}_sigma": float(sigma)}
+            metrics |= {name: float(value)} | ({f"{name}_sigma": float(sigma)} if np.isfinite(sigma) else {})
     return metrics
 
 

@@ -80,7 +80,8 @@ class Adjustment:
     lit: np.ndarray
     """(N,) bool: observations whose brightness was used, in the order of the scene's tracks."""
     parameter_sigma: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """(T,) standard deviations of the reflectance's `parameters`; of none where they are held."""
+    """(T,) standard deviations of the reflectance's `parameters`, NaN where uncertainties are left out; of none where
+    they are held."""
     pose_priors_used: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     """(K,) views whose pose prior had a say; of none where there were no priors but the gauge's."""
 
@@ -212,12 +213,12 @@ def _rounds(
     assert problem is not None
     scene = replace(scene.with_estimate(estimate.views, estimate.landmarks), uncertainty={})
     problem.priors = priors
-    response, parameter_sigma = None, np.zeros(0)
-    if len(estimate.parameters):
-        response = parameter_response(problem, solution, options.solver)
-        assert given is not None
-        parameter_sigma = np.abs(given.parameters) * np.sqrt(np.diag(response.covariance))
+    response, parameter_sigma = None, np.full(len(estimate.parameters), np.nan)
     if options.uncertainty:
+        if len(estimate.parameters):
+            response = parameter_response(problem, solution, options.solver)
+            assert given is not None
+            parameter_sigma = np.abs(given.parameters) * np.sqrt(np.diag(response.covariance))
         # As if what brightness errs by all over a view were noise, and all else known as well as stated.
         seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
         weights = _weights(scene, options, lit, own, seen)
