@@ -6,7 +6,7 @@ Lengths are metres, frame B is the local one (z up), and one reference pixel is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -162,6 +162,22 @@ def synthetic_scene(
         tracks=tracks,
         reference=0,
         region=region,
+    )
+
+
+def thinned(scene: Scene, stride: int) -> Scene:
+    """The map of every `stride`-th pixel, down and across, of a scene whose landmarks all have the same views."""
+    region, views = replace(scene.region, stride=stride), len(scene.views)
+    row, col = (scene.landmarks.pixel - (region.row, region.col)).T
+    kept = np.flatnonzero((row % stride == 0) & (col % stride == 0))
+    tracks, seen = scene.tracks, (views * kept[:, None] + np.arange(views)).ravel()
+    names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
+    start = np.arange(0, views * len(kept) + 1, views)
+    return replace(
+        scene,
+        region=region,
+        landmarks=scene.landmarks[kept],
+        tracks=Tracks(start=start, **{name: getattr(tracks, name)[seen] for name in names}),
     )
 
 

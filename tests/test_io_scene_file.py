@@ -10,7 +10,7 @@ from photoclinometry.errors import RunFolderError
 from photoclinometry.io.scene_file import read_scene, write_scene
 from photoclinometry.reflectance import Reflectance
 from photoclinometry.scene import BODY_FIXED, OWN, Camera
-from scenes import synthetic_scene
+from scenes import synthetic_scene, thinned
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +81,20 @@ def test_the_frame_is_told_and_files_that_do_not_know_of_it_are_read(tmp_path, s
         file.attrs["frame"] = "galactic"
     with pytest.raises(RunFolderError, match=r"contradicts itself \(its frame is 'galactic'\)"):
         read_scene(path)
+
+
+def test_the_stride_comes_back_and_files_that_do_not_know_of_it_have_every_pixel(tmp_path, scene):
+    path, thin = tmp_path / "scene.h5", thinned(scene, 2)
+    write_scene(path, thin)
+    assert_same(thin, read_scene(path))
+    with h5py.File(path, "r+") as file:
+        del file["region"].attrs["stride"]
+    assert read_scene(path).region == replace(thin.region, stride=1)
+    for stride in (0, 3):
+        with h5py.File(path, "r+") as file:
+            file["region"].attrs["stride"] = stride
+        with pytest.raises(RunFolderError, match="off the map's grid"):
+            read_scene(path)
 
 
 def test_every_dataset_says_its_unit_frame_and_meaning(tmp_path, scene):

@@ -102,7 +102,7 @@ def variants(site):
     views[1] = replace(views[1], camera=Camera("SIMPLE_PINHOLE", 64, 64, (900 / 7, 32.0, 31.0)), pose_prior=None)
     yield site
     yield replace(site, views=tuple(views), body=None)
-    yield replace(site, region=RegionRequest(None, None, (20, 10)))
+    yield replace(site, region=RegionRequest(None, None, (20, 10), 3))
     yield replace(site, region=None, name='with "quotes" \\ and\nnewline')
 
 

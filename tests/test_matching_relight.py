@@ -27,7 +27,7 @@ def request_of(scene, images, view, shift=(0.0, 0.0)):
     views = scene.views
     cameras, poses = list(views.cameras), views.body_from_cam
     padded = padded_region(scene.region, 12, cameras[0])
-    depth = map_depth(scene.landmarks, poses[0], padded, cameras[0])
+    depth = map_depth(scene, padded)
     request = request_match(images, cameras, poses, 0, view, scene.region, padded, depth)
     return replace(request, prediction=request.prediction + np.array(shift))
 
@@ -123,9 +123,9 @@ def test_a_view_that_the_scene_does_not_hold_is_refused(bumps):
 
 def test_depth_at_landmarks_is_theirs_and_filled_beside_them(bumps):
     scene, _ = bumps
-    pose, camera = scene.views.body_from_cam[0], scene.views.cameras[0]
+    pose = scene.views.body_from_cam[0]
     kept = np.arange(len(scene.landmarks)) % 7 != 0
-    depth = map_depth(scene.landmarks[kept], pose, scene.region, camera).ravel()
+    depth = map_depth(replace(scene, landmarks=scene.landmarks[kept]), scene.region).ravel()
     true = pose.inverse()(scene.landmarks.position)[:, 2]
     np.testing.assert_array_equal(depth[kept], true[kept])
     assert np.median(np.abs(depth - true)[~kept]) < 0.3 * scene.gsd

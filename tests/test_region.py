@@ -17,6 +17,7 @@ class Request:
     reference: str | None = None
     center_px: tuple[float, float] | None = None
     size_px: tuple[int, int] | None = None
+    stride: int | None = None
 
 
 SIZE = RegionOptions(size_px=(48, 48))
@@ -113,6 +114,20 @@ def test_unlit_views_have_no_region(scene, sparse, images):
     night = replace(scene, views=replace(scene.views, sun=-scene.views.sun))
     with pytest.raises(ReconstructionError, match="no region is lit"):
         choose(night, sparse, images)
+
+
+def test_the_stride_is_the_requests_or_else_the_options(scene, sparse, images):
+    options = replace(SIZE, stride=3)
+    assert choose(scene, sparse, images)[1].stride == 1
+    assert choose(scene, sparse, images, options=options)[1].stride == 3
+    assert choose(scene, sparse, images, Request(stride=4), options)[1].stride == 4
+    assert choose(scene, sparse, images, Request(size_px=(48, 48)), options)[1].stride == 3
+
+
+@pytest.mark.parametrize(("request_", "stride"), [(Request(stride=48), 1), (None, 60), (Request(size_px=(9, 40)), 9)])
+def test_a_stride_as_wide_as_the_region_is_refused(scene, sparse, images, request_, stride):
+    with pytest.raises(InputError, match=r"region\.stride \d+ leaves a single row of landmarks"):
+        choose(scene, sparse, images, request_, replace(SIZE, stride=stride))
 
 
 def test_a_region_reaches_the_edge_but_not_beyond(scene):

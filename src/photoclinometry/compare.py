@@ -52,7 +52,7 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
     reference pixels, as if they were somebody's map (Eq. 36, `landmark_error`), and with the true point behind
     the landmark's own pixel (`position_error`), which also sees the map slide along the ground. Normals and
     albedos are compared at the landmark's reference pixel, at the point (`_at_point`) and averaged over
-    point-spread function and pixel, which is what images can resolve.
+    point-spread function and pixel, which is what images can resolve, at any stride.
     """
     from photoclinometry.simulate.truth import nearest_surface, truth_maps
 
@@ -78,18 +78,18 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
 def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Closest) -> Comparison:
     """As `evaluate_against_truth`, from its parts.
 
-    true_views: the scene's views in the same order; maps: arrays over the region with the attributes of
+    true_views: the scene's views in the same order; maps: arrays over the map's grid with the attributes of
     `simulate.truth.TruthMaps`; closest: nearest points of the true surface. Lengths in metres.
     """
     by_poses = align_poses(scene.views.body_from_cam, true_views.body_from_cam, distance=camera_distance(scene))
     fit = refine_on_surface(scene.landmarks.position, scene.landmarks.normal, closest, by_poses)
     aligned = transform_scene(fit.similarity, scene)
-    row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
-    seen = maps.hit[row, col]
+    cells = scene.cells
+    seen = maps.hit[cells]
 
     def at(values: np.ndarray) -> np.ndarray:
         """A true map (h, w, ...) at the landmarks; NaN where the reference pixel misses the surface."""
-        picked = np.array(values[row, col], float)
+        picked = np.array(values[cells], float)
         picked[~seen] = np.nan
         return picked
 

@@ -16,6 +16,9 @@ from photoclinometry.scene import Camera, Region, Tracks, Views
 
 log = logging.getLogger(__name__)
 
+BLOCK = 2**21
+"""Observations that are triangulated at a time, rows of the map's grid together: 100 MB."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DensifyOptions:
@@ -61,7 +64,7 @@ def densify(
     body_from_cam: Rigid,
     options: DensifyOptions | None = None,
 ) -> DenseTracks:
-    """Triangulate every pixel of the reference region that at least `min_views` views agree on.
+    """Triangulate every pixel of the map's grid that at least `min_views` views agree on.
 
     matches: by view index, over `region`; the reference itself is not in it. cameras, body_from_cam: all K views.
     A match must be valid, certain enough and near its epipolar line; the point is the linear least-squares
@@ -70,33 +73,56 @@ def densify(
     """
     options = options or DensifyOptions()
     views = np.array(sorted([*matches, reference]), np.int32)
-    xy, sigma, used = _stack(region, reference, matches, views, cameras, body_from_cam, options)
+    rows, cols = region.grid_shape
+    step = max(1, BLOCK // (cols * len(views)))
+    blocks = [slice(first, min(first + step, rows)) for first in range(0, rows, step)]
+    found = [
+        _densify_rows(block, region, reference, matches, views, cameras, body_from_cam, options) for block in blocks
+    ]
+    # A field at a time, each of whose parts are let go of before the next.
+    merged = {name: np.concatenate([part.pop(name) for part in found]) for name in tuple(found[0])}
+    landmarks, observations = len(merged["count"]), len(merged["view"])
+    if not landmarks:
+        raise ReconstructionError(
+            f"no pixel of the region was matched in {options.min_views} views or more; lower min_views "
+            f"(there are {len(views)} views) or choose a region that more views see"
+        )
+    log.info("%d landmarks from %d pixels, %.1f views each", landmarks, rows * cols, observations / landmarks)
+    return DenseTracks(start=np.concatenate([[0], np.cumsum(merged.pop("count"))]).astype(np.int64), **merged)
+
+
+def _densify_rows(
+    rows: slice,
+    region: Region,
+    reference: int,
+    matches: dict[int, Matches],
+    views: np.ndarray,
+    cameras: tuple[Camera, ...] | list[Camera],
+    body_from_cam: Rigid,
+    options: DensifyOptions,
+) -> dict[str, np.ndarray]:
+    """`DenseTracks` of some rows of the map's grid, with each landmark's `count` of observations instead of `start`."""
+    xy, sigma, used = _stack(rows, region, reference, matches, views, cameras, body_from_cam, options)
     cam_from_body = body_from_cam[views].inverse()
     intrinsics = np.array([(*cameras[k].focal_px, *cameras[k].principal_px) for k in views], float)
-    count = region.height * region.width
     own = int(np.flatnonzero(views == reference)[0])
-    position, kept = np.zeros((count, 3)), np.zeros(count, bool)
+    position, kept = np.zeros((len(xy), 3)), np.zeros(len(xy), bool)
     _triangulate_all(
         xy, sigma, used, np.ascontiguousarray(cam_from_body.rotation), cam_from_body.translation,
         body_from_cam.translation[views], intrinsics, own, options.min_views, options.max_reprojection_px,
         math.radians(options.min_triangulation_deg), position, kept,
     )  # fmt: skip
-    if not kept.any():
-        raise ReconstructionError(
-            f"no pixel of the region was matched in {options.min_views} views or more; lower min_views "
-            f"(there are {len(views)} views) or choose a region that more views see"
-        )
-    log.info("%d landmarks from %d pixels, %.1f views each", kept.sum(), count, used[kept].sum(1).mean())
     landmark, column = np.nonzero(used & kept[:, None])
-    row, col = np.divmod(np.flatnonzero(kept), region.width)
-    return DenseTracks(
-        position=position[kept],
-        pixel=np.stack([region.row + row, region.col + col], -1).astype(np.int32),
-        start=np.concatenate([[0], np.cumsum(used[kept].sum(1))]).astype(np.int64),
-        view=views[column],
-        keypoint=xy[landmark, column],
-        keypoint_sigma=sigma[landmark, column],
-    )  # fmt: skip
+    row, col = np.divmod(np.flatnonzero(kept), region.grid_shape[1])
+    row, col = region.row + region.stride * (rows.start + row), region.col + region.stride * col
+    return {
+        "position": position[kept],
+        "pixel": np.stack([row, col], -1).astype(np.int32),
+        "count": used[kept].sum(1),
+        "view": views[column],
+        "keypoint": xy[landmark, column],
+        "keypoint_sigma": sigma[landmark, column],
+    }
 
 
 def fundamental_matrix(camera_a: Camera, pose_a: Rigid, camera_b: Camera, pose_b: Rigid) -> np.ndarray:
@@ -125,6 +151,7 @@ def _pixel_from_ray_inverse(camera: Camera) -> np.ndarray:
 
 
 def _stack(
+    rows: slice,
     region: Region,
     reference: int,
     matches: dict[int, Matches],
@@ -133,9 +160,9 @@ def _stack(
     body_from_cam: Rigid,
     options: DensifyOptions,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels (P, V, 2), sigmas (P, V) and use (P, V) of all pixels and views, the reference included."""
-    center = region.pixel_centers()
-    shape = (region.height * region.width, len(views))
+    """Pixels (P, V, 2), sigmas (P, V) and use (P, V) of rows of the map's grid in all views, the reference included."""
+    center = region.pixel_centers()[region.grid_slices][rows]
+    shape = (center.shape[0] * center.shape[1], len(views))
     xy, sigma, used = np.zeros((*shape, 2)), np.ones(shape), np.zeros(shape, bool)
     for column, view in enumerate(views):
         if view == reference:
@@ -146,10 +173,11 @@ def _stack(
         fundamental = fundamental_matrix(
             cameras[reference], body_from_cam[reference], cameras[view], body_from_cam[view]
         )
-        near = sampson_error(fundamental, center, match.position) < options.max_sampson_px2
-        use = match.valid & near & (match.certainty >= options.min_certainty)
-        xy[:, column] = match.position.reshape(-1, 2)
-        sigma[:, column] = match.sigma_px.ravel()
+        position = match.position[rows]
+        near = sampson_error(fundamental, center, position) < options.max_sampson_px2
+        use = match.valid[rows] & near & (match.certainty[rows] >= options.min_certainty)
+        xy[:, column] = position.reshape(-1, 2)
+        sigma[:, column] = match.sigma_px[rows].ravel()
         used[:, column] = use.ravel()
     return xy, sigma, used
 

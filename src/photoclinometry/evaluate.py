@@ -68,19 +68,20 @@ def view_psnr(scene: Scene, view: int, image: Image, faces: np.ndarray | None = 
 
 
 def lit_region(scene: Scene, image: Image, threshold: float | None = None) -> np.ndarray:
-    """(h, w) bool: pixels of the reference region that are valid and brighter than `threshold`.
+    """(h, w) bool: pixels of the map's grid that are valid and brighter than `threshold` in the reference image.
 
     threshold: in the image's brightness; default SHADOW_FRACTION of the median over the region's valid
     pixels.
     """
-    brightness, valid = image.brightness[scene.region.slices], image.valid[scene.region.slices]
+    grid = scene.region.grid_slices
+    brightness, valid = image.brightness[scene.region.slices][grid], image.valid[scene.region.slices][grid]
     if threshold is None:
         threshold = SHADOW_FRACTION * float(np.median(brightness[valid])) if valid.any() else 0.0
     return valid & (brightness > threshold)
 
 
 def completeness(scene: Scene, lit: np.ndarray) -> float:
-    """Share of the lit region pixels (h, w) that carry a landmark; NaN if none is lit."""
+    """Share of the lit pixels (h, w) of the map's grid that carry a landmark; NaN if none is lit."""
     has = np.isfinite(scene.grid(np.zeros(len(scene.landmarks))))
     return float(has[lit].mean()) if lit.any() else float("nan")
 

@@ -120,7 +120,7 @@ def _resect_one(scene: Scene, views: Views, k: int, images: Sequence[Image], mat
             [images[reference], images[k]], [camera, views.cameras[k]], poses, 0, 1, scene.region, padded, depth
         )
         matches = matcher.match(request)
-        row, col = (marks.pixel - (scene.region.row, scene.region.col)).T
+        row, col = scene.cells
         seen = np.flatnonzero(matches.valid[row, col])
         if len(seen) < MIN_MATCHES:
             return None

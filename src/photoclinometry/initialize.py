@@ -83,7 +83,10 @@ def sample_brightness(
 
 
 def landmark_spacing_px(views: Views, position: np.ndarray, reference: int) -> np.ndarray:
-    """(K,) pixels of each view across one pixel of the reference view, which is what lies between landmarks (J, 3)."""
+    """(K,) pixels of each view across one pixel of the reference view, whose resolution the landmarks (J, 3) have.
+
+    Whatever the stride: a map of larger stride has every so many of the same landmarks.
+    """
     gsd = np.array([views.gsd(k, position) for k in range(len(views))])
     return gsd[reference] / gsd
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -73,7 +73,7 @@ class _Place:
 
     reference: int
     region: np.ndarray
-    """row, col, height, width."""
+    """row, col, height, width, stride."""
 
 
 def run(site_file: Path, out: Path, options: RunOptions | None = None, progress: Progress | None = None) -> RunResult:
@@ -121,7 +121,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
 
     key = digest("region", key, site.region, options.region, sorted({*options.hold_out, *left_out}))
     place = folder.stage("region", key, lambda: _choose_place(site, sparse, images, views, options), _Place)
-    region = Region(**dict(zip(("row", "col", "height", "width"), map(int, place.region), strict=True)))
+    region = Region(**{f.name: int(value) for f, value in zip(fields(Region), place.region, strict=True)})
 
     learned = (fingerprint(options.roma),) if options.matcher == "roma" else ()
     key = digest("dense", key, options.match_rounds, options.flow, options.densify, *learned)
@@ -206,7 +206,7 @@ def views_from(site: Site, sparse: SparseModel) -> Views:
 
 def _choose_place(site: Site, sparse: SparseModel, images, views: Views, options: RunOptions) -> _Place:
     reference, region = choose_region(sparse, images, list(views.cameras), views.sun, site.region, options.region)
-    return _Place(reference=reference, region=np.array([region.row, region.col, region.height, region.width]))
+    return _Place(reference=reference, region=np.array(astuple(region)))
 
 
 def match_and_densify(
@@ -262,7 +262,9 @@ def initial_scene(
     brightness, lit = sample_brightness(
         [images[k] for k in kept.tolist()], new_index[dense.view], dense.keypoint, spacing_px=spacing
     )
-    normal = normals_from_neighbours(dense.position, registered.body_from_cam.translation)
+    # Planes through about the same ground at any stride: 32 px, but 3 x 3 landmarks at least.
+    count = max(9, 32 // region.stride**2)
+    normal = normals_from_neighbours(dense.position, registered.body_from_cam.translation, count)
     tracks = Tracks(
         start=dense.start,
         view=new_index[dense.view].astype(np.int32),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -26,8 +26,14 @@ class RegionOptions:
 
     size_px: tuple[int, int] = (400, 400)
     """Width and height of the region of the reference image [px]; less where the image is smaller."""
+    stride: int = 1
+    """A landmark at every so many pixels, down and across. Views are matched at every pixel all the same."""
     shadow_fraction: float = 0.15
     """A pixel darker than this times the median of its image's valid pixels counts as shadow."""
+
+    def __post_init__(self):
+        if self.stride < 1 or self.stride != int(self.stride):
+            raise InputError(f"region.stride {self.stride}: give a positive whole number of pixels")
 
 
 class Request(Protocol):
@@ -39,6 +45,8 @@ class Request(Protocol):
     def center_px(self) -> tuple[float, float] | None: ...
     @property
     def size_px(self) -> tuple[int, int] | None: ...
+    @property
+    def stride(self) -> int | None: ...
 
 
 def choose_region(
@@ -62,6 +70,24 @@ def choose_region(
     sun_in_body: (K, 3). Raises InputError for a request that cannot be met.
     """
     options = options or RegionOptions()
+    reference, region = _choose_rectangle(sparse, images, cameras, sun_in_body, request, options)
+    stride = int(options.stride if request is None or request.stride is None else request.stride)
+    if stride >= min(region.width, region.height):
+        raise InputError(
+            f"region.stride {stride} leaves a single row of landmarks of a region of {region.width} x {region.height} "
+            "px; lessen it"
+        )
+    return reference, replace(region, stride=stride)
+
+
+def _choose_rectangle(
+    sparse: SparseModel,
+    images: list[Image],
+    cameras: list[Camera],
+    sun_in_body: np.ndarray,
+    request: Request | None,
+    options: RegionOptions,
+) -> tuple[int, Region]:
     names = [image.name for image in images]
     candidates = _candidates(sparse, names, request)
     best: tuple[float, int, Region] | None = None

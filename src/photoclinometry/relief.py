@@ -64,7 +64,7 @@ def lambert_shade(normal: np.ndarray, sun: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, parallel=True)
-def _march(point, towards, fx, fy, cx, cy, row0, col0, depth, nearest, farthest, step, free):
+def _march(point, towards, fx, fy, cx, cy, row0, col0, stride, depth, nearest, farthest, step, free):
     height, width = depth.shape
     for j in prange(point.shape[0]):
         travelled = 1.5 * step
@@ -75,8 +75,8 @@ def _march(point, towards, fx, fy, cx, cy, row0, col0, depth, nearest, farthest,
             travelled += step
             if z < nearest or z > farthest:
                 break
-            col = fx * x / z + cx - 0.5 - col0
-            row = fy * y / z + cy - 0.5 - row0
+            col = (fx * x / z + cx - 0.5 - col0) / stride
+            row = (fy * y / z + cy - 0.5 - row0) / stride
             if not (0.0 <= row < height - 1 and 0.0 <= col < width - 1):
                 break
             r, c = int(row), int(col)
@@ -92,8 +92,9 @@ def _march(point, towards, fx, fy, cx, cy, row0, col0, depth, nearest, farthest,
 def unobstructed(scene: Scene, towards: np.ndarray) -> np.ndarray:
     """(J,) bool: no other part of the map stands in the way from the landmarks towards (3,) or (J, 3), in B.
 
-    A ray from each landmark is followed in steps of one GSD over the reference camera's depth map until it leaves
-    the region or all relief. Ground outside the map, or hidden from the reference camera, obstructs nothing.
+    A ray from each landmark is followed over the reference camera's depth map, in steps as wide as landmarks are
+    apart, until it leaves the region or all relief. Ground outside the map, or hidden from the reference camera,
+    obstructs nothing.
     towards: of any length.
     """
     cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
@@ -108,10 +109,11 @@ def unobstructed(scene: Scene, towards: np.ndarray) -> np.ndarray:
         *camera.principal_px,
         scene.region.row,
         scene.region.col,
+        scene.region.stride,
         scene.grid(point[:, 2]),
         point[:, 2].min(),
         point[:, 2].max(),
-        scene.gsd,
+        scene.spacing,
         free,
     )
     return free

@@ -44,22 +44,22 @@ def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
     """(J,) share of a landmark's surroundings, three reference pixels wide, that no other part of the map shades.
 
     An image averages over its pixels and point-spread function, so that cast shadows have edges of about that width.
+    At a stride above 1 that is the landmark itself.
     """
     from scipy.ndimage import convolve
 
     lit = scene.grid(in_sunlight(scene, sun).astype(float))
     present = np.isfinite(lit)
-    window = np.ones((3, 3))
+    window = np.ones((3, 3) if scene.region.stride == 1 else (1, 1))
     around = convolve(present.astype(float), window, mode="constant")
     share = convolve(np.where(present, lit, 0.0), window, mode="constant") / np.maximum(around, 1.0)
-    row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
-    return share[row, col]
+    return share[scene.cells]
 
 
 def render_reference(
     scene: Scene, view: int | None = None, sun: np.ndarray | None = None, **options
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Brightness on the region of the reference image: image (h, w), zero outside the map, and mask (h, w).
+    """Brightness on the map's grid: image (h, w), zero where there is no landmark, and mask (h, w).
 
     As `landmark_brightness` for the camera of `view` (default: the reference); options are its options.
     """
@@ -70,7 +70,7 @@ def render_reference(
 
 
 def landmark_faces(scene: Scene) -> np.ndarray:
-    """Triangles (F, 3) of landmark indices over the reference grid (see `raster.grid_faces`)."""
+    """Triangles (F, 3) of landmark indices over the map's grid (see `raster.grid_faces`)."""
     position = scene.grid(scene.landmarks.position)
     index = scene.grid(np.arange(len(scene.landmarks)), fill=0).astype(np.int64).ravel()
     return index[grid_faces(position, np.isfinite(position[..., 0]))]

@@ -122,7 +122,7 @@ def rematch(
     matcher = RelightMatcher(sharp, FlowMatcher(flow))
     cameras, poses, own = list(scene.views.cameras), scene.views.body_from_cam, scene.reference
     padded = padded_region(scene.region, MARGIN_PX, cameras[own])
-    depth = map_depth(scene.landmarks, poses[own], padded, cameras[own])
+    depth = map_depth(scene, padded)
     targets = [k for k in range(len(scene.views)) if k != own]
     matches = {}
     for done, target in enumerate(targets):
@@ -138,11 +138,10 @@ def rematch(
 def with_dense(scene: Scene, dense: DenseTracks) -> Scene:
     """The scene with the positions and tracks of `dense`, whose pixels must all have had a landmark."""
     index = scene.grid(np.arange(len(scene.landmarks), dtype=float), fill=-1.0).astype(int)
-    row, col = (dense.pixel - (scene.region.row, scene.region.col)).T
     count = len(dense.view)
     return replace(
         scene,
-        landmarks=replace(scene.landmarks[index[row, col]], position=dense.position),
+        landmarks=replace(scene.landmarks[index[scene.region.cells(dense.pixel)]], position=dense.position),
         tracks=Tracks(
             start=dense.start,
             view=dense.view,
@@ -221,6 +220,6 @@ def _settles(number: float, moved_px: float, options: RelightOptions) -> bool:
 
 def _observation_number(scene: Scene) -> np.ndarray:
     """(N,) a number for each observation that tells its reference pixel and its view."""
-    row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
-    pixel = (row * scene.region.width + col).astype(np.int64)
-    return pixel[scene.tracks.landmark] * len(scene.views) + scene.tracks.view
+    row, col = scene.cells
+    cell = (row * scene.region.grid_shape[1] + col).astype(np.int64)
+    return cell[scene.tracks.landmark] * len(scene.views) + scene.tracks.view

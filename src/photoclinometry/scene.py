@@ -184,16 +184,53 @@ class Tracks:
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
-    """A rectangle of the reference image, in whole pixels."""
+    """A rectangle of the reference image, in whole pixels, and which of its pixels may become landmarks."""
 
     row: int
     col: int
     height: int
     width: int
+    stride: int = 1
+    """Every so many pixels, down and across, from the corner on: these make the map's grid."""
 
     @property
     def slices(self) -> tuple[slice, slice]:
+        """Of the whole image: all of the region's pixels."""
         return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
+
+    @property
+    def grid_shape(self) -> tuple[int, int]:
+        """Rows and columns of the map's grid."""
+        return -(-self.height // self.stride), -(-self.width // self.stride)
+
+    @property
+    def grid_slices(self) -> tuple[slice, slice]:
+        """Of arrays over all of the region's pixels: those of the map's grid."""
+        return slice(None, None, self.stride), slice(None, None, self.stride)
+
+    def slices_in(self, outer: Region) -> tuple[slice, slice]:
+        """Of arrays over all pixels of a region around this one: all of this one's pixels."""
+        row, col = self.row - outer.row, self.col - outer.col
+        return slice(row, row + self.height), slice(col, col + self.width)
+
+    def cells(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column (J,) in the map's grid of pixels (J, 2) of the image that are landmarks'."""
+        row, col = ((pixel - (self.row, self.col)) // self.stride).T
+        return row, col
+
+    def between_cells(self, values: np.ndarray) -> np.ndarray:
+        """Values (rows, cols, ...) on the map's grid at every pixel (height, width, ...), linear from cell to cell.
+
+        NaN where a cell that it takes is NaN; beyond the last row and column as in these.
+        """
+        for axis, count in enumerate((self.height, self.width)):
+            cell = np.arange(count) / self.stride
+            low = cell.astype(int)
+            share = np.where(low == values.shape[axis] - 1, 0.0, cell - low)
+            high = np.where(share > 0.0, low + 1, low)
+            share = share.reshape(-1, *[1] * (values.ndim - 1 - axis))
+            values = (1.0 - share) * np.take(values, low, axis) + share * np.take(values, high, axis)
+        return values
 
     def pixel_centers(self) -> np.ndarray:
         """(height, width, 2) pixel coordinates (x, y) of the pixel centres."""
@@ -234,11 +271,20 @@ class Scene:
         """Ground sample distance: length in B of one reference pixel across the line of sight."""
         return self.views.gsd(self.reference, self.landmarks.position)
 
+    @property
+    def spacing(self) -> float:
+        """Length in B between neighbouring landmarks, across the line of sight."""
+        return self.region.stride * self.gsd
+
+    @property
+    def cells(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column (J,) of the landmarks in the map's grid."""
+        return self.region.cells(self.landmarks.pixel)
+
     def grid(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
-        """Per-landmark values (J, ...) as an image (region height, width, ...), `fill` where none."""
-        out = np.full((self.region.height, self.region.width, *np.shape(values)[1:]), fill, float)
-        row, col = (self.landmarks.pixel - (self.region.row, self.region.col)).T
-        out[row, col] = values
+        """Per-landmark values (J, ...) as an image (rows, cols, ...) of the map's grid, `fill` where none."""
+        out = np.full((*self.region.grid_shape, *np.shape(values)[1:]), fill, float)
+        out[self.cells] = values
         return out
 
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:

@@ -37,7 +37,7 @@ from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 log = logging.getLogger(__name__)
 
 BALANCED_CORRELATION_PX = 3.0
-"""Brightness correlation up to which smoothness is as given."""
+"""Brightness correlation up to which smoothness is as given; of a map of larger stride, in landmarks."""
 
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
@@ -172,7 +172,7 @@ def _rounds(
 
     given: the reflectance from which that of the estimate differs by its parameters.
     """
-    tracks, photometric = scene.tracks, scene.reflectance is not None
+    tracks, photometric, stride = scene.tracks, scene.reflectance is not None, scene.region.stride
     layout, place = build_layout(tracks, len(scene.views))
     unweighted = lay_out(tracks, place, layout.places)
     smooth = photometric and options.smooth_sigma_rad > 0
@@ -188,14 +188,15 @@ def _rounds(
     final, solution, problem = False, None, None
     for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
-        measured = _weighted(unweighted, scene, options, place, lit, own, noise)
-        smooth_sigma = options.smooth_sigma_rad * max(1.0, noise.brightness_correlation_px / BALANCED_CORRELATION_PX)
+        shared = noise.between_landmarks(stride)
+        measured = _weighted(unweighted, scene, options, place, lit, own, shared)
+        smooth_sigma = options.smooth_sigma_rad * max(1.0, shared.brightness_correlation_px / BALANCED_CORRELATION_PX)
         pairs = _pairs(estimate.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
         held = replace(priors, view_factor=noise.view_factor)
         problem = Problem(layout, measured, pairs, held, given, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
         moves = None if solution is None else solution.parameter_moves
-        solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.gsd, moves=moves, progress=progress)
+        solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.spacing, moves=moves, progress=progress)
         history.extend(solution.log)
         estimate = solution.estimate
         scene = replace(scene, reflectance=problem.reflectance_at(estimate))
@@ -221,6 +222,7 @@ def _rounds(
             parameter_sigma = np.abs(given.parameters) * np.sqrt(np.diag(response.covariance))
         # As if what brightness errs by all over a view were noise, and all else known as well as stated.
         seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
+        seen = seen.between_landmarks(stride)
         weights = _weights(scene, options, lit, own, seen)
         found = estimate_uncertainty(scene, estimate.pivot, problem, weights, seen, own, response)
         scene = replace(scene, uncertainty=found)
@@ -294,21 +296,21 @@ def _measured_noise(scene: Scene, estimate: Estimate, options: AdjustOptions, li
     scene = scene.with_estimate(estimate.views, estimate.landmarks)
     tracks, found = scene.tracks, {}
     residual, dense = keypoint_residuals(scene), own[tracks.landmark]
-    pixel = scene.landmarks.pixel[tracks.landmark]
+    pixel, stride = scene.landmarks.pixel[tracks.landmark], scene.region.stride
     if options.keypoint_sigma_px is None:
         found["keypoint_factor"] = keypoint_factor(scene, residual, own)
     if not own.all():
         found["anchor_factor"] = keypoint_factor(scene, residual, ~own)
     if options.keypoint_correlation_px is None:
         found["keypoint_correlation_px"] = max(
-            correlation_px(residual[dense, axis], tracks.view[dense], pixel[dense]) for axis in (0, 1)
+            correlation_px(residual[dense, axis], tracks.view[dense], pixel[dense], stride) for axis in (0, 1)
         )
     if lit.any():
         residual = brightness_residuals(scene)
         if options.brightness_sigma is None:
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:
-            found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit])
+            found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)
     return replace(noise, **found)
 
 

@@ -8,7 +8,7 @@ trusted far too much. So n such observations count as one: each one's standard d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class Noise:
     keypoint_factor: float
     """On each keypoint's own standard deviation."""
     keypoint_correlation_px: float
-    """Square root of the number of landmarks whose keypoints share an error."""
+    """Side of the square of reference pixels in which keypoints share an error."""
     anchor_factor: float
     """On each anchor keypoint's own standard deviation; their errors are independent."""
     brightness_sigma: float
@@ -38,6 +38,14 @@ class Noise:
     view_factor: float = 1.0
     """Likewise for what brightness errs by all over a view, which no residual shows, as the view's Sun, scale and bias
     follow it: how many times smaller than stated the standard deviations of these are taken to be."""
+
+    def between_landmarks(self, stride: int) -> Noise:
+        """With correlations counted in landmarks, `stride` pixels apart: square roots of how many share an error."""
+        if stride == 1:
+            return self
+        correlations = (self.keypoint_correlation_px, self.brightness_correlation_px)
+        keypoint, brightness = (max(1.0, side / stride) for side in correlations)
+        return replace(self, keypoint_correlation_px=keypoint, brightness_correlation_px=brightness)
 
     def close_to(self, other: Noise) -> bool:
         """Whether no standard deviation differs by more than a tenth, no correlation by more than a fifth."""
@@ -91,10 +99,11 @@ def robust_sigma(residual: np.ndarray, parameters: int) -> float:
     return 1.4826 * float(np.median(np.abs(residual)) / np.sqrt(freedom))
 
 
-def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray) -> float:
-    """Square root of the number of observations that share an error: the median over views, 1 at least.
+def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stride: int = 1) -> float:
+    """Side of the square of pixels in which observations share an error: the median over views, `stride` at least.
 
-    values: (N,) residuals; view: (N,); pixel: (N, 2) row and column of each one's landmark in the reference image.
+    values: (N,) residuals; view: (N,); pixel: (N, 2) row and column of each one's landmark in the reference image, on a
+    grid of every `stride`-th pixel. The square root of the number of landmarks that share an error, times the stride.
     In a view, the variance of the sum of all residuals over the sum of their variances, from their autocorrelation
     up to the lag at which it has died away.
     """
@@ -103,17 +112,17 @@ def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray) -> f
     for k in views[np.linspace(0, len(views) - 1, min(len(views), _MAX_VIEWS)).astype(int)]:
         mine = view == k
         if np.count_nonzero(mine) >= 100:
-            shared.append(_shared(values[mine], pixel[mine]))
-    return float(np.sqrt(max(1.0, np.median(shared)))) if shared else 1.0
+            shared.append(_shared(values[mine], pixel[mine], stride))
+    return stride * float(np.sqrt(max(1.0, np.median(shared)))) if shared else float(stride)
 
 
-def _shared(values: np.ndarray, pixel: np.ndarray) -> float:
+def _shared(values: np.ndarray, pixel: np.ndarray, stride: int) -> float:
     """How many of one view's residuals share an error."""
     middle = np.median(values)
     spread = 1.4826 * np.median(np.abs(values - middle))
     if spread == 0.0:
         return 1.0
-    row, col = (pixel - pixel.min(0)).T
+    row, col = ((pixel - pixel.min(0)) // stride).T
     field, there = np.zeros((2, row.max() + 1, col.max() + 1), np.float32)
     field[row, col] = np.clip((values - middle) / spread, -3, 3)
     there[row, col] = 1.0

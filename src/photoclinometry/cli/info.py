@@ -44,6 +44,7 @@ def show_site(path: Path) -> None:
         console.print("region: chosen automatically")
     else:
         parts = {"reference": region.reference, "centre [px]": region.center_px, "size [px]": region.size_px}
+        parts |= {"stride": region.stride}
         console.print("region: " + ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items()))
     table = Table()
     table.add_column("view", no_wrap=True)
@@ -82,9 +83,10 @@ def show_run(run: Path) -> None:
         f"{len(scene.tracks)} observations, {model}, brightness {scene.brightness}, body {scene.body}"
     )
     region, unit = scene.region, scene.unit or "scene unit"
+    every = "" if region.stride == 1 else f", a landmark at every {region.stride} of them"
     console.print(
         f"region: {region.width} x {region.height} pixels from column {region.col}, row {region.row} of "
-        f"{scene.views.name[scene.reference]}; one pixel is {scene.gsd:.4g} long on the ground ({unit})"
+        f"{scene.views.name[scene.reference]}{every}; one pixel is {scene.gsd:.4g} long on the ground ({unit})"
     )
     console.print(f"frame: {'body-fixed, by pose priors' if scene.frame == BODY_FIXED else 'its own'}")
     table = Table()

@@ -45,7 +45,7 @@ def possible_maps(framed: Framed) -> tuple[MapProduct, ...]:
 def write_maps(folder: Path, framed: Framed, products: Sequence[MapProduct], options: ExportOptions) -> dict[str, str]:
     """The maps as `folder`/NAME.tif; what is in each, by file name. Raises InputError and RunFolderError."""
     plane = map_plane(framed, options)
-    pixel = _three_digits(framed.scene.gsd) if options.resolution is None else options.resolution
+    pixel = _three_digits(framed.scene.spacing) if options.resolution is None else options.resolution
     grid = grid_around(plane.place[:, :2], pixel)
     about = {"SCENE": framed.scene.name, "FRAME": framed.words, "MAP": plane.name}
     files = {}

@@ -29,7 +29,7 @@ class Texture:
 
 
 def albedo_texture(scene: Scene) -> Texture | None:
-    """The albedo on the reference image's pixels, gaps filled with the nearest; None for geometry alone."""
+    """The albedo on the map's grid of reference pixels, gaps filled with the nearest; None for geometry alone."""
     if scene.reflectance is None:
         return None
     albedo = scene.grid(scene.landmarks.albedo)
@@ -37,8 +37,8 @@ def albedo_texture(scene: Scene) -> Texture | None:
     peak = float(albedo.max())
     if not peak > 0:
         raise InputError(f"scene {scene.name!r}: no albedo is positive; export the mesh as ply instead")
-    region = scene.region
-    uv = (scene.landmarks.pixel - (region.row, region.col) + 0.5)[:, ::-1] / (region.width, region.height)
+    row, col = scene.cells
+    uv = (np.stack([col, row], -1) + 0.5) / albedo.shape[::-1]
     return Texture(levels=np.round(255.0 * srgb(albedo / peak)).astype(np.uint8), peak=peak, uv=uv)
 
 

@@ -80,12 +80,10 @@ def read_ply(path: Path | str) -> PlyMap:
 
 
 def grid_faces(scene: Scene) -> np.ndarray:
-    """(m, 3) int32 landmark indices: two triangles where all four corners of a cell of the reference image's
-    pixel grid are landmarks, counter-clockwise as its camera sees them, so that they face outwards."""
-    region = scene.region
-    index = np.full((region.height, region.width), -1, np.int32)
-    row, col = (scene.landmarks.pixel - (region.row, region.col)).T
-    index[row, col] = np.arange(len(scene.landmarks))
+    """(m, 3) int32 landmark indices: two triangles where all four corners of a cell of the map's
+    grid are landmarks, counter-clockwise as its camera sees them, so that they face outwards."""
+    index = np.full(scene.region.grid_shape, -1, np.int32)
+    index[scene.cells] = np.arange(len(scene.landmarks))
     upper_left, upper_right = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
     lower_left, lower_right = index[1:, :-1].ravel(), index[1:, 1:].ravel()
     whole = np.min([upper_left, upper_right, lower_left, lower_right], axis=0) >= 0

@@ -185,7 +185,7 @@ def _read(file: Any) -> Scene:
         landmarks=Landmarks(**{name: file["landmarks"][name][()] for name in _LANDMARKS}),
         tracks=Tracks(**{name: file["tracks"][name][()] for name in _TRACKS}),
         reference=int(file.attrs["reference"]),
-        region=Region(**{f.name: int(file["region"].attrs[f.name]) for f in fields(Region)}),
+        region=Region(**{name: int(value) for name, value in file["region"].attrs.items()}),  # older files: no stride
         uncertainty={name: dataset[()] for name, dataset in file["uncertainty"].items()},
         frame=str(file.attrs.get("frame", OWN)),  # files from before pose priors were used do not say
     )
@@ -236,4 +236,8 @@ def _inconsistency(scene: Scene) -> str | None:
     inside = (landmarks.pixel >= (region.row, region.col)) & (
         landmarks.pixel < (region.row + region.height, region.col + region.width)
     )
-    return None if inside.all() else "a landmark lies outside the region"
+    if not inside.all():
+        return "a landmark lies outside the region"
+    if region.stride < 1 or ((landmarks.pixel - (region.row, region.col)) % region.stride).any():
+        return "a landmark lies off the map's grid"
+    return None

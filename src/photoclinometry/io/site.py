@@ -66,6 +66,8 @@ class RegionRequest:
     """(x, y) in the reference image."""
     size_px: tuple[int, int] | None = None
     """(width, height)."""
+    stride: int | None = None
+    """Pixels from landmark to landmark, down and across."""
 
 
 @dataclass(frozen=True)
@@ -264,6 +266,7 @@ def _read_region(table: Table | None, views: tuple[SiteView, ...]) -> RegionRequ
     reference = table.text("reference", None)
     center = table.numbers("center_px", 2) if "center_px" in table else None
     size = table.positive_integers("size_px", 2) if "size_px" in table else None
+    stride = table.positive_integer("stride") if "stride" in table else None
     table.finish()
     by_name = {view.name: view for view in views}
     if reference is not None and reference not in by_name:
@@ -274,10 +277,13 @@ def _read_region(table: Table | None, views: tuple[SiteView, ...]) -> RegionRequ
         _check_inside(table, by_name[reference], center, size)
     elif size is not None and all((size > (v.camera.width, v.camera.height)).any() for v in views):
         raise table.error("size_px", f"{size.tolist()} is larger than every image; shrink it")
+    if size is not None and stride is not None and stride >= min(size):
+        raise table.error("stride", f"{stride} leaves a single row of landmarks of {size.tolist()} px; lessen it")
     return RegionRequest(
         reference,
         None if center is None else (float(center[0]), float(center[1])),
         None if size is None else (int(size[0]), int(size[1])),
+        stride,
     )
 
 
@@ -341,7 +347,7 @@ def _as_dict(site: Site) -> dict[str, Any]:
         document["cameras"] = {f"camera{n}": entry for n, entry in enumerate(entries)}
     if site.region is not None:
         region = {"reference": site.region.reference}
-        region |= {key: getattr(site.region, key) for key in ("center_px", "size_px")}
+        region |= {key: getattr(site.region, key) for key in ("center_px", "size_px", "stride")}
         document["region"] = {key: value for key, value in region.items() if value is not None}
     document["views"] = []
     for view in site.views:

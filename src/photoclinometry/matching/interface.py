@@ -36,7 +36,7 @@ class MatchRequest:
     """The whole reference image, or a picture of it under another light."""
     target: Image
     region: Region
-    """The pixels of the reference whose positions are wanted."""
+    """The pixels of the reference whose positions are wanted: those of its map grid."""
     padded: Region
     """`region` with a margin, cut to the image: windows near the region's edge look there."""
     prediction: np.ndarray
@@ -49,14 +49,14 @@ class MatchRequest:
 
     @property
     def inner(self) -> tuple[slice, slice]:
-        """Slices that cut `region` out of arrays over `padded`."""
-        row, col = self.region.row - self.padded.row, self.region.col - self.padded.col
-        return slice(row, row + self.region.height), slice(col, col + self.region.width)
+        """Slices that cut the map's grid, every `region.stride`-th pixel, out of arrays over `padded`."""
+        down, right = self.region.slices_in(self.padded)
+        return slice(down.start, down.stop, self.region.stride), slice(right.start, right.stop, self.region.stride)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Matches:
-    """One target's answer for every pixel (h, w) of the region."""
+    """One target's answer for every pixel (h, w) of the region's map grid."""
 
     position: np.ndarray
     """(h, w, 2) float64: position of the pixel's centre in the target [px]. Defined only where `valid`."""
@@ -71,13 +71,13 @@ class Matches:
 def region_matches(
     request: MatchRequest, position: np.ndarray, certainty: np.ndarray, sigma_px: np.ndarray, valid: np.ndarray
 ) -> Matches:
-    """The region's part of what was found on the padded region: arrays (h, w, ...) as in `Matches`."""
-    inner = request.inner
+    """The part on the map's grid of what was found on the padded region: arrays (h, w, ...) as in `Matches`."""
+    position, certainty, sigma_px, valid = (a[request.inner] for a in (position, certainty, sigma_px, valid))
     return Matches(
-        position=np.where(valid[..., None], position, 0.0)[inner],
-        certainty=np.where(valid, certainty, 0.0).astype(np.float32)[inner],
-        sigma_px=sigma_px.astype(np.float32)[inner],
-        valid=valid[inner],
+        position=np.where(valid[..., None], position, 0.0),
+        certainty=np.where(valid, certainty, 0.0).astype(np.float32),
+        sigma_px=sigma_px.astype(np.float32),
+        valid=valid.copy(),
     )
 
 

@@ -16,12 +16,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid
 from photoclinometry.matching.flow import FlowMatcher, resample
 from photoclinometry.matching.interface import Matcher, Matches, MatchRequest
 from photoclinometry.matching.prewarp import landmark_depth
 from photoclinometry.render import landmark_brightness, sunlit_share
-from photoclinometry.scene import Camera, Image, Landmarks, Region, Scene
+from photoclinometry.scene import Image, Region, Scene
 from photoclinometry.shading import in_view
 
 DARK = 0.15
@@ -70,8 +69,9 @@ def relit_reference(scene: Scene, view: int, reference: Image) -> tuple[np.ndarr
     """The reference region as a view would see it, up to gain and offset: picture (h, w) float32, and mask (h, w).
 
     (image - bias) * modelled radiance in the view / modelled radiance in the reference; where the reference is in
-    shadow, scale * modelled radiance in the view. Masked: no landmark, hidden from the view's camera, or in its
-    shadow, cast (found by ray casting on the map) or attached.
+    shadow, scale * modelled radiance in the view. Between landmarks the model is interpolated, the image is as it is.
+    Masked: no landmark, hidden from the view's camera, or in its shadow, cast (found by ray casting on the map) or
+    attached.
     """
     own, views = scene.reference, scene.views
     there = landmark_brightness(scene, view, with_scale_and_bias=False)
@@ -80,17 +80,21 @@ def relit_reference(scene: Scene, view: int, reference: Image) -> tuple[np.ndarr
     row, col = scene.landmarks.pixel.T
     measured = reference.brightness[row, col] - views.bias[own]
     usable = (here > DARK * np.median(here)) & (sunlit_share(scene, views.sun[own]) > LIT_SHARE)
-    usable &= reference.valid[row, col] & (measured > DARK * np.median(measured))
+    dark = DARK * np.median(measured)
+    model = np.stack([np.where(seen, there, np.nan), np.where(usable, here, np.nan)], -1)
+    there, here = np.moveaxis(scene.region.between_cells(scene.grid(model)), -1, 0)
+    measured = reference.brightness[scene.region.slices] - views.bias[own]
+    usable = np.isfinite(here) & reference.valid[scene.region.slices] & (measured > dark)
     relit = np.where(usable, measured * there / np.where(usable, here, 1.0), views.scale[own] * there)
-    picture = scene.grid(np.where(seen, relit, np.nan))
-    mask = np.isfinite(picture)
-    return np.where(mask, picture, 0.0).astype(np.float32), mask
+    mask = np.isfinite(relit)
+    return np.where(mask, relit, 0.0).astype(np.float32), mask
 
 
 def on_padded(picture: np.ndarray, mask: np.ndarray, request: MatchRequest) -> tuple[np.ndarray, np.ndarray]:
     """A picture and its mask (h, w) over the region, zero and False on the margin around it."""
     around = np.zeros((2, request.padded.height, request.padded.width), np.float32)
-    around[0][request.inner], around[1][request.inner] = picture, mask
+    inner = request.region.slices_in(request.padded)
+    around[0][inner], around[1][inner] = picture, mask
     return around[0], around[1] > 0
 
 
@@ -115,12 +119,18 @@ def fill_from(picture: np.ndarray, known: np.ndarray, other: np.ndarray, window:
     return np.where(known, picture, filled).astype(np.float32)
 
 
-def map_depth(landmarks: Landmarks, pose: Rigid, padded: Region, camera: Camera) -> np.ndarray:
-    """Depth (padded.height, padded.width): that of the landmarks at their own pixels, smoothly filled elsewhere.
+def map_depth(scene: Scene, padded: Region) -> np.ndarray:
+    """Depth (padded.height, padded.width) in the reference camera: that of the landmarks at their own pixels.
 
-    pose: body_from_cam of the reference. Other than before the first map, detail is no longer noise.
+    Elsewhere it is a smooth surface through them, between landmarks with what it misses of these, linearly. Other than
+    before the first map, detail is no longer noise. padded: the scene's region with a margin.
     """
-    depth = landmark_depth(landmarks.position, landmarks.pixel, pose, padded, camera)
+    landmarks, region, pose = scene.landmarks, scene.region, scene.views.body_from_cam[scene.reference]
+    depth = landmark_depth(landmarks.position, landmarks.pixel, pose, padded, scene.views.cameras[scene.reference])
+    at_landmarks = pose.inverse()(landmarks.position)[:, 2]
     row, col = (landmarks.pixel - (padded.row, padded.col)).T
-    depth[row, col] = pose.inverse()(landmarks.position)[:, 2]
+    if region.stride > 1:
+        missed = region.between_cells(scene.grid(at_landmarks - depth[row, col]))
+        depth[region.slices_in(padded)] += np.nan_to_num(missed)
+    depth[row, col] = at_landmarks
     return depth

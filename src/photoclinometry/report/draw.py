@@ -85,14 +85,16 @@ def symmetric_limits(values: np.ndarray, high: float = 99.0):
 
 
 def region_extent(region: Region) -> tuple[float, float, float, float]:
-    """imshow's extent (left, right, bottom, top), so that axes count reference pixels."""
-    return region.col, region.col + region.width, region.row + region.height, region.row
+    """imshow's extent (left, right, bottom, top) of the map's grid, so that axes count reference pixels."""
+    rows, cols = region.grid_shape
+    left, top = region.col + 0.5 * (1 - region.stride), region.row + 0.5 * (1 - region.stride)
+    return left, left + region.stride * cols, top + region.stride * rows, top
 
 
 def show_map(
     axes: Axes, values: np.ndarray, region: Region, title: str, *, label: str = "", cmap: str = "gray", clim=None
 ) -> None:
-    """One map (h, w) on the region's pixels with its colour bar; an RGB image (h, w, 3) goes without a bar."""
+    """One map (h, w) on the region's grid with its colour bar; an RGB image (h, w, 3) goes without a bar."""
     axes.set_title(title)
     axes.set_xlabel("reference column [px]")
     axes.set_ylabel("reference row [px]")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ def draw_reference(path: Path, scene: Scene, image: Image) -> Path:
     """The reference image's own brightness over the region."""
     brightness = np.where(image.valid, image.brightness, np.nan)[scene.region.slices]
     unit = "I/F" if scene.brightness == "iof" else "DN (linear)"
-    return draw_one(path, brightness, scene.region, "Reference image", unit)
+    return draw_one(path, brightness, replace(scene.region, stride=1), "Reference image", unit)
 
 
 def draw_albedo(path: Path, scene: Scene) -> Path:

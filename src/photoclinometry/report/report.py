@@ -113,6 +113,7 @@ def _sections(work, scene, images, rows, stages, rounds, pose_priors, convergenc
 def _subtitle(scene: Scene) -> str:
     model = "geometry alone" if scene.reflectance is None else f"{scene.reflectance.disk} reflectance"
     kind = "radiance factor I/F" if scene.brightness == "iof" else "uncalibrated brightness"
-    size = f"{scene.region.width} x {scene.region.height} pixels of {scene.views.name[scene.reference]}"
+    every = "" if scene.region.stride == 1 else f" at a stride of {scene.region.stride}"
+    size = f"{scene.region.width} x {scene.region.height} pixels{every} of {scene.views.name[scene.reference]}"
     frame = "body-fixed frame" if scene.frame == BODY_FIXED else ""
     return ", ".join(part for part in (scene.body, size, model, kind, frame) if part)

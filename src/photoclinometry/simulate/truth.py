@@ -44,7 +44,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class TruthMaps:
-    """Truth behind the pixels of a region (h, w) of one view; defined where `hit`."""
+    """Truth behind the pixels of a region's map grid (h, w) in one view; defined where `hit`."""
 
     position: np.ndarray
     """(h, w, 3) where the ray through the pixel's centre meets the surface, in B [m]."""
@@ -63,7 +63,7 @@ class TruthMaps:
 
 
 def truth_maps(truth: Truth, view: str, region: Region, raycaster: Raycaster | None = None) -> TruthMaps:
-    """Maps over a region of a view, named as in the site; the region may reach beyond the image.
+    """Maps over the map grid of a region of a view, named as in the site; the region may reach beyond the image.
 
     raycaster: of `truth.surface`, to save making it again (about 0.1 us per sample of the surface).
     Raises InputError for an unknown view.
@@ -71,13 +71,13 @@ def truth_maps(truth: Truth, view: str, region: Region, raycaster: Raycaster | N
     k = truth.view_index(view)
     raycaster = raycaster or Raycaster(truth.surface)
     camera, pose, sun = truth.views.cameras[k], truth.views.body_from_cam[k], truth.views.sun[k]
-    center = cast(raycaster, camera, pose, sun, region.pixel_centers())
+    center = cast(raycaster, camera, pose, sun, region.pixel_centers()[region.grid_slices])
 
     s, margin = _SUPERSAMPLING, math.ceil(4.0 * truth.psf_sigma_px)
     fine = cast(raycaster, camera, pose, sun, sample_points(region, s, margin))
 
     def mean(values: np.ndarray) -> np.ndarray:
-        return pixel_average(values.astype(float), s, margin, truth.psf_sigma_px)
+        return pixel_average(values.astype(float), s, margin, truth.psf_sigma_px)[region.grid_slices]
 
     normal = mean(fine.normal)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)

@@ -103,7 +103,7 @@ def draw_heights(path: Path, without: Record, with_it: Record) -> Path:
 def _draw_scan(figure, top: float, truth: np.ndarray, records, errors, row: int) -> None:
     """Heights and their errors along a row, below `top` inches of the figure's upper edge."""
     width, full = figure.get_size_inches()
-    along = np.arange(truth.shape[1]) * float(records[1].arrays["gsd"]) / 1000.0
+    along = np.arange(truth.shape[1]) * float(records[1].arrays["spacing"]) / 1000.0
     names = ("geometry alone", records[1].cell.model)
     for place, (high, label) in enumerate(((1.55, "height [m]"), (1.2, "error [m]"))):
         bottom = full - top - 0.45 - 1.55 - place * (1.2 + 0.15)

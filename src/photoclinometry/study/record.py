@@ -43,7 +43,7 @@ def measure(cell: Cell, result: RunResult, truth: Truth) -> tuple[Record, Compar
     arrays = {
         "height": aligned.grid(position[:, 2]),
         "true_height": aligned.grid(truth.surface.height_at(position[:, :2])),
-        "gsd": np.array(aligned.gsd),
+        "spacing": np.array(aligned.spacing),
         "scale": aligned.views.scale,
         "phase": phase_of_views(aligned),
     }
