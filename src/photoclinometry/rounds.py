@@ -180,7 +180,7 @@ def round_entry(
 def keypoints_moved(before: Scene, after: Scene) -> float:
     """Median movement [px] of the keypoints that both scenes have, but for the reference view's."""
     old, new = _observation_number(before), _observation_number(after)
-    _, i, j = np.intersect1d(old, new, return_indices=True)
+    _, i, j = np.intersect1d(old, new, assume_unique=True, return_indices=True)
     other = before.tracks.view[i] != before.reference
     return float(np.median(np.linalg.norm(after.tracks.keypoint[j[other]] - before.tracks.keypoint[i[other]], axis=-1)))
 

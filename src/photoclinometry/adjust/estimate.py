@@ -114,6 +114,7 @@ def adjust(
     pivot = np.median(scene.landmarks.position, axis=0)
     start = Estimate(scene.views, scene.landmarks[order], pivot)
     sorted_scene = replace(scene, landmarks=start.landmarks, tracks=tracks)
+    del tracks
     if anchors is not None:
         sorted_scene = _with_anchors(sorted_scene, anchors)
         start = replace(start, landmarks=sorted_scene.landmarks)
@@ -124,8 +125,8 @@ def adjust(
     adjustment = _rounds(sorted_scene, start, given, options, len(order), pose_priors, progress)
     back = np.argsort(order)
     estimate = adjustment.scene.landmarks
-    lit = np.empty(len(tracks), bool)
-    lit[picked] = adjustment.lit[: len(tracks)]
+    lit = np.empty(len(picked), bool)
+    lit[picked] = adjustment.lit[: len(picked)]
     uncertainty = {
         name: value[back] if name in OF_LANDMARKS else value for name, value in adjustment.scene.uncertainty.items()
     }
@@ -193,6 +194,7 @@ def _rounds(
         smooth_sigma = options.smooth_sigma_rad * max(1.0, shared.brightness_correlation_px / BALANCED_CORRELATION_PX)
         pairs = _pairs(estimate.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
         held = replace(priors, view_factor=noise.view_factor)
+        problem = None  # its buffers are let go of before the next one's are made
         problem = Problem(layout, measured, pairs, held, given, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
         moves = None if solution is None else solution.parameter_moves
