@@ -26,6 +26,7 @@ from photoclinometry.render import landmark_brightness, landmark_faces, render_r
 from photoclinometry.report.draw import region_extent
 from photoclinometry.runfolder import adopt_stages
 from photoclinometry.scene import Region
+from photoclinometry.simulate import truth as truth_module
 from photoclinometry.simulate.truth import truth_maps
 from scenes import synthetic_images, synthetic_scene, thinned
 
@@ -276,6 +277,17 @@ def test_true_maps_of_a_stride_are_those_of_the_whole_region(mapped):
     thin = truth_maps(truth, truth.views.name[0], replace(region, stride=3))
     for name in ("position", "normal", "albedo", "normal_mean", "albedo_mean", "shadow", "hit"):
         np.testing.assert_array_equal(getattr(thin, name), getattr(whole, name)[::3, ::3])
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_true_maps_found_in_blocks_are_those_of_one(mapped, monkeypatch, stride):
+    truth = read_truth(mapped.truth)
+    region = Region(row=60, col=70, height=11, width=14, stride=stride)
+    whole = truth_maps(truth, truth.views.name[1], region)
+    monkeypatch.setattr(truth_module, "BLOCK", 5 * region.width)
+    blocks = truth_maps(truth, truth.views.name[1], region)
+    for name in ("position", "normal", "albedo", "normal_mean", "albedo_mean", "shadow", "hit"):
+        np.testing.assert_array_equal(getattr(blocks, name), getattr(whole, name))
 
 
 @pytest.mark.usefixtures("no_figures")

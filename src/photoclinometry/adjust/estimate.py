@@ -226,6 +226,8 @@ def _rounds(
         seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
         seen = seen.between_landmarks(stride)
         weights = _weights(scene, options, lit, own, seen)
+        problem.release()
+        del layout, place, unweighted, measured
         found = estimate_uncertainty(scene, estimate.pivot, problem, weights, seen, own, response)
         scene = replace(scene, uncertainty=found)
     return Adjustment(

@@ -84,6 +84,10 @@ class Problem:
         self._smooth_residual = np.zeros(pairs)
         self._camera_out = np.zeros((threads, views, CAMERA_SIZE))
 
+    def release(self) -> None:
+        """Lets go of measurements and buffers, a gigabyte for ten million observations; priors and neighbours stay."""
+        del self.layout, self.measured, self._stored, self._normal, self._smooth_rows, self._smooth_residual
+
     def cost(self, estimate: Estimate) -> np.ndarray:
         """Squared whitened residuals by COST_TERMS (5,), after the loss; the objective is their sum."""
         return self._observe(estimate, with_jacobian=False)[0]

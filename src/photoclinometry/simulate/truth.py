@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numba import njit
@@ -17,6 +17,9 @@ from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.surface import Surface, height_and_slopes
 
 _SUPERSAMPLING = 4
+
+BLOCK = 2**16
+"""Pixels whose truth is found at a time, whole rows of a region: 300 MB."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +71,20 @@ def truth_maps(truth: Truth, view: str, region: Region, raycaster: Raycaster | N
     raycaster: of `truth.surface`, to save making it again (about 0.1 us per sample of the surface).
     Raises InputError for an unknown view.
     """
-    k = truth.view_index(view)
     raycaster = raycaster or Raycaster(truth.surface)
+    step = region.stride * max(1, BLOCK // (region.stride * region.width))
+    bottom = region.row + region.height
+    blocks = [
+        _true_rows(truth, view, replace(region, row=row, height=min(step, bottom - row)), raycaster)
+        for row in range(region.row, bottom, step)
+    ]
+    parts = ((f.name, [getattr(block, f.name) for block in blocks]) for f in fields(TruthMaps))
+    return TruthMaps(**{name: np.concatenate(part) for name, part in parts})
+
+
+def _true_rows(truth: Truth, view: str, region: Region, raycaster: Raycaster) -> TruthMaps:
+    """`truth_maps` of a region of few rows: there are many rays for each pixel."""
+    k = truth.view_index(view)
     camera, pose, sun = truth.views.cameras[k], truth.views.body_from_cam[k], truth.views.sun[k]
     center = cast(raycaster, camera, pose, sun, region.pixel_centers()[region.grid_slices])
 
