@@ -33,7 +33,7 @@ FITS = 4
 def at_true_geometry(scene: Scene, truth: Truth, images: Sequence[Image]) -> Scene:
     """The scene with true poses, Suns, positions, mean normals and mean albedos, and brightness where they project."""
     maps = truth_maps(truth, scene.views.name[scene.reference], scene.region)
-    at = tuple((scene.landmarks.pixel - (scene.region.row, scene.region.col)).T)
+    at = scene.cells
     views = truth.views[[truth.views.name.index(name) for name in scene.views.name]]
     true = {name: getattr(views, name) for name in ("body_from_cam", "sun", "scale", "bias")}
     landmarks = replace(

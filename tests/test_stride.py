@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from commands import phomo
 from photoclinometry import densify as densify_module
 from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.adjust.noise import correlation_px
@@ -13,6 +14,7 @@ from photoclinometry.densify import DensifyOptions, densify
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import angle_between
 from photoclinometry.io import ply
+from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.site import RegionRequest, read_site, write_site
 from photoclinometry.io.truth import read_truth
 from photoclinometry.matching import Matches
@@ -312,6 +314,21 @@ def test_a_run_at_a_stride_recovers_the_truth(mapped, tmp_path, stride):
     assert metrics["normal_error_mean_deg"] < 4.0
     assert metrics["albedo_error_mean_percent"] < 3.0
     assert metrics["completeness_truly_lit_percent"] > 90.0
+
+
+def test_info_tells_the_stride(mapped, tmp_path, capsys):
+    site = mapped.site.with_name("strided.toml")
+    write_site(site, replace(read_site(mapped.site), region=RegionRequest(None, None, (32, 32), 2)))
+    assert phomo("info", site) == 0
+    assert "stride [px] 2" in " ".join(capsys.readouterr().out.split())
+    write_scene(mapped.copy(tmp_path / "run") / "scene.h5", thinned(synthetic_scene(size=9), 2))
+    assert phomo("info", tmp_path / "run") == 0
+    assert "a landmark at every 2 of them" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_bad_stride_on_the_command_line_is_misuse(mapped, tmp_path, capsys):
+    assert phomo("run", mapped.site, "--out", tmp_path / "run", "--region.stride", 0) == 2
+    assert "region.stride 0: give a positive whole number of pixels" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("stride", [0, -2, 1.5])

@@ -73,7 +73,11 @@ def records(options: StudyOptions) -> list[Record]:
         true = np.add.outer(np.arange(20.0), np.arange(30.0) ** 2)
         true[3, 4] = np.nan
         off = 4.0 if cell.model == GEOMETRY else 1.0
-        arrays = {"height": true + off * np.where(np.arange(30) % 2, 1, -1), "true_height": true, "gsd": np.array(60.0)}
+        arrays = {
+            "height": true + off * np.where(np.arange(30) % 2, 1, -1),
+            "true_height": true,
+            "spacing": np.array(60.0),
+        }
         arrays |= {"phase": np.linspace(0.5, 1.0, 6), "scale": np.linspace(2.0, 1.0, 6)}
         found.append(Record(cell, {"psnr_mean_db": psnr, "psnr_held_out_mean_db": psnr - 1.0}, arrays))
     return found

@@ -44,8 +44,10 @@ def show_site(path: Path) -> None:
         console.print("region: chosen automatically")
     else:
         parts = {"reference": region.reference, "centre [px]": region.center_px, "size [px]": region.size_px}
-        parts |= {"stride": region.stride}
-        console.print("region: " + ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items()))
+        if region.stride is not None:
+            parts |= {"stride [px]": region.stride}
+        told = ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items())
+        console.print("region: " + told.replace("[", r"\["))
     table = Table()
     table.add_column("view", no_wrap=True)
     for head in ("camera", "size [px]", "focal [px]", "Sun off axis [°]", "Sun sigma [°]", "pose", "file"):

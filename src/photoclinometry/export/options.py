@@ -39,6 +39,7 @@ class ExportOptions:
     center_deg: tuple[float, float] | None = None
     """East longitude and latitude of the centre of an orthographic map [degrees]. Left out: the middle of the scene."""
     resolution: float | None = None
-    """Width of a map's pixel [m; the scene's unit where metres are unknown]. Left out: the ground sample distance."""
+    """Width of a map's pixel [m; the scene's unit where metres are unknown]. Left out: the ground sample
+    distance times the region's stride."""
     standard_geometry_deg: tuple[float, float, float] = (30.0, 0.0, 30.0)
     """Incidence, emission and phase that the reflectance map is reduced to [degrees]."""

@@ -30,7 +30,7 @@ class Record:
     metrics: dict[str, float]
     """As `phomo evaluate --truth` gives them; empty where the run failed."""
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
-    """height, true_height (h, w) [m], NaN without a landmark; scale, phase (K,): -, rad."""
+    """height, true_height (h, w) and their spacing () [m], NaN without a landmark; scale, phase (K,): -, rad."""
     failure: str = ""
     """Why there is no map, in words."""
 
