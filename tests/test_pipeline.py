@@ -73,6 +73,7 @@ def test_every_product_is_there_and_reads_back(mapped):
 def test_metrics_and_config_say_what_was_done(mapped):
     metrics = json.loads((mapped.run / "metrics.json").read_text())
     assert metrics["left_out"] == []
+    assert metrics["brought_in"] == []
     assert metrics["metrics"]["converged"] == 1
     assert metrics["metrics"]["psnr_mean_db"] > 30
     assert [v["name"] for v in metrics["views"]] == [v.name for v in read_site(mapped.site).views]
@@ -98,6 +99,21 @@ def test_a_second_run_reads_every_stage_back(mapped, tmp_path, adjust_nothing):
     assert again.adjustment.log == mapped.result.adjustment.log
     assert again.adjustment.noise == mapped.result.adjustment.noise
     assert again.metrics == mapped.result.metrics
+
+
+def test_how_a_view_came_in_is_said(mapped, tmp_path):
+    """As if the sparse stage had needed the relief for a view."""
+    folder = mapped.copy(tmp_path / "run")
+    file = folder / "stages" / "sparse.npz"
+    with np.load(file) as stored:
+        arrays = dict(stored)
+    arrays["brought_in"] = np.where(np.arange(len(arrays["registered"])) == 2, "the relief", "")
+    np.savez(file, **arrays)
+    run(mapped.site, folder)
+    name = read_site(mapped.site).views[2].name
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["brought_in"] == [{"name": name, "by": "the relief"}]
+    assert [row["name"] for row in metrics["views"] if row.get("brought_in_by") == "the relief"] == [name]
 
 
 def test_changed_options_redo_what_depends_on_them_and_no_more(mapped, tmp_path, adjust_nothing):

@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from photoclinometry.scene import Image, Region
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture
+from photoclinometry.sparse import without_views
 from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, views_around
 
 ALL = np.ones((300, 300), bool)
@@ -98,6 +99,8 @@ def test_views_of_opposite_light_come_in_by_their_relief(tmp_path, caplog):
     assert found.registered.all()
     assert sorted(found.how_brought_in()) == np.flatnonzero(~alone.registered).tolist()
     assert "came in by keypoints of the relief, which match it with 3 views more" in caplog.text
+    aside = np.arange(6) == next(iter(found.how_brought_in()))
+    assert len(without_views(found, aside).how_brought_in()) == 2
     assert rotation_errors_deg(found.body_from_cam, poses).max() < 0.5
 
 
