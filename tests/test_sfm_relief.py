@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from photoclinometry.scene import Image, Region
+from photoclinometry.scene import Image
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture
 from photoclinometry.sparse import without_views
-from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, views_around
+from test_sfm import CAMERA, OPTIONS, ground_behind_pixels, rotation_errors_deg, views_around
 
 ALL = np.ones((300, 300), bool)
 
@@ -25,12 +25,7 @@ def relief_of(seed):
 
 def shaded(pose, sun, height, noise_seed):
     """What a camera sees of the relief, Lambert's cosine of the Sun's angle for brightness."""
-    rays = CAMERA.ray_in_cam(Region(row=0, col=0, height=300, width=300).pixel_centers()) @ pose.rotation.T
-    z = 0.0
-    for _ in range(8):  # fixed point: slopes are gentle
-        point = pose.translation + ((z - pose.translation[2]) / rays[..., 2])[..., None] * rays
-        at = point[..., 1::-1].reshape(-1, 2).T + 256
-        z = map_coordinates(height, at, order=1, mode="nearest").reshape(300, 300)
+    at = ground_behind_pixels(pose, height)
     slope = np.array([map_coordinates(g, at, order=3, mode="nearest").reshape(300, 300) for g in np.gradient(height)])
     cosine = (sun[2] - slope[1] * sun[0] - slope[0] * sun[1]) / np.sqrt(1 + (slope**2).sum(0))
     noise = 0.003 * np.random.default_rng(noise_seed).normal(size=cosine.shape)
