@@ -167,15 +167,19 @@ def synthetic_scene(
 
 def thinned(scene: Scene, stride: int) -> Scene:
     """The map of every `stride`-th pixel, down and across, of a scene whose landmarks all have the same views."""
-    region, views = replace(scene.region, stride=stride), len(scene.views)
-    row, col = (scene.landmarks.pixel - (region.row, region.col)).T
-    kept = np.flatnonzero((row % stride == 0) & (col % stride == 0))
+    row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T
+    fewer = with_landmarks(scene, (row % stride == 0) & (col % stride == 0))
+    return replace(fewer, region=replace(scene.region, stride=stride))
+
+
+def with_landmarks(scene: Scene, there: np.ndarray) -> Scene:
+    """The map of the landmarks where `there` (J,), of a scene whose landmarks all have the same views."""
+    kept, views = np.flatnonzero(there), len(scene.views)
     tracks, seen = scene.tracks, (views * kept[:, None] + np.arange(views)).ravel()
     names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
     start = np.arange(0, views * len(kept) + 1, views)
     return replace(
         scene,
-        region=region,
         landmarks=scene.landmarks[kept],
         tracks=Tracks(start=start, **{name: getattr(tracks, name)[seen] for name in names}),
     )

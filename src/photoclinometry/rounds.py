@@ -24,6 +24,7 @@ from photoclinometry.matching.interface import MARGIN_PX, padded_region, request
 from photoclinometry.matching.relight import RelightMatcher, map_depth
 from photoclinometry.predict import brightness_residuals
 from photoclinometry.products import Kept, Progress, has_scene, kept_or_made
+from photoclinometry.provisional import with_provisional
 from photoclinometry.runfolder import RunFolder, digest
 from photoclinometry.scene import Image, Scene, Tracks
 from photoclinometry.shading import brightness_on_surface, normals_from_shading
@@ -118,11 +119,11 @@ def rematch(
 
     images: of the scene's views. Progress is reported under `name`. Raises ReconstructionError where nothing matches.
     """
-    sharp = normals_from_shading(brightness_on_surface(scene, images))
+    sharp = with_provisional(normals_from_shading(brightness_on_surface(scene, images)))
     matcher = RelightMatcher(sharp, FlowMatcher(flow))
     cameras, poses, own = list(scene.views.cameras), scene.views.body_from_cam, scene.reference
     padded = padded_region(scene.region, MARGIN_PX, cameras[own])
-    depth = map_depth(scene, padded)
+    depth = map_depth(sharp, padded)
     targets = [k for k in range(len(scene.views)) if k != own]
     matches = {}
     for done, target in enumerate(targets):

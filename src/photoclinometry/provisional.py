@@ -1,0 +1,49 @@
+"""Provisional landmarks in the holes of a map: what one light does not match, the reference relit may."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from photoclinometry.geometry import unit
+from photoclinometry.matching.prewarp import landmark_depth
+from photoclinometry.sampling import filled_from_nearest
+from photoclinometry.scene import Landmarks, Scene
+
+REACH_PX = 16.0
+"""How far from a landmark the ground is guessed [reference pixels]: about what the depth's smoothness can bridge."""
+
+
+def with_provisional(scene: Scene, reach_px: float = REACH_PX) -> Scene:
+    """The scene with a landmark at every cell of the map's grid within reach of one; the new ones nobody observes.
+
+    They lie on the smooth surface through the landmarks (`landmark_depth`), with its normals and the nearest
+    landmark's albedo: enough to draw the ground as another light shows it, and to be matched and triangulated like the
+    others. What is not found then is in no map.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    region, camera = scene.region, scene.views.cameras[scene.reference]
+    pose = scene.views.body_from_cam[scene.reference]
+    albedo = scene.grid(scene.landmarks.albedo)
+    missing = ~np.isfinite(albedo)
+    distance = region.stride * np.asarray(distance_transform_edt(missing))
+    row, col = np.nonzero(missing & (distance <= reach_px))
+    if not len(row):
+        return scene
+    depth = landmark_depth(scene.landmarks.position, scene.landmarks.pixel, pose, region, camera)
+    ground = pose((camera.ray_in_cam(region.pixel_centers()) * depth[..., None])[region.grid_slices])
+    facing = unit(np.cross(np.gradient(ground, axis=1), np.gradient(ground, axis=0)))
+    facing *= np.sign(np.sum(facing * (pose.translation - ground), -1, keepdims=True))
+    albedo = filled_from_nearest(albedo, ~missing)
+    known = scene.landmarks
+    pixel = np.stack([region.row + region.stride * row, region.col + region.stride * col], -1).astype(np.int32)
+    landmarks = Landmarks(
+        position=np.concatenate([known.position, ground[row, col]]),
+        normal=np.concatenate([known.normal, facing[row, col]]),
+        albedo=np.concatenate([known.albedo, albedo[row, col]]),
+        pixel=np.concatenate([known.pixel, pixel]),
+    )
+    start = np.concatenate([scene.tracks.start, np.full(len(row), scene.tracks.start[-1])])
+    return replace(scene, landmarks=landmarks, tracks=replace(scene.tracks, start=start), uncertainty={})

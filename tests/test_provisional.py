@@ -1,0 +1,74 @@
+"""Holes of a map: guessed within reach, where the ground about is, and closed by the next matches."""
+
+import numpy as np
+import pytest
+
+from photoclinometry.densify import DensifyOptions
+from photoclinometry.geometry import angle_between
+from photoclinometry.matching.flow import FlowOptions
+from photoclinometry.provisional import with_provisional
+from photoclinometry.rounds import rematch
+from scenes import synthetic_images, synthetic_scene, thinned, with_landmarks
+
+
+def holed(size, hole):
+    """A scene, the same without the landmarks of a square in its middle, and where these are in its grid."""
+    scene = synthetic_scene(size=size, views=7)
+    row, col = scene.cells
+    low, high = (size - hole) // 2, (size + hole) // 2
+    inside = (row >= low) & (row < high) & (col >= low) & (col < high)
+    return scene, with_landmarks(scene, ~inside), inside
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_holes_are_filled_with_the_ground_about(stride):
+    scene, without, inside = holed(40, 8)
+    known = len(without.landmarks)
+    if stride > 1:
+        without = thinned_hole(scene, inside, stride)
+        known = len(without.landmarks)
+    filled = with_provisional(without)
+    whole = thinned(scene, stride) if stride > 1 else scene
+    assert len(filled.landmarks) == len(whole.landmarks)
+    np.testing.assert_array_equal(filled.landmarks.position[:known], without.landmarks.position)
+    np.testing.assert_array_equal(filled.tracks.start[known:], len(without.tracks))
+    new = filled.landmarks[known:]
+    true = whole.landmarks[whole.grid(np.arange(len(whole.landmarks)))[whole.region.cells(new.pixel)].astype(int)]
+    away = np.linalg.norm(new.position - true.position, axis=-1) / scene.gsd
+    assert away.max() < 1.0
+    assert np.degrees(angle_between(new.normal, true.normal).max()) < 20.0
+
+
+def thinned_hole(scene, inside, stride):
+    """Every stride-th landmark of those outside of the hole."""
+    thin = thinned(scene, stride)
+    return with_landmarks(thin, ~inside[np.isin(*map(_codes, (scene.landmarks.pixel, thin.landmarks.pixel)))])
+
+
+def _codes(pixel):
+    return pixel[:, 0] * 10_000 + pixel[:, 1]
+
+
+def test_nothing_is_guessed_far_from_landmarks():
+    _, without, _ = holed(40, 20)
+    filled = with_provisional(without, reach_px=4.0)
+    missing = ~np.isfinite(filled.grid(filled.landmarks.albedo))
+    assert missing.sum() == 12 * 12
+    assert missing[14:26, 14:26].all()
+
+
+def test_a_whole_map_stays_as_it_is():
+    scene = synthetic_scene(size=20)
+    assert with_provisional(scene) is scene
+
+
+def test_rounds_close_a_hole_from_its_rim():
+    scene, found, inside = holed(48, 8)
+    images, closed = synthetic_images(scene), []
+    for _ in range(2):
+        found = rematch(found, images, FlowOptions(), DensifyOptions())
+        index = scene.grid(np.arange(len(scene.landmarks)))[found.cells].astype(int)
+        closed.append(inside[index].sum() / inside.sum())
+    assert 0.4 < closed[0] < closed[1] == 1.0
+    away = np.linalg.norm(found.landmarks.position - scene.landmarks.position[index], axis=-1) / scene.gsd
+    assert np.median(away[inside[index]]) < 0.2
