@@ -57,18 +57,21 @@ def test_nothing_is_guessed_far_from_landmarks():
     assert missing[14:26, 14:26].all()
 
 
+def test_small_holes_are_left():
+    """Of 5 x 5 pixels; one of 8 x 8 (above) is filled."""
+    _, without, _ = holed(41, 5)
+    assert with_provisional(without) is without
+
+
 def test_a_whole_map_stays_as_it_is():
     scene = synthetic_scene(size=20)
     assert with_provisional(scene) is scene
 
 
-def test_rounds_close_a_hole_from_its_rim():
-    scene, found, inside = holed(48, 8)
-    images, closed = synthetic_images(scene), []
-    for _ in range(2):
-        found = rematch(found, images, FlowOptions(), DensifyOptions())
-        index = scene.grid(np.arange(len(scene.landmarks)))[found.cells].astype(int)
-        closed.append(inside[index].sum() / inside.sum())
-    assert 0.4 < closed[0] < closed[1] == 1.0
+def test_the_next_matches_close_a_hole():
+    scene, without, inside = holed(48, 8)
+    found = rematch(without, synthetic_images(scene), FlowOptions(), DensifyOptions())
+    index = scene.grid(np.arange(len(scene.landmarks)))[found.cells].astype(int)
+    assert inside[index].sum() > 0.95 * inside.sum()
     away = np.linalg.norm(found.landmarks.position - scene.landmarks.position[index], axis=-1) / scene.gsd
     assert np.median(away[inside[index]]) < 0.2

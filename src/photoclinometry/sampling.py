@@ -48,7 +48,7 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """Values (h, w), those that are not valid replaced by their nearest valid neighbour's; one is valid at least."""
+    """Values (h, w, ...), those not valid replaced by their nearest valid neighbour's; one is valid at least."""
     from scipy.ndimage import distance_transform_edt
 
     if valid.all():
