@@ -11,10 +11,10 @@ from photoclinometry.rounds import rematch
 from scenes import synthetic_images, synthetic_scene, thinned, with_landmarks
 
 
-def holed(size, hole):
-    """A scene, the same without the landmarks of a square in its middle, and where these are in its grid."""
-    scene = synthetic_scene(size=size, views=7)
-    row, col = scene.cells
+def holed(size, hole, stride=1):
+    """A scene, the same without the landmarks of a square of pixels in its middle, and which these are."""
+    scene = thinned(synthetic_scene(size=size, views=7), stride)
+    row, col = stride * np.array(scene.cells)
     low, high = (size - hole) // 2, (size + hole) // 2
     inside = (row >= low) & (row < high) & (col >= low) & (col < high)
     return scene, with_landmarks(scene, ~inside), inside
@@ -22,31 +22,17 @@ def holed(size, hole):
 
 @pytest.mark.parametrize("stride", [1, 2])
 def test_holes_are_filled_with_the_ground_about(stride):
-    scene, without, inside = holed(40, 8)
+    whole, without, _ = holed(40, 8, stride)
     known = len(without.landmarks)
-    if stride > 1:
-        without = thinned_hole(scene, inside, stride)
-        known = len(without.landmarks)
     filled = with_provisional(without)
-    whole = thinned(scene, stride) if stride > 1 else scene
     assert len(filled.landmarks) == len(whole.landmarks)
     np.testing.assert_array_equal(filled.landmarks.position[:known], without.landmarks.position)
     np.testing.assert_array_equal(filled.tracks.start[known:], len(without.tracks))
     new = filled.landmarks[known:]
     true = whole.landmarks[whole.grid(np.arange(len(whole.landmarks)))[whole.region.cells(new.pixel)].astype(int)]
-    away = np.linalg.norm(new.position - true.position, axis=-1) / scene.gsd
+    away = np.linalg.norm(new.position - true.position, axis=-1) / whole.gsd
     assert away.max() < 1.0
     assert np.degrees(angle_between(new.normal, true.normal).max()) < 20.0
-
-
-def thinned_hole(scene, inside, stride):
-    """Every stride-th landmark of those outside of the hole."""
-    thin = thinned(scene, stride)
-    return with_landmarks(thin, ~inside[np.isin(*map(_codes, (scene.landmarks.pixel, thin.landmarks.pixel)))])
-
-
-def _codes(pixel):
-    return pixel[:, 0] * 10_000 + pixel[:, 1]
 
 
 def test_nothing_is_guessed_far_from_landmarks():

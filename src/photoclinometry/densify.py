@@ -74,11 +74,11 @@ def densify(
     options = options or DensifyOptions()
     views = np.array(sorted([*matches, reference]), np.int32)
     rows, cols = region.grid_shape
-    step = max(1, BLOCK // (cols * len(views)))
-    blocks = [slice(first, min(first + step, rows)) for first in range(0, rows, step)]
-    found = [
-        _densify_rows(block, region, reference, matches, views, cameras, body_from_cam, options) for block in blocks
-    ]
+    found, first = [], 0
+    for part in region.row_blocks(max(1, BLOCK // (cols * len(views)))):
+        part_rows = slice(first, first + part.grid_shape[0])
+        found.append(_densify_rows(part, part_rows, reference, matches, views, cameras, body_from_cam, options))
+        first = part_rows.stop
     # A field at a time, each of whose parts are let go of before the next.
     merged = {name: np.concatenate([part.pop(name) for part in found]) for name in tuple(found[0])}
     landmarks, observations = len(merged["count"]), len(merged["view"])
@@ -92,8 +92,8 @@ def densify(
 
 
 def _densify_rows(
+    part: Region,
     rows: slice,
-    region: Region,
     reference: int,
     matches: dict[int, Matches],
     views: np.ndarray,
@@ -101,8 +101,11 @@ def _densify_rows(
     body_from_cam: Rigid,
     options: DensifyOptions,
 ) -> dict[str, np.ndarray]:
-    """`DenseTracks` of some rows of the map's grid, with each landmark's `count` of observations instead of `start`."""
-    xy, sigma, used = _stack(rows, region, reference, matches, views, cameras, body_from_cam, options)
+    """`DenseTracks` of a part of the region, with each landmark's `count` of observations instead of `start`.
+
+    rows: of the whole map's grid, over which matches are, those of the part.
+    """
+    xy, sigma, used = _stack(part, rows, reference, matches, views, cameras, body_from_cam, options)
     cam_from_body = body_from_cam[views].inverse()
     intrinsics = np.array([(*cameras[k].focal_px, *cameras[k].principal_px) for k in views], float)
     own = int(np.flatnonzero(views == reference)[0])
@@ -113,8 +116,8 @@ def _densify_rows(
         math.radians(options.min_triangulation_deg), position, kept,
     )  # fmt: skip
     landmark, column = np.nonzero(used & kept[:, None])
-    row, col = np.divmod(np.flatnonzero(kept), region.grid_shape[1])
-    row, col = region.row + region.stride * (rows.start + row), region.col + region.stride * col
+    row, col = np.divmod(np.flatnonzero(kept), part.grid_shape[1])
+    row, col = part.row + part.stride * row, part.col + part.stride * col
     return {
         "position": position[kept],
         "pixel": np.stack([row, col], -1).astype(np.int32),
@@ -151,8 +154,8 @@ def _pixel_from_ray_inverse(camera: Camera) -> np.ndarray:
 
 
 def _stack(
+    part: Region,
     rows: slice,
-    region: Region,
     reference: int,
     matches: dict[int, Matches],
     views: np.ndarray,
@@ -160,8 +163,8 @@ def _stack(
     body_from_cam: Rigid,
     options: DensifyOptions,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels (P, V, 2), sigmas (P, V) and use (P, V) of rows of the map's grid in all views, the reference included."""
-    center = region.pixel_centers()[region.grid_slices][rows]
+    """Pixels (P, V, 2), sigmas (P, V) and use (P, V) of a part of the region in all views, the reference included."""
+    center = part.pixel_centers()[part.grid_slices]
     shape = (center.shape[0] * center.shape[1], len(views))
     xy, sigma, used = np.zeros((*shape, 2)), np.ones(shape), np.zeros(shape, bool)
     for column, view in enumerate(views):

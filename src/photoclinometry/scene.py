@@ -8,6 +8,7 @@ centre of the top-left pixel, so array index [row, col] is (col + 0.5, row + 0.5
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from typing import Self
 
 import numpy as np
 
@@ -212,6 +213,11 @@ class Region:
         """Of arrays over all pixels of a region around this one: all of this one's pixels."""
         row, col = self.row - outer.row, self.col - outer.col
         return slice(row, row + self.height), slice(col, col + self.width)
+
+    def row_blocks(self, count: int) -> list[Self]:
+        """The region cut into parts of so many rows of the map's grid; the last may have fewer."""
+        step, bottom = count * self.stride, self.row + self.height
+        return [replace(self, row=row, height=min(step, bottom - row)) for row in range(self.row, bottom, step)]
 
     def cells(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Row and column (J,) in the map's grid of pixels (J, 2) of the image that are landmarks'."""

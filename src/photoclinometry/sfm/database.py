@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,6 @@ from photoclinometry.scene import Camera, Image
 from photoclinometry.sfm.keypoints import sift_keypoints
 from photoclinometry.sfm.options import Progress, SfmOptions
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture
-
-log = logging.getLogger(__name__)
 
 DATABASE = "database.db"
 PAIRS_AT_ONCE = 60

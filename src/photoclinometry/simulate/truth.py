@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numba import njit
@@ -72,14 +72,10 @@ def truth_maps(truth: Truth, view: str, region: Region, raycaster: Raycaster | N
     Raises InputError for an unknown view.
     """
     raycaster = raycaster or Raycaster(truth.surface)
-    step = region.stride * max(1, BLOCK // (region.stride * region.width))
-    bottom = region.row + region.height
-    blocks = [
-        _true_rows(truth, view, replace(region, row=row, height=min(step, bottom - row)), raycaster)
-        for row in range(region.row, bottom, step)
-    ]
-    parts = ((f.name, [getattr(block, f.name) for block in blocks]) for f in fields(TruthMaps))
-    return TruthMaps(**{name: np.concatenate(part) for name, part in parts})
+    parts = region.row_blocks(max(1, BLOCK // (region.stride * region.width)))
+    blocks = [_true_rows(truth, view, part, raycaster) for part in parts]
+    names = [f.name for f in fields(TruthMaps)]
+    return TruthMaps(**{name: np.concatenate([getattr(block, name) for block in blocks]) for name in names})
 
 
 def _true_rows(truth: Truth, view: str, region: Region, raycaster: Raycaster) -> TruthMaps:
