@@ -56,3 +56,14 @@ def test_normals_turn_and_albedos_fall_by_no_more_than_their_limits():
     assert moves[0, 3] == MAX_TURN
     np.testing.assert_allclose(estimate.landmarks.albedo[1] + moves[1, 5], 0.1 * estimate.landmarks.albedo[1])
     assert moves[2, 5] == 5.0
+
+
+def test_landmarks_have_limits_of_their_own():
+    """What the map must not do, an anchor may: ten units where 2 are the others' limit."""
+    estimate = start()
+    count = len(estimate.landmarks)
+    step, limit = np.zeros((count, 6)), np.full(count, 2.0)
+    step[[3, 4], 2], limit[4] = 10.0, 50.0
+    moves = limited(step, limit, estimate)
+    assert moves[4, 2] == 10.0
+    assert abs(moves[3, 2] - 2.0) < 0.3  # what all do is fitted, and pulled a little by these two

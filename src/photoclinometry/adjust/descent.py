@@ -47,7 +47,7 @@ def descend(
     estimate: Estimate,
     cost: float,
     step: tuple[np.ndarray, np.ndarray, np.ndarray],
-    step_limit: float,
+    step_limit: float | np.ndarray,
 ) -> Trial:
     """The first of the whole step, a quarter and a sixteenth of it that does not raise the cost, else the last.
 
@@ -76,13 +76,15 @@ def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate)
     return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / 0.2, *np.abs(parameter) / 0.2)
 
 
-def limited(landmark: np.ndarray, max_move: float, estimate: Estimate) -> np.ndarray:
+def limited(landmark: np.ndarray, max_move: float | np.ndarray, estimate: Estimate) -> np.ndarray:
     """Landmark steps (J, 6), each cut as a whole so that its position moves by `max_move` at most, or no more than that
     against the common motion, its normal turns by MAX_TURN, and its albedo does not fall below a tenth of what it is.
+
+    max_move: of all, or (J,) of each.
     """
     common = np.zeros((len(landmark), 3))
-    if np.isfinite(max_move):
-        common = common_motion(landmark[:, :3], estimate.landmarks.position, max_move)
+    if np.isfinite(max_move).all():
+        common = common_motion(landmark[:, :3], estimate.landmarks.position, np.min(max_move))
     length = np.minimum(np.linalg.norm(landmark[:, :3], axis=1), np.linalg.norm(landmark[:, :3] - common, axis=1))
     turn = np.linalg.norm(landmark[:, 3:5], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):

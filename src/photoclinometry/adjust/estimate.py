@@ -39,6 +39,10 @@ log = logging.getLogger(__name__)
 BALANCED_CORRELATION_PX = 3.0
 """Brightness correlation up to which smoothness is as given; of a map of larger stride, in landmarks."""
 
+LONGEST_STEP, LONGEST_ANCHOR_STEP = 0.5, 20.0
+"""How far a landmark may move in one step against what all do, in distances between landmarks. Anchors have no
+neighbours to tear from: those seen from nearly one direction have far to go, and were what estimates waited for."""
+
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
 
@@ -182,6 +186,7 @@ def _rounds(
         sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
     priors = _priors(scene, options, mapped, pose_priors)
+    limit = scene.spacing * np.where(own, LONGEST_STEP, LONGEST_ANCHOR_STEP)
     loose = options.solver.roughly()
     history: list[Iteration] = []
     lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
@@ -198,7 +203,7 @@ def _rounds(
         problem = Problem(layout, measured, pairs, held, given, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
         moves = None if solution is None else solution.parameter_moves
-        solution = minimize(problem, estimate, solver, step_limit=0.5 * scene.spacing, moves=moves, progress=progress)
+        solution = minimize(problem, estimate, solver, step_limit=limit, moves=moves, progress=progress)
         history.extend(solution.log)
         estimate = solution.estimate
         scene = replace(scene, reflectance=problem.reflectance_at(estimate))

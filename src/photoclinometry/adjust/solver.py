@@ -129,14 +129,14 @@ def minimize(
     start: Estimate,
     options: SolverOptions | None = None,
     *,
-    step_limit: float = np.inf,
+    step_limit: float | np.ndarray = np.inf,
     moves: np.ndarray | None = None,
     progress: Callable[[Iteration], None] | None = None,
     throw: bool = False,
 ) -> Solution:
     """The estimate of least cost near `start`.
 
-    step_limit: longest step of a landmark against what all do, in units of B (half a ground sample). moves: the
+    step_limit: longest step of a landmark, or (J,) of each, against what all do, in units of B. moves: the
     `parameter_moves` of an earlier solution with other weights. progress is called after every step; what it raises
     ends the solve. throw: raise NotConvergedError instead of returning a status.
     """
