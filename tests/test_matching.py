@@ -9,7 +9,7 @@ import pytest
 from photoclinometry.errors import InputError, ReconstructionError
 from photoclinometry.geometry import Rigid
 from photoclinometry.matching import MatchRequest
-from photoclinometry.matching.flow import FlowMatcher, normalise, resample
+from photoclinometry.matching.flow import FlowMatcher, as_coarse_as, normalise, resample
 from photoclinometry.matching.interface import padded_region, request_match
 from photoclinometry.matching.prewarp import fit_depth, landmark_depth, predict_pixels, sparse_depth
 from photoclinometry.scene import Camera, Image, Region
@@ -68,6 +68,37 @@ def test_a_smooth_displacement_is_found_to_a_tenth_of_a_pixel_whatever_the_gain(
 def test_a_small_displacement_is_found_to_a_fiftieth_of_a_pixel():
     request, true = displaced(amplitude=0.3)
     assert np.median(error_px(FlowMatcher().match(request), true)) < 0.02
+
+
+def test_a_target_of_half_the_resolution_meets_a_reference_as_coarse():
+    """The target shows the reference's ground in pixels of twice the size, which blur by half of one besides."""
+    from scipy.ndimage import gaussian_filter
+
+    fine = texture((200, 200), sigma=0.7)
+    coarse = gaussian_filter(fine, np.sqrt(0.75)).reshape(100, 2, 100, 2).mean((1, 3))
+    prediction = PADDED.pixel_centers() / 2.0
+    picture = fine[PADDED.slices]
+    smoothed, valid = as_coarse_as(prediction, picture, np.ones(picture.shape, bool))
+    seen = resample(Image("b", coarse, np.ones(coarse.shape, bool)), prediction)[0]
+    assert valid.all()
+    assert np.std(smoothed - seen) < 0.35 * np.std(picture - seen)
+    whole = MatchRequest(
+        reference=Image("a", fine, np.ones(fine.shape, bool)),
+        target=Image("b", coarse, np.ones(coarse.shape, bool)),
+        region=REGION,
+        padded=PADDED,
+        prediction=prediction,
+    )
+    matches = FlowMatcher().match(whole)
+    assert matches.valid.all()
+    assert np.median(error_px(matches, prediction[whole.inner])) < 0.03
+    assert np.median(matches.sigma_px) < 0.08  # 0.13 where the reference keeps its detail
+
+
+def test_a_target_as_fine_leaves_the_reference_as_it_is():
+    picture = texture((148, 148))
+    found, _ = as_coarse_as(PADDED.pixel_centers(), picture, np.ones(picture.shape, bool))
+    assert found is picture
 
 
 def test_a_perfect_prediction_is_kept():

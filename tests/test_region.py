@@ -7,7 +7,7 @@ import pytest
 
 from photoclinometry.errors import InputError, ReconstructionError
 from photoclinometry.region import RegionOptions, choose_region, pixels_of_landmarks, region_around
-from photoclinometry.scene import Camera
+from photoclinometry.scene import Camera, Image
 from photoclinometry.sparse import SparseModel
 from scenes import synthetic_images, synthetic_scene
 
@@ -102,6 +102,26 @@ def test_the_default_size_is_cut_to_the_image(scene, sparse, images):
 def test_an_impossible_request_says_what_is_wrong(scene, sparse, images, request_, message):
     with pytest.raises(InputError, match=message):
         choose(scene, sparse, images, request_)
+
+
+def with_finer(scene, sparse, views, factor):
+    """The site with some views taken by a camera of so many times the focal length, and as many more pixels."""
+    camera = scene.views.cameras[0]
+    size = round(factor * camera.width)
+    finer = Camera("PINHOLE", size, size, tuple(factor * value for value in camera.params))
+    cameras = tuple(finer if k in views else camera for k in range(len(scene.views)))
+    stretch = np.where(np.isin(sparse.point_view, views), factor, 1.0)
+    seen = replace(scene, views=replace(scene.views, cameras=cameras))
+    return seen, replace(sparse, point_xy=stretch[:, None] * sparse.point_xy)
+
+
+@pytest.mark.parametrize(("finer", "chosen"), [([1, 2, 3], {1, 2, 3}), ([2, 3], {2, 3}), ([3], {0, 1, 2})])
+def test_the_reference_is_as_fine_as_several_views_are(scene, sparse, finer, chosen):
+    """Three times the resolution in three or two of four views is worth mapping at; one view alone has no company."""
+    seen, points = with_finer(scene, sparse, finer, 3)
+    even = [np.ones((camera.height, camera.width), np.float32) for camera in seen.views.cameras]
+    images = [Image(name, b, b > 0) for name, b in zip(seen.views.name, even, strict=True)]
+    assert choose(seen, points, images)[0] in chosen
 
 
 def test_a_reference_that_did_not_register_is_refused(scene, sparse, images):

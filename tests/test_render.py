@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 
 from photoclinometry.errors import InputError
 from photoclinometry.raster import draw_triangles, grid_faces
@@ -17,13 +17,14 @@ from photoclinometry.relief import (
     sun_from_angles,
 )
 from photoclinometry.render import (
+    as_resolved,
     draw_landmarks,
     landmark_brightness,
     render_reference,
     render_view,
 )
-from photoclinometry.scene import Scene
-from scenes import synthetic_images, synthetic_scene
+from photoclinometry.scene import Camera, Scene
+from scenes import synthetic_images, synthetic_scene, with_landmarks
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +49,44 @@ def test_rendering_other_views_matches_their_exact_images(scene):
         rendered, mask = render_view(scene, k)
         assert mask.sum() > 1000
         np.testing.assert_allclose(rendered[mask], image.brightness[mask], rtol=0.015)
+
+
+def with_coarse_view(scene, view, factor=2):
+    """The scene with one view by a camera of so many times larger pixels."""
+    camera = scene.views.cameras[view]
+    coarse = Camera("PINHOLE", camera.width // factor, camera.height // factor, tuple(np.divide(camera.params, factor)))
+    cameras = tuple(coarse if k == view else c for k, c in enumerate(scene.views.cameras))
+    return replace(scene, views=replace(scene.views, cameras=cameras))
+
+
+def speckled(scene, seed=0):
+    """Albedos that differ by a third from landmark to landmark: nothing that half the resolution shows."""
+    albedo = scene.landmarks.albedo * np.random.default_rng(seed).uniform(0.7, 1.3, len(scene.landmarks))
+    return replace(scene, landmarks=replace(scene.landmarks, albedo=albedo))
+
+
+def test_a_coarse_view_averages_over_its_pixels(scene):
+    """Against the same camera's finer rendering, averaged over pixels of twice the size and half of one's blur."""
+    fine = speckled(scene)
+    assert fine.views.cameras[3].width % 2 == 0
+    coarse = with_coarse_view(fine, 3)
+    picture, mask = render_view(fine, 3)
+    size = picture.shape[0] // 2
+    wide = gaussian_filter(picture, np.sqrt(0.75)).reshape(size, 2, size, 2).mean((1, 3))
+    inside = binary_erosion(mask.reshape(size, 2, size, 2).all((1, 3)), iterations=3)
+    sampled = draw_landmarks(coarse, 3, landmark_brightness(coarse, 3))[0]
+    error, without = (np.std((rendered - wide)[inside]) for rendered in (render_view(coarse, 3)[0], sampled))
+    assert error < 0.25 * without
+    np.testing.assert_array_equal(render_view(coarse, 2)[0], render_view(fine, 2)[0])
+
+
+def test_averages_for_coarse_views_keep_what_is_even_and_leave_out_holes(scene):
+    there = np.random.default_rng(0).random(len(scene.landmarks)) > 0.2
+    coarse = with_coarse_view(with_landmarks(scene, there), 3, factor=3)
+    np.testing.assert_allclose(as_resolved(coarse, 3, np.full(there.sum(), 0.7)), 0.7, rtol=1e-12)
+    noise = np.random.default_rng(1).normal(size=there.sum())
+    assert np.std(as_resolved(coarse, 3, noise)) < 0.35
+    np.testing.assert_array_equal(as_resolved(coarse, 2, noise), noise)
 
 
 def test_relighting_with_a_views_own_sun_changes_nothing(scene):

@@ -9,7 +9,9 @@ from photoclinometry.geometry import angle_between, unit
 from photoclinometry.predict import observation_brightness
 from photoclinometry.reflectance import published
 from photoclinometry.relief import in_sunlight
-from photoclinometry.shading import brightness_on_surface, normals_from_shading
+from photoclinometry.render import render_view
+from photoclinometry.scene import Camera, Image
+from photoclinometry.shading import brightness_on_surface, detail_beyond, normals_from_shading
 from scenes import LUNAR_LAMBERT, from_zenith, synthetic_images, synthetic_scene
 
 
@@ -88,3 +90,33 @@ def test_brightness_in_a_cast_shadow_of_the_map_is_not_lit():
     assert 0.1 < clear.mean() < 0.9
     np.testing.assert_array_equal(found.lit[found.view == 1], clear)
     assert found.lit[found.view != 1].all()
+
+
+def test_a_view_coarser_than_the_map_agrees_with_it_about_detail():
+    """Its image is the map's own rendering, averaged over pixels of twice the size: as the map knows what they average
+    over, no brightness is off by more than interpolation; without that, by the detail of 30 % of albedo."""
+    scene = synthetic_scene(size=40, views=4)
+    rough = replace(
+        scene.landmarks,
+        albedo=scene.landmarks.albedo * np.random.default_rng(0).uniform(0.7, 1.3, len(scene.landmarks)),
+    )
+    camera = scene.views.cameras[0]
+    coarse = Camera("PINHOLE", camera.width // 2, camera.height // 2, tuple(np.divide(camera.params, 2)))
+    views = replace(scene.views, cameras=(*scene.views.cameras[:3], coarse))
+    scene = replace(scene, landmarks=rough, views=views)
+    images = []
+    for k in range(4):
+        brightness, valid = render_view(scene, k)
+        images.append(Image(scene.views.name[k], brightness.astype(np.float32), valid))
+    tracks = brightness_on_surface(scene, images).tracks
+    mine = tracks.lit & (tracks.view == 3)
+    predicted = observation_brightness(scene)
+    assert mine.sum() > 1000
+    assert np.std((tracks.brightness / predicted - 1.0)[mine]) < 0.04
+    unaided = tracks.brightness - detail_beyond(scene, 3)[tracks.landmark]
+    assert np.std((unaided / predicted - 1.0)[mine]) > 0.15
+
+
+def test_geometry_alone_has_no_detail_to_add():
+    scene = synthetic_scene(size=12, views=3, reflectance=None)
+    np.testing.assert_array_equal(detail_beyond(scene, 1), np.zeros(144))

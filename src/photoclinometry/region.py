@@ -61,11 +61,11 @@ def choose_region(
 
     What the request leaves open is chosen by score: each cell of a view is worth (`cell_scores`)
 
-        overlap * lit * mu * min(mu0 / 0.5, 1)
+        detail * lit * mu * min(mu0 / 0.5, 1)
 
-    the share of registered views that see it, the share of its pixels that are valid and out of shadow, the
-    cosine of emission, and the cosine of incidence (from 60 degrees on no longer a gain: oblique light shows
-    relief). A region is worth the mean of its cells, less up to a fifth towards the
+    how much of its detail the registered views see (`_detail_seen`), the share of its pixels that are valid and out of
+    shadow, the cosine of emission, and the cosine of incidence (from 60 degrees on no longer a gain: oblique light
+    shows relief). A region is worth the mean of its cells, less up to a fifth towards the
     image's corners; the best region of the best view is taken.
     sun_in_body: (K, 3). Raises InputError for a request that cannot be met.
     """
@@ -137,7 +137,7 @@ def cell_scores(
 ) -> np.ndarray:
     """(rows, cols) worth in [0, 1] of each whole cell of CELL x CELL pixels of a view, see `choose_region`.
 
-    Overlap and angles come from the 8 sparse points nearest to the cell; where those are far, the cell's
+    Detail and angles come from the 8 sparse points nearest to the cell; where those are far, the cell's
     worth falls off (a Gaussian of 6 cells), since no one knows what the other views see there.
     """
     from scipy.spatial import KDTree
@@ -151,7 +151,7 @@ def cell_scores(
     normal = normals_from_neighbours(points, centers[sparse.registered], count=32)
     mu = np.sum(normal * unit(centers[view] - points), -1)
     mu0 = np.sum(normal * sun_in_body[view], -1)
-    worth = _overlap(sparse, points, cameras) * mu.clip(0) * (mu0 / 0.5).clip(0, 1)
+    worth = _detail_seen(sparse, view, points, cameras) * mu.clip(0) * (mu0 / 0.5).clip(0, 1)
 
     row, col = np.indices(shape)
     cells = np.stack([col + 0.5, row + 0.5], -1).reshape(-1, 2) * CELL
@@ -161,16 +161,23 @@ def cell_scores(
     return local * _lit_share(image, shape, shadow_fraction)
 
 
-def _overlap(sparse: SparseModel, points: np.ndarray, cameras: list[Camera]) -> np.ndarray:
-    """(n,) share of the registered views that hold each point (n, 3) within their frame."""
+def _detail_seen(sparse: SparseModel, view: int, points: np.ndarray, cameras: list[Camera]) -> np.ndarray:
+    """(n,) how much of the detail of a map at a view's resolution the registered views see, at points (n, 3).
+
+    The share of them that hold a point within their frame, where one of coarser pixels counts by the ratio of areas;
+    times how fine the view is, the finest having 1.
+    """
     views = np.flatnonzero(sparse.registered)
-    inside = np.zeros(len(points))
-    for view in views:
-        local = sparse.body_from_cam[view].inverse()(points)
-        xy = cameras[view].pixel_from_cam(local)
-        size = np.array([cameras[view].width, cameras[view].height])
-        inside += (local[:, 2] > 0) & np.all((xy > 0) & (xy < size), axis=-1)
-    return inside / len(views)
+    depth, inside = np.empty((2, len(views), len(points)))
+    for n, k in enumerate(views):
+        local = sparse.body_from_cam[k].inverse()(points)
+        depth[n] = local[:, 2]
+        xy, size = cameras[k].pixel_from_cam(local), np.array([cameras[k].width, cameras[k].height])
+        inside[n] = (depth[n] > 0) & np.all((xy > 0) & (xy < size), axis=-1)
+    gsd = np.median(depth, axis=1) / np.array([np.mean(cameras[k].focal_px) for k in views])
+    own = gsd[views == view]
+    seen = np.minimum((own / gsd)[:, None] ** 2, 1.0) * inside
+    return seen.mean(0) * np.min(gsd[gsd > 0]) / own
 
 
 def _lit_share(image: Image, shape: tuple[int, int], shadow_fraction: float) -> np.ndarray:

@@ -8,10 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.geometry import unit
+from photoclinometry.initialize import landmark_spacing_px
 from photoclinometry.predict import reflectance_of
 from photoclinometry.raster import draw_triangles, grid_faces
 from photoclinometry.reflectance import photometric_angles
 from photoclinometry.relief import in_sunlight
+from photoclinometry.sampling import smoothing_px
 from photoclinometry.scene import Scene
 
 
@@ -56,6 +58,24 @@ def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
     return share[scene.cells]
 
 
+def as_resolved(scene: Scene, view: int, value: np.ndarray) -> np.ndarray:
+    """Values (J,) of the landmarks averaged over a pixel of a view that is coarser than the map; else as they are.
+
+    By a Gaussian over the landmarks' grid (`sampling.smoothing_px`), of those that are there.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    finer_by = 1.0 / landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)[view]
+    sigma = smoothing_px(finer_by) / scene.region.stride
+    if sigma == 0.0:
+        return value
+    grid = scene.grid(value)
+    present = np.isfinite(grid)
+    share = gaussian_filter(present.astype(float), sigma, mode="constant")
+    total = gaussian_filter(np.where(present, grid, 0.0), sigma, mode="constant")
+    return (total / np.maximum(share, 1e-6))[scene.cells]
+
+
 def render_reference(
     scene: Scene, view: int | None = None, sun: np.ndarray | None = None, **options
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +105,8 @@ def render_view(
     options these are), interpolated at pixel centres, and the nearest surface hides what is behind it.
     faces: `landmark_faces(scene)`, to make them only once for many views.
     """
-    return draw_landmarks(scene, view, landmark_brightness(scene, view, sun, **options), faces)
+    brightness = landmark_brightness(scene, view, sun, **options)
+    return draw_landmarks(scene, view, as_resolved(scene, view, brightness), faces)
 
 
 def draw_landmarks(

@@ -19,6 +19,7 @@ from photoclinometry.initialize import GRAZING, landmark_spacing_px, sample_brig
 from photoclinometry.predict import brightness_residuals, keypoint_residuals
 from photoclinometry.reflectance import phase_angle, photometric_function
 from photoclinometry.relief import in_sunlight, unobstructed
+from photoclinometry.render import as_resolved, landmark_brightness
 from photoclinometry.scene import Image, Scene
 
 NORMAL_SIGMA_RAD, ALBEDO_SIGMA = 0.1, 0.1
@@ -45,7 +46,20 @@ def brightness_on_surface(scene: Scene, images: Sequence[Image]) -> Scene:
         seen = np.flatnonzero(tracks.view == k)
         free = in_sunlight(scene, scene.views.sun[k]) & in_view(scene, k)
         lit[seen] &= free[tracks.landmark[seen]]
+        brightness[seen] += detail_beyond(scene, k)[tracks.landmark[seen]]
     return replace(scene, tracks=replace(tracks, brightness=brightness, lit=lit))
+
+
+def detail_beyond(scene: Scene, view: int) -> np.ndarray:
+    """(J,) what the scene's model says of a view's brightness at the landmarks beyond what its pixels average over.
+
+    A view coarser than the map says nothing of the relief between its pixels; with this added to what it measured, it
+    agrees with the map about that. Zero for views as fine as the map, and where there is no reflectance model.
+    """
+    if scene.reflectance is None:
+        return np.zeros(len(scene.landmarks))
+    brightness = landmark_brightness(scene, view, cast_shadows=True)
+    return brightness - as_resolved(scene, view, brightness)
 
 
 def in_view(scene: Scene, view: int) -> np.ndarray:

@@ -47,7 +47,7 @@ class FlowMatcher:
 
     def match(self, request: MatchRequest) -> Matches:
         options = self.options
-        reference = crop(request.reference, request.padded)
+        reference = as_coarse_as(request.prediction, *crop(request.reference, request.padded))
         warped = resample(request.target, request.prediction)
         a = normalise(*reference, options.contrast_window_px)
         b = normalise(*warped, options.contrast_window_px)
@@ -68,14 +68,29 @@ def crop(image: Image, region: Region) -> tuple[np.ndarray, np.ndarray]:
     return image.brightness[region.slices].astype(np.float32), image.valid[region.slices]
 
 
+def as_coarse_as(xy: np.ndarray, brightness: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A picture (h, w) of the reference and its validity, smoothed where the target resolves less of the ground.
+
+    xy: (h, w, 2) target pixels of its pixels. Detail that only one of two pictures shows has no counterpart to match.
+    """
+    import cv2
+
+    blur_px = smoothing_px(1.0 / target_step(xy))
+    return (cv2.GaussianBlur(_fill(brightness, valid), (0, 0), blur_px) if blur_px else brightness), valid
+
+
+def target_step(xy: np.ndarray) -> float:
+    """Target pixels from one pixel of a grid to the next, in the median, from where these lie in it (h, w, 2)."""
+    return float(np.sqrt(np.abs(np.nanmedian(jacobian_determinant(xy)))))
+
+
 def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness (h, w) float32 at pixel positions (h, w, 2), and validity; the image is smoothed first where
     it is sampled sparsely (a closer view), so that both pictures resolve the same."""
     import cv2
 
-    step = np.sqrt(np.abs(np.nanmedian(jacobian_determinant(xy))))
     filled = _fill(image.brightness.astype(np.float32), image.valid)
-    if blur_px := smoothing_px(step):
+    if blur_px := smoothing_px(target_step(xy)):
         filled = cv2.GaussianBlur(filled, (0, 0), blur_px)
     height, width = image.brightness.shape
     inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)  # False where not finite
