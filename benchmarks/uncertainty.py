@@ -49,13 +49,14 @@ def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.
     count = len(scene.landmarks)
     lit, mapped = np.ones(len(scene.tracks), bool), np.ones(count, bool)
     layout, place = build_layout(scene.tracks, len(scene.views))
-    measured = _weighted(lay_out(scene.tracks, place, layout.places), scene, options, place, lit, mapped, noise)
+    weights = _weights(scene, options, lit, mapped, noise, None)
+    measured = _weighted(lay_out(scene.tracks, place, layout.places), weights, place)
     pairs = _pairs(scene.landmarks.position, count, options.smooth_neighbours)
     smooth = options.smooth_sigma_rad * max(1.0, brightness_px / BALANCED_CORRELATION_PX)
     problem = Problem(
         layout, measured, pairs, _priors(scene, options, count, None), scene.reflectance, smooth_sigma=smooth
     )
-    return problem, _weights(scene, options, lit, mapped, noise)
+    return problem, weights
 
 
 def at_truth(side: int, views: int, keypoint_px: float, brightness_px: float) -> Linearised:

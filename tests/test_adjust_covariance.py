@@ -154,7 +154,7 @@ def test_twice_the_views_divide_variances_given_the_views_by_two():
     twice = observed._replace(
         start=2 * observed.start,
         **{name: np.repeat(getattr(observed, name), 2, axis=0)
-           for name in ("seen_by", "keypoint", "brightness", "keypoint_weight", "brightness_weight")},
+           for name in ("seen_by", "keypoint", "brightness", "slope", "keypoint_weight", "brightness_weight")},
     )  # fmt: skip
     sure = {"camera_prior": 1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape), "prior": np.zeros((36, 6, 6))}
     once = marginals(replace(at, **sure)).landmark

@@ -7,7 +7,7 @@ import pytest
 
 from jacobians import numerical_jacobian
 from photoclinometry.adjust import factors
-from photoclinometry.adjust.layout import LANES, Measurements, build_layout, spread
+from photoclinometry.adjust.layout import LANES, ImageSlopes, build_layout, lay_out, spread
 from photoclinometry.adjust.priors import Priors
 from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.smoothing import build_neighbours
@@ -76,6 +76,30 @@ def test_photometric_jacobian(disk, case):
     np.testing.assert_allclose(analytic, numeric, rtol=1e-4, atol=1e-6 * abs(numeric).max())
 
 
+def test_direct_jacobian():
+    """Brightness taken from the image where the landmark projects: the image's slope in all that moves the landmark
+    in it."""
+    packed = published("lunar-lambert", "vesta").packed
+    sun, normal = geometry("typical")
+    position = CENTER + ROTATION @ np.array([0.02, -0.03, 1.0]) * 9000
+    image = 0.2, np.array([700.0, 230.0]), np.array([0.004, -0.007])
+    rest = (image, 0.004, PIVOT)
+    _, analytic = factors.direct(packed, ROTATION, CENTER, INTRINSICS, sun, 1.1, 0.01, position, normal, 0.35, *rest)
+
+    def moved(x):
+        rotation, center = orbit(x[6:12])
+        return factors.direct(
+            packed, rotation, center, INTRINSICS, sphere_step(sun, x[12:14]), 1.1 + x[14], 0.01 + x[15],
+            position + x[:3], sphere_step(normal, x[3:5]), 0.35 + x[5], *rest,
+        )[0]  # fmt: skip
+
+    steps = np.r_[[0.1] * 3, [1e-5] * 2, 1e-3, [1e-6] * 3, [0.1] * 3, [1e-5] * 2, 1e-3, 1e-4]
+    numeric = numerical_jacobian(moved, 16, steps)[0]
+    np.testing.assert_allclose(analytic, numeric, rtol=1e-4, atol=1e-6 * abs(numeric).max())
+    still = factors.photometric(packed, CENTER, sun, 1.1, 0.01, position, normal, 0.35, 0.2, 0.004, PIVOT)
+    assert np.linalg.norm(analytic[:3]) > 10 * np.linalg.norm(still[1][:3])
+
+
 @pytest.mark.parametrize("disk", DISK_FUNCTIONS)
 def test_photometric_factor_is_finite_at_zero_phase_and_flat_in_shadow(disk):
     packed = published(disk, "vesta").packed
@@ -123,20 +147,24 @@ def perturbed(scene, seed=0, size=1.0):
     return Estimate(scene.views, scene.landmarks, pivot).step(camera, landmark)
 
 
-def problem_of(scene, limits=(np.inf, np.inf), hide=0.0):
+def slopes_of(scene, seed=11):
+    """Brightness that changes by a few per cent per pixel about where the landmarks are seen."""
+    slope = 0.003 * np.random.default_rng(seed).normal(size=(len(scene.tracks), 2))
+    return ImageSlopes(scene.tracks.keypoint + 0.2, slope.astype(np.float32).astype(float))
+
+
+def problem_of(scene, limits=(np.inf, np.inf), hide=0.0, slopes=None):
     """The scene's problem with all factors and priors, its weights and pairs; a share of the brightness hidden."""
     rng = np.random.default_rng(5)
     tracks, views, landmarks = scene.tracks, len(scene.views), len(scene.landmarks)
     layout, place = build_layout(tracks, views)
     size = layout.places
     brightness_weight = np.where(rng.uniform(size=len(tracks)) < hide, 0.0, 1 / 0.003)
-    measured = Measurements(
-        np.array([spread(axis, place, size) for axis in tracks.keypoint.T]),
-        spread(tracks.brightness, place, size),
-        spread(np.full(len(tracks), 2.0), place, size, np.float32),
-        spread(brightness_weight, place, size, np.float32),
-        np.broadcast_to(np.asarray(limits[0], float), landmarks).copy(),
-        limits[1],
+    measured = lay_out(tracks, place, size, slopes)._replace(
+        keypoint_weight=spread(np.full(len(tracks), 2.0), place, size, np.float32),
+        brightness_weight=spread(brightness_weight, place, size, np.float32),
+        keypoint_limit=np.broadcast_to(np.asarray(limits[0], float), landmarks).copy(),
+        brightness_limit=limits[1],
     )
     grid = np.arange(landmarks).reshape(scene.region.height, scene.region.width)
     index = np.stack([np.roll(grid, s, a).ravel() for a in (0, 1) for s in (-1, 1)], -1)
@@ -160,33 +188,39 @@ def problem_of(scene, limits=(np.inf, np.inf), hide=0.0):
     return problem, brightness_weight, index, ~far
 
 
-def observation_factors(scene, estimate):
-    """For every observation: landmark, view, `factors.projection` and `factors.photometric` at problem_of's sigmas."""
+def observation_factors(scene, estimate, slopes=None):
+    """For every observation: landmark, view, `factors.projection` and `factors.photometric`, or with slopes
+    `factors.direct`, at problem_of's sigmas."""
     views, points, tracks = estimate.views, estimate.landmarks, scene.tracks
     for n, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
         pose, position = views.body_from_cam[k], points.position[j]
         projection = factors.projection(
             pose.rotation, pose.translation, views.intrinsics[k], position, tracks.keypoint[n], 0.5, estimate.pivot
         )
-        photometric = factors.photometric(
-            scene.reflectance.packed, pose.translation, views.sun[k], views.scale[k], views.bias[k],
-            position, points.normal[j], points.albedo[j], tracks.brightness[n], 0.003, estimate.pivot,
-        )  # fmt: skip
+        what = views.sun[k], views.scale[k], views.bias[k], position, points.normal[j], points.albedo[j]
+        packed, rest = scene.reflectance.packed, (0.003, estimate.pivot)
+        if slopes is None:
+            photometric = factors.photometric(packed, pose.translation, *what, tracks.brightness[n], *rest)
+        else:
+            camera, image = views.intrinsics[k], (tracks.brightness[n], slopes.at[n], slopes.slope[n])
+            photometric = factors.direct(packed, pose.rotation, pose.translation, camera, *what, image, *rest)
         yield j, k, projection, photometric
 
 
+@pytest.mark.parametrize("direct", [False, True], ids=["measured", "direct"])
 @pytest.mark.parametrize(
     "limits", [(np.inf, np.inf), (np.linspace(0.5, 1.5, 81), 1.5)], ids=["squares", "huber by landmark"]
 )
-def test_kernels_equal_the_factors(limits):
+def test_kernels_equal_the_factors(limits, direct):
     """Cost, by kind of factor, of a scene in which a third of the observations are missing."""
     scene = some_tracks_missing(synthetic_scene(size=9, views=5, keypoint_noise_px=0.3, brightness_noise=0.01))
-    problem, weight, index, present = problem_of(scene, limits, hide=0.3)
+    slopes = slopes_of(scene) if direct else None
+    problem, weight, index, present = problem_of(scene, limits, hide=0.3, slopes=slopes)
     estimate = perturbed(scene)
     views, points = estimate.views, estimate.landmarks
     expected = np.zeros(4)
     keypoint_limit = np.broadcast_to(limits[0], 81)
-    for n, (j, _, (r, *_), (brightness, _)) in enumerate(observation_factors(scene, estimate)):
+    for n, (j, _, (r, *_), (brightness, _)) in enumerate(observation_factors(scene, estimate, slopes)):
         expected[0] += factors.huber(r @ r, keypoint_limit[j])
         if weight[n]:
             expected[1] += factors.huber(brightness * brightness, limits[1])
@@ -211,9 +245,10 @@ def some_tracks_missing(scene):
     return replace(scene, tracks=replace(tracks, start=np.concatenate([[0], np.cumsum(counts)]), **fewer))
 
 
-def test_gradient_is_the_slope_of_the_cost():
+@pytest.mark.parametrize("direct", [False, True], ids=["measured", "direct"])
+def test_gradient_is_the_slope_of_the_cost(direct):
     scene = some_tracks_missing(synthetic_scene(size=9, views=5, keypoint_noise_px=0.3, brightness_noise=0.01))
-    problem, *_ = problem_of(scene, limits=(2.0, 2.0))
+    problem, *_ = problem_of(scene, limits=(2.0, 2.0), slopes=slopes_of(scene) if direct else None)
     estimate = perturbed(scene)
     _, equations = problem.linearize(estimate)
     rng = np.random.default_rng(8)
@@ -227,13 +262,15 @@ def test_gradient_is_the_slope_of_the_cost():
         assert predicted == pytest.approx(float(slope[0, 0]), rel=2e-5)
 
 
-def test_product_equals_the_dense_normal_matrix():
+@pytest.mark.parametrize("direct", [False, True], ids=["measured", "direct"])
+def test_product_equals_the_dense_normal_matrix(direct):
     """J^T J x of the matrix-free kernel against J from the factors, in single precision."""
     scene = some_tracks_missing(synthetic_scene(size=6, views=4, keypoint_noise_px=0.3, brightness_noise=0.01))
-    problem, *_ = problem_of(scene)
+    slopes = slopes_of(scene) if direct else None
+    problem, *_ = problem_of(scene, slopes=slopes)
     estimate = perturbed(scene)
     _, equations = problem.linearize(estimate)
-    jacobian = dense_jacobian(scene, estimate)
+    jacobian = dense_jacobian(scene, estimate, slopes)
     hessian = jacobian.T @ jacobian
     rng = np.random.default_rng(2)
     size = 1.0 / np.sqrt(np.diag(hessian) + 1e-12)
@@ -249,11 +286,11 @@ def test_product_equals_the_dense_normal_matrix():
         np.testing.assert_allclose(block * scaling, expected * scaling, atol=1e-6)
 
 
-def dense_jacobian(scene, estimate):
+def dense_jacobian(scene, estimate, slopes=None):
     """(3 N, 10 K + 6 J) whitened Jacobian of projection and brightness, from the factors."""
     base = 10 * len(estimate.views)
     rows = np.zeros((3 * len(scene.tracks), base + 6 * len(estimate.landmarks)))
-    for n, (j, k, projection, (_, row)) in enumerate(observation_factors(scene, estimate)):
+    for n, (j, k, projection, (_, row)) in enumerate(observation_factors(scene, estimate, slopes)):
         _, by_position, by_pose = projection
         l, c = base + 6 * j, 10 * k
         rows[3 * n : 3 * n + 2, l : l + 3], rows[3 * n : 3 * n + 2, c : c + 6] = by_position, by_pose
@@ -261,12 +298,14 @@ def dense_jacobian(scene, estimate):
     return rows
 
 
+@pytest.mark.parametrize("direct", [False, True], ids=["measured", "direct"])
 @pytest.mark.parametrize("disk", ["lunar-lambert", "minnaert", "akimov+"])
-def test_border_equals_the_products_with_derivatives_by_the_parameters(disk):
+def test_border_equals_the_products_with_derivatives_by_the_parameters(disk, direct):
     """The rows of the normal equations by reflectance parameters, these columns of J by differences of the factors."""
     scene = some_tracks_missing(synthetic_scene(size=6, views=4, keypoint_noise_px=0.3, brightness_noise=0.01))
     scene = replace(scene, reflectance=published(disk, "vesta"))
-    problem, *_ = problem_of(scene)
+    slopes = slopes_of(scene) if direct else None
+    problem, *_ = problem_of(scene, slopes=slopes)
     count = len(scene.reflectance.parameters)
     changed = np.linspace(-0.1, 0.1, count)
     estimate = replace(perturbed(scene), parameters=changed)
@@ -276,11 +315,11 @@ def test_border_equals_the_products_with_derivatives_by_the_parameters(disk):
         return replace(scene, reflectance=scene.reflectance.with_parameters(scene.reflectance.parameters * (1 + x)))
 
     def residuals(x):
-        found = observation_factors(with_changes(x), estimate)
+        found = observation_factors(with_changes(x), estimate, slopes)
         return np.concatenate([[*projection[0], photometric[0]] for _, _, projection, photometric in found])
 
     by_parameter = numerical_jacobian(lambda x: residuals(changed + x), count, 1e-4)
-    others = dense_jacobian(with_changes(changed), estimate)
+    others = dense_jacobian(with_changes(changed), estimate, slopes)
     expected = others.T @ by_parameter
     border = np.vstack([equations.border.by_camera.reshape(-1, count), equations.border.by_landmark.reshape(-1, count)])
     size = np.sqrt(np.outer(np.sum(others**2, 0), np.sum(by_parameter**2, 0))) + 1e-9

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, PosePriors
+from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, ImageSlopes, PosePriors
 from photoclinometry.align import align_views
 from photoclinometry.densify import triangulate_tracks
 from photoclinometry.io.site import PosePrior
@@ -32,8 +32,10 @@ class Estimator:
     """By name of view; none, or enough to determine a frame."""
     progress: Progress
 
-    def __call__(self, start: Scene, slack: float, last: bool) -> Adjustment:
+    def __call__(self, start: Scene, slack: float, last: bool, slopes: ImageSlopes | None = None) -> Adjustment:
         """The scene adjusted from `start`, keypoints held `slack` times looser; uncertainties if it is the last.
+
+        slopes: of the images where the brightness of `start` was taken, which then follows the landmarks.
 
         Estimates before the last end early: what they leave is matched again, and what they have not settled are the
         slow motions of the whole map. The first one is free of priors: it places the scene in their frame, in which
@@ -44,7 +46,8 @@ class Estimator:
             options = replace(options, uncertainty=False, solver=options.solver.roughly())
 
         def adjust(scene: Scene, known: PosePriors | None = None) -> Adjustment:
-            return adjusted(scene, options, self.progress, self._anchors_for(scene), known, self.reflectance)
+            anchors = self._anchors_for(scene)
+            return adjusted(scene, options, self.progress, anchors, known, self.reflectance, slopes)
 
         if not self.priors:
             return adjust(start)

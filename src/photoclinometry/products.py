@@ -11,7 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, Iteration, Noise, PosePriors, adjust
+from photoclinometry.adjust import (
+    Adjustment,
+    AdjustOptions,
+    Anchors,
+    ImageSlopes,
+    Iteration,
+    Noise,
+    PosePriors,
+    adjust,
+)
 from photoclinometry.errors import RunFolderError
 from photoclinometry.io.options import write_options
 from photoclinometry.io.site import PosePrior
@@ -68,6 +77,7 @@ def adjusted(
     anchors: Anchors | None = None,
     pose_priors: PosePriors | None = None,
     reflectance: Reflectance | None = None,
+    slopes: ImageSlopes | None = None,
 ) -> Adjustment:
     """`adjust`, with its steps reported."""
     steps = 0
@@ -77,7 +87,9 @@ def adjusted(
         steps += 1
         progress("adjust", steps, 0)
 
-    return adjust(scene, options, anchors=anchors, pose_priors=pose_priors, reflectance=reflectance, progress=count)
+    return adjust(
+        scene, options, anchors=anchors, pose_priors=pose_priors, reflectance=reflectance, slopes=slopes, progress=count
+    )
 
 
 def kept_or_made(

@@ -17,6 +17,7 @@ import numpy as np
 
 from photoclinometry.adjust import Adjustment
 from photoclinometry.densify import DenseTracks, DensifyOptions, densify
+from photoclinometry.direct import adjust_directly
 from photoclinometry.evaluate import keypoint_residual_px, landmark_photometric_error
 from photoclinometry.geometry import angle_between
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
@@ -51,6 +52,8 @@ class RelightOptions:
     """Keypoints that were found with a map are held this many times looser in the next one, but for the last. Where it
     is finer than the windows of matching, a match confirms the very map that it was made with: held tightly, that
     map hardly moves."""
+    direct: bool = True
+    """The last estimate takes each image where the map projects, and its slope there, instead of the matches."""
 
 
 def adjust_in_rounds(
@@ -58,7 +61,7 @@ def adjust_in_rounds(
     key: str,
     scene: Scene,
     images: Sequence[Image],
-    adjusted: Callable[[Scene, float, bool], Adjustment],
+    adjusted: Callable[..., Adjustment],
     rounds: RelightOptions,
     flow: FlowOptions,
     dense: DensifyOptions,
@@ -67,7 +70,7 @@ def adjust_in_rounds(
     """The adjusted scene after all rounds, and an entry for each (`round_entry`). A killed run goes on in its round.
 
     images: of the scene's views. adjusted: the joint estimate, from where to start, the slack of
-    keypoints, and whether it is the last one.
+    keypoints, whether it is the last one, and `direct.ImageSlopes` where there are.
     """
     count = rounds.rounds if scene.reflectance is not None else 0
     keys = [key, *(digest("relight", key, n) for n in range(1, count + 1))]
@@ -100,7 +103,10 @@ def adjust_in_rounds(
         def again(matched=matched, before=adjustment.scene, entries=more["rounds"], number=number):
             moved = keypoints_moved(before, matched)
             last = number == count or _settles(number, moved, rounds)
-            found = adjusted(matched, 1.0 if last else rounds.slack, last)
+            if last and rounds.direct:
+                found = adjust_directly(matched, images, adjusted)
+            else:
+                found = adjusted(matched, 1.0 if last else rounds.slack, last)
             return found, {"rounds": [*entries, round_entry(number, found.scene, before, moved)], "last": last}
 
         adjustment, more = kept_or_made(folder, keys[number], again)

@@ -47,6 +47,18 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return value, usable
 
 
+def sample_slope(image: Image, xy: np.ndarray, step_px: float = 0.25) -> np.ndarray:
+    """How brightness changes (n, 2) along x and y [1/px] at pixel positions (n, 2): central differences of the spline.
+
+    Means nothing where `sample_image` says that nothing was measured.
+    """
+    slope = np.empty((len(xy), 2))
+    for axis, offset in enumerate(step_px * np.eye(2)):
+        after, before = (sample_image(image, xy + side * offset)[0] for side in (1, -1))
+        slope[:, axis] = (after - before) / (2 * step_px)
+    return slope
+
+
 def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
     """Values (h, w, ...), those not valid replaced by their nearest valid neighbour's; one is valid at least."""
     from scipy.ndimage import distance_transform_edt

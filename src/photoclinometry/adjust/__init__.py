@@ -1,8 +1,19 @@
 """The joint estimate: one factor graph of keypoints, brightness, Sun directions and smoothness."""
 
 from photoclinometry.adjust.estimate import Adjustment, Anchors, PosePriors, adjust
+from photoclinometry.adjust.layout import ImageSlopes
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.solver import Iteration, SolverOptions
 
-__all__ = ["AdjustOptions", "Adjustment", "Anchors", "Iteration", "Noise", "PosePriors", "SolverOptions", "adjust"]
+__all__ = [
+    "AdjustOptions",
+    "Adjustment",
+    "Anchors",
+    "ImageSlopes",
+    "Iteration",
+    "Noise",
+    "PosePriors",
+    "SolverOptions",
+    "adjust",
+]

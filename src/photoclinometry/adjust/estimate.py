@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust.layout import Measurements, build_layout, lay_out, morton_order, spread
+from photoclinometry.adjust.layout import ImageSlopes, Measurements, build_layout, lay_out, morton_order, spread
 from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
@@ -42,6 +42,22 @@ BALANCED_CORRELATION_PX = 3.0
 LONGEST_STEP, LONGEST_ANCHOR_STEP = 0.5, 20.0
 """How far a landmark may move in one step against what all do, in distances between landmarks. Anchors have no
 neighbours to tear from: those seen from nearly one direction have far to go, and were what estimates waited for."""
+
+DIRECT_SLACK = 50.0
+"""Where brightness follows a landmark (`ImageSlopes`), its keypoints are held this many times looser: they then hold
+what no image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
+
+ANCHOR_SLACK = 4.0
+"""Anchors are then held this many times looser: brightness that errs alike over many pixels counts for little, but its
+slopes differ from pixel to pixel and say more than that of where views stand."""
+
+DIRECT_SMOOTHNESS = 0.5
+"""There smoothness is as given times this, where errors of brightness are a pixel's own: nothing else holds single
+landmarks against noise."""
+
+RAY_SIGMA_PX = 0.004
+"""How near such a landmark stays to its pixel's ray of the reference view [px]: which point of the ground it is, is a
+choice."""
 
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
@@ -97,13 +113,16 @@ def adjust(
     anchors: Anchors | None = None,
     pose_priors: PosePriors | None = None,
     reflectance: Reflectance | None = None,
+    slopes: ImageSlopes | None = None,
     progress: Callable[[Iteration], None] | None = None,
 ) -> Adjustment:
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
 
     anchors: sparse landmarks, from structure from motion, that help to hold the poses. pose_priors: of spacecraft
     navigation; without them only the gauge is fixed, by the reference view's pose and one landmark. reflectance: as it
-    is known beforehand, of which the scene's is an estimate; left out, the scene's own.
+    is known beforehand, of which the scene's is an estimate; left out, the scene's own. slopes: of the images where the
+    scene's brightness was taken, so that it follows the landmarks (`factors.direct`), which then stay on their
+    rays of the reference view; the adjusted scene has the brightness where its landmarks project, by these slopes.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or no landmarks are
     left to estimate.
@@ -119,14 +138,19 @@ def adjust(
     start = Estimate(scene.views, scene.landmarks[order], pivot)
     sorted_scene = replace(scene, landmarks=start.landmarks, tracks=tracks)
     del tracks
+    if slopes is not None:
+        slopes = ImageSlopes(slopes.at[picked], slopes.slope[picked])
     if anchors is not None:
         sorted_scene = _with_anchors(sorted_scene, anchors)
+        if slopes is not None:
+            more = ((0, len(anchors.tracks)), (0, 0))
+            slopes = ImageSlopes(np.pad(slopes.at, more), np.pad(slopes.slope, more))
         start = replace(start, landmarks=sorted_scene.landmarks)
     given = scene.reflectance
     if scene.reflectance is not None and options.reflectance_sigma > 0:
         given = reflectance or scene.reflectance
         start = replace(start, parameters=given.relative_change(scene.reflectance))
-    adjustment = _rounds(sorted_scene, start, given, options, len(order), pose_priors, progress)
+    adjustment = _rounds(sorted_scene, start, given, options, len(order), pose_priors, slopes, progress)
     back = np.argsort(order)
     estimate = adjustment.scene.landmarks
     lit = np.empty(len(picked), bool)
@@ -135,6 +159,10 @@ def adjust(
         name: value[back] if name in OF_LANDMARKS else value for name, value in adjustment.scene.uncertainty.items()
     }
     adjusted = replace(scene, reflectance=adjustment.scene.reflectance, uncertainty=uncertainty)
+    if slopes is not None:
+        brightness = np.empty(len(picked))
+        brightness[picked] = adjustment.scene.tracks.brightness[: len(picked)]
+        adjusted = replace(adjusted, tracks=replace(scene.tracks, brightness=brightness))
     if pose_priors is not None:
         adjustment = replace(adjustment, pose_priors_used=np.isfinite(pose_priors.center_sigma))
     return replace(adjustment, scene=adjusted.with_estimate(adjustment.scene.views, estimate[back]), lit=lit)
@@ -171,6 +199,7 @@ def _rounds(
     options: AdjustOptions,
     mapped: int,
     pose_priors: PosePriors | None,
+    slopes: ImageSlopes | None,
     progress,
 ) -> Adjustment:
     """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors.
@@ -179,9 +208,10 @@ def _rounds(
     """
     tracks, photometric, stride = scene.tracks, scene.reflectance is not None, scene.region.stride
     layout, place = build_layout(tracks, len(scene.views))
-    unweighted = lay_out(tracks, place, layout.places)
+    unweighted = lay_out(tracks, place, layout.places, slopes)
     smooth = photometric and options.smooth_sigma_rad > 0
     own = np.arange(len(scene.landmarks)) < mapped
+    direct = None if slopes is None else slopes.of_landmarks(tracks)
     if options.keypoint_sigma_px is not None:
         sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
@@ -195,8 +225,10 @@ def _rounds(
     for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
         shared = noise.between_landmarks(stride)
-        measured = _weighted(unweighted, scene, options, place, lit, own, shared)
-        smooth_sigma = options.smooth_sigma_rad * max(1.0, shared.brightness_correlation_px / BALANCED_CORRELATION_PX)
+        weights = _weights(scene, options, lit, own, shared, direct)
+        measured = _weighted(unweighted, weights, place)
+        looser = shared.brightness_correlation_px / BALANCED_CORRELATION_PX
+        smooth_sigma = options.smooth_sigma_rad * max(looser, 1.0 if direct is None else DIRECT_SMOOTHNESS)
         pairs = _pairs(estimate.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
         held = replace(priors, view_factor=noise.view_factor)
         problem = None  # its buffers are let go of before the next one's are made
@@ -207,6 +239,9 @@ def _rounds(
         history.extend(solution.log)
         estimate = solution.estimate
         scene = replace(scene, reflectance=problem.reflectance_at(estimate))
+        if slopes is not None:
+            now = scene.with_estimate(estimate.views, estimate.landmarks)
+            scene = replace(scene, tracks=replace(scene.tracks, brightness=_following(tracks.brightness, slopes, now)))
         log.info("round %d: %s; %s", round_ + 1, solution.message, noise)
         if final:
             break
@@ -230,10 +265,11 @@ def _rounds(
         # As if what brightness errs by all over a view were noise, and all else known as well as stated.
         seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
         seen = seen.between_landmarks(stride)
-        weights = _weights(scene, options, lit, own, seen)
+        weights = _weights(scene, options, lit, own, seen, direct)
         problem.release()
         del layout, place, unweighted, measured
-        found = estimate_uncertainty(scene, estimate.pivot, problem, weights, seen, own, response)
+        slope = None if slopes is None else slopes.slope
+        found = estimate_uncertainty(scene, estimate.pivot, problem, weights, seen, own, response, slope)
         scene = replace(scene, uncertainty=found)
     return Adjustment(
         scene,
@@ -246,11 +282,15 @@ def _rounds(
     )
 
 
-def _weighted(
-    measured: Measurements, scene: Scene, options: AdjustOptions, place, lit, own, noise: Noise
-) -> Measurements:
-    """The measurements with the weights and loss limits that `noise` gives them; own: (J,) landmarks of the map."""
-    weights, size = _weights(scene, options, lit, own, noise), measured.brightness.size
+def _following(brightness: np.ndarray, slopes: ImageSlopes, scene: Scene) -> np.ndarray:
+    """Brightness (N,) where the scene's landmarks project, from that (N,) where it was taken."""
+    projected = scene.tracks.keypoint + keypoint_residuals(scene)
+    return brightness + np.sum(slopes.slope * (projected - slopes.at), -1)
+
+
+def _weighted(measured: Measurements, weights: Weights, place: np.ndarray) -> Measurements:
+    """The measurements with weights and loss limits."""
+    size = measured.brightness.size
     return measured._replace(
         keypoint_weight=spread(weights.keypoint, place, size, np.float32),
         brightness_weight=spread(weights.brightness, place, size, np.float32),
@@ -259,15 +299,22 @@ def _weighted(
     )
 
 
-def _weights(scene: Scene, options: AdjustOptions, lit, own, noise: Noise) -> Weights:
-    """Of all observations; own: (J,) landmarks of the map."""
+def _weights(scene: Scene, options: AdjustOptions, lit, own, noise: Noise, direct: np.ndarray | None) -> Weights:
+    """Of all observations; own: (J,) landmarks of the map; direct: (J,) those whose brightness follows them."""
     tracks = scene.tracks
     shared = options.keypoint_slack * noise.keypoint_factor * noise.keypoint_correlation_px
     factor = np.where(own, shared, noise.anchor_factor)
+    if direct is not None:
+        factor *= np.where(direct, DIRECT_SLACK, np.where(own, 1.0, ANCHOR_SLACK))
+    sigma = tracks.keypoint_sigma * factor[tracks.landmark]
+    limit = options.keypoint_loss / np.where(own, noise.keypoint_correlation_px, 1.0)
+    if direct is not None:
+        limit[direct] = np.inf
+        sigma[direct[tracks.landmark] & (tracks.view == scene.reference)] = RAY_SIGMA_PX
     return Weights(
-        keypoint=1.0 / (tracks.keypoint_sigma * factor[tracks.landmark]),
+        keypoint=1.0 / sigma,
         brightness=lit / (noise.brightness_sigma * noise.brightness_correlation_px) if lit.any() else lit.astype(float),
-        keypoint_limit=options.keypoint_loss / np.where(own, noise.keypoint_correlation_px, 1.0),
+        keypoint_limit=limit,
         brightness_limit=options.brightness_loss / noise.brightness_correlation_px,
     )
 

@@ -2,6 +2,7 @@
 
     projection   f_L       (predicted pixel - keypoint) / sigma                      Eqs. 9-10
     photometric  f_Ph      (lambda a rho(mu0, mu, phase) + xi - brightness) / sigma  Eqs. 29-32
+    direct                 likewise, the brightness being the image's where the landmark projects
     Sun          f_SS      B^T R^T s / sigma: the measured Sun's tangent plane       Eqs. 33-34
     smoothness   f_Smooth  asin(d . n) / sigma: neighbours lie in the tangent plane  Eq. 35
 
@@ -70,6 +71,21 @@ def photometric(packed, center, sun, scale, bias, position, normal, albedo, brig
         ]
     )
     return (gain * rho + bias - brightness) / sigma, jacobian / sigma
+
+
+def direct(packed, rotation, center, intrinsics, sun, scale, bias, position, normal, albedo, image, sigma, pivot):
+    """As `photometric`, where the landmark projects into a view: no keypoint tells where it is seen.
+
+    image: brightness there, at (2,) which pixel, slope (2,) [1/px]: brightness + slope . (projected pixel - at).
+    """
+    brightness, at, slope = image
+    shift, by_position, by_pose = projection(rotation, center, intrinsics, position, at, 1.0, pivot)
+    residual, jacobian = photometric(
+        packed, center, sun, scale, bias, position, normal, albedo, brightness + slope @ shift, sigma, pivot
+    )
+    jacobian[:3] -= slope @ by_position / sigma
+    jacobian[6:12] -= slope @ by_pose / sigma
+    return residual, jacobian
 
 
 def sun_direction(rotation, sun, sun_measured, sigma):

@@ -26,7 +26,9 @@ class Observed(NamedTuple):
     keypoint: np.ndarray
     """(N, 2) [px]."""
     brightness: np.ndarray
-    """(N,)."""
+    """(N,) where the landmarks project, or as it was measured."""
+    slope: np.ndarray
+    """(N, 2) how brightness changes with the projected pixel [1/px]."""
     keypoint_weight: np.ndarray
     """(N,) 1 / sigma [1/px] as the estimate has it."""
     brightness_weight: np.ndarray
@@ -66,6 +68,24 @@ def _by_pose(a, arm, out):
 
 
 @njit(**FAST)
+def _add_slope(j, i, k, weight, cameras, points, observed, pivot, by_landmark, by_camera):
+    """Takes from the row of a brightness what the image changes by where the landmark projects (`factors.direct`)."""
+    rotation, arm = cameras.rotation[k], points.position[j] - cameras.center[k]
+    z = rotation[0, 2] * arm[0] + rotation[1, 2] * arm[1] + rotation[2, 2] * arm[2]
+    image, of_pose = np.zeros(3), np.empty(6)
+    for r in range(2):
+        ratio = (rotation[0, r] * arm[0] + rotation[1, r] * arm[1] + rotation[2, r] * arm[2]) / z
+        for c in range(3):
+            focal = weight * observed.slope[i, r] * cameras.intrinsics[k, r]
+            image[c] -= focal * (rotation[c, r] - ratio * rotation[c, 2]) / z
+    _by_pose(image, points.position[j] - pivot, of_pose)
+    for c in range(3):
+        by_landmark[c] += image[c]
+    for c in range(6):
+        by_camera[c] += of_pose[c]
+
+
+@njit(**FAST)
 def _brightness_row(j, i, k, cameras, points, observed, pivot, packed, by_landmark, by_camera):
     """Row 2 of observation i: `factors.photometric`, scaled down beyond Huber's limit."""
     weight = observed.brightness_weight[i]
@@ -94,6 +114,7 @@ def _brightness_row(j, i, k, cameras, points, observed, pivot, packed, by_landma
     for c in range(3):
         by_landmark[2, c] = -(by_e[c] - along * e[c]) / distance
     _by_pose(by_landmark[2], cameras.center[k] - pivot, by_camera[2])
+    _add_slope(j, i, k, weight, cameras, points, observed, pivot, by_landmark[2], by_camera[2])
     for c in range(2):
         basis, sun_basis = points.normal_basis[j], cameras.sun_basis[k]
         by_landmark[2, 3 + c] = by_normal[0] * basis[0, c] + by_normal[1] * basis[1, c] + by_normal[2] * basis[2, c]

@@ -22,9 +22,9 @@ CAMERA_SIZE = 10
 """omega 3, tau 3, Sun 2, scale 1, bias 1."""
 LANDMARK_SIZE = 6
 """position 3, normal 2, albedo 1."""
-STORED = 12
+STORED = 15
 """Rows kept of each slot. Of keypoints, 0: weight over depth, 1, 2: x / z and y / z. Of brightness, 3:6 by position,
-6:8 by normal, 8:10 by Sun, 10: weight times rho, 11: weight."""
+6:8 by normal, 8:10 by Sun, 10: weight times rho, 11: weight, 12:15 by orbit, beyond what follows from 3:6."""
 
 FAST: dict[str, Any] = dict(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 
@@ -33,7 +33,8 @@ _POSITION, _NORMAL, _BASIS, _ALBEDO, _LIMIT = 0, 3, 6, 12, 13
 _U, _V, _B = 14, 17, 20
 _SUN, _SCALE, _WEIGHT, _RESIDUAL = 26, 28, 29, 30
 _TO_CAMERA, _COSINE, _SINE, _RHO, _RANGE = 33, 36, 37, 38, 42
-_COLUMNS, _ROWS = 43, 43 + 3 * CAMERA_SIZE
+_SEEN, _TURN = 43, 46
+_COLUMNS, _ROWS = 49, 49 + 3 * CAMERA_SIZE
 _BLOCK_SIZE = LANDMARK_SIZE * (LANDMARK_SIZE + 1) // 2 + LANDMARK_SIZE
 
 
@@ -113,7 +114,7 @@ def _linearize_part(part, parts, layout, measured, cameras, landmarks, pivot, pa
             brightness_cost += _brightness_rows(k, place, lit, cameras, measured, w, rows)
             if with_jacobian:
                 _add_landmarks(w, of_landmarks)
-                _camera_rows(cameras.center[k], pivot, w)
+                _camera_rows(pivot, w)
                 _add_camera(w, normal.camera_block[part, k], normal.camera_gradient[part, k])
         if with_jacobian:
             _scatter_landmarks(LANES * group, of_landmarks, normal.landmark_block, normal.landmark_gradient)
@@ -164,6 +165,7 @@ def _keypoint_rows(k, place, cameras, measured, w, rows):
         inverse = 1.0 / (r02 * d0 + r12 * d1 + r22 * d2)
         x = (r00 * d0 + r10 * d1 + r20 * d2) * inverse
         y = (r01 * d0 + r11 * d1 + r21 * d2) * inverse
+        w[_SEEN * LANES + s], w[(_SEEN + 1) * LANES + s], w[(_SEEN + 2) * LANES + s] = inverse, x, y
         weight = float(weights[s])
         u = weight * (fx * x + cx - measured_x[s])
         v = weight * (fy * y + cy - measured_y[s])
@@ -219,6 +221,7 @@ def _brightness_rows(k, place, lit, cameras, measured, w, rows):
     """Whitened photometric rows of a slot (factors.photometric); returns their cost."""
     if not lit:
         w[_B * LANES : (_RESIDUAL) * LANES] = 0.0
+        w[_TURN * LANES : _COLUMNS * LANES] = 0.0
         w[(_RESIDUAL + 2) * LANES : (_RESIDUAL + 3) * LANES] = 0.0
         rows[3 * LANES :] = np.float32(0.0)
         return 0.0
@@ -226,14 +229,27 @@ def _brightness_rows(k, place, lit, cameras, measured, w, rows):
     basis = cameras.sun_basis[k]
     b00, b01, b10, b11, b20, b21 = basis[0, 0], basis[0, 1], basis[1, 0], basis[1, 1], basis[2, 0], basis[2, 1]
     weights, brightness = measured.brightness_weight[place : place + LANES], measured.brightness[place : place + LANES]
+    along_x, along_y = measured.slope[0, place : place + LANES], measured.slope[1, place : place + LANES]
+    fx, fy, cx, cy = (
+        cameras.intrinsics[k, 0],
+        cameras.intrinsics[k, 1],
+        cameras.intrinsics[k, 2],
+        cameras.intrinsics[k, 3],
+    )
+    r = cameras.rotation[k]
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
+        r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2],
+    )  # fmt: skip
     limit, total = measured.brightness_limit, 0.0
     for s in range(LANES):
         weight, rho, albedo = float(weights[s]), w[_RHO * LANES + s], w[_ALBEDO * LANES + s]
+        x, y = w[(_SEEN + 1) * LANES + s], w[(_SEEN + 2) * LANES + s]
+        gx, gy = float(along_x[s]), float(along_y[s])
         gain = scale * albedo
-        r = weight * (gain * rho + bias - brightness[s])
-        cost, shrink = _huber(abs(r), limit)
+        residual = weight * (gain * rho + bias - brightness[s] - gx * (fx * x + cx) - gy * (fy * y + cy))
+        cost, shrink = _huber(abs(residual), limit)
         total += cost
-        w[(_RESIDUAL + 2) * LANES + s] = r * shrink
+        w[(_RESIDUAL + 2) * LANES + s] = residual * shrink
         weight *= shrink
         gain *= weight
         m0, mu = gain * w[(_RHO + 1) * LANES + s], gain * w[(_RHO + 2) * LANES + s]
@@ -242,9 +258,15 @@ def _brightness_rows(k, place, lit, cameras, measured, w, rows):
         n0, n1, n2 = w[_NORMAL * LANES + s], w[(_NORMAL + 1) * LANES + s], w[(_NORMAL + 2) * LANES + s]
         g0, g1, g2 = mu * n0 - ph * s0, mu * n1 - ph * s1, mu * n2 - ph * s2
         along, inverse = g0 * e0 + g1 * e1 + g2 * e2, w[_RANGE * LANES + s]
-        w[_B * LANES + s] = (along * e0 - g0) * inverse
-        w[(_B + 1) * LANES + s] = (along * e1 - g1) * inverse
-        w[(_B + 2) * LANES + s] = (along * e2 - g2) * inverse
+        gx *= weight * fx * w[_SEEN * LANES + s]
+        gy *= weight * fy * w[_SEEN * LANES + s]
+        gz = gx * x + gy * y
+        w[_B * LANES + s] = (along * e0 - g0) * inverse - gx * r00 - gy * r01 + gz * r02
+        w[(_B + 1) * LANES + s] = (along * e1 - g1) * inverse - gx * r10 - gy * r11 + gz * r12
+        w[(_B + 2) * LANES + s] = (along * e2 - g2) * inverse - gx * r20 - gy * r21 + gz * r22
+        w[_TURN * LANES + s] = e1 * g2 - e2 * g1
+        w[(_TURN + 1) * LANES + s] = e2 * g0 - e0 * g2
+        w[(_TURN + 2) * LANES + s] = e0 * g1 - e1 * g0
         h0, h1, h2 = m0 * s0 + mu * e0, m0 * s1 + mu * e1, m0 * s2 + mu * e2
         w[(_B + 3) * LANES + s] = (
             h0 * w[_BASIS * LANES + s] + h1 * w[(_BASIS + 2) * LANES + s] + h2 * w[(_BASIS + 4) * LANES + s]
@@ -266,7 +288,24 @@ def _brightness_rows(k, place, lit, cameras, measured, w, rows):
     for i in range(2):
         for s in range(LANES):
             rows[(8 + i) * LANES + s] = w[(_SUN + i) * LANES + s]
+    for i in range(3):
+        for s in range(LANES):
+            rows[(12 + i) * LANES + s] = w[(_TURN + i) * LANES + s]
     return total
+
+
+@njit(**FAST)
+def seen_brightness(j, k, place, measured, cameras, landmarks):
+    """What an image shows where landmark j projects into view k (`Measurements`), of the observation at a place."""
+    r, c = cameras.rotation[k], cameras.center[k]
+    p = landmarks.position[j]
+    d0, d1, d2 = p[0] - c[0], p[1] - c[1], p[2] - c[2]
+    z = r[0, 2] * d0 + r[1, 2] * d1 + r[2, 2] * d2
+    seen = measured.brightness[place]
+    for i in range(2):
+        across = r[0, i] * d0 + r[1, i] * d1 + r[2, i] * d2
+        seen += float(measured.slope[i, place]) * (cameras.intrinsics[k, i] * across / z + cameras.intrinsics[k, 2 + i])
+    return seen
 
 
 @njit(**FAST)
@@ -307,16 +346,15 @@ def _scatter_landmarks(first, of_landmarks, block, gradient):
 
 
 @njit(**FAST)
-def _camera_rows(center, pivot, w):
+def _camera_rows(pivot, w):
     """Rows by view, from the rows by landmark: with a the row by position, the row by shift is -a and the row by orbit
-    a x arm: force and torque, where the arm from the pivot is the landmark's for keypoints and the camera's for
-    brightness."""
+    a x arm from the pivot, force and torque. Of brightness, the reflectance sees the camera turn about the landmark,
+    too."""
     q0, q1, q2 = pivot[0], pivot[1], pivot[2]
-    k0, k1, k2 = center[0] - q0, center[1] - q1, center[2] - q2
     for r in range(3):
         row, out = (_U + 3 * r) * LANES, (_COLUMNS + CAMERA_SIZE * r) * LANES
         for s in range(LANES):
-            d0, d1, d2 = (k0, k1, k2) if r == 2 else (w[s] - q0, w[LANES + s] - q1, w[2 * LANES + s] - q2)
+            d0, d1, d2 = w[s] - q0, w[LANES + s] - q1, w[2 * LANES + s] - q2
             a0, a1, a2 = w[row + s], w[row + LANES + s], w[row + 2 * LANES + s]
             w[out + s] = a1 * d2 - a2 * d1
             w[out + LANES + s] = a2 * d0 - a0 * d2
@@ -324,9 +362,11 @@ def _camera_rows(center, pivot, w):
             w[out + 3 * LANES + s] = -a0
             w[out + 4 * LANES + s] = -a1
             w[out + 5 * LANES + s] = -a2
-    out = (_COLUMNS + 2 * CAMERA_SIZE + 6) * LANES
+    out = (_COLUMNS + 2 * CAMERA_SIZE) * LANES
+    for s in range(3 * LANES):
+        w[out + s] += w[_TURN * LANES + s]
     for s in range(4 * LANES):
-        w[out + s] = w[_SUN * LANES + s]
+        w[out + 6 * LANES + s] = w[_SUN * LANES + s]
 
 
 @njit(**FAST)

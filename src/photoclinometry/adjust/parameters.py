@@ -11,9 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.kernels import CAMERA_SIZE, FAST, LANDMARK_SIZE, STORED, CameraState, LandmarkState
+from photoclinometry.adjust.kernels import (
+    CAMERA_SIZE,
+    FAST,
+    LANDMARK_SIZE,
+    STORED,
+    CameraState,
+    LandmarkState,
+    seen_brightness,
+)
 from photoclinometry.adjust.layout import LANES, Layout, Measurements
-from photoclinometry.adjust.product import BACK, Linearized, collect
+from photoclinometry.adjust.product import Linearized
 from photoclinometry.reflectance import angles_at, photometric_function, photometric_parameters
 
 
@@ -61,21 +69,20 @@ def linearize_parameters(
     """packed: `Reflectance.packed`; start: (T,) the parameters whose relative changes are estimated."""
     count, views, marks = len(start), len(cameras.center), len(landmarks.albedo)
     by_landmark = np.zeros((marks, LANDMARK_SIZE, count), np.float32)
-    back = np.zeros((threads, views, count, BACK))
+    by_camera = np.zeros((threads, views, count, CAMERA_SIZE))
     block, gradient = np.zeros((threads, count, count)), np.zeros((threads, count))
-    _linearize(layout, measured, cameras, landmarks, packed, start, stored, by_landmark, back, block, gradient)
-    by_camera = np.zeros((views, CAMERA_SIZE, count))
-    sums, column = back.sum(0), np.empty(CAMERA_SIZE)
-    for k in range(views):
-        for t in range(count):
-            collect(where.of_views[k], sums[k, t], column)
-            by_camera[k, :, t] = column
-    return Border(by_landmark, by_camera, block.sum(0), gradient.sum(0))
+    _linearize(
+        layout, measured, cameras, landmarks, where.of_landmarks, packed, start, stored, by_landmark, by_camera, block,
+        gradient,
+    )  # fmt: skip
+    return Border(by_landmark, np.swapaxes(by_camera.sum(0), 1, 2).copy(), block.sum(0), gradient.sum(0))
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
-def _linearize(layout, measured, cameras, landmarks, packed, start, stored, by_landmark, back, block, gradient):
-    """`linearize_parameters`; back: what `collect` takes, by thread, view and parameter."""
+def _linearize(
+    layout, measured, cameras, landmarks, where, packed, start, stored, by_landmark, by_camera, block, gradient
+):
+    """`linearize_parameters`; by_camera: (threads, K, T, 10)."""
     parts = gradient.shape[0]
     groups = layout.slot_start.size - 1
     for part in prange(parts):
@@ -88,11 +95,12 @@ def _linearize(layout, measured, cameras, landmarks, packed, start, stored, by_l
                     weight = rows[11 * LANES + lane]
                     if weight != 0.0:
                         j = LANES * group + lane
-                        brightness = measured.brightness[LANES * slot + lane]
-                        r = _row(j, k, weight, brightness, cameras, landmarks, packed, row)
+                        place = LANES * slot + lane
+                        seen = seen_brightness(j, k, place, measured, cameras, landmarks)
+                        r = _row(j, k, weight, seen, cameras, landmarks, packed, row)
                         for t in range(start.size):
                             row[t] *= start[t]
-                        _add(rows, lane, cameras.scale[k], landmarks.albedo[j], row, by_landmark[j], back[part, k])
+                        _add(rows, lane, cameras.scale[k], where[j], row, by_landmark[j], by_camera[part, k])
                         for t in range(start.size):
                             gradient[part, t] += r * row[t]
                             for u in range(start.size):
@@ -111,19 +119,27 @@ def _row(j, k, weight, brightness, cameras, landmarks, packed, row):
 
 
 @njit(cache=True, error_model="numpy")
-def _add(rows, lane, scale, albedo, row, by_landmark, back):
-    """Products of one observation's other derivatives with those by the parameters."""
+def _add(rows, lane, scale, where, row, by_landmark, by_camera):
+    """Products of one observation's other derivatives with those by the parameters; where: `Linearized`."""
+    p, albedo = where, where[3]
+    h0, h1, h2 = rows[3 * LANES + lane], rows[4 * LANES + lane], rows[5 * LANES + lane]
+    orbit = (
+        h1 * p[2] - h2 * p[1] + rows[12 * LANES + lane],
+        h2 * p[0] - h0 * p[2] + rows[13 * LANES + lane],
+        h0 * p[1] - h1 * p[0] + rows[14 * LANES + lane],
+    )
     for t in range(row.size):
         g = row[t]
         for i in range(3):
             by_landmark[i, t] += rows[(3 + i) * LANES + lane] * g
-            back[t, 10 + i] += rows[(3 + i) * LANES + lane] * g
+            by_camera[t, i] += orbit[i] * g
+            by_camera[t, 3 + i] -= rows[(3 + i) * LANES + lane] * g
         for i in range(2):
             by_landmark[3 + i, t] += rows[(6 + i) * LANES + lane] * g
-            back[t, 6 + i] += rows[(8 + i) * LANES + lane] * g
+            by_camera[t, 6 + i] += rows[(8 + i) * LANES + lane] * g
         by_landmark[5, t] += rows[10 * LANES + lane] * scale * g
-        back[t, 8] += rows[10 * LANES + lane] * albedo * g
-        back[t, 9] += rows[11 * LANES + lane] * g
+        by_camera[t, 8] += rows[10 * LANES + lane] * albedo * g
+        by_camera[t, 9] += rows[11 * LANES + lane] * g
 
 
 @njit(parallel=True, **FAST)

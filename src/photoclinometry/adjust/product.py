@@ -14,16 +14,14 @@ from numba import njit, prange
 from photoclinometry.adjust.kernels import CAMERA_SIZE, FAST, LANDMARK_SIZE, STORED, CameraState, LandmarkState
 from photoclinometry.adjust.layout import LANES
 
-_MOVE, _OF_VIEW = 19, 25
-BACK = 13
-"""Sums by view: torque 3, force 3, Sun 2, scale, bias, and what the camera's own move brings 3."""
+_OF_VIEW = 22
 
 
 class Linearized(NamedTuple):
     """Where the stored rows were made, in single precision; positions are from the pivot."""
 
     of_views: np.ndarray
-    """(K, 15) rotation 9, focal lengths 2, centre 3, scale 1."""
+    """(K, 12) rotation 9, focal lengths 2, scale 1."""
     of_landmarks: np.ndarray
     """(J, 4) position 3, albedo 1."""
 
@@ -31,7 +29,7 @@ class Linearized(NamedTuple):
 def linearized(cameras: CameraState, landmarks: LandmarkState, pivot: np.ndarray) -> Linearized:
     """pivot: (3,) as in `Estimate`."""
     rotation = cameras.rotation.reshape(-1, 9)
-    of_views = np.column_stack([rotation, cameras.intrinsics[:, :2], cameras.center - pivot, cameras.scale])
+    of_views = np.column_stack([rotation, cameras.intrinsics[:, :2], cameras.scale])
     of_landmarks = np.column_stack([landmarks.position - pivot, landmarks.albedo])
     return Linearized(of_views.astype(np.float32), of_landmarks.astype(np.float32))
 
@@ -54,8 +52,9 @@ def _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, c
     views, marks = where.of_views.shape[0], where.of_landmarks.shape[0]
     of_view = np.zeros((views, _OF_VIEW), np.float32)
     for k in range(views):
-        _move_of(where.of_views[k], camera_in[k], of_view[k])
-    back = np.zeros((views, BACK))
+        of_view[k, :12] = where.of_views[k]
+        of_view[k, 12:] = camera_in[k]
+    camera_out[:] = 0.0
     x = np.zeros(10 * LANES, np.float32)
     y = np.zeros(LANDMARK_SIZE * LANES, np.float32)
     groups = layout.slot_start.size - 1
@@ -72,41 +71,29 @@ def _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, c
             k = layout.slot_view[slot]
             rows = stored[STORED * LANES * slot : STORED * LANES * (slot + 1)]
             t = _multiply_slot(rows, of_view[k], x, y)
-            for i in range(BACK):
-                back[k, i] += t[i]
+            for i in range(CAMERA_SIZE):
+                camera_out[k, i] += t[i]
         for lane in range(min(LANES, marks - first)):
             for i in range(LANDMARK_SIZE):
                 landmark_out[first + lane, i] = y[i * LANES + lane]
     for k in range(views):
-        collect(where.of_views[k], back[k], camera_out[k])
-
-
-@njit(**FAST)
-def _move_of(where, x, out):
-    """What a slot needs of its view: `Linearized` 0:11, orbit 11:14, shift 14:17, Sun 17:19, how the camera itself
-    moves 19:22, and the gain's parts: scale 22, its change 23, the bias' 24."""
-    for i in range(11):
-        out[i] = where[i]
-    for i in range(8):
-        out[11 + i] = x[i]
-    c0, c1, c2 = where[11], where[12], where[13]
-    out[_MOVE] = x[3] + x[1] * c2 - x[2] * c1
-    out[_MOVE + 1] = x[4] + x[2] * c0 - x[0] * c2
-    out[_MOVE + 2] = x[5] + x[0] * c1 - x[1] * c0
-    out[22], out[23], out[24] = where[14], x[8], x[9]
+        for i in range(3, 6):
+            camera_out[k, i] *= -1.0  # forces on the landmarks, against the camera's shift
 
 
 @njit(**FAST)
 def _multiply_slot(r, c, x, y):
-    """J^T J x of one slot: adds to y by landmark, returns orbit, shift, Sun, scale, bias and the camera's own move.
+    """J^T J x of one slot: adds to y by landmark, returns the view's orbit, force (the opposite of shift), Sun, scale
+    and bias.
 
-    r: stored rows; c: as `_move_of` leaves it; x: position, albedo, and the landmarks' part of the vector.
+    r: stored rows; c: `Linearized.of_views` and the view's part of the vector; x: position, albedo, and the landmarks'
+    part of the vector.
     """
     n = LANES
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
-    fx, fy, w0, w1, w2, t0, t1, t2, sun0, sun1 = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17], c[18]
-    k0, k1, k2, scale, by_scale, by_bias = c[19], c[20], c[21], c[22], c[23], c[24]
-    o0 = o1 = o2 = f0s = f1s = f2s = b0 = b1 = b2 = b3 = h0s = h1s = h2s = np.float32(0.0)
+    fx, fy, scale, w0, w1, w2, t0, t1, t2 = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17]
+    sun0, sun1, by_scale, by_bias = c[18], c[19], c[20], c[21]
+    o0 = o1 = o2 = f0s = f1s = f2s = b0 = b1 = b2 = b3 = np.float32(0.0)
     for s in range(LANES):
         p0, p1, p2, albedo = x[s], x[n + s], x[2 * n + s], x[3 * n + s]
         x0, x1, x2 = x[4 * n + s], x[5 * n + s], x[6 * n + s]
@@ -119,41 +106,26 @@ def _multiply_slot(r, c, x, y):
         u = gx * gx * (r00 * m0 + r10 * m1 + r20 * m2 - r[n + s] * z)
         v = gy * gy * (r01 * m0 + r11 * m1 + r21 * m2 - r[2 * n + s] * z)
         z = -(r[n + s] * u + r[2 * n + s] * v)
-        f0 = r00 * u + r01 * v + r02 * z
-        f1 = r10 * u + r11 * v + r12 * z
-        f2 = r20 * u + r21 * v + r22 * z
-        b = r[3 * n + s] * (x0 - k0) + r[4 * n + s] * (x1 - k1) + r[5 * n + s] * (x2 - k2)
+        b = r[3 * n + s] * m0 + r[4 * n + s] * m1 + r[5 * n + s] * m2
+        b += r[12 * n + s] * w0 + r[13 * n + s] * w1 + r[14 * n + s] * w2
         b += r[6 * n + s] * x[7 * n + s] + r[7 * n + s] * x[8 * n + s]
         b += r[8 * n + s] * sun0 + r[9 * n + s] * sun1
         b += r[10 * n + s] * (scale * x[9 * n + s] + albedo * by_scale) + r[11 * n + s] * by_bias
-        h0, h1, h2 = r[3 * n + s] * b, r[4 * n + s] * b, r[5 * n + s] * b
-        y[s] += f0 + h0
-        y[n + s] += f1 + h1
-        y[2 * n + s] += f2 + h2
+        f0 = r00 * u + r01 * v + r02 * z + r[3 * n + s] * b
+        f1 = r10 * u + r11 * v + r12 * z + r[4 * n + s] * b
+        f2 = r20 * u + r21 * v + r22 * z + r[5 * n + s] * b
+        y[s] += f0
+        y[n + s] += f1
+        y[2 * n + s] += f2
         y[3 * n + s] += r[6 * n + s] * b
         y[4 * n + s] += r[7 * n + s] * b
         y[5 * n + s] += r[10 * n + s] * scale * b
-        o0 += f1 * p2 - f2 * p1
-        o1 += f2 * p0 - f0 * p2
-        o2 += f0 * p1 - f1 * p0
+        o0 += f1 * p2 - f2 * p1 + r[12 * n + s] * b
+        o1 += f2 * p0 - f0 * p2 + r[13 * n + s] * b
+        o2 += f0 * p1 - f1 * p0 + r[14 * n + s] * b
         f0s, f1s, f2s = f0s + f0, f1s + f1, f2s + f2
-        h0s, h1s, h2s = h0s + h0, h1s + h1, h2s + h2
         b0 += r[8 * n + s] * b
         b1 += r[9 * n + s] * b
         b2 += r[10 * n + s] * albedo * b
         b3 += r[11 * n + s] * b
-    return o0, o1, o2, f0s, f1s, f2s, b0, b1, b2, b3, h0s, h1s, h2s
-
-
-@njit(**FAST)
-def collect(where, back, out):
-    """The transpose of `_move_of`: a view's sums (13,) by its local coordinates (10,)."""
-    c0, c1, c2 = where[11], where[12], where[13]
-    h0, h1, h2 = back[10], back[11], back[12]
-    out[0] = back[0] + h1 * c2 - h2 * c1
-    out[1] = back[1] + h2 * c0 - h0 * c2
-    out[2] = back[2] + h0 * c1 - h1 * c0
-    for i in range(3):
-        out[3 + i] = -back[3 + i] - back[10 + i]
-    for i in range(6, CAMERA_SIZE):
-        out[i] = back[i]
+    return o0, o1, o2, f0s, f1s, f2s, b0, b1, b2, b3

@@ -62,13 +62,15 @@ def estimate_uncertainty(
     noise: Noise,
     mapped: np.ndarray,
     response: ParameterResponse | None = None,
+    slope: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
     """`Scene.uncertainty` of an adjusted scene, of the landmarks in `mapped` (J,).
 
-    response: of reflectance parameters that were estimated along; without it they count as known. Empty, with a
-    warning, where the measurements do not determine the views.
+    slope: (N, 2) of `ImageSlopes`, where brightness follows the landmarks. response: of reflectance parameters that
+    were estimated along; without it they count as known. Empty, with a warning, where the measurements do not determine
+    the views.
     """
-    at, smoothness = linearised(scene, pivot, problem, weights)
+    at, smoothness = linearised(scene, pivot, problem, weights, slope)
     errors = error_model(noise, smoothness, photometric=problem.with_brightness)
     frame = None
     priors = problem.priors
@@ -94,7 +96,9 @@ def loosely_held(at: Linearised) -> Linearised:
     return replace(at, prior=prior)
 
 
-def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weights) -> tuple[Linearised, np.ndarray]:
+def linearised(
+    scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weights, slope: np.ndarray | None = None
+) -> tuple[Linearised, np.ndarray]:
     """The estimate at its minimum, and the whitened residuals (P,) of smoothness there."""
     views, points, tracks = scene.views, scene.landmarks, scene.tracks
     cameras, landmarks = states(views, points)
@@ -115,6 +119,7 @@ def linearised(scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weigh
             plain(tracks.view),
             plain(tracks.keypoint),
             plain(tracks.brightness),
+            np.zeros((len(tracks), 2)) if slope is None else plain(slope),
             weights.keypoint,
             weights.brightness,
             weights.keypoint_limit,

@@ -1,0 +1,70 @@
+"""The last estimate without matches: every image is taken where the map projects into it, and says where that is.
+
+A match is of a window, and found with the very map that it is to correct. Once the map is good to a fraction of a
+pixel there is no need for one: where a landmark lies, its brightness must be what its normal, its albedo and the Sun
+make of it, and the images' own slopes say how that changes as it moves. Each landmark stays on its ray of the reference
+view. Where too few views light a landmark for that, its matches hold it as before. This is the direct method (Irani and
+Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place of constant brightness.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from photoclinometry.adjust import Adjustment, ImageSlopes
+from photoclinometry.initialize import landmark_spacing_px
+from photoclinometry.predict import keypoint_residuals
+from photoclinometry.sampling import blurred, sample_slope, smoothing_px
+from photoclinometry.scene import Image, Scene
+from photoclinometry.shading import brightness_on_surface
+
+log = logging.getLogger(__name__)
+
+PASSES = 2
+"""Estimates, each from images taken anew where the last one projects. A third moves half of the landmarks by less than
+0.001 GSD."""
+
+MIN_LIT = 8
+"""Lit views from which on brightness says where a landmark lies: twice as many as it then has unknowns (depth, two of
+the normal, albedo). With as many as unknowns, noise goes into the depth."""
+
+
+def adjust_directly(
+    scene: Scene, images: Sequence[Image], adjusted: Callable[[Scene, float, bool, ImageSlopes | None], Adjustment]
+) -> Adjustment:
+    """The last estimate of a scene, from its images; from its matches, where less than half of it can do without.
+
+    adjusted: as `rounds.adjust_in_rounds` has it, with slopes.
+    """
+    found: Adjustment | None = None
+    for number in range(1, PASSES + 1):
+        start, slopes = image_slopes(scene if found is None else found.scene, images)
+        if found is None and np.mean(slopes.of_landmarks(start.tracks)) < 0.5:
+            log.info("too few views light the ground: the last estimate is of matches")
+            return adjusted(scene, 1.0, True, None)
+        found = adjusted(start, 1.0, number == PASSES, slopes)
+    assert found is not None
+    return found
+
+
+def image_slopes(scene: Scene, images: Sequence[Image]) -> tuple[Scene, ImageSlopes]:
+    """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the slopes there.
+
+    images: of the scene's views, in their order. Slopes are zero where it is not lit, and of landmarks that are lit in
+    fewer than MIN_LIT views.
+    """
+    tracks = scene.tracks
+    xy = tracks.keypoint + keypoint_residuals(scene)
+    spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
+    slope = np.zeros((len(tracks), 2))
+    for k, image in enumerate(images):
+        mine = np.flatnonzero(tracks.view == k)
+        blur_px = smoothing_px(float(spacing[k]))
+        slope[mine] = sample_slope(blurred(image, blur_px) if blur_px else image, xy[mine])
+    measured = brightness_on_surface(scene, images)
+    lit = measured.tracks.lit
+    enough = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
+    return measured, ImageSlopes(xy, np.where((lit & enough[tracks.landmark])[:, None], slope, 0.0))
