@@ -144,19 +144,18 @@ def _huber(size, limit):
 
 
 @njit(**FAST)
+def _numbers_of(k, cameras):
+    """A view's intrinsics (4) and rotation (9), row by row."""
+    i, r = cameras.intrinsics[k], cameras.rotation[k]
+    rotation = r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2]
+    return (i[0], i[1], i[2], i[3]), rotation
+
+
+@njit(**FAST)
 def _keypoint_rows(k, place, cameras, measured, w, rows):
     """Whitened projection rows of a slot (factors.projection); returns their cost."""
     c0, c1, c2 = cameras.center[k, 0], cameras.center[k, 1], cameras.center[k, 2]
-    fx, fy, cx, cy = (
-        cameras.intrinsics[k, 0],
-        cameras.intrinsics[k, 1],
-        cameras.intrinsics[k, 2],
-        cameras.intrinsics[k, 3],
-    )
-    r = cameras.rotation[k]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
-        r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2],
-    )  # fmt: skip
+    (fx, fy, cx, cy), (r00, r01, r02, r10, r11, r12, r20, r21, r22) = _numbers_of(k, cameras)
     weights = measured.keypoint_weight[place : place + LANES]
     measured_x, measured_y = measured.keypoint[0, place : place + LANES], measured.keypoint[1, place : place + LANES]
     total = 0.0
@@ -230,16 +229,7 @@ def _brightness_rows(k, place, lit, cameras, measured, w, rows):
     b00, b01, b10, b11, b20, b21 = basis[0, 0], basis[0, 1], basis[1, 0], basis[1, 1], basis[2, 0], basis[2, 1]
     weights, brightness = measured.brightness_weight[place : place + LANES], measured.brightness[place : place + LANES]
     along_x, along_y = measured.slope[0, place : place + LANES], measured.slope[1, place : place + LANES]
-    fx, fy, cx, cy = (
-        cameras.intrinsics[k, 0],
-        cameras.intrinsics[k, 1],
-        cameras.intrinsics[k, 2],
-        cameras.intrinsics[k, 3],
-    )
-    r = cameras.rotation[k]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
-        r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2],
-    )  # fmt: skip
+    (fx, fy, cx, cy), (r00, r01, r02, r10, r11, r12, r20, r21, r22) = _numbers_of(k, cameras)
     limit, total = measured.brightness_limit, 0.0
     for s in range(LANES):
         weight, rho, albedo = float(weights[s]), w[_RHO * LANES + s], w[_ALBEDO * LANES + s]
