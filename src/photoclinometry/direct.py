@@ -16,8 +16,8 @@ import numpy as np
 
 from photoclinometry.adjust import Adjustment, ImageSlopes
 from photoclinometry.initialize import landmark_spacing_px
-from photoclinometry.predict import keypoint_residuals
-from photoclinometry.sampling import blurred, sample_slope, smoothing_px
+from photoclinometry.predict import projected_keypoints
+from photoclinometry.sampling import as_coarse, sample_slope
 from photoclinometry.scene import Image, Scene
 from photoclinometry.shading import brightness_on_surface
 
@@ -39,15 +39,13 @@ def adjust_directly(
 
     adjusted: as `rounds.adjust_in_rounds` has it, with slopes.
     """
-    found: Adjustment | None = None
-    for number in range(1, PASSES + 1):
-        start, slopes = image_slopes(scene if found is None else found.scene, images)
-        if found is None and np.mean(slopes.of_landmarks(start.tracks)) < 0.5:
-            log.info("too few views light the ground: the last estimate is of matches")
-            return adjusted(scene, 1.0, True, None)
-        found = adjusted(start, 1.0, number == PASSES, slopes)
-    assert found is not None
-    return found
+    start, slopes = image_slopes(scene, images)
+    if np.mean(slopes.of_landmarks(start.tracks)) < 0.5:
+        log.info("too few views light the ground: the last estimate is of matches")
+        return adjusted(scene, 1.0, True, None)
+    for _ in range(PASSES - 1):
+        start, slopes = image_slopes(adjusted(start, 1.0, False, slopes).scene, images)
+    return adjusted(start, 1.0, True, slopes)
 
 
 def image_slopes(scene: Scene, images: Sequence[Image]) -> tuple[Scene, ImageSlopes]:
@@ -57,13 +55,12 @@ def image_slopes(scene: Scene, images: Sequence[Image]) -> tuple[Scene, ImageSlo
     fewer than MIN_LIT views.
     """
     tracks = scene.tracks
-    xy = tracks.keypoint + keypoint_residuals(scene)
+    xy = projected_keypoints(scene)
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
     slope = np.zeros((len(tracks), 2))
     for k, image in enumerate(images):
         mine = np.flatnonzero(tracks.view == k)
-        blur_px = smoothing_px(float(spacing[k]))
-        slope[mine] = sample_slope(blurred(image, blur_px) if blur_px else image, xy[mine])
+        slope[mine] = sample_slope(as_coarse(image, float(spacing[k])), xy[mine])
     measured = brightness_on_surface(scene, images)
     lit = measured.tracks.lit
     enough = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT

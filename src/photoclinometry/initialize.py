@@ -6,7 +6,7 @@ import numpy as np
 
 from photoclinometry.predict import shading
 from photoclinometry.reflectance import Reflectance
-from photoclinometry.sampling import blurred, sample_image, smoothing_px
+from photoclinometry.sampling import as_coarse, sample_image
 from photoclinometry.scene import Image, Views
 
 GRAZING = np.cos(np.radians(85.0))
@@ -73,8 +73,7 @@ def sample_brightness(
     brightness, lit = np.zeros(len(view)), np.zeros(len(view), bool)
     for k in np.unique(view):
         mine = np.flatnonzero(view == k)
-        blur_px = 0.0 if spacing_px is None else smoothing_px(float(spacing_px[k]))
-        image = blurred(images[k], blur_px) if blur_px else images[k]
+        image = images[k] if spacing_px is None else as_coarse(images[k], float(spacing_px[k]))
         value, valid = sample_image(image, keypoint[mine])
         if valid.any():
             brightness[mine] = value

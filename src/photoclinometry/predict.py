@@ -30,6 +30,11 @@ def keypoint_residuals(scene: Scene) -> np.ndarray:
     return out
 
 
+def projected_keypoints(scene: Scene) -> np.ndarray:
+    """Predicted keypoints (N, 2) [px]: where the observed landmarks project."""
+    return scene.tracks.keypoint + keypoint_residuals(scene)
+
+
 def observation_brightness(scene: Scene) -> np.ndarray:
     """Predicted brightness (N,) of every observation: scale * albedo * rho + bias (Eqs. 29, 30). Raises InputError."""
     views, landmark, view = scene.views, scene.tracks.landmark, scene.tracks.view

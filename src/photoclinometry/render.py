@@ -5,6 +5,8 @@ Relighting is the same with another Sun. Cast shadows are off by default, as in 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from photoclinometry.geometry import unit
@@ -50,30 +52,32 @@ def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
     """
     from scipy.ndimage import convolve
 
-    lit = scene.grid(in_sunlight(scene, sun).astype(float))
-    present = np.isfinite(lit)
     window = np.ones((3, 3) if scene.region.stride == 1 else (1, 1))
-    around = convolve(present.astype(float), window, mode="constant")
-    share = convolve(np.where(present, lit, 0.0), window, mode="constant") / np.maximum(around, 1.0)
-    return share[scene.cells]
+    lit = in_sunlight(scene, sun).astype(float)
+    return _averaged(scene, lit, lambda grid: convolve(grid, window, mode="constant"))
 
 
 def as_resolved(scene: Scene, view: int, value: np.ndarray) -> np.ndarray:
-    """Values (J,) of the landmarks averaged over a pixel of a view that is coarser than the map; else as they are.
-
-    By a Gaussian over the landmarks' grid (`sampling.smoothing_px`), of those that are there.
-    """
+    """Values (J,) of the landmarks averaged over a pixel of a view that is coarser than the map; else as they are."""
     from scipy.ndimage import gaussian_filter
 
-    finer_by = 1.0 / landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)[view]
-    sigma = smoothing_px(finer_by) / scene.region.stride
-    if sigma == 0.0:
-        return value
+    sigma = averaging_sigma(scene, view)
+    return _averaged(scene, value, lambda grid: gaussian_filter(grid, sigma, mode="constant")) if sigma else value
+
+
+def averaging_sigma(scene: Scene, view: int) -> float:
+    """Standard deviation [landmarks] of the Gaussian by which a view coarser than the map averages; 0 of others."""
+    both = scene.views[[view, scene.reference]]
+    finer_by = 1.0 / landmark_spacing_px(both, scene.landmarks.position, 1)[0]
+    return smoothing_px(float(finer_by)) / scene.region.stride
+
+
+def _averaged(scene: Scene, value: np.ndarray, smooth: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Values (J,) averaged over the map's grid by a linear filter of no negative weights, of those there are."""
     grid = scene.grid(value)
     present = np.isfinite(grid)
-    share = gaussian_filter(present.astype(float), sigma, mode="constant")
-    total = gaussian_filter(np.where(present, grid, 0.0), sigma, mode="constant")
-    return (total / np.maximum(share, 1e-6))[scene.cells]
+    total, share = smooth(np.where(present, grid, 0.0)), smooth(present.astype(float))
+    return total[scene.cells] / share[scene.cells]
 
 
 def render_reference(

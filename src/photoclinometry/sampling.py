@@ -83,6 +83,12 @@ def blurred(image: Image, sigma_px: float) -> Image:
     return Image(image.name, total / np.maximum(share, 1e-6), image.valid & (share > 0.5))
 
 
+def as_coarse(image: Image, spacing_px: float) -> Image:
+    """The image as coarse as a grid of so many of its pixels; the image itself where it is so already."""
+    sigma_px = smoothing_px(spacing_px)
+    return blurred(image, sigma_px) if sigma_px else image
+
+
 def sample(values: np.ndarray, xy: np.ndarray, *, order: int = 3) -> np.ndarray:
     """Values (h, w, ...) of pixels at positions (..., 2) [px], (0.5, 0.5) the first pixel's centre; edges repeat.
 

@@ -16,10 +16,10 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.initialize import GRAZING, landmark_spacing_px, sample_brightness
-from photoclinometry.predict import brightness_residuals, keypoint_residuals
+from photoclinometry.predict import brightness_residuals, projected_keypoints
 from photoclinometry.reflectance import phase_angle, photometric_function
 from photoclinometry.relief import in_sunlight, unobstructed
-from photoclinometry.render import as_resolved, landmark_brightness
+from photoclinometry.render import as_resolved, averaging_sigma, landmark_brightness
 from photoclinometry.scene import Image, Scene
 
 NORMAL_SIGMA_RAD, ALBEDO_SIGMA = 0.1, 0.1
@@ -39,7 +39,7 @@ def brightness_on_surface(scene: Scene, images: Sequence[Image]) -> Scene:
     measurement, and where the map's own ground stands before the Sun or the camera.
     """
     tracks = scene.tracks
-    xy = tracks.keypoint + keypoint_residuals(scene)
+    xy = projected_keypoints(scene)
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
     brightness, lit = sample_brightness(list(images), tracks.view, xy, spacing_px=spacing)
     for k in range(len(scene.views)):
@@ -56,7 +56,7 @@ def detail_beyond(scene: Scene, view: int) -> np.ndarray:
     A view coarser than the map says nothing of the relief between its pixels; with this added to what it measured, it
     agrees with the map about that. Zero for views as fine as the map, and where there is no reflectance model.
     """
-    if scene.reflectance is None:
+    if scene.reflectance is None or averaging_sigma(scene, view) == 0.0:
         return np.zeros(len(scene.landmarks))
     brightness = landmark_brightness(scene, view, cast_shadows=True)
     return brightness - as_resolved(scene, view, brightness)

@@ -39,22 +39,32 @@ class Observed(NamedTuple):
 
 
 @njit(**FAST)
-def _keypoint_rows(j, i, k, cameras, points, observed, pivot, by_landmark, by_camera):
-    """Rows 0 and 1 of observation i: `factors.projection`, scaled down beyond Huber's limit."""
-    rotation, weight = cameras.rotation[k], observed.keypoint_weight[i]
-    arm, from_pivot = points.position[j] - cameras.center[k], points.position[j] - pivot
+def _project(j, k, cameras, points, by_position):
+    """Where landmark j lies in view k [px]; by_position[:2, :3] takes how that changes with its position."""
+    rotation, arm = cameras.rotation[k], points.position[j] - cameras.center[k]
     z = rotation[0, 2] * arm[0] + rotation[1, 2] * arm[1] + rotation[2, 2] * arm[2]
-    squared = 0.0
+    pixel = np.empty(2)
     for r in range(2):
         ratio = (rotation[0, r] * arm[0] + rotation[1, r] * arm[1] + rotation[2, r] * arm[2]) / z
         focal = cameras.intrinsics[k, r]
-        squared += (weight * (focal * ratio + cameras.intrinsics[k, 2 + r] - observed.keypoint[i, r])) ** 2
+        pixel[r] = focal * ratio + cameras.intrinsics[k, 2 + r]
         for c in range(3):
-            by_landmark[r, c] = weight * focal * (rotation[c, r] - ratio * rotation[c, 2]) / z
+            by_position[r, c] = focal * (rotation[c, r] - ratio * rotation[c, 2]) / z
+    return pixel
+
+
+@njit(**FAST)
+def _keypoint_rows(j, i, k, cameras, points, observed, pivot, by_landmark, by_camera):
+    """Rows 0 and 1 of observation i: `factors.projection`, scaled down beyond Huber's limit."""
+    weight, from_pivot = observed.keypoint_weight[i], points.position[j] - pivot
+    pixel = _project(j, k, cameras, points, by_landmark)
+    squared = 0.0
+    for r in range(2):
+        squared += (weight * (pixel[r] - observed.keypoint[i, r])) ** 2
     shrink = math.sqrt(min(1.0, observed.keypoint_limit[j] / math.sqrt(max(squared, 1e-300))))
     for r in range(2):
         for c in range(3):
-            by_landmark[r, c] *= shrink
+            by_landmark[r, c] *= weight * shrink
         _by_pose(by_landmark[r], from_pivot, by_camera[r])
 
 
@@ -70,14 +80,13 @@ def _by_pose(a, arm, out):
 @njit(**FAST)
 def _add_slope(j, i, k, weight, cameras, points, observed, pivot, by_landmark, by_camera):
     """Takes from the row of a brightness what the image changes by where the landmark projects (`factors.direct`)."""
-    rotation, arm = cameras.rotation[k], points.position[j] - cameras.center[k]
-    z = rotation[0, 2] * arm[0] + rotation[1, 2] * arm[1] + rotation[2, 2] * arm[2]
-    image, of_pose = np.zeros(3), np.empty(6)
-    for r in range(2):
-        ratio = (rotation[0, r] * arm[0] + rotation[1, r] * arm[1] + rotation[2, r] * arm[2]) / z
-        for c in range(3):
-            focal = weight * observed.slope[i, r] * cameras.intrinsics[k, r]
-            image[c] -= focal * (rotation[c, r] - ratio * rotation[c, 2]) / z
+    slope = observed.slope[i]
+    if slope[0] == 0.0 and slope[1] == 0.0:
+        return
+    of_pixel, image, of_pose = np.empty((2, 3)), np.empty(3), np.empty(6)
+    _project(j, k, cameras, points, of_pixel)
+    for c in range(3):
+        image[c] = -weight * (slope[0] * of_pixel[0, c] + slope[1] * of_pixel[1, c])
     _by_pose(image, points.position[j] - pivot, of_pose)
     for c in range(3):
         by_landmark[c] += image[c]

@@ -73,10 +73,7 @@ def as_coarse_as(xy: np.ndarray, brightness: np.ndarray, valid: np.ndarray) -> t
 
     xy: (h, w, 2) target pixels of its pixels. Detail that only one of two pictures shows has no counterpart to match.
     """
-    import cv2
-
-    blur_px = smoothing_px(1.0 / target_step(xy))
-    return (cv2.GaussianBlur(_fill(brightness, valid), (0, 0), blur_px) if blur_px else brightness), valid
+    return _smoothed(brightness, valid, 1.0 / target_step(xy)), valid
 
 
 def target_step(xy: np.ndarray) -> float:
@@ -87,11 +84,7 @@ def target_step(xy: np.ndarray) -> float:
 def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness (h, w) float32 at pixel positions (h, w, 2), and validity; the image is smoothed first where
     it is sampled sparsely (a closer view), so that both pictures resolve the same."""
-    import cv2
-
-    filled = _fill(image.brightness.astype(np.float32), image.valid)
-    if blur_px := smoothing_px(target_step(xy)):
-        filled = cv2.GaussianBlur(filled, (0, 0), blur_px)
+    filled = _smoothed(image.brightness.astype(np.float32), image.valid, target_step(xy))
     height, width = image.brightness.shape
     inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)  # False where not finite
     valid = inside & (sample(image.valid.astype(np.float32), xy, order=1) > 0.999)
@@ -186,6 +179,14 @@ def jacobian_determinant(xy: np.ndarray) -> np.ndarray:
     """(h, w) target pixels for one pixel of the grid, from where its pixels' centres lie (h, w, 2); signed."""
     down, right = np.gradient(xy, axis=0), np.gradient(xy, axis=1)
     return right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
+
+
+def _smoothed(brightness: np.ndarray, valid: np.ndarray, spacing_px: float) -> np.ndarray:
+    """Brightness without gaps (`_fill`), as coarse as a grid of so many of its pixels."""
+    import cv2
+
+    filled, blur_px = _fill(brightness, valid), smoothing_px(spacing_px)
+    return cv2.GaussianBlur(filled, (0, 0), blur_px) if blur_px else filled
 
 
 def _fill(brightness: np.ndarray, valid: np.ndarray) -> np.ndarray:
