@@ -18,11 +18,12 @@ from scipy.sparse.linalg import splu
 from matched import matched_problem
 from photoclinometry.adjust import AdjustOptions, covariance
 from photoclinometry.adjust.covariance import Linearised, marginals
-from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs, _priors, _reorder, _weighted, _weights
+from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs, _priors, _reorder
 from photoclinometry.adjust.layout import build_layout, lay_out, morton_order
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Problem
-from photoclinometry.adjust.uncertainty import Weights, linearised, loosely_held
+from photoclinometry.adjust.uncertainty import linearised, loosely_held
+from photoclinometry.adjust.weights import Weights, weighted, weights_of
 from photoclinometry.scene import Scene
 
 BRIGHTNESS_SIGMA = 0.0015
@@ -49,8 +50,8 @@ def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.
     count = len(scene.landmarks)
     lit, mapped = np.ones(len(scene.tracks), bool), np.ones(count, bool)
     layout, place = build_layout(scene.tracks, len(scene.views))
-    weights = _weights(scene, options, lit, mapped, noise, None)
-    measured = _weighted(lay_out(scene.tracks, place, layout.places), weights, place)
+    weights = weights_of(scene, options, lit, mapped, noise, None)
+    measured = weighted(lay_out(scene.tracks, place, layout.places), weights, place)
     pairs = _pairs(scene.landmarks.position, count, options.smooth_neighbours)
     smooth = options.smooth_sigma_rad * max(1.0, brightness_px / BALANCED_CORRELATION_PX)
     problem = Problem(

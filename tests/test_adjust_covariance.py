@@ -8,8 +8,9 @@ import pytest
 from jacobians import numerical_jacobian
 from photoclinometry.adjust.covariance import ErrorModel, marginals, with_parameters
 from photoclinometry.adjust.solver import minimize, parameter_response
-from photoclinometry.adjust.uncertainty import Weights, linearised
+from photoclinometry.adjust.uncertainty import linearised
 from photoclinometry.adjust.variables import Estimate
+from photoclinometry.adjust.weights import Weights
 from scenes import synthetic_scene
 from test_adjust_factors import problem_of, some_tracks_missing
 from test_adjust_solver import TIGHT, residuals_of

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust.layout import ImageSlopes, Measurements, build_layout, lay_out, morton_order, spread
+from photoclinometry.adjust.layout import ImageSlopes, build_layout, lay_out, morton_order
 from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
@@ -25,12 +25,13 @@ from photoclinometry.adjust.priors import Priors
 from photoclinometry.adjust.problem import Problem, sun_rows
 from photoclinometry.adjust.smoothing import Neighbours, build_neighbours
 from photoclinometry.adjust.solver import Iteration, minimize, parameter_response
-from photoclinometry.adjust.uncertainty import OF_LANDMARKS, Weights, estimate_uncertainty
+from photoclinometry.adjust.uncertainty import OF_LANDMARKS, estimate_uncertainty
 from photoclinometry.adjust.variables import Estimate
+from photoclinometry.adjust.weights import weighted, weights_of
 from photoclinometry.errors import ReconstructionError
 from photoclinometry.geometry import Rigid
 from photoclinometry.initialize import neighbours
-from photoclinometry.predict import brightness_residuals, keypoint_residuals, shading
+from photoclinometry.predict import brightness_residuals, keypoint_residuals, projected_keypoints, shading
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance
 from photoclinometry.scene import Landmarks, Scene, Tracks, Views
 
@@ -43,21 +44,9 @@ LONGEST_STEP, LONGEST_ANCHOR_STEP = 0.5, 20.0
 """How far a landmark may move in one step against what all do, in distances between landmarks. Anchors have no
 neighbours to tear from: those seen from nearly one direction have far to go, and were what estimates waited for."""
 
-DIRECT_SLACK = 50.0
-"""Where brightness follows a landmark (`ImageSlopes`), its keypoints are held this many times looser: they then hold
-what no image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
-
-ANCHOR_SLACK = 4.0
-"""Anchors are then held this many times looser: brightness that errs alike over many pixels counts for little, but its
-slopes differ from pixel to pixel and say more than that of where views stand."""
-
 DIRECT_SMOOTHNESS = 0.5
-"""There smoothness is as given times this, where errors of brightness are a pixel's own: nothing else holds single
-landmarks against noise."""
-
-RAY_SIGMA_PX = 0.004
-"""How near such a landmark stays to its pixel's ray of the reference view [px]: which point of the ground it is, is a
-choice."""
+"""Where brightness follows landmarks (`ImageSlopes`), smoothness is as given times this, if errors of brightness are a
+pixel's own: nothing else holds single landmarks against noise."""
 
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
@@ -225,8 +214,8 @@ def _rounds(
     for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
         shared = noise.between_landmarks(stride)
-        weights = _weights(scene, options, lit, own, shared, direct)
-        measured = _weighted(unweighted, weights, place)
+        weights = weights_of(scene, options, lit, own, shared, direct)
+        measured = weighted(unweighted, weights, place)
         looser = shared.brightness_correlation_px / BALANCED_CORRELATION_PX
         smooth_sigma = options.smooth_sigma_rad * max(looser, 1.0 if direct is None else DIRECT_SMOOTHNESS)
         pairs = _pairs(estimate.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
@@ -265,7 +254,7 @@ def _rounds(
         # As if what brightness errs by all over a view were noise, and all else known as well as stated.
         seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
         seen = seen.between_landmarks(stride)
-        weights = _weights(scene, options, lit, own, seen, direct)
+        weights = weights_of(scene, options, lit, own, seen, direct)
         problem.release()
         del layout, place, unweighted, measured
         slope = None if slopes is None else slopes.slope
@@ -284,39 +273,7 @@ def _rounds(
 
 def _following(brightness: np.ndarray, slopes: ImageSlopes, scene: Scene) -> np.ndarray:
     """Brightness (N,) where the scene's landmarks project, from that (N,) where it was taken."""
-    projected = scene.tracks.keypoint + keypoint_residuals(scene)
-    return brightness + np.sum(slopes.slope * (projected - slopes.at), -1)
-
-
-def _weighted(measured: Measurements, weights: Weights, place: np.ndarray) -> Measurements:
-    """The measurements with weights and loss limits."""
-    size = measured.brightness.size
-    return measured._replace(
-        keypoint_weight=spread(weights.keypoint, place, size, np.float32),
-        brightness_weight=spread(weights.brightness, place, size, np.float32),
-        keypoint_limit=weights.keypoint_limit,
-        brightness_limit=weights.brightness_limit,
-    )
-
-
-def _weights(scene: Scene, options: AdjustOptions, lit, own, noise: Noise, direct: np.ndarray | None) -> Weights:
-    """Of all observations; own: (J,) landmarks of the map; direct: (J,) those whose brightness follows them."""
-    tracks = scene.tracks
-    shared = options.keypoint_slack * noise.keypoint_factor * noise.keypoint_correlation_px
-    factor = np.where(own, shared, noise.anchor_factor)
-    if direct is not None:
-        factor *= np.where(direct, DIRECT_SLACK, np.where(own, 1.0, ANCHOR_SLACK))
-    sigma = tracks.keypoint_sigma * factor[tracks.landmark]
-    limit = options.keypoint_loss / np.where(own, noise.keypoint_correlation_px, 1.0)
-    if direct is not None:
-        limit[direct] = np.inf
-        sigma[direct[tracks.landmark] & (tracks.view == scene.reference)] = RAY_SIGMA_PX
-    return Weights(
-        keypoint=1.0 / sigma,
-        brightness=lit / (noise.brightness_sigma * noise.brightness_correlation_px) if lit.any() else lit.astype(float),
-        keypoint_limit=limit,
-        brightness_limit=options.brightness_loss / noise.brightness_correlation_px,
-    )
+    return brightness + np.sum(slopes.slope * (projected_keypoints(scene) - slopes.at), -1)
 
 
 def gate(scene: Scene, estimate: Estimate, options: AdjustOptions) -> np.ndarray:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from photoclinometry.adjust.parameters import ParameterResponse
 from photoclinometry.adjust.problem import Problem, states
 from photoclinometry.adjust.smoothing import linearize_smoothness
 from photoclinometry.adjust.variables import Estimate
+from photoclinometry.adjust.weights import Weights
 from photoclinometry.adjust.windows import links
 from photoclinometry.geometry import skew
 from photoclinometry.scene import Scene, Views
@@ -40,18 +40,6 @@ its surroundings look known."""
 
 _NEARBY = 25
 """Landmarks over which smoothness averages errors that are not shared."""
-
-
-class Weights(NamedTuple):
-    """How much each measurement counts in the estimate."""
-
-    keypoint: np.ndarray
-    """(N,) 1 / sigma [1/px]."""
-    brightness: np.ndarray
-    """(N,) 1 / sigma, zero where brightness does not count."""
-    keypoint_limit: np.ndarray
-    """(J,) Huber limits in sigmas."""
-    brightness_limit: float
 
 
 def estimate_uncertainty(
