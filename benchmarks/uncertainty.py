@@ -17,8 +17,9 @@ from scipy.sparse.linalg import splu
 
 from matched import matched_problem
 from photoclinometry.adjust import AdjustOptions, covariance
+from photoclinometry.adjust.companions import with_companions
 from photoclinometry.adjust.covariance import Linearised, marginals
-from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs, _priors, _reorder
+from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs, _priors
 from photoclinometry.adjust.layout import build_layout, lay_out, morton_order
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Problem
@@ -48,9 +49,10 @@ def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.
         brightness_correlation_px=brightness_px,
     )
     count = len(scene.landmarks)
-    lit, mapped = np.ones(len(scene.tracks), bool), np.ones(count, bool)
+    lit = np.ones(len(scene.tracks), bool)
+    _, _, roles = with_companions(scene, None, None)
     layout, place = build_layout(scene.tracks, len(scene.views))
-    weights = weights_of(scene, options, lit, mapped, noise, None)
+    weights = weights_of(scene, options, lit, roles, noise)
     measured = weighted(lay_out(scene.tracks, place, layout.places), weights, place)
     pairs = _pairs(scene.landmarks.position, count, options.smooth_neighbours)
     smooth = options.smooth_sigma_rad * max(1.0, brightness_px / BALANCED_CORRELATION_PX)
@@ -64,7 +66,7 @@ def at_truth(side: int, views: int, keypoint_px: float, brightness_px: float) ->
     """A matched problem in the solver's order, its gauge loose as in `estimate_uncertainty`."""
     _, truth = matched_problem(side, views)
     order = morton_order(truth.landmarks.pixel)
-    tracks, _ = _reorder(truth.tracks, order)
+    tracks, _ = truth.tracks.of_landmarks(order)
     scene = Scene(**{**vars(truth), "landmarks": truth.landmarks[order], "tracks": tracks})
     problem, weights = problem_of(scene, keypoint_px, brightness_px)
     at, _ = linearised(scene, np.median(scene.landmarks.position, axis=0), problem, weights)

@@ -182,6 +182,14 @@ class Tracks:
         """(N,) int64 landmark index of each observation."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
+    def of_landmarks(self, chosen: np.ndarray) -> tuple[Tracks, np.ndarray]:
+        """The tracks of landmarks at indices (j,), in that order, and where in these (N,) each observation was."""
+        count = np.diff(self.start)[chosen]
+        start = np.concatenate([[0], np.cumsum(count)])
+        picked = np.arange(start[-1]) + np.repeat(self.start[:-1][chosen] - start[:-1], count)
+        names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
+        return Tracks(start=start, **{name: getattr(self, name)[picked] for name in names}), picked
+
 
 @dataclass(frozen=True, kw_only=True)
 class Region:

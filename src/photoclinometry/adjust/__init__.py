@@ -1,6 +1,7 @@
 """The joint estimate: one factor graph of keypoints, brightness, Sun directions and smoothness."""
 
-from photoclinometry.adjust.estimate import Adjustment, Anchors, PosePriors, adjust
+from photoclinometry.adjust.companions import Anchors
+from photoclinometry.adjust.estimate import Adjustment, PosePriors, adjust
 from photoclinometry.adjust.layout import ImageSlopes
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions

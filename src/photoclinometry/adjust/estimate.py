@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from photoclinometry.adjust.companions import Anchors, Roles, with_companions
 from photoclinometry.adjust.layout import ImageSlopes, build_layout, lay_out, morton_order
 from photoclinometry.adjust.noise import (
     Noise,
@@ -33,7 +34,7 @@ from photoclinometry.geometry import Rigid
 from photoclinometry.initialize import neighbours
 from photoclinometry.predict import brightness_residuals, keypoint_residuals, projected_keypoints, shading
 from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance
-from photoclinometry.scene import Landmarks, Scene, Tracks, Views
+from photoclinometry.scene import Scene, Views
 
 log = logging.getLogger(__name__)
 
@@ -50,17 +51,6 @@ pixel's own: nothing else holds single landmarks against noise."""
 
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Anchors:
-    """Sparse landmarks all over the images: only their keypoints count, and hold the poses that the map's own region,
-    a small part of the field of view, determines poorly."""
-
-    position: np.ndarray
-    """(P, 3) in B."""
-    tracks: Tracks
-    """Of the P landmarks; brightness is not used."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,24 +112,19 @@ def adjust(
             f"{len(scene.landmarks)} landmarks in {len(scene.views)} views: too few for a joint estimate"
         )
     order = morton_order(scene.landmarks.pixel)
-    tracks, picked = _reorder(scene.tracks, order)
-    pivot = np.median(scene.landmarks.position, axis=0)
-    start = Estimate(scene.views, scene.landmarks[order], pivot)
-    sorted_scene = replace(scene, landmarks=start.landmarks, tracks=tracks)
-    del tracks
+    tracks, picked = scene.tracks.of_landmarks(order)
     if slopes is not None:
         slopes = ImageSlopes(slopes.at[picked], slopes.slope[picked])
-    if anchors is not None:
-        sorted_scene = _with_anchors(sorted_scene, anchors)
-        if slopes is not None:
-            more = ((0, len(anchors.tracks)), (0, 0))
-            slopes = ImageSlopes(np.pad(slopes.at, more), np.pad(slopes.slope, more))
-        start = replace(start, landmarks=sorted_scene.landmarks)
+    sorted_scene = replace(scene, landmarks=scene.landmarks[order], tracks=tracks)
+    del tracks
+    sorted_scene, slopes, roles = with_companions(sorted_scene, anchors, slopes)
+    pivot = np.median(scene.landmarks.position, axis=0)
+    start = Estimate(scene.views, sorted_scene.landmarks, pivot)
     given = scene.reflectance
     if scene.reflectance is not None and options.reflectance_sigma > 0:
         given = reflectance or scene.reflectance
         start = replace(start, parameters=given.relative_change(scene.reflectance))
-    adjustment = _rounds(sorted_scene, start, given, options, len(order), pose_priors, slopes, progress)
+    adjustment = _rounds(sorted_scene, start, given, options, roles, pose_priors, slopes, progress)
     back = np.argsort(order)
     estimate = adjustment.scene.landmarks
     lit = np.empty(len(picked), bool)
@@ -157,41 +142,17 @@ def adjust(
     return replace(adjustment, scene=adjusted.with_estimate(adjustment.scene.views, estimate[back]), lit=lit)
 
 
-def _with_anchors(scene: Scene, anchors: Anchors) -> Scene:
-    """The scene with the anchors after its own landmarks, never lit, their normals and albedos without meaning."""
-    own, more, count = scene.tracks, anchors.tracks, len(anchors.position)
-    landmarks = scene.landmarks
-    up = landmarks.normal.mean(0)
-    return replace(
-        scene,
-        landmarks=Landmarks(
-            position=np.concatenate([landmarks.position, anchors.position]),
-            normal=np.concatenate([landmarks.normal, np.tile(up / np.linalg.norm(up), (count, 1))]),
-            albedo=np.concatenate([landmarks.albedo, np.ones(count)]),
-            pixel=np.concatenate([landmarks.pixel, np.zeros((count, 2), np.int32)]),
-        ),
-        tracks=Tracks(
-            start=np.concatenate([own.start, own.start[-1] + more.start[1:]]),
-            view=np.concatenate([own.view, more.view]),
-            keypoint=np.concatenate([own.keypoint, more.keypoint]),
-            keypoint_sigma=np.concatenate([own.keypoint_sigma, more.keypoint_sigma]),
-            brightness=np.concatenate([own.brightness, np.zeros(len(more))]),
-            lit=np.concatenate([own.lit, np.zeros(len(more), bool)]),
-        ),
-    )
-
-
 def _rounds(
     scene: Scene,
     estimate: Estimate,
     given: Reflectance | None,
     options: AdjustOptions,
-    mapped: int,
+    roles: Roles,
     pose_priors: PosePriors | None,
     slopes: ImageSlopes | None,
     progress,
 ) -> Adjustment:
-    """`adjust` in the solver's order of landmarks, of which the first `mapped` make the map; the rest are anchors.
+    """`adjust` in the solver's order of landmarks, with companions.
 
     given: the reflectance from which that of the estimate differs by its parameters.
     """
@@ -199,10 +160,9 @@ def _rounds(
     layout, place = build_layout(tracks, len(scene.views))
     unweighted = lay_out(tracks, place, layout.places, slopes)
     smooth = photometric and options.smooth_sigma_rad > 0
-    own = np.arange(len(scene.landmarks)) < mapped
-    direct = None if slopes is None else slopes.of_landmarks(tracks)
+    own, mapped = roles.mapped, int(np.count_nonzero(roles.mapped))
     if options.keypoint_sigma_px is not None:
-        sigma = np.where(own[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
+        sigma = np.where(roles.anchor[tracks.landmark], tracks.keypoint_sigma, options.keypoint_sigma_px)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
     priors = _priors(scene, options, mapped, pose_priors)
     limit = scene.spacing * np.where(own, LONGEST_STEP, LONGEST_ANCHOR_STEP)
@@ -214,10 +174,10 @@ def _rounds(
     for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
         shared = noise.between_landmarks(stride)
-        weights = weights_of(scene, options, lit, own, shared, direct)
+        weights = weights_of(scene, options, lit, roles, shared)
         measured = weighted(unweighted, weights, place)
         looser = shared.brightness_correlation_px / BALANCED_CORRELATION_PX
-        smooth_sigma = options.smooth_sigma_rad * max(looser, 1.0 if direct is None else DIRECT_SMOOTHNESS)
+        smooth_sigma = options.smooth_sigma_rad * max(looser, DIRECT_SMOOTHNESS if roles.direct.any() else 1.0)
         pairs = _pairs(estimate.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
         held = replace(priors, view_factor=noise.view_factor)
         problem = None  # its buffers are let go of before the next one's are made
@@ -235,7 +195,7 @@ def _rounds(
         if final:
             break
         new_lit = gate(scene, estimate, options) if photometric else lit
-        new_noise = _measured_noise(scene, estimate, options, new_lit, own, noise)
+        new_noise = _measured_noise(scene, estimate, options, new_lit, roles, noise)
         if photometric and options.brightness_correlation_px is None:
             offsets = _view_offsets(estimate.views, priors)
             new_noise = replace(new_noise, view_factor=view_factor(offsets, noise.view_factor))
@@ -254,7 +214,7 @@ def _rounds(
         # As if what brightness errs by all over a view were noise, and all else known as well as stated.
         seen = replace(noise, brightness_correlation_px=noise.brightness_correlation_px * noise.view_factor)
         seen = seen.between_landmarks(stride)
-        weights = weights_of(scene, options, lit, own, seen, direct)
+        weights = weights_of(scene, options, lit, roles, seen)
         problem.release()
         del layout, place, unweighted, measured
         slope = None if slopes is None else slopes.slope
@@ -304,19 +264,20 @@ def _starting_noise(scene: Scene, options: AdjustOptions, lit: np.ndarray) -> No
     )
 
 
-def _measured_noise(scene: Scene, estimate: Estimate, options: AdjustOptions, lit, own, noise: Noise) -> Noise:
+def _measured_noise(scene: Scene, estimate: Estimate, options: AdjustOptions, lit, roles: Roles, noise: Noise) -> Noise:
     """`noise` with everything that is not given measured from the residuals of the estimate."""
     scene = scene.with_estimate(estimate.views, estimate.landmarks)
     tracks, found = scene.tracks, {}
-    residual, dense = keypoint_residuals(scene), own[tracks.landmark]
+    residual = keypoint_residuals(scene)
     pixel, stride = scene.landmarks.pixel[tracks.landmark], scene.region.stride
     if options.keypoint_sigma_px is None:
-        found["keypoint_factor"] = keypoint_factor(scene, residual, own)
-    if not own.all():
-        found["anchor_factor"] = keypoint_factor(scene, residual, ~own)
+        found["keypoint_factor"] = keypoint_factor(scene, residual, roles.mapped)
+    if roles.anchor.any():
+        found["anchor_factor"] = keypoint_factor(scene, residual, roles.anchor)
     if options.keypoint_correlation_px is None:
+        mine = roles.mapped[tracks.landmark]
         found["keypoint_correlation_px"] = max(
-            correlation_px(residual[dense, axis], tracks.view[dense], pixel[dense], stride) for axis in (0, 1)
+            correlation_px(residual[mine, axis], tracks.view[mine], pixel[mine], stride) for axis in (0, 1)
         )
     if lit.any():
         residual = brightness_residuals(scene)
@@ -392,12 +353,3 @@ def _central_landmark(scene: Scene, mapped: int) -> int:
     offset = np.linalg.norm(pixel - np.median(pixel, axis=0), axis=1)
     nearest = np.argsort(offset, kind="stable")[: max(1, len(offset) // 100)]
     return int(nearest[np.argmax(np.diff(scene.tracks.start)[nearest])])
-
-
-def _reorder(tracks: Tracks, order: np.ndarray) -> tuple[Tracks, np.ndarray]:
-    """The tracks of landmarks `order`, and the index (N,) of each of its observations in the original."""
-    count = np.diff(tracks.start)[order]
-    start = np.concatenate([[0], np.cumsum(count)])
-    picked = np.arange(start[-1]) + np.repeat(tracks.start[:-1][order] - start[:-1], count)
-    fields = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
-    return Tracks(start=start, **{name: getattr(tracks, name)[picked] for name in fields}), picked

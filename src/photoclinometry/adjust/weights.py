@@ -6,22 +6,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from photoclinometry.adjust.companions import COPY_STEP, Roles
 from photoclinometry.adjust.layout import Measurements, spread
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.scene import Scene
 
-DIRECT_SLACK = 50.0
-"""Where brightness follows a landmark (`ImageSlopes`), its keypoints are held this many times looser: they then hold
-what no image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
+DIRECT_SIGMA_PX = 25.0
+"""Keypoints' standard deviation where brightness follows their landmark (`ImageSlopes`) [px]: they then hold what no
+image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
 
 ANCHOR_SLACK = 4.0
-"""Anchors are then held this many times looser: brightness that errs alike over many pixels counts for little, but its
-slopes differ from pixel to pixel and say more than that of where views stand."""
+"""Anchors' standard deviations are this many times what their residuals say: a feature that shading makes goes where
+the shading goes, alike in all views of about one light, which then agree on what is wrong."""
 
 RAY_SIGMA_PX = 0.004
-"""How near such a landmark stays to its pixel's ray of the reference view [px]: which point of the ground it is, is a
-choice."""
+"""How near a landmark that brightness follows stays to its pixel's ray of the reference view [px]: which point of the
+ground it is, is a choice."""
 
 
 class Weights(NamedTuple):
@@ -36,26 +37,22 @@ class Weights(NamedTuple):
     brightness_limit: float
 
 
-def weights_of(scene: Scene, options: AdjustOptions, lit, own, noise: Noise, direct: np.ndarray | None) -> Weights:
-    """Of all observations (N,), of which brightness counts where lit (N,).
-
-    own: (J,) landmarks of the map, the rest are anchors; direct: (J,) those whose brightness follows them, None where
-    none does (`ImageSlopes`).
-    """
+def weights_of(scene: Scene, options: AdjustOptions, lit: np.ndarray, roles: Roles, noise: Noise) -> Weights:
+    """Of all observations (N,), of which brightness counts where lit (N,)."""
     tracks = scene.tracks
-    shared = options.keypoint_slack * noise.keypoint_factor * noise.keypoint_correlation_px
-    factor = np.where(own, shared, noise.anchor_factor)
-    if direct is not None:
-        factor *= np.where(direct, DIRECT_SLACK, np.where(own, 1.0, ANCHOR_SLACK))
+    own = options.keypoint_slack * noise.keypoint_factor
+    shared = noise.keypoint_correlation_px
+    copied = max(1.0, shared / COPY_STEP)
+    alike = np.select([roles.mapped, roles.copy], [shared, copied], 1.0)
+    factor = alike * np.where(roles.anchor, ANCHOR_SLACK * noise.anchor_factor, own)
     sigma = tracks.keypoint_sigma * factor[tracks.landmark]
-    limit = options.keypoint_loss / np.where(own, noise.keypoint_correlation_px, 1.0)
-    if direct is not None:
-        limit[direct] = np.inf
-        sigma[direct[tracks.landmark] & (tracks.view == scene.reference)] = RAY_SIGMA_PX
+    if roles.direct.any():
+        loose = np.where(tracks.view == scene.reference, RAY_SIGMA_PX, DIRECT_SIGMA_PX)
+        sigma = np.where(roles.direct[tracks.landmark], loose, sigma)
     return Weights(
         keypoint=1.0 / sigma,
         brightness=lit / (noise.brightness_sigma * noise.brightness_correlation_px) if lit.any() else lit.astype(float),
-        keypoint_limit=limit,
+        keypoint_limit=np.where(roles.direct, np.inf, options.keypoint_loss / alike),
         brightness_limit=options.brightness_loss / noise.brightness_correlation_px,
     )
 
