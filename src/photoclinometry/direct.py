@@ -27,9 +27,9 @@ PASSES = 2
 """Estimates, each from images taken anew where the last one projects. A third moves half of the landmarks by less than
 0.001 GSD."""
 
-MIN_LIT = 8
-"""Lit views from which on brightness says where a landmark lies: twice as many as it then has unknowns (depth, two of
-the normal, albedo). With as many as unknowns, noise goes into the depth."""
+MIN_LIT = 5
+"""Lit views from which on brightness says where a landmark lies: one more than it then has unknowns (depth, two of the
+normal, albedo). With as many as unknowns, noise goes into the depth."""
 
 
 def adjust_directly(
