@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from photoclinometry.adjust import AdjustOptions, ImageSlopes, adjust
-from photoclinometry.direct import MIN_LIT, adjust_directly, image_slopes
-from photoclinometry.geometry import angle_between, unit
+from photoclinometry.align import transform_scene
+from photoclinometry.direct import MIN_LIT, adjust_directly, has_strayed, image_slopes, put_back
+from photoclinometry.geometry import Similarity, angle_between, so3_exp, unit
 from photoclinometry.predict import keypoint_residuals
 from photoclinometry.sampling import sample_image, sample_slope
 from photoclinometry.scene import Image
@@ -130,6 +131,42 @@ def test_passes_take_the_images_anew_and_the_last_one_is_told_so(true):
 
     adjust_directly(true, synthetic_images(true), record)
     assert asked == [False, True]
+
+
+def pushed(scene, which, gsd=3.0):
+    """Landmarks `which` moved along the reference's rays."""
+    away = unit(scene.landmarks.position - scene.views.body_from_cam.translation[scene.reference])
+    position = scene.landmarks.position + gsd * scene.gsd * which[:, None] * away
+    return replace(scene, landmarks=replace(scene.landmarks, position=position))
+
+
+def test_landmarks_that_stray_in_a_pass_are_put_back_and_left_to_their_matches(true):
+    """The first pass is made to leave 20 landmarks 3 GSD off: the last one starts without that, by their matches."""
+    noisy = synthetic_scene(size=32, views=10, keypoint_noise_px=0.03)
+    off, images = np.arange(1024) % 50 == 7, synthetic_images(true)
+    starts = []
+
+    def first_astray(start, slack, last, slopes=None):
+        starts.append((start, slopes.of_landmarks(start.tracks)))
+        found = estimate(start, slack, last, slopes)
+        return found if last else replace(found, scene=pushed(found.scene, off))
+
+    found = adjust_directly(noisy, images, first_astray).scene
+    (_, direct), (again, rest) = starts
+    assert direct.all()
+    np.testing.assert_array_equal(rest, ~off)
+    assert not has_strayed(again).any()
+    np.testing.assert_allclose(again.landmarks.normal[off], noisy.landmarks.normal[off], atol=1e-4)
+    left = np.linalg.norm(keypoint_residuals(found), axis=-1)[off[found.tracks.landmark]]
+    assert np.median(left) < 0.06
+
+
+def test_what_was_put_back_looks_as_it_did_to_the_reference_in_any_frame(true):
+    other = Similarity(0.01, so3_exp(np.array([0.3, -0.2, 0.9])), np.array([5.0, 6.0, 7.0]))
+    moved, which = transform_scene(other, true), np.arange(1024) < 100
+    found = put_back(pushed(moved, which, 0.5), true, which)
+    np.testing.assert_allclose(found.landmarks.position, moved.landmarks.position, atol=2e-3 * moved.gsd)
+    np.testing.assert_allclose(found.landmarks.normal, moved.landmarks.normal, atol=1e-12)
 
 
 def test_a_strided_map_is_corrected_too(true):

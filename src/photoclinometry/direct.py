@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from photoclinometry.adjust import Adjustment, ImageSlopes
 from photoclinometry.initialize import landmark_spacing_px
-from photoclinometry.predict import projected_keypoints
+from photoclinometry.predict import keypoint_residuals, projected_keypoints
 from photoclinometry.sampling import as_coarse, sample_slope
 from photoclinometry.scene import Image, Scene
 from photoclinometry.shading import brightness_on_surface
@@ -27,9 +28,13 @@ PASSES = 2
 """Estimates, each from images taken anew where the last one projects. A third moves half of the landmarks by less than
 0.001 GSD."""
 
-MIN_LIT = 5
-"""Lit views from which on brightness says where a landmark lies: one more than it then has unknowns (depth, two of the
+MIN_LIT = 6
+"""Lit views from which on brightness says where a landmark lies: two more than it then has unknowns (depth, two of the
 normal, albedo). With as many as unknowns, noise goes into the depth."""
+
+STRAYED = 8.0
+"""A landmark whose projections are so many times farther from its matches than the median landmark's has followed
+something else: an image's slope is good for about a pixel, and that of a shadow's edge is not the ground's."""
 
 
 def adjust_directly(
@@ -37,22 +42,27 @@ def adjust_directly(
 ) -> Adjustment:
     """The last estimate of a scene, from its images; from its matches, where less than half of it can do without.
 
-    adjusted: as `rounds.adjust_in_rounds` has it, with slopes.
+    adjusted: as `rounds.adjust_in_rounds` has it, with slopes. Landmarks that stray in a pass are put back and left to
+    their matches.
     """
+    strayed = np.zeros(len(scene.landmarks), bool)
     start, slopes = image_slopes(scene, images)
     if np.mean(slopes.of_landmarks(start.tracks)) < 0.5:
         log.info("too few views light the ground: the last estimate is of matches")
         return adjusted(scene, 1.0, True, None)
     for _ in range(PASSES - 1):
-        start, slopes = image_slopes(adjusted(start, 1.0, False, slopes).scene, images)
+        found = adjusted(start, 1.0, False, slopes).scene
+        strayed |= has_strayed(found)
+        start, slopes = image_slopes(put_back(found, scene, strayed), images, ~strayed)
+    log.info("%d of %d landmarks are left to their matches", np.sum(~slopes.of_landmarks(start.tracks)), len(strayed))
     return adjusted(start, 1.0, True, slopes)
 
 
-def image_slopes(scene: Scene, images: Sequence[Image]) -> tuple[Scene, ImageSlopes]:
+def image_slopes(scene: Scene, images: Sequence[Image], among: np.ndarray | None = None) -> tuple[Scene, ImageSlopes]:
     """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the slopes there.
 
     images: of the scene's views, in their order. Slopes are zero where it is not lit, and of landmarks that are lit in
-    fewer than MIN_LIT views.
+    fewer than MIN_LIT views or not `among` those chosen (J,).
     """
     tracks = scene.tracks
     xy = projected_keypoints(scene)
@@ -63,5 +73,28 @@ def image_slopes(scene: Scene, images: Sequence[Image]) -> tuple[Scene, ImageSlo
         slope[mine] = sample_slope(as_coarse(image, float(spacing[k])), xy[mine])
     measured = brightness_on_surface(scene, images)
     lit = measured.tracks.lit
-    enough = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
-    return measured, ImageSlopes(xy, np.where((lit & enough[tracks.landmark])[:, None], slope, 0.0))
+    direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
+    if among is not None:
+        direct &= among
+    return measured, ImageSlopes(xy, np.where((lit & direct[tracks.landmark])[:, None], slope, 0.0))
+
+
+def has_strayed(scene: Scene) -> np.ndarray:
+    """(J,) bool: landmarks that lie far off their matches, in the median of their views."""
+    off, tracks = np.linalg.norm(keypoint_residuals(scene), axis=-1), scene.tracks
+    order = np.lexsort((off, tracks.landmark))
+    middle = off[order][tracks.start[:-1] + np.diff(tracks.start) // 2]
+    return middle > STRAYED * np.median(middle)
+
+
+def put_back(scene: Scene, before: Scene, which: np.ndarray) -> Scene:
+    """The scene with landmarks `which` (J,) as they were before, to the reference view: frames may differ."""
+    now, then = (one.views.body_from_cam[one.reference] for one in (scene, before))
+    landmarks, old = scene.landmarks, before.landmarks
+    position, normal, albedo = landmarks.position.copy(), landmarks.normal.copy(), landmarks.albedo.copy()
+    seen, saw = now.inverse()(position), then.inverse()(old.position)
+    scale = np.median(seen[~which, 2] / saw[~which, 2])
+    position[which] = now(scale * saw[which])
+    normal[which] = old.normal[which] @ (now.rotation @ then.rotation.T).T
+    albedo[which] = old.albedo[which]
+    return replace(scene, landmarks=replace(landmarks, position=position, normal=normal, albedo=albedo))

@@ -43,7 +43,8 @@ def weights_of(scene: Scene, options: AdjustOptions, lit: np.ndarray, roles: Rol
     own = options.keypoint_slack * noise.keypoint_factor
     shared = noise.keypoint_correlation_px
     copied = max(1.0, shared / COPY_STEP)
-    alike = np.select([roles.mapped, roles.copy], [shared, copied], 1.0)
+    among = copied if roles.direct.any() else shared  # few that stay with their matches must not follow noise instead
+    alike = np.select([roles.mapped, roles.copy], [among, copied], 1.0)
     factor = alike * np.where(roles.anchor, ANCHOR_SLACK * noise.anchor_factor, own)
     sigma = tracks.keypoint_sigma * factor[tracks.landmark]
     if roles.direct.any():
