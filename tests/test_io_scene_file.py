@@ -9,7 +9,7 @@ import pytest
 from photoclinometry.errors import RunFolderError
 from photoclinometry.io.scene_file import read_scene, write_scene
 from photoclinometry.reflectance import Reflectance
-from photoclinometry.scene import BODY_FIXED, OWN, Camera
+from photoclinometry.scene import BODY_FIXED, OWN, Camera, Surroundings
 from scenes import synthetic_scene, thinned
 
 
@@ -59,9 +59,13 @@ def variants(scene):
             },
         ),
     )
+    camera = scene.views.cameras[0]
+    depth = np.full((-(-camera.height // 4), -(-camera.width // 4)), 6e5)
+    depth[2:5, 3] = np.nan
+    yield "surroundings", replace(scene, surroundings=Surroundings(depth=depth, stride=4))
 
 
-@pytest.mark.parametrize("number", range(5))
+@pytest.mark.parametrize("number", range(6))
 def test_reading_gives_back_every_field_exactly(tmp_path, scene, number):
     _, written = list(variants(scene))[number]
     write_scene(tmp_path / "scene.h5", written)
@@ -95,6 +99,13 @@ def test_the_stride_comes_back_and_files_that_do_not_know_of_it_have_every_pixel
             file["region"].attrs["stride"] = stride
         with pytest.raises(RunFolderError, match="off the map's grid"):
             read_scene(path)
+
+
+def test_surroundings_of_another_image_contradict_the_scene(tmp_path, scene):
+    path = tmp_path / "scene.h5"
+    write_scene(path, replace(scene, surroundings=Surroundings(depth=np.ones((5, 5)), stride=4)))
+    with pytest.raises(RunFolderError, match="surroundings are not of the reference image"):
+        read_scene(path)
 
 
 def test_every_dataset_says_its_unit_frame_and_meaning(tmp_path, scene):

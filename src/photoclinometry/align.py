@@ -35,7 +35,7 @@ def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
 
     Of which kind that frame is, `Scene.frame`, is for the caller to say.
     """
-    views, landmarks = scene.views, scene.landmarks
+    views, landmarks, around = scene.views, scene.landmarks, scene.surroundings
     moved = replace(
         scene,
         frame=OWN,
@@ -49,6 +49,7 @@ def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
             position=similarity(landmarks.position),
             normal=landmarks.normal @ similarity.rotation.T,
         ),
+        surroundings=around and replace(around, depth=similarity.scale * around.depth),
     )
     return replace(moved, uncertainty=_transform_uncertainty(similarity, scene, moved))
 

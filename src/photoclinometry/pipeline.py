@@ -33,6 +33,7 @@ from photoclinometry.runfolder import RunFolder, digest, open_run
 from photoclinometry.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sparse import SparseModel, without_views
+from photoclinometry.surroundings import surroundings_of
 
 log = logging.getLogger(__name__)
 
@@ -290,6 +291,7 @@ def initial_scene(
         tracks=tracks,
         reference=own,
         region=region,
+        surroundings=surroundings_of(sparse, reference, region, dense.position, dense.pixel, views.cameras[reference]),
     )
 
 

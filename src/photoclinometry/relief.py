@@ -7,11 +7,13 @@ elevations from the plane, so that they mean something before a map is georefere
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit, prange
 
 from photoclinometry.geometry import Rigid, unit
-from photoclinometry.scene import Scene
+from photoclinometry.scene import Scene, Surroundings
 
 
 def mean_plane(position: np.ndarray, iterations: int = 10) -> tuple[np.ndarray, np.ndarray]:
@@ -63,9 +65,25 @@ def lambert_shade(normal: np.ndarray, sun: np.ndarray) -> np.ndarray:
     return np.clip(normal @ sun, 0.0, 1.0)
 
 
-@njit(cache=True, parallel=True)
-def _march(point, towards, fx, fy, cx, cy, row0, col0, stride, depth, nearest, farthest, step, free):
+@njit(cache=True, inline="always")
+def _depth_at(depth, row, col):
+    """Depth (h, w) at a row and a column, linear in between; NaN beyond the grid and beside what is missing."""
     height, width = depth.shape
+    if not (0.0 <= row < height - 1 and 0.0 <= col < width - 1):
+        return np.nan
+    r, c = int(row), int(col)
+    u, v = row - r, col - c
+    return (1.0 - u) * ((1.0 - v) * depth[r, c] + v * depth[r, c + 1]) + u * (
+        (1.0 - v) * depth[r + 1, c] + v * depth[r + 1, c + 1]
+    )
+
+
+@njit(cache=True, parallel=True)
+def _march(
+    point, towards, fx, fy, cx, cy, row0, col0, stride, depth, around, around_stride, nearest, farthest, step, free
+):
+    height, width = depth.shape
+    bottom, right = around_stride * (around.shape[0] - 1), around_stride * (around.shape[1] - 1)
     for j in prange(point.shape[0]):
         travelled = 1.5 * step
         while True:
@@ -75,32 +93,35 @@ def _march(point, towards, fx, fy, cx, cy, row0, col0, stride, depth, nearest, f
             travelled += step
             if z < nearest or z > farthest:
                 break
-            col = (fx * x / z + cx - 0.5 - col0) / stride
-            row = (fy * y / z + cy - 0.5 - row0) / stride
-            if not (0.0 <= row < height - 1 and 0.0 <= col < width - 1):
+            col, row = fx * x / z + cx - 0.5, fy * y / z + cy - 0.5
+            map_row, map_col = (row - row0) / stride, (col - col0) / stride
+            inside = 0.0 <= map_row < height - 1 and 0.0 <= map_col < width - 1
+            if not inside and not (0.0 <= row < bottom and 0.0 <= col < right):
                 break
-            r, c = int(row), int(col)
-            u, v = row - r, col - c
-            ground = (1.0 - u) * ((1.0 - v) * depth[r, c] + v * depth[r, c + 1]) + u * (
-                (1.0 - v) * depth[r + 1, c] + v * depth[r + 1, c + 1]
-            )
-            if z > ground:  # behind what the reference camera sees; False beside missing landmarks (NaN)
+            ground = _depth_at(depth, map_row, map_col)
+            if math.isnan(ground):
+                ground = _depth_at(around, row / around_stride, col / around_stride)
+            if z > ground:  # behind what the reference camera sees; False where nothing is known (NaN)
                 free[j] = False
                 break
 
 
-def unobstructed(scene: Scene, towards: np.ndarray) -> np.ndarray:
+def unobstructed(scene: Scene, towards: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
     """(J,) bool: no other part of the map stands in the way from the landmarks towards (3,) or (J, 3), in B.
 
     A ray from each landmark is followed over the reference camera's depth map, in steps as wide as landmarks are
     apart, until it leaves the region or all relief. Ground outside the map, or hidden from the reference camera,
-    obstructs nothing.
+    obstructs nothing; with `surroundings`, these do, where the map has no landmarks.
     towards: of any length.
     """
     cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
     point = cam_from_body(scene.landmarks.position)
     direction = unit(np.asarray(towards, float)) @ cam_from_body.rotation.T
     camera = scene.views.cameras[scene.reference]
+    around = np.zeros((1, 1)) if surroundings is None else surroundings.depth
+    nearest, farthest = point[:, 2].min(), point[:, 2].max()
+    if surroundings is not None:
+        nearest, farthest = min(nearest, np.nanmin(around)), max(farthest, np.nanmax(around))
     free = np.ones(len(point), bool)
     _march(
         point,
@@ -111,8 +132,10 @@ def unobstructed(scene: Scene, towards: np.ndarray) -> np.ndarray:
         scene.region.col,
         scene.region.stride,
         scene.grid(point[:, 2]),
-        point[:, 2].min(),
-        point[:, 2].max(),
+        around,
+        1 if surroundings is None else surroundings.stride,
+        nearest,
+        farthest,
         scene.spacing,
         free,
     )
@@ -120,8 +143,8 @@ def unobstructed(scene: Scene, towards: np.ndarray) -> np.ndarray:
 
 
 def in_sunlight(scene: Scene, sun: np.ndarray) -> np.ndarray:
-    """(J,) bool: no other part of the map shades the landmark from the Sun (3,), in B (`unobstructed`).
+    """(J,) bool: neither the map nor its surroundings shade the landmark from the Sun (3,), in B (`unobstructed`).
 
     Attached shadow (incidence above 90 degrees) is the reflectance model's affair.
     """
-    return unobstructed(scene, sun)
+    return unobstructed(scene, sun, scene.surroundings)

@@ -45,7 +45,7 @@ def landmark_brightness(
 
 
 def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
-    """(J,) share of a landmark's surroundings, three reference pixels wide, that no other part of the map shades.
+    """(J,) share of the ground about a landmark, three reference pixels wide, that nothing shades (`in_sunlight`).
 
     An image averages over its pixels and point-spread function, so that cast shadows have edges of about that width.
     At a stride above 1 that is the landmark itself.

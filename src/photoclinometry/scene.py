@@ -253,6 +253,16 @@ class Region:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """The ground around a map as the reference view sees it, roughly: it casts shadows, and is no part of the map."""
+
+    depth: np.ndarray
+    """(rows, cols) along the reference camera's optical axis, in units of B, at every `stride`-th pixel of its image
+    from the first on; NaN where nothing is known."""
+    stride: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """Everything that is known about a site: the result of a run."""
 
@@ -271,6 +281,8 @@ class Scene:
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
     """Standard deviations or covariances by name, first axis J or K; empty until computed. `calibrate.py` lists names
     and axes, `adjust/uncertainty.py` says in which frame they are."""
+    surroundings: Surroundings | None = None
+    """Where they are known."""
     frame: str = OWN
     """OWN: origin, axes and unit of length are the images' alone, or nobody said. BODY_FIXED: those of pose priors,
     origin in the body's centre, z to the north pole, x to longitude 0, in metres."""

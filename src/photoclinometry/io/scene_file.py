@@ -18,7 +18,7 @@ from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.geometry import Rigid
 from photoclinometry.io.hdf5 import new_hdf5
 from photoclinometry.reflectance import Reflectance
-from photoclinometry.scene import BODY_FIXED, OWN, Camera, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.scene import BODY_FIXED, OWN, Camera, Landmarks, Region, Scene, Surroundings, Tracks, Views
 
 FORMAT = "photoclinometry scene"
 VERSION = 1
@@ -50,6 +50,11 @@ _TRACKS = {
     "brightness": (_BRIGHTNESS, "-", "brightness at the keypoint; a measurement only where lit"),
     "lit": ("-", "-", "whether the brightness is a measurement"),
 }
+_DEPTH = (
+    _LENGTH,
+    "C",
+    "depth in the reference camera of the ground around the map, at every `stride`-th pixel; NaN where unknown",
+)
 _UNCERTAINTY_UNITS = {
     "position": (_LENGTH, "B"),
     "translation": (_LENGTH, "B"),
@@ -87,6 +92,10 @@ def write_scene(path: Path | str, scene: Scene) -> None:
             write = _Writer(file.create_group(group), scene)
             for name, about in spec.items():
                 write(name, getattr(part, name), about)
+        if scene.surroundings is not None:
+            group = file.create_group("surroundings")
+            group.attrs["stride"] = scene.surroundings.stride
+            _Writer(group, scene)("depth", scene.surroundings.depth, _DEPTH)
         write = _Writer(file.create_group("uncertainty"), scene)
         for name, sigma in scene.uncertainty.items():
             unit, frame = _UNCERTAINTY_UNITS.get(name, ("as the quantity", "as the quantity"))
@@ -187,8 +196,16 @@ def _read(file: Any) -> Scene:
         reference=int(file.attrs["reference"]),
         region=Region(**{name: int(value) for name, value in file["region"].attrs.items()}),  # older files: no stride
         uncertainty={name: dataset[()] for name, dataset in file["uncertainty"].items()},
+        surroundings=_read_surroundings(file),
         frame=str(file.attrs.get("frame", OWN)),  # files from before pose priors were used do not say
     )
+
+
+def _read_surroundings(file: Any) -> Surroundings | None:
+    if "surroundings" not in file:
+        return None
+    group = file["surroundings"]
+    return Surroundings(depth=group["depth"][()], stride=int(group.attrs["stride"]))
 
 
 def _read_views(file: Any) -> Views:
@@ -238,6 +255,12 @@ def _inconsistency(scene: Scene) -> str | None:
     )
     if not inside.all():
         return "a landmark lies outside the region"
+    around = scene.surroundings
+    if around is not None:
+        camera = views.cameras[scene.reference]
+        image = Region(row=0, col=0, height=camera.height, width=camera.width, stride=max(1, around.stride))
+        if around.depth.shape != image.grid_shape:
+            return "its surroundings are not of the reference image"
     if region.stride < 1 or ((landmarks.pixel - (region.row, region.col)) % region.stride).any():
         return "a landmark lies off the map's grid"
     return None
