@@ -2,9 +2,10 @@
 
     python benchmarks/bound.py RUN SITE       # a finished run, and the folder of its simulated site
 
-Prints PSNR (all pixels; lit ones) of three maps: the run's; the truth averaged over the optics' footprint; and true
-poses, Suns and positions with normals, albedos and scales fitted to the images. What the last one lacks no better
-matching or estimate can give: it is the model, noise, cast shadow, and relief below a pixel.
+Prints PSNR (all pixels; lit ones) of four maps: the run's; the truth averaged over the optics' footprint; true poses,
+Suns and positions with normals, albedos and scales fitted to the images; and that amidst the true ground of the
+reference image, whose shadows fall onto it. What the last one lacks no better matching or estimate can give: it is the
+model, noise, and relief below a pixel.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from photoclinometry.geometry import angle_between
 from photoclinometry.io.truth import read_truth
 from photoclinometry.predict import observation_brightness
 from photoclinometry.render import landmark_faces
-from photoclinometry.scene import Image, Scene
+from photoclinometry.scene import Image, Region, Scene, Surroundings
 from photoclinometry.shading import brightness_on_surface, normals_from_shading
 from photoclinometry.simulate.truth import Truth, truth_maps
 
@@ -39,7 +40,17 @@ def at_true_geometry(scene: Scene, truth: Truth, images: Sequence[Image]) -> Sce
     landmarks = replace(
         scene.landmarks, position=maps.position[at], normal=maps.normal_mean[at], albedo=maps.albedo_mean[at]
     )
+    scene = replace(scene, surroundings=None)
     return brightness_on_surface(scene.with_estimate(replace(scene.views, **true), landmarks), images)
+
+
+def true_surroundings(scene: Scene, truth: Truth) -> Surroundings:
+    """The ground of the whole reference image, of a scene at the true geometry."""
+    camera, pose = scene.views.cameras[scene.reference], scene.views.body_from_cam[scene.reference]
+    frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=2)
+    maps = truth_maps(truth, scene.views.name[scene.reference], frame)
+    depth = pose.inverse()(maps.position)[..., 2]
+    return Surroundings(depth=np.where(maps.hit, depth, np.nan), stride=frame.stride)
 
 
 def with_scales(scene: Scene) -> Scene:
@@ -58,7 +69,13 @@ def main(run: Path, site: Path) -> None:
     fitted = true
     for _ in range(FITS):
         fitted = with_scales(normals_from_shading(fitted))
-    for title, map_ in (("the run", scene), ("the truth", true), ("fitted at the true geometry", fitted)):
+    amidst = replace(fitted, surroundings=true_surroundings(fitted, truth))
+    for title, map_ in (
+        ("the run", scene),
+        ("the truth", true),
+        ("fitted at the true geometry", fitted),
+        ("the same amidst the true ground", amidst),
+    ):
         faces = landmark_faces(map_)
         found = [view_psnr(map_, k, image, faces) for k, image in enumerate(images)]
         psnr, lit = (np.mean([one[key] for one in found]) for key in ("psnr_db", "psnr_lit_db"))
