@@ -19,7 +19,8 @@ from matched import matched_problem
 from photoclinometry.adjust import AdjustOptions, covariance
 from photoclinometry.adjust.companions import with_companions
 from photoclinometry.adjust.covariance import Linearised, marginals
-from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs, _priors
+from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs
+from photoclinometry.adjust.known import priors_of
 from photoclinometry.adjust.layout import build_layout, lay_out, morton_order
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Problem
@@ -57,7 +58,7 @@ def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.
     pairs = _pairs(scene.landmarks.position, count, options.smooth_neighbours)
     smooth = options.smooth_sigma_rad * max(1.0, brightness_px / BALANCED_CORRELATION_PX)
     problem = Problem(
-        layout, measured, pairs, _priors(scene, options, count, None), scene.reflectance, smooth_sigma=smooth
+        layout, measured, pairs, priors_of(scene, options, count, None), scene.reflectance, smooth_sigma=smooth
     )
     return problem, weights
 

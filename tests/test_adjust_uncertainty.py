@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.adjust import AdjustOptions, Noise, adjust
+from photoclinometry.adjust import AdjustOptions, Noise, PosePriors, adjust
 from photoclinometry.adjust.covariance import Marginals
-from photoclinometry.adjust.estimate import PosePriors
 from photoclinometry.adjust.uncertainty import error_model, scene_uncertainty
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.calibrate import sigma_metrics

@@ -1,7 +1,8 @@
 """The joint estimate: one factor graph of keypoints, brightness, Sun directions and smoothness."""
 
 from photoclinometry.adjust.companions import Anchors
-from photoclinometry.adjust.estimate import Adjustment, PosePriors, adjust
+from photoclinometry.adjust.estimate import Adjustment, adjust
+from photoclinometry.adjust.known import PosePriors
 from photoclinometry.adjust.layout import ImageSlopes
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from photoclinometry.adjust.companions import Anchors, Roles, with_companions
+from photoclinometry.adjust.known import PosePriors, priors_of
 from photoclinometry.adjust.layout import ImageSlopes, build_layout, lay_out, morton_order
 from photoclinometry.adjust.noise import (
     Noise,
@@ -30,10 +31,9 @@ from photoclinometry.adjust.uncertainty import OF_LANDMARKS, estimate_uncertaint
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.weights import weighted, weights_of
 from photoclinometry.errors import ReconstructionError
-from photoclinometry.geometry import Rigid
 from photoclinometry.initialize import neighbours
 from photoclinometry.predict import brightness_residuals, keypoint_residuals, projected_keypoints, shading
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance
+from photoclinometry.reflectance import Reflectance
 from photoclinometry.scene import Scene, Views
 
 log = logging.getLogger(__name__)
@@ -51,18 +51,6 @@ pixel's own: nothing else holds single landmarks against noise."""
 
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PosePriors:
-    """What is known of poses beforehand, in the scene's frame B. It takes the place of the gauge's own priors."""
-
-    body_from_cam: Rigid
-    """(K,)."""
-    rotation_sigma: np.ndarray
-    """(K,) [rad], about each axis; infinite where nothing is known."""
-    center_sigma: np.ndarray
-    """(K,) in units of B, along each axis; infinite where nothing is known."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +89,8 @@ def adjust(
     navigation; without them only the gauge is fixed, by the reference view's pose and one landmark. reflectance: as it
     is known beforehand, of which the scene's is an estimate; left out, the scene's own. slopes: of the images where the
     scene's brightness was taken, so that it follows the landmarks (`factors.direct`), which then stay on their
-    rays of the reference view; the adjusted scene has the brightness where its landmarks project, by these slopes.
+    rays of the reference view, while copies with their matches hold the poses (`companions`); the adjusted scene has
+    the brightness where its landmarks project, by these slopes.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or no landmarks are
     left to estimate.
@@ -164,7 +153,7 @@ def _rounds(
     if options.keypoint_sigma_px is not None:
         sigma = np.where(roles.anchor[tracks.landmark], tracks.keypoint_sigma, options.keypoint_sigma_px)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
-    priors = _priors(scene, options, mapped, pose_priors)
+    priors = priors_of(scene, options, mapped, pose_priors)
     limit = scene.spacing * np.where(own, LONGEST_STEP, LONGEST_ANCHOR_STEP)
     loose = options.solver.roughly()
     history: list[Iteration] = []
@@ -303,53 +292,3 @@ def _pairs(position: np.ndarray, mapped: int, count: int) -> Neighbours:
     index, near = neighbours(position[:mapped], count)
     alone = ((0, len(position) - mapped), (0, 0))
     return build_neighbours(np.pad(index, alone), np.pad(near, alone))
-
-
-def _priors(scene: Scene, options: AdjustOptions, mapped: int, pose_priors: PosePriors | None) -> Priors:
-    views, landmarks, gsd = scene.views, scene.landmarks, scene.gsd
-    count, free = len(views), np.full(len(landmarks), np.inf)
-    rotation, translation, position = np.full(count, np.inf), np.full(count, np.inf), free.copy()
-    if options.position_sigma_gsd is not None:
-        position[:mapped] = options.position_sigma_gsd * gsd
-    if pose_priors is None:
-        rotation[scene.reference] = options.pose_rotation_sigma_rad
-        translation[scene.reference] = options.pose_translation_sigma_gsd * gsd
-        central = _central_landmark(scene, mapped)
-        position[central] = min(position[central], options.landmark_sigma_gsd * gsd)
-        poses = views.body_from_cam
-    else:
-        rotation, translation = pose_priors.rotation_sigma, pose_priors.center_sigma
-        poses = pose_priors.body_from_cam
-    scale, bias = _brightness_priors(scene, options)
-    return Priors(
-        views=replace(views, body_from_cam=poses, scale=np.ones(count), bias=np.zeros(count)),
-        pose_rotation=rotation,
-        pose_translation=translation,
-        scale=scale,
-        bias=bias,
-        landmarks=landmarks,
-        position=position,
-        normal=np.full(len(landmarks), options.normal_sigma_rad or np.inf),
-        albedo=free if options.albedo_sigma is None else options.albedo_sigma * landmarks.albedo,
-        reflectance=options.reflectance_sigma or np.inf,
-    )
-
-
-def _brightness_priors(scene: Scene, options: AdjustOptions) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations (K,) of scales and biases."""
-    count, model = len(scene.views), scene.reflectance
-    level = float(np.median(scene.tracks.brightness[scene.tracks.lit])) if np.any(scene.tracks.lit) else 1.0
-    calibrated = scene.brightness == "iof" and model is not None and model.disk in HAS_PHASE_FUNCTION
-    scale = np.full(count, options.scale_sigma or (0.01 if calibrated else np.inf))
-    if not calibrated:
-        scale[scene.reference] = min(scale[scene.reference], 1e-6)
-    bias = options.bias_sigma or (1e-3 if scene.brightness == "iof" else 0.1) * level
-    return scale, np.full(count, bias)
-
-
-def _central_landmark(scene: Scene, mapped: int) -> int:
-    """The landmark of most observations among those nearest to the middle of the map."""
-    pixel = scene.landmarks.pixel[:mapped]
-    offset = np.linalg.norm(pixel - np.median(pixel, axis=0), axis=1)
-    nearest = np.argsort(offset, kind="stable")[: max(1, len(offset) // 100)]
-    return int(nearest[np.argmax(np.diff(scene.tracks.start)[nearest])])
