@@ -8,9 +8,10 @@ import pytest
 from photoclinometry.align import transform_scene
 from photoclinometry.geometry import Rigid, Similarity, so3_exp
 from photoclinometry.relief import in_sunlight, local_frame, sun_from_angles
+from photoclinometry.render import render_reference
 from photoclinometry.scene import Camera, Region, Surroundings
 from photoclinometry.sparse import SparseModel
-from photoclinometry.surroundings import FINEST, MIN_POINTS, NODES, REACH_PX, surroundings_of
+from photoclinometry.surroundings import FINEST, MIN_POINTS, NODES, NOISE_GSD, REACH_PX, surroundings_of
 from scenes import GSD, bumpy_surface, look_at_origin, synthetic_scene
 
 DISTANCE = 600e3
@@ -65,6 +66,7 @@ def test_the_surface_passes_through_sparse_points_and_ends_where_there_are_none(
     assert known[:, cols <= 110].all()
     assert not known[:, cols > 111 + REACH_PX].any()
     off = (found.depth - depth[::FINEST, ::FINEST])[:, cols <= 108] / GSD
+    assert np.median(off) == pytest.approx(NOISE_GSD, abs=0.05)
     assert np.std(off) < 0.4 * np.std(depth / GSD)
 
 
@@ -134,13 +136,14 @@ def test_a_wall_beside_the_map_shades_it_as_far_as_trigonometry_says():
     sun = scene.views.body_from_cam[0].rotation @ np.array([1.0, 0.0, -slope])
     assert in_sunlight(scene, sun).all()
     shaded = replace(scene, surroundings=Surroundings(depth=depth, stride=4))
-    dark = ~(scene.grid(in_sunlight(shaded, sun).astype(float)) > 0)
+    dark = ~(scene.grid(in_sunlight(shaded, sun, shaded.surroundings).astype(float)) > 0)
     length = dark[5:-5].sum(1)
+    np.testing.assert_array_equal(render_reference(shaded, sun=sun, cast_shadows=True)[0][10, -10:], 0.0)
     assert (np.abs(length - 17) <= 4).all()
     np.testing.assert_array_equal(dark[10], np.arange(40) >= 40 - length[5])
-    assert in_sunlight(shaded, -sun * [1.0, 1.0, -1.0]).all()
+    assert in_sunlight(shaded, -sun * [1.0, 1.0, -1.0], shaded.surroundings).all()
     gap = np.where(wall, np.nan, depth)
-    assert in_sunlight(replace(scene, surroundings=Surroundings(depth=gap, stride=4)), sun).all()
+    assert in_sunlight(scene, sun, Surroundings(depth=gap, stride=4)).all()
 
 
 def test_shadows_are_the_same_in_another_frame():
@@ -151,7 +154,7 @@ def test_shadows_are_the_same_in_another_frame():
     scene = replace(scene, surroundings=Surroundings(depth=depth, stride=4))
     other = Similarity(0.01, so3_exp(np.array([0.3, -0.2, 0.9])), np.array([5.0, 6.0, 7.0]))
     sun = sun_from_angles(local_frame(scene), 0.7, np.deg2rad(12.0))
-    lit = in_sunlight(scene, sun)
+    lit = in_sunlight(scene, sun, scene.surroundings)
     assert 0.1 < lit.mean() < 0.9
     moved = transform_scene(other, scene)
-    np.testing.assert_array_equal(in_sunlight(moved, other.rotation @ sun), lit)
+    np.testing.assert_array_equal(in_sunlight(moved, other.rotation @ sun, moved.surroundings), lit)

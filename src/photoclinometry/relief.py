@@ -7,8 +7,6 @@ elevations from the plane, so that they mean something before a map is georefere
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit, prange
 
@@ -98,8 +96,9 @@ def _march(
             inside = 0.0 <= map_row < height - 1 and 0.0 <= map_col < width - 1
             if not inside and not (0.0 <= row < bottom and 0.0 <= col < right):
                 break
-            ground = _depth_at(depth, map_row, map_col)
-            if math.isnan(ground):
+            if inside:
+                ground = _depth_at(depth, map_row, map_col)
+            else:
                 ground = _depth_at(around, row / around_stride, col / around_stride)
             if z > ground:  # behind what the reference camera sees; False where nothing is known (NaN)
                 free[j] = False
@@ -111,7 +110,7 @@ def unobstructed(scene: Scene, towards: np.ndarray, surroundings: Surroundings |
 
     A ray from each landmark is followed over the reference camera's depth map, in steps as wide as landmarks are
     apart, until it leaves the region or all relief. Ground outside the map, or hidden from the reference camera,
-    obstructs nothing; with `surroundings`, these do, where the map has no landmarks.
+    obstructs nothing; with `surroundings`, these do, but not in holes of the map.
     towards: of any length.
     """
     cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
@@ -142,9 +141,9 @@ def unobstructed(scene: Scene, towards: np.ndarray, surroundings: Surroundings |
     return free
 
 
-def in_sunlight(scene: Scene, sun: np.ndarray) -> np.ndarray:
-    """(J,) bool: neither the map nor its surroundings shade the landmark from the Sun (3,), in B (`unobstructed`).
+def in_sunlight(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
+    """(J,) bool: no other part of the map, and no `surroundings`, shade the landmark from the Sun (3,), in B.
 
-    Attached shadow (incidence above 90 degrees) is the reflectance model's affair.
+    As `unobstructed`. Attached shadow (incidence above 90 degrees) is the reflectance model's affair.
     """
-    return unobstructed(scene, sun, scene.surroundings)
+    return unobstructed(scene, sun, surroundings)

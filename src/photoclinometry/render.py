@@ -16,7 +16,7 @@ from photoclinometry.raster import draw_triangles, grid_faces
 from photoclinometry.reflectance import photometric_angles
 from photoclinometry.relief import in_sunlight
 from photoclinometry.sampling import smoothing_px
-from photoclinometry.scene import Scene
+from photoclinometry.scene import Scene, Surroundings
 
 
 def landmark_brightness(
@@ -40,12 +40,12 @@ def landmark_brightness(
     )
     radiance = landmarks.albedo * reflectance_of(scene)(*angles)
     if cast_shadows:
-        radiance = radiance * sunlit_share(scene, towards_sun)
+        radiance = radiance * sunlit_share(scene, towards_sun, scene.surroundings)
     return views.scale[view] * radiance + views.bias[view] if with_scale_and_bias else radiance
 
 
-def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
-    """(J,) share of the ground about a landmark, three reference pixels wide, that nothing shades (`in_sunlight`).
+def sunlit_share(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
+    """(J,) share of three pixels about a landmark, down and across, that neither the map nor `surroundings` shade.
 
     An image averages over its pixels and point-spread function, so that cast shadows have edges of about that width.
     At a stride above 1 that is the landmark itself.
@@ -53,7 +53,7 @@ def sunlit_share(scene: Scene, sun: np.ndarray) -> np.ndarray:
     from scipy.ndimage import convolve
 
     window = np.ones((3, 3) if scene.region.stride == 1 else (1, 1))
-    lit = in_sunlight(scene, sun).astype(float)
+    lit = in_sunlight(scene, sun, surroundings).astype(float)
     return _averaged(scene, lit, lambda grid: convolve(grid, window, mode="constant"))
 
 

@@ -17,8 +17,9 @@ FINEST, NODES = 4, 160
 """The surface has a node at every fourth pixel of the reference image, and up to so many along its longer side."""
 
 NOISE_GSD, CURVATURE_PER_PX = 0.5, 0.1
-"""How well points are known, and how rough the ground is (`prewarp.fit_depth`): ten times as rough as a map that is to
-be matched, since rims are what casts shadows."""
+"""How well points are known, by which the ground is taken to lie lower than they say, so that nothing is shaded by
+noise; and how rough it is (`prewarp.fit_depth`): ten times as rough as for matching, since it is rims that cast
+shadows."""
 
 REACH_PX = 32.0
 """How far from any point the surface counts [reference pixels]."""
@@ -58,7 +59,8 @@ def surroundings_of(
     frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=stride)
     surface = fit_depth(samples, depth, frame, camera, stride, NOISE_GSD, CURVATURE_PER_PX)[frame.grid_slices]
     near = _distance(frame.pixel_centers()[frame.grid_slices], samples) <= REACH_PX
-    return Surroundings(depth=np.where(near, surface, np.nan), stride=stride)
+    lower = NOISE_GSD * np.median(depth) / np.mean(camera.focal_px)
+    return Surroundings(depth=np.where(near, surface + lower, np.nan), stride=stride)
 
 
 def _facing(sparse: SparseModel, pose: Rigid) -> np.ndarray:
