@@ -35,7 +35,7 @@ from within 60 degrees may lie behind what the reference sees."""
 def surroundings_of(
     sparse: SparseModel, reference: int, region: Region, position: np.ndarray, pixel: np.ndarray, camera: Camera
 ) -> Surroundings | None:
-    """What lies around the map in the reference image; None where hardly anything is known of that.
+    """What lies around the map in the reference image, from a node beside it on; None where hardly anything is known.
 
     position, pixel: (J, 3) and (J, 2) row and column, of the map's landmarks, which the surface continues.
     camera: of the reference.
@@ -58,7 +58,9 @@ def surroundings_of(
     depth = np.concatenate([local[beside, 2], pose.inverse()(position[kept])[:, 2]])
     frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=stride)
     surface = fit_depth(samples, depth, frame, camera, stride, NOISE_GSD, CURVATURE_PER_PX)[frame.grid_slices]
-    near = _distance(frame.pixel_centers()[frame.grid_slices], samples) <= REACH_PX
+    at = frame.pixel_centers()[frame.grid_slices]
+    near = _distance(at, samples) <= REACH_PX
+    near &= ~np.all((at > corner - stride) & (at < corner + (region.width + stride, region.height + stride)), axis=-1)
     lower = NOISE_GSD * np.median(depth) / np.mean(camera.focal_px)
     return Surroundings(depth=np.where(near, surface + lower, np.nan), stride=stride)
 
