@@ -32,9 +32,10 @@ MIN_LIT = 6
 """Lit views from which on brightness says where a landmark lies: two more than it then has unknowns (depth, two of the
 normal, albedo). With as many as unknowns, noise goes into the depth."""
 
-STRAYED = 8.0
-"""A landmark whose projections are so many times farther from its matches than the median landmark's has followed
-something else: an image's slope is good for about a pixel, and that of a shadow's edge is not the ground's."""
+STRAYED, STRAYED_PX = 8.0, 0.2
+"""A landmark whose projections are so many times farther from its matches than the median landmark's, and so far [px],
+has followed something else: an image's slope is good for about a pixel, and that of a shadow's edge is not the
+ground's."""
 
 
 def adjust_directly(
@@ -84,7 +85,7 @@ def has_strayed(scene: Scene) -> np.ndarray:
     off, tracks = np.linalg.norm(keypoint_residuals(scene), axis=-1), scene.tracks
     order = np.lexsort((off, tracks.landmark))
     middle = off[order][tracks.start[:-1] + np.diff(tracks.start) // 2]
-    return middle > STRAYED * np.median(middle)
+    return middle > max(STRAYED * np.median(middle), STRAYED_PX)
 
 
 def put_back(scene: Scene, before: Scene, which: np.ndarray) -> Scene:
