@@ -17,8 +17,8 @@ DIRECT_SIGMA_PX = 25.0
 image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
 
 ANCHOR_SLACK = 4.0
-"""Anchors' standard deviations are this many times what their residuals say: a feature that shading makes goes where
-the shading goes, alike in all views of about one light, which then agree on what is wrong."""
+"""Beside copies, anchors' standard deviations are this many times what their residuals say: a feature that shading
+makes goes where the shading goes, alike in all views of about one light, which then agree on what is wrong."""
 
 RAY_SIGMA_PX = 0.004
 """How near a landmark that brightness follows stays to its pixel's ray of the reference view [px]: which point of the
@@ -43,11 +43,13 @@ def weights_of(scene: Scene, options: AdjustOptions, lit: np.ndarray, roles: Rol
     own = options.keypoint_slack * noise.keypoint_factor
     shared = noise.keypoint_correlation_px
     copied = max(1.0, shared / COPY_STEP)
-    among = copied if roles.direct.any() else shared  # few that stay with their matches must not follow noise instead
+    directly = bool(roles.direct.any())
+    among = copied if directly else shared  # few that stay with their matches must not follow noise instead
     alike = np.select([roles.mapped, roles.copy], [among, copied], 1.0)
-    factor = alike * np.where(roles.anchor, ANCHOR_SLACK * noise.anchor_factor, own)
+    anchors = noise.anchor_factor * (ANCHOR_SLACK if directly else 1.0)
+    factor = alike * np.where(roles.anchor, anchors, own)
     sigma = tracks.keypoint_sigma * factor[tracks.landmark]
-    if roles.direct.any():
+    if directly:
         loose = np.where(tracks.view == scene.reference, RAY_SIGMA_PX, DIRECT_SIGMA_PX)
         sigma = np.where(roles.direct[tracks.landmark], loose, sigma)
     return Weights(
