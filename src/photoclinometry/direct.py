@@ -28,9 +28,9 @@ PASSES = 2
 """Estimates, each from images taken anew where the last one projects. A third moves half of the landmarks by less than
 0.001 GSD."""
 
-MIN_LIT = 6
-"""Lit views from which on brightness says where a landmark lies: two more than it then has unknowns (depth, two of the
-normal, albedo). With as many as unknowns, noise goes into the depth."""
+MIN_LIT = 7
+"""Lit views from which on brightness says where a landmark lies: three more than it then has unknowns (depth, two of
+the normal, albedo). With as many as unknowns, noise goes into the depth."""
 
 STRAYED, STRAYED_PX = 8.0, 0.2
 """A landmark whose projections are so many times farther from its matches than the median landmark's, and so far [px],
