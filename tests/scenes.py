@@ -173,16 +173,9 @@ def thinned(scene: Scene, stride: int) -> Scene:
 
 
 def with_landmarks(scene: Scene, there: np.ndarray) -> Scene:
-    """The map of the landmarks where `there` (J,), of a scene whose landmarks all have the same views."""
-    kept, views = np.flatnonzero(there), len(scene.views)
-    tracks, seen = scene.tracks, (views * kept[:, None] + np.arange(views)).ravel()
-    names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
-    start = np.arange(0, views * len(kept) + 1, views)
-    return replace(
-        scene,
-        landmarks=scene.landmarks[kept],
-        tracks=Tracks(start=start, **{name: getattr(tracks, name)[seen] for name in names}),
-    )
+    """The map of the landmarks where `there` (J,)."""
+    kept = np.flatnonzero(there)
+    return replace(scene, landmarks=scene.landmarks[kept], tracks=scene.tracks.of_landmarks(kept)[0])
 
 
 def synthetic_images(scene: Scene, seed: int = 0) -> list[Image]:

@@ -13,6 +13,8 @@ from numba import njit, prange
 from photoclinometry.geometry import Rigid, unit
 from photoclinometry.scene import Scene, Surroundings
 
+_NOTHING_AROUND = Surroundings(depth=np.full((1, 1), np.nan), stride=1)
+
 
 def mean_plane(position: np.ndarray, iterations: int = 10) -> tuple[np.ndarray, np.ndarray]:
     """A point (3,) and the unit normal (3,), of either sign, of the plane through points (n, 3).
@@ -65,10 +67,7 @@ def lambert_shade(normal: np.ndarray, sun: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, inline="always")
 def _depth_at(depth, row, col):
-    """Depth (h, w) at a row and a column, linear in between; NaN beyond the grid and beside what is missing."""
-    height, width = depth.shape
-    if not (0.0 <= row < height - 1 and 0.0 <= col < width - 1):
-        return np.nan
+    """Depth (h, w) at a row and a column within the grid, linear in between; NaN beside what is missing."""
     r, c = int(row), int(col)
     u, v = row - r, col - c
     return (1.0 - u) * ((1.0 - v) * depth[r, c] + v * depth[r, c + 1]) + u * (
@@ -93,13 +92,12 @@ def _march(
                 break
             col, row = fx * x / z + cx - 0.5, fy * y / z + cy - 0.5
             map_row, map_col = (row - row0) / stride, (col - col0) / stride
-            inside = 0.0 <= map_row < height - 1 and 0.0 <= map_col < width - 1
-            if not inside and not (0.0 <= row < bottom and 0.0 <= col < right):
-                break
-            if inside:
+            if 0.0 <= map_row < height - 1 and 0.0 <= map_col < width - 1:
                 ground = _depth_at(depth, map_row, map_col)
-            else:
+            elif 0.0 <= row < bottom and 0.0 <= col < right:
                 ground = _depth_at(around, row / around_stride, col / around_stride)
+            else:
+                break
             if z > ground:  # behind what the reference camera sees; False where nothing is known (NaN)
                 free[j] = False
                 break
@@ -117,10 +115,8 @@ def unobstructed(scene: Scene, towards: np.ndarray, surroundings: Surroundings |
     point = cam_from_body(scene.landmarks.position)
     direction = unit(np.asarray(towards, float)) @ cam_from_body.rotation.T
     camera = scene.views.cameras[scene.reference]
-    around = np.zeros((1, 1)) if surroundings is None else surroundings.depth
-    nearest, farthest = point[:, 2].min(), point[:, 2].max()
-    if surroundings is not None:
-        nearest, farthest = min(nearest, np.nanmin(around)), max(farthest, np.nanmax(around))
+    around = surroundings or _NOTHING_AROUND
+    depths = np.concatenate([point[:, 2], around.depth.ravel()])
     free = np.ones(len(point), bool)
     _march(
         point,
@@ -131,10 +127,10 @@ def unobstructed(scene: Scene, towards: np.ndarray, surroundings: Surroundings |
         scene.region.col,
         scene.region.stride,
         scene.grid(point[:, 2]),
-        around,
-        1 if surroundings is None else surroundings.stride,
-        nearest,
-        farthest,
+        around.depth,
+        around.stride,
+        np.nanmin(depths),
+        np.nanmax(depths),
         scene.spacing,
         free,
     )

@@ -46,23 +46,26 @@ def surroundings_of(
     local = local[local[:, 2] > 0]
     xy = camera.pixel_from_cam(local)
     inside = np.all((xy >= 0) & (xy <= (camera.width, camera.height)), axis=-1)
-    corner = np.array([region.col, region.row])
-    on_map = np.all((xy >= corner) & (xy <= corner + (region.width, region.height)), axis=-1)
-    beside = inside & ~on_map
+    beside = inside & ~_within(region, xy)
     if beside.sum() < MIN_POINTS:
         return None
     stride = max(FINEST, -(-max(camera.width, camera.height) // NODES))
-    row, col = region.cells(pixel)
-    kept = (row % max(1, stride // region.stride) == 0) & (col % max(1, stride // region.stride) == 0)
+    (row, col), step = region.cells(pixel), max(1, stride // region.stride)
+    kept = (row % step == 0) & (col % step == 0)
     samples = np.concatenate([xy[beside], pixel[kept, ::-1] + 0.5])
     depth = np.concatenate([local[beside, 2], pose.inverse()(position[kept])[:, 2]])
     frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=stride)
     surface = fit_depth(samples, depth, frame, camera, stride, NOISE_GSD, CURVATURE_PER_PX)[frame.grid_slices]
     at = frame.pixel_centers()[frame.grid_slices]
-    near = _distance(at, samples) <= REACH_PX
-    near &= ~np.all((at > corner - stride) & (at < corner + (region.width + stride, region.height + stride)), axis=-1)
+    known = (_distance(at, samples) <= REACH_PX) & ~_within(region, at, margin_px=stride)
     lower = NOISE_GSD * np.median(depth) / np.mean(camera.focal_px)
-    return Surroundings(depth=np.where(near, surface + lower, np.nan), stride=stride)
+    return Surroundings(depth=np.where(known, surface + lower, np.nan), stride=stride)
+
+
+def _within(region: Region, xy: np.ndarray, margin_px: float = 0.0) -> np.ndarray:
+    """(...,) bool: pixel positions (..., 2) in a region with a margin around it."""
+    low = np.array([region.col, region.row]) - margin_px
+    return np.all((xy > low) & (xy < low + 2 * margin_px + (region.width, region.height)), axis=-1)
 
 
 def _facing(sparse: SparseModel, pose: Rigid) -> np.ndarray:
