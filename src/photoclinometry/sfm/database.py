@@ -76,8 +76,15 @@ def _write_view(database: Any, view: int, camera_and_rig: tuple[Any, Any]) -> in
     return image.image_id
 
 
-def match_views(count: int, work_dir: Path, options: SfmOptions, what: str, progress: Progress | None) -> np.ndarray:
-    """(K, K) verified matches between all pairs of views. what: the name under which progress is told.
+def match_views(
+    count: int,
+    pairs: list[tuple[int, int]],
+    work_dir: Path,
+    options: SfmOptions,
+    what: str,
+    progress: Progress | None,
+) -> np.ndarray:
+    """(K, K) verified matches between views, of these pairs and of those matched before. what: of progress.
 
     Plain, not guided, matching: matches found again along epipolar lines made the poses worse (0.034
     against 0.026 degrees on Vesta) and took nine times as long.
@@ -96,7 +103,6 @@ def match_views(count: int, work_dir: Path, options: SfmOptions, what: str, prog
     database, pairs_file = work_dir / DATABASE, work_dir / "pairs.txt"
     pairing = pycolmap.ImportedPairingOptions()
     pairing.match_list_path = str(pairs_file)
-    pairs = [(a, b) for a in range(count) for b in range(a)]
     for done in range(0, len(pairs), PAIRS_AT_ONCE):
         block = pairs[done : done + PAIRS_AT_ONCE]
         pairs_file.write_text("".join(f"{_image_file(a)} {_image_file(b)}\n" for a, b in block))
@@ -109,12 +115,21 @@ def match_views(count: int, work_dir: Path, options: SfmOptions, what: str, prog
     return inliers
 
 
+def read_keypoints(count: int, work_dir: Path) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Of each view (n, 4) keypoints and (n, 128) descriptors, as of `sift_keypoints`."""
+    import pycolmap
+
+    with pycolmap.Database.open(work_dir / DATABASE) as database:
+        image_id = _image_ids(database)
+        return [_keypoints(database, image_id[view]) for view in range(count)]
+
+
 def add_relief_keypoints(images: list[Image], sun_in_cam: np.ndarray, work_dir: Path, options: SfmOptions) -> None:
     """Adds SIFT keypoints of every view's relief (`relief_picture`), and forgets all matches. sun_in_cam: (K, 3)."""
     import pycolmap
 
     with pycolmap.Database.open(work_dir / DATABASE) as database:
-        image_id = {int(Path(image.name).stem): image.image_id for image in database.read_all_images()}
+        image_id = _image_ids(database)
         descriptors = {}
         for view, image in enumerate(images):
             keypoints, descriptors[view] = _keypoints(database, image_id[view])
@@ -128,6 +143,11 @@ def add_relief_keypoints(images: list[Image], sun_in_cam: np.ndarray, work_dir: 
             clear()
         for view, data in descriptors.items():
             _write_descriptors(database, image_id[view], data)
+
+
+def _image_ids(database: Any) -> dict[int, int]:
+    """Of each view."""
+    return {int(Path(image.name).stem): image.image_id for image in database.read_all_images()}
 
 
 def _keypoints(database: Any, image_id: int) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +165,7 @@ def _verified_pairs(database_path: Path) -> list[tuple[tuple[int, int], int]]:
     import pycolmap
 
     with pycolmap.Database.open(database_path) as database:
-        view = {image.image_id: int(Path(image.name).stem) for image in database.read_all_images()}
+        view = {image_id: view for view, image_id in _image_ids(database).items()}
         pair_ids, numbers = database.read_two_view_geometry_num_inliers()
         pairs = [pycolmap.pair_id_to_image_pair(pair) for pair in pair_ids]
     return [((view[a], view[b]), int(number)) for (a, b), number in zip(pairs, numbers, strict=True)]

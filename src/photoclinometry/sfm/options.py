@@ -16,6 +16,9 @@ class SfmOptions:
 
     max_features: int = 5000
     """SIFT keypoints per image, the strongest contrast first."""
+    partners: int = 20
+    """Of each view, others that it is matched with: those that a few keypoints show most alike. Views that are left out
+    then are matched with all."""
     relief_keypoints: bool = True
     """Where light differs too much for keypoints of the brightness, match keypoints of the relief as well, of which
     shading tells where the Sun's direction is known."""

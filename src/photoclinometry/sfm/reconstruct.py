@@ -1,6 +1,6 @@
 """Images and intrinsics -> poses and sparse points.
 
-SIFT keypoints are matched between all pairs of images, verified by two-view geometry and mapped with the intrinsics
+SIFT keypoints are matched between images that look alike, verified by two-view geometry and mapped with the intrinsics
 held fixed; where light differs too much for that, keypoints of the relief help.
 """
 
@@ -15,9 +15,10 @@ import numpy as np
 
 from photoclinometry.errors import InputError, ReconstructionError
 from photoclinometry.scene import Camera, Image
-from photoclinometry.sfm.database import add_relief_keypoints, match_views, write_views
+from photoclinometry.sfm.database import add_relief_keypoints, match_views, read_keypoints, write_views
 from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap, size, views_of
 from photoclinometry.sfm.options import Progress, SfmOptions
+from photoclinometry.sfm.pairs import all_pairs, likeness_of, promising_pairs
 from photoclinometry.sparse import SparseModel, connected_groups, normalised
 
 log = logging.getLogger(__name__)
@@ -26,6 +27,8 @@ log = logging.getLogger(__name__)
 class _Found(NamedTuple):
     """What one way of matching led to."""
 
+    pairs: list[tuple[int, int]]
+    """Which views were matched."""
     inliers: np.ndarray
     """(K, K) verified matches between views."""
     models: list[Any]
@@ -52,7 +55,7 @@ def reconstruct_sparse(
 
     images, cameras: one per view. work_dir receives 8-bit copies and COLMAP's database (overwritten).
     sun_in_cam: (K, 3) unit vectors towards the Sun in C. With them, where views are left out or fewer than half of the
-    pairs match, all are matched again with keypoints of the relief (`relief_picture`), too.
+    pairs match, these are matched again with keypoints of the relief (`relief_picture`), too.
     Views that do not register are logged by name and False in `registered`; `reason` says why. `brought_in` says of
     those that registered only thanks to the relief how.
     Raises InputError for fewer than 3 images, ReconstructionError where fewer than 3 views register.
@@ -70,7 +73,7 @@ def reconstruct_sparse(
             found = _by_relief_too(images, cameras, sun_in_cam, plain, work_dir, options, progress)
     best = found.best
     if best is None or best.num_reg_images() < 3:
-        raise ReconstructionError(_explain_failure(names, found.inliers, best, options))
+        raise ReconstructionError(_explain_failure(names, found, options))
     sparse = normalised(from_colmap(best, len(images)), cameras)
     log.info(
         "%d of %d views registered, %d points, %.3f px mean reprojection error",
@@ -89,17 +92,45 @@ def _by_brightness(
     images: list[Image], cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress | None
 ) -> _Found:
     write_views(images, cameras, work_dir, options, progress)
-    count = len(images)
-    inliers = match_views(count, work_dir, options, "matches", progress)
-    log.info("%d of %d pairs match", np.count_nonzero(inliers) // 2, count * (count - 1) // 2)
-    return _Found(inliers, map_views(cameras, work_dir, options, progress))
+    return _matched_and_mapped(cameras, work_dir, options, "matches", progress)
+
+
+def _matched_and_mapped(
+    cameras: list[Camera], work_dir: Path, options: SfmOptions, what: str, progress: Progress | None
+) -> _Found:
+    """The views matched with those that look most alike; what is left out, with all, and all mapped once more."""
+    count = len(cameras)
+    pairs = all_pairs(count)
+    if count - 1 > options.partners:
+        pairs = promising_pairs(likeness_of(read_keypoints(count, work_dir), options.max_ratio), options.partners)
+    found = _mapped(cameras, pairs, pairs, work_dir, options, what, progress)
+    left_out = set(range(count)) - found.registered
+    more = [pair for pair in sorted({*all_pairs(count)} - {*pairs}) if left_out & {*pair}]
+    if more:
+        log.info("%d views are left out, and matched with all others", len(left_out))
+        found = _mapped(cameras, pairs + more, more, work_dir, options, what, progress)
+    return found
+
+
+def _mapped(
+    cameras: list[Camera],
+    pairs: list[tuple[int, int]],
+    new: list[tuple[int, int]],
+    work_dir: Path,
+    options: SfmOptions,
+    what: str,
+    progress: Progress | None,
+) -> _Found:
+    """new: those of the pairs that are not matched yet."""
+    inliers = match_views(len(cameras), new, work_dir, options, what, progress)
+    log.info("%d of %d pairs match (%s)", np.count_nonzero(inliers) // 2, len(pairs), what)
+    return _Found(pairs, inliers, map_views(cameras, work_dir, options, progress))
 
 
 def _thin(found: _Found, options: SfmOptions) -> bool:
     """Whether views are left out, or fewer than half of the pairs match."""
-    count = len(found.inliers)
-    matching = np.count_nonzero(found.inliers >= options.min_pair_matches) / (count * (count - 1))
-    return bool(len(found.registered) < count or matching < 0.5)
+    matching = np.count_nonzero(found.inliers >= options.min_pair_matches) // 2
+    return bool(len(found.registered) < len(found.inliers) or matching < 0.5 * len(found.pairs))
 
 
 def _by_relief_too(
@@ -111,15 +142,13 @@ def _by_relief_too(
     options: SfmOptions,
     progress: Progress | None,
 ) -> _Found:
-    """All pairs matched anew, by both kinds of keypoints; of the two models the one of more views stays.
+    """Everything matched anew, by both kinds of keypoints; of the two models the one of more views stays.
 
-    All, since a view is placed by points that others of them have in common: matched by brightness alone, these lack
-    those that the relief shows.
+    Everything, since a view is placed by points that others of them have in common: matched by brightness alone, these
+    lack those that the relief shows.
     """
     add_relief_keypoints(images, sun_in_cam, work_dir, options)
-    inliers = match_views(len(images), work_dir, options, "relief matches", progress)
-    log.info("with keypoints of the relief, %d", np.count_nonzero(inliers) // 2)
-    found = _Found(inliers, map_views(cameras, work_dir, options, progress))
+    found = _matched_and_mapped(cameras, work_dir, options, "relief matches", progress)
     return found if len(found.registered) >= len(plain.registered) else plain
 
 
@@ -132,16 +161,14 @@ def _brought_in(plain: _Found, found: _Found, options: SfmOptions) -> np.ndarray
     return how.astype(str)
 
 
-def _explain_failure(names: list[str], inliers: np.ndarray, best: Any, options: SfmOptions) -> str:
-    registered = best.num_reg_images() if best is not None else 0
-    pairs = np.count_nonzero(inliers >= options.min_pair_matches) // 2
+def _explain_failure(names: list[str], found: _Found, options: SfmOptions) -> str:
+    matching = np.count_nonzero(found.inliers >= options.min_pair_matches) // 2
     other = "global" if options.mapper == "incremental" else "incremental"
     message = (
-        f"{registered} of {len(names)} views registered, at least 3 are needed "
-        f"({pairs} of {len(names) * (len(names) - 1) // 2} pairs of images matched, "
-        f"{int(inliers.max())} matches in the best)."
+        f"{len(found.registered)} of {len(names)} views registered, at least 3 are needed "
+        f"({matching} of {len(found.pairs)} pairs of images matched, {int(found.inliers.max())} matches in the best)."
     )
-    groups = [group for group in connected_groups(inliers, options.min_pair_matches) if len(group) > 1]
+    groups = [group for group in connected_groups(found.inliers, options.min_pair_matches) if len(group) > 1]
     if len(groups) > 1:
         message += " The views fall apart into places that share nothing: " + _listing(names, groups) + "."
     return message + (

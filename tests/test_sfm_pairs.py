@@ -1,0 +1,81 @@
+"""Which pairs are matched: those that look alike, and no view is lost by it."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.sfm import reconstruct_sparse
+from photoclinometry.sfm.keypoints import sift_keypoints
+from photoclinometry.sfm.pairs import PREVIEWED, all_pairs, likeness_of, promising_pairs
+from photoclinometry.sfm.pictures import brightness_picture
+from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site
+from test_sfm_relief import site as lit_site
+
+LIKENESS = np.array([[0, 9, 8, 1], [9, 0, 2, 7], [8, 2, 0, 0], [1, 7, 0, 0]])
+
+
+def test_each_view_is_matched_with_those_most_like_it():
+    """By one partner each: 0 and 1 choose each other, 2 chooses 0, 3 chooses 1."""
+    assert promising_pairs(LIKENESS, 1) == [(1, 0), (2, 0), (3, 1)]
+    assert promising_pairs(LIKENESS + 99 * np.eye(4, dtype=int), 1) == [(1, 0), (2, 0), (3, 1)]
+
+
+def test_few_views_are_all_matched():
+    assert promising_pairs(LIKENESS, 3) == promising_pairs(LIKENESS, 20) == all_pairs(4)
+    assert len(all_pairs(4)) == 6
+
+
+def test_likeness_counts_matching_descriptors():
+    """Of a view that has 30 descriptors in common with another, the others drawn at random."""
+    rng = np.random.default_rng(0)
+
+    def view(descriptors):
+        return np.zeros((len(descriptors), 4), np.float32), descriptors
+
+    own = rng.integers(0, 90, (80, 128), np.uint8)
+    other = np.concatenate([rng.integers(0, 90, (50, 128), np.uint8), own[:30]])
+    nothing = np.zeros((0, 128), np.uint8)
+    likeness = likeness_of([view(own), view(other), view(nothing)], 0.8)
+    np.testing.assert_array_equal(likeness, [[0, 30, 0], [30, 0, 0], [0, 0, 0]])
+
+
+def test_only_the_largest_keypoints_are_compared():
+    rng = np.random.default_rng(1)
+    descriptors = rng.integers(0, 90, (PREVIEWED + 40, 128), np.uint8)
+    keypoints = np.zeros((len(descriptors), 4), np.float32)
+    keypoints[40:, 2] = 3.0
+    assert likeness_of([(keypoints, descriptors)] * 2, 0.8)[0, 1] == PREVIEWED
+
+
+@pytest.fixture(scope="module")
+def two_places():
+    return site(count=5)[0] + site(count=3, seed=7, prefix="b")[0]
+
+
+def test_views_of_one_place_look_more_alike_than_those_of_two(two_places):
+    likeness = likeness_of([sift_keypoints(brightness_picture(i), i.valid, 1500) for i in two_places], 0.8)
+    same = np.equal.outer(np.arange(8) < 5, np.arange(8) < 5) & ~np.eye(8, dtype=bool)
+    other = likeness[np.arange(8) < 5][:, 5:]
+    assert likeness[same].min() > 5 * max(other.max(), 1)
+
+
+def test_few_partners_lose_no_view(tmp_path, caplog):
+    images, true = site(count=6)
+    with caplog.at_level(logging.INFO):
+        found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path, replace(OPTIONS, partners=2))
+    assert "9 of 9 pairs match" in caplog.text  # of 15
+    assert found.registered.all()
+    assert rotation_errors_deg(found.body_from_cam, true).max() < 0.3
+
+
+def test_views_that_are_left_out_are_matched_with_all(tmp_path, caplog):
+    """Two Suns, three views under each: two partners of each are under its own, and nothing links the two threes."""
+    images, _, true = lit_site([20, 22, 24, 42, 44, 46])
+    with caplog.at_level(logging.INFO):
+        found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path, replace(OPTIONS, partners=2))
+    assert "6 of 6 pairs match" in caplog.text
+    assert "3 views are left out, and matched with all others" in caplog.text
+    assert found.registered.all()
+    assert rotation_errors_deg(found.body_from_cam, true).max() < 0.5
