@@ -5,7 +5,8 @@
 Prints PSNR (all pixels; lit ones) of four maps: the run's; the truth averaged over the optics' footprint; true poses,
 Suns and positions with normals, albedos and scales fitted to the images; and that amidst the true ground of the
 reference image, whose shadows fall onto it. What the last one lacks no better matching or estimate can give: it is the
-model, noise, and relief below a pixel.
+model, noise, and relief below a pixel. Where the ground has another reflectance than the run's, a last line says by how
+much normals and albedos are off that are fitted with the ground's own: what inverting with it can give.
 """
 
 from __future__ import annotations
@@ -21,10 +22,12 @@ from photoclinometry.cli.folders import read_run, run_images
 from photoclinometry.evaluate import view_psnr
 from photoclinometry.geometry import angle_between
 from photoclinometry.io.truth import read_truth
-from photoclinometry.predict import observation_brightness
+from photoclinometry.predict import observation_brightness, reflectance_of
+from photoclinometry.reflectance import photometric_angles
 from photoclinometry.render import landmark_faces
 from photoclinometry.scene import Image, Region, Scene, Surroundings
 from photoclinometry.shading import brightness_on_surface, normals_from_shading
+from photoclinometry.simulate.photometry import radiance_factor
 from photoclinometry.simulate.truth import Truth, truth_maps
 
 FITS = 4
@@ -62,10 +65,38 @@ def with_scales(scene: Scene) -> Scene:
     return replace(scene, views=replace(scene.views, scale=scale))
 
 
+def with_reflectance_of_ground(true: Scene, truth: Truth) -> Scene:
+    """Normals and albedos fitted to the images by the true reflectance instead of the scene's, scales held.
+
+    The scene's fit does it, to brightness times what the scene's model gives over what the true one gives: the same
+    ground explains both, at the normals of each turn.
+    """
+    fitted = true
+    for _ in range(FITS):
+        tracks, marks = fitted.tracks, fitted.landmarks
+        at, pose = tracks.landmark, fitted.views.body_from_cam.translation[tracks.view]
+        angles = photometric_angles(fitted.views.sun[tracks.view], pose, marks.position[at], marks.normal[at])
+        own = marks.albedo[at] * reflectance_of(fitted)(*angles)
+        ground = radiance_factor(truth.photometry, marks.albedo[at], *angles)
+        ratio = np.divide(own, ground, out=np.ones_like(own), where=ground > 0)
+        bias = fitted.views.bias[tracks.view]
+        as_own = replace(true.tracks, brightness=bias + (true.tracks.brightness - bias) * ratio)
+        fitted = normals_from_shading(replace(fitted, tracks=as_own))
+    return fitted
+
+
+def errors(fitted: Scene, true: Scene) -> str:
+    """Mean errors of normals, and of albedos after one common factor."""
+    turn = np.degrees(np.mean(angle_between(fitted.landmarks.normal, true.landmarks.normal)))
+    ratio = fitted.landmarks.albedo / true.landmarks.albedo
+    return f"normals {turn:.2f} deg, albedo {100 * np.mean(np.abs(ratio / np.median(ratio) - 1)):.2f} %"
+
+
 def main(run: Path, site: Path) -> None:
     scene, truth = read_run(run), read_truth(site / "truth.h5")
     images = run_images(site / "site.toml", scene.views.name)
-    true = with_scales(at_true_geometry(scene, truth, images))
+    ground = at_true_geometry(scene, truth, images)
+    true = with_scales(ground)
     fitted = true
     for _ in range(FITS):
         fitted = with_scales(normals_from_shading(fitted))
@@ -80,13 +111,9 @@ def main(run: Path, site: Path) -> None:
         found = [view_psnr(map_, k, image, faces) for k, image in enumerate(images)]
         psnr, lit = (np.mean([one[key] for one in found]) for key in ("psnr_db", "psnr_lit_db"))
         print(f"{title}: {psnr:.2f} dB, {lit:.2f} where lit", end="")
-        if map_ is fitted:
-            turn = np.degrees(np.mean(angle_between(map_.landmarks.normal, true.landmarks.normal)))
-            ratio = map_.landmarks.albedo / true.landmarks.albedo
-            print(
-                f"; normals {turn:.2f} deg, albedo {100 * np.mean(np.abs(ratio / np.median(ratio) - 1)):.2f} %", end=""
-            )
-        print()
+        print(f"; {errors(map_, true)}" if map_ is fitted else "")
+    if truth.photometry != scene.reflectance:
+        print(f"fitted with the ground's own reflectance: {errors(with_reflectance_of_ground(ground, truth), ground)}")
 
 
 if __name__ == "__main__":
