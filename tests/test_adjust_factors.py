@@ -299,7 +299,7 @@ def dense_jacobian(scene, estimate, slopes=None):
 
 
 @pytest.mark.parametrize("direct", [False, True], ids=["measured", "direct"])
-@pytest.mark.parametrize("disk", ["lunar-lambert", "minnaert", "akimov+"])
+@pytest.mark.parametrize("disk", ["lunar-lambert", "minnaert", "akimov+", "hapke"])
 def test_border_equals_the_products_with_derivatives_by_the_parameters(disk, direct):
     """The rows of the normal equations by reflectance parameters, these columns of J by differences of the factors."""
     scene = some_tracks_missing(synthetic_scene(size=6, views=4, keypoint_noise_px=0.3, brightness_noise=0.01))

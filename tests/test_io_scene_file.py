@@ -8,7 +8,7 @@ import pytest
 
 from photoclinometry.errors import RunFolderError
 from photoclinometry.io.scene_file import read_scene, write_scene
-from photoclinometry.reflectance import Reflectance
+from photoclinometry.reflectance import Reflectance, published
 from photoclinometry.scene import BODY_FIXED, OWN, Camera, Surroundings
 from scenes import synthetic_scene, thinned
 
@@ -45,6 +45,7 @@ def variants(scene):
     )
     yield "plain", scene
     yield "geometry alone", replace(scene, reflectance=None)
+    yield "hapke", replace(scene, reflectance=published("hapke", "ceres"))
     yield "no phase function", replace(scene, reflectance=Reflectance("mcewen"), brightness="dn")
     yield "body and several cameras", replace(scene, body="vesta", views=views, reference=2, frame=BODY_FIXED)
     yield (

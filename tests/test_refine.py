@@ -126,6 +126,7 @@ def test_coefficients_given_as_the_authors_give_them_equal_the_published_ones(fo
         ({"phase_weighting": (0.8, -0.4)}, "give both"),
         ({"phase_weighting": (0.8, -0.4), "phase_coefficients": (0.0, 1.0)}, "c_0, is positive"),
         ({"reflectance": "mcewen", "phase_weighting": (0.8, -0.4)}, "has no coefficients to be given"),
+        ({"reflectance": "hapke", "phase_weighting": (0.8, -0.4)}, "has no coefficients to be given"),
         ({"body": "bennu"}, "no published lunar-lambert coefficients"),
         ({"shadow_threshold": 9.0}, r"reference image images/000\.fits has too few lit"),
         ({"min_observations": 7}, "no landmark has enough lit observations"),

@@ -24,7 +24,9 @@ def blurred(scene, seed=0):
     return replace(scene, landmarks=replace(marks, normal=normal, albedo=albedo))
 
 
-@pytest.mark.parametrize("model", [LUNAR_LAMBERT, published("mcewen"), published("akimov+", "vesta")])
+@pytest.mark.parametrize(
+    "model", [LUNAR_LAMBERT, *(published(disk, "vesta") for disk in ("mcewen", "akimov+", "hapke"))]
+)
 def test_true_normals_and_albedos_are_found_from_exact_brightness(model):
     scene = synthetic_scene(size=12, views=8, reflectance=model)
     found = normals_from_shading(blurred(scene), iterations=20).landmarks

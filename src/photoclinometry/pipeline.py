@@ -42,7 +42,7 @@ log = logging.getLogger(__name__)
 class RunOptions:
     """Everything that shapes a run. Every field has a default that suits most sites."""
 
-    reflectance: Literal["auto", "akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert", "none"] = "auto"
+    reflectance: Literal["auto", "akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert", "hapke", "none"] = "auto"
     """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
     mcewen. none: geometry alone (dense structure from motion)."""
     match_rounds: int = 2

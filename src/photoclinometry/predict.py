@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.errors import InputError
-from photoclinometry.reflectance import Reflectance, angles_at, photometric_function
+from photoclinometry.reflectance import Reflectance, angles_at, photometric_value
 from photoclinometry.scene import Scene, Views
 
 
@@ -87,4 +87,4 @@ def _shade(landmark, view, center, sun, position, normal, packed, out):
         j, k = landmark[n], view[n]
         mu0, mu, phase = angles_at(sun[k], center[k], position[j], normal[j])
         out[0, n], out[1, n] = mu0, mu
-        out[2, n] = photometric_function(packed, mu0, mu, phase)[0]
+        out[2, n] = photometric_value(packed, mu0, mu, phase)

@@ -227,8 +227,10 @@ def _parameter_metrics(adjustment: Adjustment) -> dict[str, float]:
     """The reflectance parameters, where they were estimated, and their standard deviations, where these were."""
     metrics, model = {}, adjustment.scene.reflectance
     if model is not None and len(adjustment.parameter_sigma):
-        for i, (value, sigma) in enumerate(zip(model.parameters, adjustment.parameter_sigma, strict=True)):
-            name = f"reflectance_w{i}" if i < 2 else f"reflectance_c{i - 1}"
+        for short, value, sigma in zip(
+            model.parameter_names, model.parameters, adjustment.parameter_sigma, strict=True
+        ):
+            name = f"reflectance_{short}"
             metrics |= {name: float(value)} | ({f"{name}_sigma": float(sigma)} if np.isfinite(sigma) else {})
     return metrics
 

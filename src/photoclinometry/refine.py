@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 class RefineOptions:
     """What the files of a model do not say, and how the estimate is made."""
 
-    reflectance: Literal["auto", "akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert", "none"] = "auto"
+    reflectance: Literal["auto", "akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert", "hapke", "none"] = "auto"
     """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
     mcewen. none: geometry alone."""
     body: str | None = None
@@ -134,8 +134,8 @@ def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:
     given = options.phase_weighting is not None or options.phase_coefficients is not None
     if not given:
         return choose_reflectance(options.reflectance, brightness, options.body), brightness, unit
-    if options.reflectance not in HAS_PHASE_FUNCTION:
-        known = ", ".join(sorted(HAS_PHASE_FUNCTION))
+    if options.reflectance not in HAS_PHASE_FUNCTION - {"hapke"}:
+        known = ", ".join(sorted(HAS_PHASE_FUNCTION - {"hapke"}))
         raise InputError(f"reflectance {options.reflectance} has no coefficients to be given; choose one of {known}")
     if options.phase_weighting is None or not options.phase_coefficients or options.phase_coefficients[0] <= 0:
         raise InputError("give both --phase-weighting and --phase-coefficients, of which the first, c_0, is positive")

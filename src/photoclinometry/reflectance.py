@@ -6,6 +6,7 @@ mu0 = cos(incidence), mu = cos(emission), phase [rad]; d is the disk function an
 function, both 1 at mu0 = mu = 1, phase = 0. A disk function below is a scalar function that returns d, its
 three partial derivatives and that by its weight g; the renderer, the simulator and the joint estimate all call
 it, compiled. To add one: write the function, add it to `_disk` and to `DISK_FUNCTIONS`, add coefficients if it has any.
+Hapke's model (`hapke.py`) is no such product: it has branches of its own, and is 1 there, too.
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from photoclinometry import hapke
 from photoclinometry.errors import InputError
 
 DEG = 180.0 / math.pi
+HAPKE = 5
+"""The number of Hapke's model among DISK_FUNCTIONS."""
 _PHASE_FLOOR = 1e-7
 """Sines of the phase angle are kept above this [rad]: 0.02 arc seconds."""
 
@@ -127,6 +131,14 @@ def _disk(kind, mu0, mu, phase, w0, w1):
 
 
 @njit(cache=True)
+def _hapke(packed, mu0, mu, phase):
+    """Hapke's model over its value at mu0 = mu = 1, phase = 0, and partial derivatives (`photoclinometry.hapke`)."""
+    w, theta, b, c, b0, h, overhead = packed[1], packed[2], packed[3], packed[4], packed[5], packed[6], packed[7]
+    value, by_mu0, by_mu, by_phase = hapke.by_angles(mu0, mu, phase, w, theta, b, c, b0, h)
+    return value / overhead, by_mu0 / overhead, by_mu / overhead, by_phase / overhead
+
+
+@njit(cache=True)
 def photometric_function(packed, mu0, mu, phase):
     """rho = Lambda(phase) d(mu0, mu, phase) and its partial derivatives by mu0, mu, phase (Eq. 19).
 
@@ -134,6 +146,8 @@ def photometric_function(packed, mu0, mu, phase):
     """
     if mu0 <= 0.0 or mu <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
+    if packed[0] == HAPKE:
+        return _hapke(packed, mu0, mu, phase)
     d, d_mu0, d_mu, d_phase, _ = _disk(int(packed[0]), mu0, mu, phase, packed[1], packed[2])
     value, slope = 0.0, 0.0
     for i in range(packed.size - 1, 2, -1):  # Horner, c_0 = 1
@@ -145,10 +159,27 @@ def photometric_function(packed, mu0, mu, phase):
 
 
 @njit(cache=True)
+def photometric_value(packed, mu0, mu, phase):
+    """rho alone, which of Hapke's model takes a tenth of the time."""
+    if packed[0] != HAPKE:
+        return photometric_function(packed, mu0, mu, phase)[0]
+    if mu0 <= 0.0 or mu <= 0.0:
+        return 0.0
+    w, theta, b, c, b0, h, overhead = packed[1], packed[2], packed[3], packed[4], packed[5], packed[6], packed[7]
+    return hapke.radiance(mu0, mu, phase, w, theta, b, c, b0, h) / overhead
+
+
+@njit(cache=True)
 def photometric_parameters(packed, mu0, mu, phase, out):
-    """Partial derivatives of rho by w0, w1, c_1, c_2 ... into out, as many as it holds. Zero where unlit or unseen."""
+    """Partial derivatives of rho by `Reflectance.parameters` into out (T,). Zero where unlit or unseen."""
     out[:] = 0.0
     if mu0 <= 0.0 or mu <= 0.0:
+        return
+    if packed[0] == HAPKE:
+        w, theta, b, c, b0, h, overhead = packed[1], packed[2], packed[3], packed[4], packed[5], packed[6], packed[7]
+        value, by_parameter = hapke.by_parameters(mu0, mu, phase, w, theta, b, c, b0, h)
+        for i in range(6):
+            out[i] = (by_parameter[i] - value / overhead * packed[8 + i]) / overhead
         return
     d, _, _, _, by_weight = _disk(int(packed[0]), mu0, mu, phase, packed[1], packed[2])
     value, power = 1.0, 1.0
@@ -182,12 +213,12 @@ def angles_at(sun, center, position, normal):
 @njit(cache=True)
 def _evaluate(packed, mu0, mu, phase, out):
     for i in range(out.size):
-        out[i] = photometric_function(packed, mu0[i], mu[i], phase[i])[0]
+        out[i] = photometric_value(packed, mu0[i], mu[i], phase[i])
 
 
-DISK_FUNCTIONS = {"akimov": 0, "mcewen": 1, "akimov+": 2, "lunar-lambert": 3, "minnaert": 4}
+DISK_FUNCTIONS = {"akimov": 0, "mcewen": 1, "akimov+": 2, "lunar-lambert": 3, "minnaert": 4, "hapke": HAPKE}
 
-HAS_PHASE_FUNCTION = {"akimov+", "lunar-lambert", "minnaert"}
+HAS_PHASE_FUNCTION = {"akimov+", "lunar-lambert", "minnaert", "hapke"}
 """The others describe brightness up to a factor per image (paper Eq. 30)."""
 
 # Table 2 (Schroeder et al. 2013, 2017): w0, w1 per degree, c_i per degree^i.
@@ -208,23 +239,44 @@ class Reflectance:
     disk: str
     """One of DISK_FUNCTIONS."""
     weight: tuple[float, float] = (0.0, 0.0)
-    """g(phase) = weight[0] + weight[1] phase  [-, 1/rad]; unused by "akimov" and "mcewen"."""
+    """g(phase) = weight[0] + weight[1] phase  [-, 1/rad]; unused by "akimov" and "mcewen". Of "hapke", what shapes its
+    disk function: single-scattering albedo w [-] and mean slope theta-bar [rad]."""
     phase_coefficients: tuple[float, ...] = ()
-    """c_1, c_2, ... of Lambda(phase) = 1 + sum c_i phase^i  [1/rad^i]."""
+    """c_1, c_2, ... of Lambda(phase) = 1 + sum c_i phase^i  [1/rad^i]. Of "hapke" b, c, B0, h [-], what shapes its
+    phase function (`hapke.radiance`)."""
 
     def __post_init__(self):
         if self.disk not in DISK_FUNCTIONS:
             raise InputError(f"no disk function {self.disk!r}; known: {', '.join(DISK_FUNCTIONS)}")
+        if self.disk == "hapke" and len(self.phase_coefficients) != 4:
+            raise InputError(f"hapke needs the four phase coefficients b, c, B0, h; got {self.phase_coefficients}")
 
     @property
     def packed(self) -> np.ndarray:
-        """(3 + n,) float64 for compiled code: disk function's number, w0, w1, c_1 ... c_n."""
-        return np.array([DISK_FUNCTIONS[self.disk], *self.weight, *self.phase_coefficients], float)
+        """(3 + n,) float64 for compiled code: disk function's number, w0, w1, c_1 ... c_n; of "hapke" then its value
+        at mu0 = mu = 1, phase = 0 and the derivatives of that by the parameters, and NaN for all where these are not
+        physical: no brightness is explained so, and no estimate goes there."""
+        packed = [DISK_FUNCTIONS[self.disk], *self.weight, *self.phase_coefficients]
+        if self.disk == "hapke":
+            if not hapke.is_physical(*packed[1:]):
+                return np.full(14, np.nan)
+            value, by_parameter = hapke.by_parameters(1.0, 1.0, 0.0, *packed[1:])
+            packed += [value, *by_parameter]
+        return np.array(packed, float)
 
     @property
     def parameters(self) -> np.ndarray:
-        """(T,) w0, w1, c_1 ... c_n; none of the models without a phase function."""
-        return self.packed[1:] if self.disk in HAS_PHASE_FUNCTION else np.zeros(0)
+        """(T,) w0, w1, c_1 ... c_n; of "hapke" w, theta-bar [rad], b, c, B0, h; none of models without a phase
+        function."""
+        known = self.disk in HAS_PHASE_FUNCTION
+        return np.array([*self.weight, *self.phase_coefficients] if known else [], float)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Of `parameters`."""
+        if self.disk == "hapke":
+            return "w", "theta", "b", "c", "B0", "h"
+        return tuple(f"w{i}" if i < 2 else f"c{i - 1}" for i in range(len(self.parameters)))
 
     def relative_change(self, other: Reflectance) -> np.ndarray:
         """(T,) by how much the parameters of another estimate of the same model differ, relative to these; 0 of a 0."""
@@ -249,17 +301,20 @@ class Reflectance:
         return out.reshape(mu0.shape)
 
     def phase_function(self, phase: np.ndarray) -> np.ndarray:
-        """Lambda(phase), phase [rad]."""
+        """Lambda(phase), phase [rad]; of "hapke", which has no such factor, rho at mu0 = mu = cos(phase / 2)."""
+        if self.disk == "hapke":
+            return self(np.cos(0.5 * np.asarray(phase)), np.cos(0.5 * np.asarray(phase)), phase)
         return np.polynomial.polynomial.polyval(phase, [1.0, *self.phase_coefficients])
 
 
 def has_published(disk: str, body: str | None) -> bool:
-    """Whether Table 2 has coefficients of this model for this body."""
-    return ((body or "").lower(), disk) in _COEFFICIENTS
+    """Whether coefficients of this model are published for this body."""
+    body = (body or "").lower()
+    return body in hapke.PUBLISHED if disk == "hapke" else (body, disk) in _COEFFICIENTS
 
 
 def published(disk: str, body: str | None = None) -> Reflectance:
-    """The model with Table 2's coefficients of a body ("vesta", "ceres").
+    """The model with Table 2's coefficients of a body ("vesta", "ceres"), or those beside `hapke.PUBLISHED`.
 
     Bodies without published coefficients: pass a `Reflectance` of your own, or use "mcewen" or "akimov",
     which need none. Raises InputError.
@@ -270,12 +325,15 @@ def published(disk: str, body: str | None = None) -> Reflectance:
     if name not in HAS_PHASE_FUNCTION:
         return Reflectance(name)
     key = ((body or "").lower(), name)
-    if key not in _COEFFICIENTS:
+    if not has_published(name, body):
         known = ", ".join(sorted({b for b, _ in _COEFFICIENTS}))
         raise InputError(
             f"no published {name} coefficients for body {body!r} (known: {known}); "
             "use reflectance mcewen or akimov, which need none"
         )
+    if name == "hapke":
+        p = hapke.PUBLISHED[key[0]]
+        return Reflectance(name, (p.w, math.radians(p.roughness_deg)), (p.b, p.c, p.surge, p.surge_width))
     w0, w1, *coefficients = _COEFFICIENTS[key]
     powers = tuple(c * DEG**i for i, c in enumerate(coefficients, start=1))
     return Reflectance(name, (w0, w1 * DEG), powers)

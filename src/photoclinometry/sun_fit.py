@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from photoclinometry.geometry import angle_between, sphere_step, tangent_basis, unit
-from photoclinometry.reflectance import Reflectance, angles_at, photometric_function
+from photoclinometry.reflectance import Reflectance, angles_at, photometric_value
 
 STARTS, LOWEST_RAD = 200, np.radians(85.0)
 """Sun directions that are tried first, all over the sky down to this far from the zenith."""
@@ -66,7 +66,7 @@ def _radiance(packed, suns, center, position, normal, albedo, out):
     for i in range(suns.shape[0]):
         for j in range(albedo.size):
             mu0, mu, phase = angles_at(suns[i], center, position[j], normal[j])
-            out[i, j] = albedo[j] * photometric_function(packed, mu0, mu, phase)[0]
+            out[i, j] = albedo[j] * photometric_value(packed, mu0, mu, phase)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from photoclinometry.adjust.kernels import (
 )
 from photoclinometry.adjust.layout import LANES, Layout, Measurements
 from photoclinometry.adjust.product import Linearized
-from photoclinometry.reflectance import angles_at, photometric_function, photometric_parameters
+from photoclinometry.reflectance import angles_at, photometric_parameters, photometric_value
 
 
 class Border(NamedTuple):
@@ -115,7 +115,7 @@ def _row(j, k, weight, brightness, cameras, landmarks, packed, row):
     photometric_parameters(packed, mu0, mu, phase, row)
     for t in range(row.size):
         row[t] *= weight * gain
-    return weight * (gain * photometric_function(packed, mu0, mu, phase)[0] + cameras.bias[k] - brightness)
+    return weight * (gain * photometric_value(packed, mu0, mu, phase) + cameras.bias[k] - brightness)
 
 
 @njit(cache=True, error_model="numpy")

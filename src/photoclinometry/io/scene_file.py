@@ -81,9 +81,13 @@ def write_scene(path: Path | str, scene: Scene) -> None:
             model = file.create_group("reflectance")
             model.attrs["disk"] = scene.reflectance.disk
             write = _Writer(model, scene)
-            write("weight", scene.reflectance.weight, ("1, 1/rad", "-", "w0, w1: g(phase) = w0 + w1 phase"))
-            about = ("1/rad^i", "-", "c_1, c_2, ...: phase function = 1 + sum c_i phase^i")
-            write("phase_coefficients", scene.reflectance.phase_coefficients, about)
+            weight = ("1, 1/rad", "-", "w0, w1: g(phase) = w0 + w1 phase")
+            coefficients = ("1/rad^i", "-", "c_1, c_2, ...: phase function = 1 + sum c_i phase^i")
+            if scene.reflectance.disk == "hapke":
+                weight = ("1, rad", "-", "single-scattering albedo, mean slope theta-bar")
+                coefficients = ("1", "-", "b, c of the Henyey-Greenstein lobes, B0, h of the opposition surge")
+            write("weight", scene.reflectance.weight, weight)
+            write("phase_coefficients", scene.reflectance.phase_coefficients, coefficients)
         _write_views(file, scene)
         for group, part, spec in (
             ("landmarks", scene.landmarks, _LANDMARKS),
