@@ -11,6 +11,7 @@ from photoclinometry.compare import compare_with_truth
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, Similarity, so3_exp, sphere_step
 from photoclinometry.metrics import calibration, normalised_square
+from photoclinometry.relief import local_frame
 from photoclinometry.scene import BODY_FIXED, OWN
 from scenes import bumpy_surface, synthetic_scene
 from test_evaluate import on_bumps, truth_of
@@ -118,6 +119,17 @@ def test_every_kind_that_reports_its_own_sigma_is_calibrated(kind):
     bold = replace(scene, uncertainty={kind: scene.uncertainty[kind] / 2})
     ratio = sigma_metrics(bold, true.views, true.landmarks, 1.0)[f"{kind}_sigma_nees"] / found[f"{kind}_sigma_nees"]
     assert ratio == pytest.approx(4.0)
+
+
+def test_heights_are_judged_by_themselves():
+    """Sigmas of heights are right, those across are stated ten times too small."""
+    scene, true = disturbed({"position": 3.0})
+    axes = local_frame(scene).rotation
+    stated = np.tile(axes @ np.diag([0.3, 0.3, 3.0]) ** 2 @ axes.T, (len(scene.landmarks), 1, 1))
+    found = sigma_metrics(replace(scene, uncertainty={"position": stated}), true.views, true.landmarks, 1.0)
+    assert found["height_sigma_nees"] == pytest.approx(1.0, abs=0.2)
+    assert found["height_sigma_nees_median"] == pytest.approx(1.0, abs=0.2)
+    assert found["position_sigma_nees"] == pytest.approx(67.0, rel=0.2)
 
 
 SIZES = {"position": 3, "translation": 3, "rotation": 3, "normal": 2, "sun": 2}

@@ -15,11 +15,13 @@ import numpy as np
 from photoclinometry.errors import InputError
 from photoclinometry.geometry import Rigid, Similarity, align_similarity, angle_between, so3_log, tangent_basis, unit
 from photoclinometry.metrics import calibration
+from photoclinometry.relief import local_frame
 from photoclinometry.scene import BODY_FIXED, Landmarks, Scene, Views
 
 
 def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, float]:
-    """`metrics.calibration` of everything in `scene.uncertainty` that there is truth for.
+    """`metrics.calibration` of everything in `scene.uncertainty` that there is truth for, and of heights over the map's
+    mean plane (`height`): almost all of what positions err by is along the line of sight.
 
     true_views: the scene's views, in order; true: the truth behind each landmark, NaN where there is none, both in
     a frame and unit of their own. The frames are joined by the similarity of least squares between the landmarks,
@@ -38,7 +40,18 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
             metrics |= calibration(errors[name], stated, f"{name}_sigma")
         except ValueError as error:
             raise InputError(f"scene {scene.name!r}: uncertainty of {name}: {error}") from error
+    if "position" in scene.uncertainty:
+        up = local_frame(scene).rotation[:, 2]
+        stated = _sigma_along(scene.uncertainty["position"], up)
+        metrics |= calibration(errors["position"] @ up, stated, "height_sigma")
     return metrics
+
+
+def _sigma_along(stated: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(n,) sigmas along a unit vector (3,), of covariances (n, 3, 3), or of sigmas (n, 3) along axes or (n,)."""
+    if stated.ndim == 3:
+        return np.sqrt(stated @ direction @ direction)
+    return np.abs(stated) if stated.ndim == 1 else np.linalg.norm(stated * direction, axis=1)
 
 
 def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, np.ndarray]:
