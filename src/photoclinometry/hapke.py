@@ -146,10 +146,11 @@ def _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h):
     total = mu0e + mue
     value = 0.25 * w * mu0e / total * inner * shadowing
 
+    each = 0.25 / total * inner * shadowing
     outer = 0.25 * w * mu0e / total * shadowing
     d0, d1 = 1.0 + 2.0 * gamma * mu0e, 1.0 + 2.0 * gamma * mue
-    by_mu0e = value * mue / (mu0e * total) + outer * h1 * 2.0 * (1.0 - gamma) / (d0 * d0)
-    by_mue = -value / total + outer * h0 * 2.0 * (1.0 - gamma) / (d1 * d1)
+    by_mu0e = each * w * mue / total + outer * h1 * 2.0 * (1.0 - gamma) / (d0 * d0)
+    by_mue = -each * w * mu0e / total + outer * h0 * 2.0 * (1.0 - gamma) / (d1 * d1)
     by_gamma = -2.0 * (mu0e * h0 * h1 / d0 + mue * h0 * h1 / d1)
     backward_b = -backward * (2.0 * b / (1.0 - bb) + 3.0 * (b - cos_g) / near)
     forward_b = -forward * (2.0 * b / (1.0 - bb) + 3.0 * (b + cos_g) / far)
@@ -161,9 +162,9 @@ def _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h):
     return value, (
         by_mu0e,
         by_mue,
-        value / shadowing,
+        0.25 * w * mu0e / total * inner,
         outer * (surge_g * particle + (1.0 + surge) * particle_g),
-        value / w - outer * by_gamma * 0.5 / gamma,
+        each * mu0e - outer * by_gamma * 0.5 / gamma,
         outer * (1.0 + surge) * particle_b,
         outer * (1.0 + surge) * 0.5 * (backward - forward),
         outer * by_b0 * particle,
