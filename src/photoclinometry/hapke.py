@@ -19,6 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+_STEP = 1e-30
+"""The imaginary step of an argument."""
+_FLOOR = 1e-9
+"""Of cosines and sines that something is divided by."""
+
 
 class Parameters(NamedTuple):
     """Of a body's typical ground."""
@@ -51,11 +56,6 @@ PUBLISHED = {
 def is_physical(w: float, theta: float, b: float, c: float, b0: float, h: float) -> bool:
     """Whether `radiance` means something; c, of which asymmetry -b c alone is often known, is not restricted."""
     return 0.0 < w < 1.0 and 0.0 <= theta < 0.5 * math.pi and 0.0 <= b < 1.0 and b0 >= 0.0 and h > 0.0
-
-
-STEP = 1e-30
-"""Imaginary, of any parameter."""
-_FLOOR = 1e-9
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -186,11 +186,11 @@ def radiance(mu0, mu, phase, w, theta, b, c, b0, h):
 @njit(cache=True, nogil=True, inline="always")
 def _along(which, mu0, mu, phase, theta, partial):
     """Derivative, by one argument of `_effective`, of `radiance` as far as the effective cosines and shadowing tell."""
-    step = STEP * 1j
+    step = _STEP * 1j
     mu0e, mue, shadowing = _effective(
         mu0 + step * (which == 0), mu + step * (which == 1), phase + step * (which == 2), theta + step * (which == 3)
     )
-    return (partial[0] * mu0e.imag + partial[1] * mue.imag + partial[2] * shadowing.imag) / STEP
+    return (partial[0] * mu0e.imag + partial[1] * mue.imag + partial[2] * shadowing.imag) / _STEP
 
 
 @njit(cache=True, nogil=True)
