@@ -74,8 +74,8 @@ def with_reflectance_of_ground(true: Scene, truth: Truth) -> Scene:
     fitted = true
     for _ in range(FITS):
         tracks, marks = fitted.tracks, fitted.landmarks
-        at, pose = tracks.landmark, fitted.views.body_from_cam.translation[tracks.view]
-        angles = photometric_angles(fitted.views.sun[tracks.view], pose, marks.position[at], marks.normal[at])
+        at, center = tracks.landmark, fitted.views.body_from_cam.translation[tracks.view]
+        angles = photometric_angles(fitted.views.sun[tracks.view], center, marks.position[at], marks.normal[at])
         own = marks.albedo[at] * reflectance_of(fitted)(*angles)
         ground = radiance_factor(truth.photometry, marks.albedo[at], *angles)
         ratio = np.divide(own, ground, out=np.ones_like(own), where=ground > 0)

@@ -144,7 +144,7 @@ def test_too_little_to_estimate_is_refused(noisy):
     ("factor", "disk", "sigma"), [(1.2, "lunar-lambert", 0.5), (0.8, "minnaert", 0.5), (1.1, "hapke", 0.1)]
 )
 def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk, sigma):
-    """All a fifth off, with a loose prior: within 3 of their standard deviations, and the map the better for it.
+    """All a fifth off (Hapke's a tenth), with a loose prior: within 3 of their standard deviations, and the map better.
 
     Hapke's opposition surge, which phase angles like these do not tell, stays where the prior holds it.
     """

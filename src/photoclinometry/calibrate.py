@@ -17,6 +17,7 @@ from photoclinometry.geometry import Rigid, Similarity, align_similarity, angle_
 from photoclinometry.metrics import calibration
 from photoclinometry.relief import local_frame
 from photoclinometry.scene import BODY_FIXED, Landmarks, Scene, Views
+from photoclinometry.sigmas import along
 
 
 def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, float]:
@@ -42,16 +43,8 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
             raise InputError(f"scene {scene.name!r}: uncertainty of {name}: {error}") from error
     if "position" in scene.uncertainty:
         up = local_frame(scene).rotation[:, 2]
-        stated = _sigma_along(scene.uncertainty["position"], up)
-        metrics |= calibration(errors["position"] @ up, stated, "height_sigma")
+        metrics |= calibration(errors["position"] @ up, along(scene.uncertainty["position"], up), "height_sigma")
     return metrics
-
-
-def _sigma_along(stated: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(n,) sigmas along a unit vector (3,), of covariances (n, 3, 3), or of sigmas (n, 3) along axes or (n,)."""
-    if stated.ndim == 3:
-        return np.sqrt(stated @ direction @ direction)
-    return np.abs(stated) if stated.ndim == 1 else np.linalg.norm(stated * direction, axis=1)
 
 
 def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, np.ndarray]:

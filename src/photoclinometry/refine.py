@@ -134,8 +134,9 @@ def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:
     given = options.phase_weighting is not None or options.phase_coefficients is not None
     if not given:
         return choose_reflectance(options.reflectance, brightness, options.body), brightness, unit
-    if options.reflectance not in HAS_PHASE_FUNCTION - {"hapke"}:
-        known = ", ".join(sorted(HAS_PHASE_FUNCTION - {"hapke"}))
+    polynomial = HAS_PHASE_FUNCTION - {"hapke"}
+    if options.reflectance not in polynomial:
+        known = ", ".join(sorted(polynomial))
         raise InputError(f"reflectance {options.reflectance} has no coefficients to be given; choose one of {known}")
     if options.phase_weighting is None or not options.phase_coefficients or options.phase_coefficients[0] <= 0:
         raise InputError("give both --phase-weighting and --phase-coefficients, of which the first, c_0, is positive")

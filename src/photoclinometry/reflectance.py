@@ -130,11 +130,17 @@ def _disk(kind, mu0, mu, phase, w0, w1):
     return minnaert(mu0, mu, phase, w0, w1)
 
 
+@njit(cache=True, inline="always")
+def _hapke_parameters(packed):
+    """w, theta, b, c, b0, h."""
+    return packed[1], packed[2], packed[3], packed[4], packed[5], packed[6]
+
+
 @njit(cache=True)
 def _hapke(packed, mu0, mu, phase):
     """Hapke's model over its value at mu0 = mu = 1, phase = 0, and partial derivatives (`photoclinometry.hapke`)."""
-    w, theta, b, c, b0, h, overhead = packed[1], packed[2], packed[3], packed[4], packed[5], packed[6], packed[7]
-    value, by_mu0, by_mu, by_phase = hapke.by_angles(mu0, mu, phase, w, theta, b, c, b0, h)
+    overhead = packed[7]
+    value, by_mu0, by_mu, by_phase = hapke.by_angles(mu0, mu, phase, *_hapke_parameters(packed))
     return value / overhead, by_mu0 / overhead, by_mu / overhead, by_phase / overhead
 
 
@@ -160,13 +166,12 @@ def photometric_function(packed, mu0, mu, phase):
 
 @njit(cache=True)
 def photometric_value(packed, mu0, mu, phase):
-    """rho alone, which of Hapke's model takes a tenth of the time."""
+    """rho alone, which of Hapke's model takes a quarter of the time."""
     if packed[0] != HAPKE:
         return photometric_function(packed, mu0, mu, phase)[0]
     if mu0 <= 0.0 or mu <= 0.0:
         return 0.0
-    w, theta, b, c, b0, h, overhead = packed[1], packed[2], packed[3], packed[4], packed[5], packed[6], packed[7]
-    return hapke.radiance(mu0, mu, phase, w, theta, b, c, b0, h) / overhead
+    return hapke.radiance(mu0, mu, phase, *_hapke_parameters(packed)) / packed[7]
 
 
 @njit(cache=True)
@@ -176,8 +181,8 @@ def photometric_parameters(packed, mu0, mu, phase, out):
     if mu0 <= 0.0 or mu <= 0.0:
         return
     if packed[0] == HAPKE:
-        w, theta, b, c, b0, h, overhead = packed[1], packed[2], packed[3], packed[4], packed[5], packed[6], packed[7]
-        value, by_parameter = hapke.by_parameters(mu0, mu, phase, w, theta, b, c, b0, h)
+        overhead = packed[7]
+        value, by_parameter = hapke.by_parameters(mu0, mu, phase, *_hapke_parameters(packed))
         for i in range(6):
             out[i] = (by_parameter[i] - value / overhead * packed[8 + i]) / overhead
         return
@@ -254,12 +259,12 @@ class Reflectance:
     @property
     def packed(self) -> np.ndarray:
         """(3 + n,) float64 for compiled code: disk function's number, w0, w1, c_1 ... c_n; of "hapke" then its value
-        at mu0 = mu = 1, phase = 0 and the derivatives of that by the parameters, and NaN for all where these are not
-        physical: no brightness is explained so, and no estimate goes there."""
+        at mu0 = mu = 1, phase = 0 and the derivatives of that by the parameters, and NaN behind the number where these
+        are not physical: no brightness is explained so, and no estimate goes there."""
         packed = [DISK_FUNCTIONS[self.disk], *self.weight, *self.phase_coefficients]
         if self.disk == "hapke":
             if not hapke.is_physical(*packed[1:]):
-                return np.full(14, np.nan)
+                return np.array([HAPKE, *(np.nan,) * 13])
             value, by_parameter = hapke.by_parameters(1.0, 1.0, 0.0, *packed[1:])
             packed += [value, *by_parameter]
         return np.array(packed, float)

@@ -18,6 +18,13 @@ def size(stated: np.ndarray) -> np.ndarray:
     return np.abs(stated) if stated.ndim == 1 else np.linalg.norm(stated, axis=1)
 
 
+def along(stated: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """(n,) sigmas along a unit vector (3,), of covariances (n, 3, 3), or of sigmas (n, 3) along axes or (n,)."""
+    if stated.ndim == 3:
+        return np.sqrt(stated @ direction @ direction)
+    return np.abs(stated) if stated.ndim == 1 else np.linalg.norm(stated * direction, axis=1)
+
+
 def landmark_sigmas(scene: Scene) -> dict[str, np.ndarray]:
     """(J,) by name, of what the scene states: position and height over the mean plane [GSD], normal [deg], albedo [%].
 
@@ -28,7 +35,7 @@ def landmark_sigmas(scene: Scene) -> dict[str, np.ndarray]:
         found["position_sigma_gsd"] = size(stated["position"]) / scene.gsd
         if stated["position"].ndim == 3:
             up = local_frame(scene).rotation[:, 2]
-            found["height_sigma_gsd"] = np.sqrt(stated["position"] @ up @ up) / scene.gsd
+            found["height_sigma_gsd"] = along(stated["position"], up) / scene.gsd
     if "normal" in stated:
         found["normal_sigma_deg"] = np.degrees(size(stated["normal"]))
     if "albedo" in stated:
