@@ -24,6 +24,7 @@ FOCAL_PX, ALTITUDE = 10_700.0, 680e3 / 60.0
 
 OPTIONS = AdjustOptions(
     brightness_sigma=0.0015,
+    scale_sigma=0.01,
     keypoint_correlation_px=1.0,
     brightness_correlation_px=1.0,
     keypoint_loss=np.inf,

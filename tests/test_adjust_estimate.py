@@ -7,7 +7,7 @@ import pytest
 
 from convergence import DEFAULT as CONVERGENCE
 from convergence import final_cost, random_start
-from matched import OPTIONS, matched_problem
+from matched import OPTIONS, Noise, matched_problem
 from photoclinometry.adjust import AdjustOptions, Anchors, PosePriors, adjust
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.errors import ReconstructionError
@@ -166,6 +166,40 @@ def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk, sigma
         return np.median(angle_between(scene.landmarks.normal, truth.landmarks.normal))
 
     assert tilt(found.scene) < 0.8 * tilt(held.scene)
+
+
+MEASURED = replace(INDEPENDENT, uncertainty=False)
+
+
+@pytest.mark.parametrize(("slope", "rest"), [(1.05, 1.12), (0.9, 0.9)])
+def test_a_wrong_phase_function_is_found_and_not_taken_by_the_scales(slope, rest):
+    """Scales that are right: held as loosely as calibration states them they take what the phase function lacks, and
+    brightness 10 degrees beyond the phases mapped is predicted at least twice as badly."""
+    start, truth = matched_problem(40, 12, noise=Noise(scale=0.0))
+    first, *others = truth.reflectance.phase_coefficients
+    bent = replace(truth.reflectance, phase_coefficients=(slope * first, *(rest * c for c in others)))
+    start = replace(start, reflectance=bent)
+    phase = angle_between(truth.views.sun, truth.views.body_from_cam.translation)
+
+    def beyond(adjusted):
+        """Relative error of brightness beyond the phases mapped, where it is right in the middle of these."""
+        asked = np.append(phase, phase.max() + np.radians(10.0))
+        ratio = adjusted.scene.reflectance.phase_function(asked) / truth.reflectance.phase_function(asked)
+        return abs(ratio[-1] / np.median(ratio[:-1]) - 1.0)
+
+    found, loose = adjust(start, MEASURED), adjust(start, replace(MEASURED, scale_sigma=0.01))
+    assert beyond(found) < 0.012
+    assert beyond(found) < 0.5 * beyond(loose)
+    np.testing.assert_allclose(found.scene.views.scale, 1.0, atol=1e-3)
+
+
+def test_scales_that_scatter_are_left_to():
+    """By a hundredth: they are found far better than that, and what they scatter by is."""
+    start, truth = matched_problem(60, 12)
+    found = adjust(start, MEASURED)
+    scatter = np.std(truth.views.scale)
+    assert np.std(found.scene.views.scale / truth.views.scale) < 0.4 * scatter
+    assert found.noise.scale_scatter == pytest.approx(scatter, rel=0.25)
 
 
 def test_a_model_without_parameters_has_none_to_estimate():

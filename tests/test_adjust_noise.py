@@ -10,6 +10,7 @@ from photoclinometry.adjust.noise import (
     correlation_px,
     keypoint_factor,
     robust_sigma,
+    scale_scatter,
     view_factor,
 )
 from photoclinometry.predict import brightness_residuals, keypoint_residuals
@@ -85,6 +86,8 @@ def test_noise_that_hardly_changed_is_close():
     assert replace(noise, keypoint_correlation_px=23.0, keypoint_factor=0.54).close_to(noise)
     assert not replace(noise, keypoint_correlation_px=25.0).close_to(noise)
     assert not replace(noise, anchor_factor=1.2).close_to(noise)
+    assert not replace(noise, scale_scatter=0.002).close_to(noise)
+    assert not noise.close_to(replace(noise, scale_scatter=0.002))
 
 
 def test_views_follow_chance_and_are_held_against_more():
@@ -98,3 +101,9 @@ def test_views_follow_chance_and_are_held_against_more():
     then = 4.0 * offsets * (1.5 / factor) ** 2
     assert np.sqrt(np.mean(then**2)) == pytest.approx(1.0)
     assert view_factor(1e6 * offsets, 1.0) == 5.0
+
+
+def test_scales_scatter_by_their_distance_from_one_and_by_a_thousandth_at_least():
+    assert scale_scatter(np.array([1.01, 0.98, 1.0])) == pytest.approx(np.sqrt(5e-4 / 3))
+    assert scale_scatter(np.array([1.0001, 0.9999])) == 1e-3
+    assert scale_scatter(np.ones(3)) == np.inf

@@ -184,8 +184,8 @@ def write_products(
         metrics = evaluate_scene(scene, images, per_view=rows, held_out=aside)
         metrics |= {"views_left_out": len(left_out), "converged": float(adjustment.converged)}
         photometric = scene.reflectance is not None
-        noise = asdict(adjustment.noise).items()
-        metrics |= {name: value for name, value in noise if photometric or not name.startswith("brightness")}
+        noise = {name: value for name, value in asdict(adjustment.noise).items() if np.isfinite(value)}
+        metrics |= {name: value for name, value in noise.items() if photometric or not name.startswith("brightness")}
         metrics |= _parameter_metrics(adjustment)
         of_priors = prior_table(scene, priors or {}, adjustment.pose_priors_used)
         metrics |= prior_metrics(of_priors)

@@ -20,6 +20,7 @@ from photoclinometry.adjust.noise import (
     brightness_noise,
     correlation_px,
     keypoint_factor,
+    scale_scatter,
     view_factor,
 )
 from photoclinometry.adjust.options import AdjustOptions
@@ -158,7 +159,7 @@ def _rounds(
     loose = options.solver.roughly()
     history: list[Iteration] = []
     lit = gate(scene, estimate, options) if photometric else np.zeros(len(tracks), bool)
-    noise = _starting_noise(scene, options, lit)
+    noise = _starting_noise(scene, options, lit, priors)
     final, solution, problem = False, None, None
     for round_ in range(options.max_rounds):
         final = final or round_ == options.max_rounds - 1
@@ -168,7 +169,7 @@ def _rounds(
         looser = shared.brightness_correlation_px / BALANCED_CORRELATION_PX
         smooth_sigma = options.smooth_sigma_rad * max(looser, DIRECT_SMOOTHNESS if roles.direct.any() else 1.0)
         pairs = _pairs(estimate.landmarks.position, mapped, options.smooth_neighbours if smooth else 0)
-        held = replace(priors, view_factor=noise.view_factor)
+        held = replace(priors, view_factor=noise.view_factor, scale_scatter=noise.scale_scatter)
         problem = None  # its buffers are let go of before the next one's are made
         problem = Problem(layout, measured, pairs, held, given, smooth_sigma=smooth_sigma)
         solver = options.solver if final else loose
@@ -184,16 +185,13 @@ def _rounds(
         if final:
             break
         new_lit = gate(scene, estimate, options) if photometric else lit
-        new_noise = _measured_noise(scene, estimate, options, new_lit, roles, noise)
-        if photometric and options.brightness_correlation_px is None:
-            offsets = _view_offsets(estimate.views, priors)
-            new_noise = replace(new_noise, view_factor=view_factor(offsets, noise.view_factor))
+        new_noise = _measured_noise(scene, estimate, options, new_lit, roles, noise, priors)
         final = bool(np.mean(new_lit != lit) < 1e-2 and new_noise.close_to(noise))
         lit, noise = new_lit, new_noise
     assert solution is not None
     assert problem is not None
     scene = replace(scene.with_estimate(estimate.views, estimate.landmarks), uncertainty={})
-    problem.priors = priors
+    problem.priors = replace(priors, scale_scatter=noise.scale_scatter)
     response, parameter_sigma = None, np.full(len(estimate.parameters), np.nan)
     if options.uncertainty:
         if len(estimate.parameters):
@@ -236,7 +234,7 @@ def gate(scene: Scene, estimate: Estimate, options: AdjustOptions) -> np.ndarray
     return tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
 
 
-def _starting_noise(scene: Scene, options: AdjustOptions, lit: np.ndarray) -> Noise:
+def _starting_noise(scene: Scene, options: AdjustOptions, lit: np.ndarray, priors: Priors) -> Noise:
     """What is given, and guesses for what is to be measured: two percent of the median brightness."""
     if scene.reflectance is not None and not np.any(lit):
         raise ReconstructionError(
@@ -250,10 +248,18 @@ def _starting_noise(scene: Scene, options: AdjustOptions, lit: np.ndarray) -> No
         anchor_factor=1.0,
         brightness_sigma=options.brightness_sigma or brightness,
         brightness_correlation_px=options.brightness_correlation_px or STARTING_BRIGHTNESS_CORRELATION_PX,
+        scale_scatter=scale_scatter(scene.views.scale) if _scatter_is_measured(options, priors) else np.inf,
     )
 
 
-def _measured_noise(scene: Scene, estimate: Estimate, options: AdjustOptions, lit, roles: Roles, noise: Noise) -> Noise:
+def _scatter_is_measured(options: AdjustOptions, priors: Priors) -> bool:
+    """Whether calibration tells the scales, and nobody how well."""
+    return options.scale_sigma is None and bool(np.all(np.isfinite(priors.scale)))
+
+
+def _measured_noise(
+    scene: Scene, estimate: Estimate, options: AdjustOptions, lit, roles: Roles, noise: Noise, priors: Priors
+) -> Noise:
     """`noise` with everything that is not given measured from the residuals of the estimate."""
     scene = scene.with_estimate(estimate.views, estimate.landmarks)
     tracks, found = scene.tracks, {}
@@ -274,6 +280,9 @@ def _measured_noise(scene: Scene, estimate: Estimate, options: AdjustOptions, li
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:
             found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)
+            found["view_factor"] = view_factor(_view_offsets(scene.views, priors), noise.view_factor)
+    if _scatter_is_measured(options, priors):
+        found["scale_scatter"] = scale_scatter(scene.views.scale)
     return replace(noise, **found)
 
 

@@ -38,6 +38,9 @@ class Noise:
     view_factor: float = 1.0
     """Likewise for what brightness errs by all over a view, which no residual shows, as the view's Sun, scale and bias
     follow it: how many times smaller than stated the standard deviations of these are taken to be."""
+    scale_scatter: float = np.inf
+    """What scales known by calibration scatter by about 1, however they are stated; infinite until it is measured, and
+    of scales that are not known."""
 
     def between_landmarks(self, stride: int) -> Noise:
         """With correlations counted in landmarks, `stride` pixels apart: square roots of how many share an error."""
@@ -51,7 +54,7 @@ class Noise:
         """Whether no standard deviation differs by more than a tenth, no correlation by more than a fifth."""
         for f in fields(self):
             a, b = getattr(self, f.name), getattr(other, f.name)
-            if abs(a - b) > (0.2 if f.name.endswith("_px") else 0.1) * b:
+            if np.isfinite(a) != np.isfinite(b) or abs(a - b) > (0.2 if f.name.endswith("_px") else 0.1) * b:
                 return False
         return True
 
@@ -61,6 +64,9 @@ CHANCE = 1.5
 
 MAX_VIEW_FACTOR = 5.0
 """More, and what brightness says of Suns would count for nothing."""
+
+MIN_SCALE_SCATTER = 1e-3
+"""No camera repeats better."""
 
 
 def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> float:
@@ -91,6 +97,18 @@ def view_factor(offsets: np.ndarray, factor: float) -> float:
     if factor == 1.0 and excess < CHANCE:
         return 1.0
     return float(np.clip(factor * np.sqrt(excess), 1.0, MAX_VIEW_FACTOR))
+
+
+def scale_scatter(scale: np.ndarray) -> float:
+    """Root mean square of how far scales (K,) are from 1, MIN_SCALE_SCATTER at least; infinite where all are 1 still.
+
+    Were they always as loose as calibration states them, they would take what the phase function errs by, and it would
+    not be found: views at other phases would then be predicted by the wrong one. Those that do scatter stay as loose:
+    their brightness insists.
+    """
+    if np.all(scale == 1.0):
+        return np.inf
+    return max(float(np.sqrt(np.mean((scale - 1.0) ** 2))), MIN_SCALE_SCATTER)
 
 
 def robust_sigma(residual: np.ndarray, parameters: int) -> float:

@@ -45,8 +45,8 @@ class AdjustOptions:
     landmark_sigma_gsd: float = 1e-2
     """Gauge: prior on the position of one central landmark, which fixes the scale [GSD]."""
     scale_sigma: float | None = None
-    """Prior on the images' brightness scales about 1. Left out: 0.01 for I/F with a phase function, else none
-    but on the reference view, whose scale is 1."""
+    """Prior on the images' brightness scales about 1. Left out: what they are found to scatter by, 0.01 at most, for
+    I/F with a phase function; else none but on the reference view, whose scale is 1."""
     bias_sigma: float | None = None
     """Prior on the images' brightness biases about 0. Left out: 1e-3 of the median brightness for I/F, else a tenth."""
     position_sigma_gsd: float | None = None

@@ -40,8 +40,15 @@ class Priors:
     """(J,)."""
     view_factor: float = 1.0
     """How many times smaller than stated the standard deviations of Suns, scales and biases are taken to be."""
+    scale_scatter: float = np.inf
+    """Scales are known to that at least, however they are stated."""
     reflectance: float = np.inf
     """Relative, of every reflectance parameter about its start; nothing where these are held."""
+
+    @property
+    def scale_sigma(self) -> np.ndarray:
+        """(K,) standard deviations of scales as they are taken to be."""
+        return np.minimum(self.scale / self.view_factor, self.scale_scatter)
 
     def cost(self, estimate: Estimate) -> float:
         """Squared whitened differences, summed."""
@@ -49,7 +56,7 @@ class Priors:
         turned, moved = _pose_offset(now, start)
         total = np.sum((turned / self.pose_rotation[:, None]) ** 2)
         total += np.sum((moved / self.pose_translation[:, None]) ** 2)
-        total += np.sum((self.view_factor * (now.scale - start.scale) / self.scale) ** 2)
+        total += np.sum(((now.scale - start.scale) / self.scale_sigma) ** 2)
         total += np.sum((self.view_factor * (now.bias - start.bias) / self.bias) ** 2)
         total += np.sum((estimate.parameters / self.reflectance) ** 2)
         points, known = estimate.landmarks, self.landmarks
@@ -68,8 +75,7 @@ class Priors:
         turned, moved = _pose_offset(now, start)
         free = np.full((count, 2), np.inf)
         rotation, translation = np.tile(self.pose_rotation, (3, 1)).T, np.tile(self.pose_translation, (3, 1)).T
-        scale, bias = self.scale / self.view_factor, self.bias / self.view_factor
-        sigma = np.column_stack([rotation, translation, free, scale, bias])
+        sigma = np.column_stack([rotation, translation, free, self.scale_sigma, self.bias / self.view_factor])
         nothing = np.zeros((count, 2))
         offset = np.column_stack([turned, moved, nothing, now.scale - start.scale, now.bias - start.bias])
         rows = np.tile(np.eye(CAMERA_SIZE), (count, 1, 1))
