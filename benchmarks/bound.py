@@ -5,8 +5,10 @@
 Prints PSNR (all pixels; lit ones) of four maps: the run's; the truth averaged over the optics' footprint; true poses,
 Suns and positions with normals, albedos and scales fitted to the images; and that amidst the true ground of the
 reference image, whose shadows fall onto it. What the last one lacks no better matching or estimate can give: it is the
-model, noise, and relief below a pixel. Where the ground has another reflectance than the run's, a last line says by how
-much normals and albedos are off that are fitted with the ground's own: what inverting with it can give.
+model, noise, and relief below a pixel. Where the ground has another reflectance than the run's, a line says by how
+much normals and albedos are off that are fitted with the ground's own: what inverting with it can give. Where views
+were held out, a last line gives their PSNR, and what it would be were each as bright as suits it most, by up to 3 %:
+what of it is how bright the model says other phases are.
 """
 
 from __future__ import annotations
@@ -19,19 +21,22 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.cli.folders import read_run, run_images
-from photoclinometry.evaluate import view_psnr
+from photoclinometry.evaluate import held_out_table, view_psnr
 from photoclinometry.geometry import angle_between
+from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.truth import read_truth
 from photoclinometry.predict import observation_brightness, reflectance_of
 from photoclinometry.reflectance import photometric_angles
 from photoclinometry.render import landmark_faces
-from photoclinometry.scene import Image, Region, Scene, Surroundings
+from photoclinometry.scene import Image, Region, Scene, Surroundings, Views
 from photoclinometry.shading import brightness_on_surface, normals_from_shading
 from photoclinometry.simulate.photometry import radiance_factor
 from photoclinometry.simulate.truth import Truth, truth_maps
 
 FITS = 4
 """Of scales, then of normals and albedos, in turns."""
+BRIGHTER = np.linspace(0.97, 1.03, 13)
+"""How much brighter a view held out may be than the model says, to find what suits it most."""
 
 
 def at_true_geometry(scene: Scene, truth: Truth, images: Sequence[Image]) -> Scene:
@@ -92,6 +97,12 @@ def errors(fitted: Scene, true: Scene) -> str:
     return f"normals {turn:.2f} deg, albedo {100 * np.mean(np.abs(ratio / np.median(ratio) - 1)):.2f} %"
 
 
+def held_out_psnr(scene: Scene, held_out: Views, images: Sequence[Image]) -> np.ndarray:
+    """(len(BRIGHTER), H) PSNR [dB] of H views held out, with their scales times BRIGHTER."""
+    tables = [held_out_table(scene, replace(held_out, scale=held_out.scale * by), images) for by in BRIGHTER]
+    return np.array([[row["psnr_db"] for row in table] for table in tables])
+
+
 def main(run: Path, site: Path) -> None:
     scene, truth = read_run(run), read_truth(site / "truth.h5")
     images = run_images(site / "site.toml", scene.views.name)
@@ -114,6 +125,11 @@ def main(run: Path, site: Path) -> None:
         print(f"; {errors(map_, true)}" if map_ is fitted else "")
     if truth.photometry != scene.reflectance:
         print(f"fitted with the ground's own reflectance: {errors(with_reflectance_of_ground(ground, truth), ground)}")
+    held_out = held_out_file.read_held_out(run / held_out_file.NAME)
+    if held_out is not None:
+        psnr = held_out_psnr(scene, held_out, run_images(site / "site.toml", held_out.name))
+        as_is, best = psnr[len(BRIGHTER) // 2].mean(), psnr.max(0).mean()
+        print(f"held out: {as_is:.2f} dB; each as bright as suits it most, within 3 %: {best:.2f} dB")
 
 
 if __name__ == "__main__":
