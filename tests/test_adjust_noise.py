@@ -107,3 +107,16 @@ def test_scales_scatter_by_their_distance_from_one_and_by_a_thousandth_at_least(
     assert scale_scatter(np.array([1.01, 0.98, 1.0])) == pytest.approx(np.sqrt(5e-4 / 3))
     assert scale_scatter(np.array([1.0001, 0.9999])) == 1e-3
     assert scale_scatter(np.ones(3)) == np.inf
+
+
+def test_what_follows_the_phase_is_no_scatter_of_scales():
+    """A parabola of 4 % with noise of half a per cent: the noise, for the degrees of freedom left; of six views all."""
+    rng = np.random.default_rng(0)
+    phase = rng.uniform(0.3, 1.3, 400)
+    curved = 1.0 - 0.16 * (phase - 0.8) ** 2
+    scale = curved + 0.005 * rng.normal(size=400)
+    assert scale_scatter(scale, phase) == pytest.approx(0.005, rel=0.1)
+    assert scale_scatter(scale) > 0.015
+    assert scale_scatter(scale[:6], phase[:6]) == scale_scatter(scale[:6])
+    few = [scale_scatter(1.0 + 0.005 * rng.normal(size=7), phase[:7]) ** 2 for _ in range(400)]
+    assert np.mean(few) == pytest.approx(0.005**2, rel=0.15)

@@ -32,6 +32,7 @@ from photoclinometry.adjust.uncertainty import OF_LANDMARKS, estimate_uncertaint
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.weights import weighted, weights_of
 from photoclinometry.errors import ReconstructionError
+from photoclinometry.geometry import angle_between
 from photoclinometry.initialize import neighbours
 from photoclinometry.predict import brightness_residuals, keypoint_residuals, projected_keypoints, shading
 from photoclinometry.reflectance import Reflectance
@@ -248,13 +249,17 @@ def _starting_noise(scene: Scene, options: AdjustOptions, lit: np.ndarray, prior
         anchor_factor=1.0,
         brightness_sigma=options.brightness_sigma or brightness,
         brightness_correlation_px=options.brightness_correlation_px or STARTING_BRIGHTNESS_CORRELATION_PX,
-        scale_scatter=scale_scatter(scene.views.scale) if _scatter_is_measured(options, priors) else np.inf,
+        scale_scatter=_scale_scatter(scene, options, priors),
     )
 
 
-def _scatter_is_measured(options: AdjustOptions, priors: Priors) -> bool:
-    """Whether calibration tells the scales, and nobody how well."""
-    return options.scale_sigma is None and bool(np.all(np.isfinite(priors.scale)))
+def _scale_scatter(scene: Scene, options: AdjustOptions, priors: Priors) -> float:
+    """What scales scatter by where calibration tells them and `options` do not say how well; else infinite."""
+    if options.scale_sigma is not None or not np.all(np.isfinite(priors.scale)):
+        return np.inf
+    toward = scene.views.body_from_cam.translation - np.median(scene.landmarks.position, axis=0)
+    phase = angle_between(scene.views.sun, toward) if options.reflectance_sigma > 0 else None
+    return scale_scatter(scene.views.scale, phase)
 
 
 def _measured_noise(
@@ -281,8 +286,7 @@ def _measured_noise(
         if options.brightness_correlation_px is None:
             found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)
             found["view_factor"] = view_factor(_view_offsets(scene.views, priors), noise.view_factor)
-    if _scatter_is_measured(options, priors):
-        found["scale_scatter"] = scale_scatter(scene.views.scale)
+    found["scale_scatter"] = _scale_scatter(scene, options, priors)
     return replace(noise, **found)
 
 

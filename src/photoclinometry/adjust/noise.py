@@ -39,7 +39,7 @@ class Noise:
     """Likewise for what brightness errs by all over a view, which no residual shows, as the view's Sun, scale and bias
     follow it: how many times smaller than stated the standard deviations of these are taken to be."""
     scale_scatter: float = np.inf
-    """What scales known by calibration scatter by about 1, however they are stated; infinite until it is measured, and
+    """What scales known by calibration are found to scatter by, however stated; infinite until it is measured, and
     of scales that are not known."""
 
     def between_landmarks(self, stride: int) -> Noise:
@@ -67,6 +67,9 @@ MAX_VIEW_FACTOR = 5.0
 
 MIN_SCALE_SCATTER = 1e-3
 """No camera repeats better."""
+
+MIN_VIEWS_FOR_PHASE = 7
+"""With fewer, a parabola explains too much of what is scatter."""
 
 
 def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> float:
@@ -99,16 +102,21 @@ def view_factor(offsets: np.ndarray, factor: float) -> float:
     return float(np.clip(factor * np.sqrt(excess), 1.0, MAX_VIEW_FACTOR))
 
 
-def scale_scatter(scale: np.ndarray) -> float:
-    """Root mean square of how far scales (K,) are from 1, MIN_SCALE_SCATTER at least; infinite where all are 1 still.
+def scale_scatter(scale: np.ndarray, phase: np.ndarray | None = None) -> float:
+    """Standard deviation of scales (K,) about 1, MIN_SCALE_SCATTER at least; infinite where all are 1 still.
 
-    Were they always as loose as calibration states them, they would take what the phase function errs by, and it would
-    not be found: views at other phases would then be predicted by the wrong one. Those that do scatter stay as loose:
-    their brightness insists.
+    phase: (K,) phase angles [rad] of the views, where the phase function is estimated: of more than a few views, what
+    a parabola in phase explains is no scatter, but what the phase function still lacks. Were scales as loose as
+    calibration states them, or as that makes them, they would take it, and it would not be found.
     """
     if np.all(scale == 1.0):
         return np.inf
-    return max(float(np.sqrt(np.mean((scale - 1.0) ** 2))), MIN_SCALE_SCATTER)
+    off, freedom = scale - 1.0, len(scale)
+    if phase is not None and freedom >= MIN_VIEWS_FOR_PHASE:
+        parabola = np.vander(phase - phase.mean(), 3)
+        off = off - parabola @ np.linalg.lstsq(parabola, off, rcond=None)[0]
+        freedom -= 3
+    return max(float(np.sqrt(np.sum(off**2) / freedom)), MIN_SCALE_SCATTER)
 
 
 def robust_sigma(residual: np.ndarray, parameters: int) -> float:
