@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.errors import InputError
-from photoclinometry.predict import keypoint_residuals, observation_brightness, shading
+from photoclinometry.predict import keypoint_residuals, observation_brightness, phase_of_views, shading
 from photoclinometry.reflectance import photometric_angles, published
 from scenes import synthetic_scene
 
@@ -41,3 +41,11 @@ def test_predicted_brightness_is_the_measured_one_of_an_exact_scene(model):
 def test_geometry_alone_predicts_no_brightness():
     with pytest.raises(InputError, match="geometry alone"):
         observation_brightness(replace(synthetic_scene(size=8), reflectance=None))
+
+
+def test_the_phase_of_a_view_is_that_in_the_middle_of_its_map():
+    scene = synthetic_scene(size=8)
+    middle, center = np.median(scene.landmarks.position, axis=0), scene.views.body_from_cam.translation
+    expected = photometric_angles(scene.views.sun, center, np.broadcast_to(middle, center.shape), np.array([0, 0, 1.0]))
+    np.testing.assert_allclose(phase_of_views(scene), expected[2], rtol=1e-12)
+    assert np.ptp(np.degrees(phase_of_views(scene))) > 5.0

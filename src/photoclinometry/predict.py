@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.errors import InputError
+from photoclinometry.geometry import angle_between
 from photoclinometry.reflectance import Reflectance, angles_at, photometric_value
 from photoclinometry.scene import Scene, Views
 
@@ -18,6 +19,12 @@ def reflectance_of(scene: Scene) -> Reflectance:
             "run again with a reflectance model"
         )
     return scene.reflectance
+
+
+def phase_of_views(scene: Scene) -> np.ndarray:
+    """(K,) phase angle [rad] in the middle of the map."""
+    middle = np.median(scene.landmarks.position, axis=0)
+    return angle_between(scene.views.sun, scene.views.body_from_cam.translation - middle)
 
 
 def keypoint_residuals(scene: Scene) -> np.ndarray:

@@ -32,9 +32,14 @@ from photoclinometry.adjust.uncertainty import OF_LANDMARKS, estimate_uncertaint
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.weights import weighted, weights_of
 from photoclinometry.errors import ReconstructionError
-from photoclinometry.geometry import angle_between
 from photoclinometry.initialize import neighbours
-from photoclinometry.predict import brightness_residuals, keypoint_residuals, projected_keypoints, shading
+from photoclinometry.predict import (
+    brightness_residuals,
+    keypoint_residuals,
+    phase_of_views,
+    projected_keypoints,
+    shading,
+)
 from photoclinometry.reflectance import Reflectance
 from photoclinometry.scene import Scene, Views
 
@@ -257,9 +262,7 @@ def _scale_scatter(scene: Scene, options: AdjustOptions, priors: Priors) -> floa
     """What scales scatter by where calibration tells them and `options` do not say how well; else infinite."""
     if options.scale_sigma is not None or not np.all(np.isfinite(priors.scale)):
         return np.inf
-    toward = scene.views.body_from_cam.translation - np.median(scene.landmarks.position, axis=0)
-    phase = angle_between(scene.views.sun, toward) if options.reflectance_sigma > 0 else None
-    return scale_scatter(scene.views.scale, phase)
+    return scale_scatter(scene.views.scale, phase_of_views(scene) if options.reflectance_sigma > 0 else None)
 
 
 def _measured_noise(

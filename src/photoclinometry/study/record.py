@@ -12,9 +12,8 @@ import numpy as np
 
 from photoclinometry.compare import Comparison, evaluate_against_truth
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.predict import phase_of_views
 from photoclinometry.products import RunResult
-from photoclinometry.reflectance import photometric_angles
-from photoclinometry.scene import Scene
 from photoclinometry.simulate.truth import Truth
 from photoclinometry.study.plan import Cell
 from photoclinometry.tables import json_numbers
@@ -48,14 +47,6 @@ def measure(cell: Cell, result: RunResult, truth: Truth) -> tuple[Record, Compar
         "phase": phase_of_views(aligned),
     }
     return Record(cell, {**result.metrics, **found.metrics}, arrays), found
-
-
-def phase_of_views(scene: Scene) -> np.ndarray:
-    """(K,) phase angle [rad] in the middle of the map."""
-    middle = np.median(scene.landmarks.position, axis=0)
-    up = np.mean(scene.landmarks.normal, axis=0)
-    centers = scene.views.body_from_cam.translation
-    return photometric_angles(scene.views.sun, centers, np.broadcast_to(middle, centers.shape), up)[2]
 
 
 def write_record(folder: Path, record: Record, key: str, draw=None) -> None:
