@@ -24,8 +24,8 @@ from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.solver import minimize
 from photoclinometry.adjust.uncertainty import linearised
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.geometry import Rigid, skew, so3_log, tangent_basis
-from photoclinometry.scene import Scene
+from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
+from photoclinometry.model.scene import Scene
 from uncertainty import BRIGHTNESS_SIGMA, problem_of
 
 KEYPOINT_SIGMA = 0.3

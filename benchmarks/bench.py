@@ -94,10 +94,10 @@ def run_cases(cases: dict[str, Case], console: Console) -> dict[str, dict[str, f
 
 def measure(case: Case, folder: Path) -> dict[str, float]:
     """Simulates and maps one case; its figures by the names of METRICS. CPU seconds count all threads."""
-    from photoclinometry import pipeline
-    from photoclinometry.compare import evaluate_against_truth
-    from photoclinometry.io.truth import read_truth
+    from photoclinometry.evaluate.compare import evaluate_against_truth
+    from photoclinometry.pipeline import run as pipeline
     from photoclinometry.simulate.site import simulate_site
+    from photoclinometry.simulate.truth_file import read_truth
 
     start = time.process_time()
     site = simulate_site(case.simulation, folder / "site")

@@ -21,17 +21,17 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.cli.folders import read_run, run_images
-from photoclinometry.evaluate import held_out_table, view_psnr
-from photoclinometry.geometry import angle_between
+from photoclinometry.evaluate.evaluate import held_out_table, view_psnr
 from photoclinometry.io import held_out as held_out_file
-from photoclinometry.io.truth import read_truth
-from photoclinometry.predict import observation_brightness, reflectance_of
-from photoclinometry.reflectance import photometric_angles
-from photoclinometry.render import landmark_faces
-from photoclinometry.scene import Image, Region, Scene, Surroundings, Views
-from photoclinometry.shading import brightness_on_surface, normals_from_shading
+from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.reflectance import photometric_angles
+from photoclinometry.model.scene import Image, Region, Scene, Surroundings, Views
+from photoclinometry.photometry.predict import observation_brightness, reflectance_of
+from photoclinometry.photometry.render import landmark_faces
+from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 from photoclinometry.simulate.photometry import radiance_factor
 from photoclinometry.simulate.truth import Truth, truth_maps
+from photoclinometry.simulate.truth_file import read_truth
 
 FITS = 4
 """Of scales, then of normals and albedos, in turns."""

@@ -16,11 +16,11 @@ import numpy as np
 
 from matched import Noise, matched_problem
 from photoclinometry.adjust import AdjustOptions, adjust
-from photoclinometry.calibrate import scene_errors
-from photoclinometry.geometry import sphere_step
-from photoclinometry.metrics import calibration, normalised_square
-from photoclinometry.predict import observation_brightness
-from photoclinometry.scene import Scene
+from photoclinometry.evaluate.metrics import calibration, normalised_square
+from photoclinometry.evaluate.sigma_calibration import scene_errors
+from photoclinometry.model.geometry import sphere_step
+from photoclinometry.model.scene import Scene
+from photoclinometry.photometry.predict import observation_brightness
 
 KINDS = ("position", "normal", "albedo", "rotation", "center", "sun", "scale", "bias")
 BRIGHTNESS_SIGMA = 0.0015

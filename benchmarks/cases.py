@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from photoclinometry.densify import DensifyOptions
-from photoclinometry.pipeline import RunOptions
+from photoclinometry.matching.densify import DensifyOptions
+from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.simulate.site import SimulationOptions
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from matched import OPTIONS, Noise, matched_problem
 from photoclinometry.adjust import Adjustment, SolverOptions, adjust
-from photoclinometry.reflectance import published
-from photoclinometry.scene import Scene
+from photoclinometry.model.reflectance import published
+from photoclinometry.model.scene import Scene
 
 MODELS = ("lunar-lambert", "minnaert", "akimov+", "mcewen", "akimov")
 DEFAULT = replace(

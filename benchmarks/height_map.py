@@ -14,17 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.align import transform_scene
 from photoclinometry.cli.folders import read_run
-from photoclinometry.compare import evaluate_against_truth
-from photoclinometry.export import ExportOptions
-from photoclinometry.export.frame import Framed
-from photoclinometry.export.maps import write_maps
-from photoclinometry.geometry import Similarity, align_similarity, unit
-from photoclinometry.io.geotiff import read_dtm_mesh
-from photoclinometry.io.globe import find_globe
-from photoclinometry.io.truth import read_truth
+from photoclinometry.evaluate.compare import evaluate_against_truth
+from photoclinometry.io.rasters.geotiff import read_dtm_mesh
+from photoclinometry.io.rasters.globe import find_globe
+from photoclinometry.model.geometry import Similarity, align_similarity, unit
+from photoclinometry.output.export import ExportOptions
+from photoclinometry.output.export.frame import Framed
+from photoclinometry.output.export.maps import write_maps
+from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.simulate.truth import nearest_surface
+from photoclinometry.simulate.truth_file import read_truth
 
 UP = unit(np.array([0.95, 0.27, -0.16]))
 """Of the place, body-fixed: 16 degrees east, 9 south."""

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from photoclinometry.adjust import AdjustOptions, adjust
-from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
-from photoclinometry.initialize import initial_albedo, normals_from_neighbours
-from photoclinometry.predict import shading
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, published
-from photoclinometry.scene import Camera, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
+from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance, published
+from photoclinometry.model.scene import Camera, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.photometry.initialize import initial_albedo, normals_from_neighbours
+from photoclinometry.photometry.predict import shading
 
 FOCAL_PX, ALTITUDE = 10_700.0, 680e3 / 60.0
 

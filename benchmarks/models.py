@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from matched import OPTIONS, matched_problem, rms_errors
 from photoclinometry.adjust import adjust
-from photoclinometry.reflectance import DISK_FUNCTIONS, HAS_PHASE_FUNCTION, published
+from photoclinometry.model.reflectance import DISK_FUNCTIONS, HAS_PHASE_FUNCTION, published
 
 
 def main(side: int = 100, views: int = 29) -> None:

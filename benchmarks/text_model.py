@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.geometry import Rigid, unit
-from photoclinometry.scene import Camera, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.scene import Camera, Landmarks, Region, Scene, Tracks, Views
 
 
 def generated_scene(landmarks: int, views: int, observations: int) -> Scene:
@@ -68,7 +68,7 @@ def generated_scene(landmarks: int, views: int, observations: int) -> Scene:
 
 def step(what: str, folder: Path, size: tuple[int, int, int]) -> None:
     """Writes or reads the model in `folder`, and prints what that took."""
-    from photoclinometry.io.text_model import read_text_model, write_text_model
+    from photoclinometry.io.models.text_model import read_text_model, write_text_model
 
     scene = generated_scene(*size) if what == "write" else None
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -26,7 +26,7 @@ from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.uncertainty import linearised, loosely_held
 from photoclinometry.adjust.weights import Weights, weighted, weights_of
-from photoclinometry.scene import Scene
+from photoclinometry.model.scene import Scene
 
 BRIGHTNESS_SIGMA = 0.0015
 VIEW_KINDS = {

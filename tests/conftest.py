@@ -13,8 +13,8 @@ def mapped(tmp_path_factory):
 @pytest.fixture
 def adjust_nothing(monkeypatch):
     """The joint estimate stops at once, for tests of what surrounds it; the options of each call."""
-    from photoclinometry import products
     from photoclinometry.adjust import Adjustment, Noise
+    from photoclinometry.pipeline import products
 
     calls = []
 
@@ -37,4 +37,4 @@ def adjust_nothing(monkeypatch):
 @pytest.fixture
 def no_figures(monkeypatch, mapped):
     """Figures are drawn once, for the shared run; `test_report.py` proves them."""
-    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")

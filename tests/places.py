@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.align import transform_scene
-from photoclinometry.geometry import Similarity, unit
-from photoclinometry.scene import Scene
+from photoclinometry.model.geometry import Similarity, unit
+from photoclinometry.model.scene import Scene
+from photoclinometry.registration.alignment import transform_scene
 from scenes import GSD, synthetic_scene
 
 IAU_RADIUS = 255_000.0

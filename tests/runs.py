@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numba
 
-from photoclinometry import pipeline
-from photoclinometry.products import RunResult
+from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.products import RunResult
 from photoclinometry.simulate.site import SimulationOptions, simulate_site
 
 SITE = SimulationOptions(image_size=192, views=6, region_size=32)

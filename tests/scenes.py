@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.geometry import Rigid, unit
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION, Reflectance, photometric_angles, published
-from photoclinometry.scene import Camera, Image, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance, photometric_angles, published
+from photoclinometry.model.scene import Camera, Image, Landmarks, Region, Scene, Tracks, Views
 
 GSD = 60.0
 FOCAL_PX = 10_000.0

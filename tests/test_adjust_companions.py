@@ -6,8 +6,8 @@ import numpy as np
 
 from photoclinometry.adjust import AdjustOptions, ImageSlopes, adjust, companions
 from photoclinometry.adjust.companions import COPY_STEP, with_companions
-from photoclinometry.direct import image_slopes
-from photoclinometry.geometry import align_similarity, so3_log
+from photoclinometry.model.geometry import align_similarity, so3_log
+from photoclinometry.pipeline.direct_refinement import image_slopes
 from scenes import synthetic_images, synthetic_scene
 from test_adjust_estimate import anchors_around
 

@@ -10,10 +10,10 @@ from convergence import final_cost, random_start
 from matched import OPTIONS, Noise, matched_problem
 from photoclinometry.adjust import AdjustOptions, Anchors, PosePriors, adjust
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.errors import ReconstructionError
-from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3_log
-from photoclinometry.reflectance import published
-from photoclinometry.scene import Tracks
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_log
+from photoclinometry.model.reflectance import published
+from photoclinometry.model.scene import Tracks
 from scenes import synthetic_scene
 
 INDEPENDENT = AdjustOptions(keypoint_correlation_px=1, brightness_correlation_px=1)

@@ -12,8 +12,8 @@ from photoclinometry.adjust.priors import Priors
 from photoclinometry.adjust.problem import Problem
 from photoclinometry.adjust.smoothing import build_neighbours
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.geometry import so3_exp, sphere_step, unit
-from photoclinometry.reflectance import DISK_FUNCTIONS, published
+from photoclinometry.model.geometry import so3_exp, sphere_step, unit
+from photoclinometry.model.reflectance import DISK_FUNCTIONS, published
 from scenes import synthetic_scene
 
 RNG = np.random.default_rng(3)

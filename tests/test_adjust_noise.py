@@ -13,7 +13,12 @@ from photoclinometry.adjust.noise import (
     scale_scatter,
     view_factor,
 )
-from photoclinometry.predict import brightness_residuals, keypoint_residuals
+from photoclinometry.model.projection import (
+    keypoint_residuals,
+)
+from photoclinometry.photometry.predict import (
+    brightness_residuals,
+)
 from scenes import synthetic_scene
 
 SIZE = 160

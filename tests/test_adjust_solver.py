@@ -8,8 +8,8 @@ from photoclinometry.adjust import factors
 from photoclinometry.adjust.smoothing import add_product, solve_approximately
 from photoclinometry.adjust.solver import SolverOptions, minimize
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.errors import NotConvergedError
-from photoclinometry.geometry import so3_log
+from photoclinometry.model.errors import NotConvergedError
+from photoclinometry.model.geometry import so3_log
 from scenes import synthetic_scene
 from test_adjust_factors import dense_jacobian, observation_factors, perturbed, problem_of, some_tracks_missing
 

@@ -9,10 +9,10 @@ from photoclinometry.adjust import AdjustOptions, Noise, PosePriors, adjust
 from photoclinometry.adjust.covariance import Marginals
 from photoclinometry.adjust.uncertainty import error_model, scene_uncertainty
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.calibrate import sigma_metrics
-from photoclinometry.geometry import so3_log
-from photoclinometry.scene import Tracks
-from photoclinometry.sigmas import size
+from photoclinometry.evaluate.sigma_calibration import sigma_metrics
+from photoclinometry.evaluate.sigmas import size
+from photoclinometry.model.geometry import so3_log
+from photoclinometry.model.scene import Tracks
 from scenes import synthetic_scene
 from test_adjust_estimate import INDEPENDENT, anchors_around, start_of
 

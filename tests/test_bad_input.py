@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from photoclinometry.errors import ImageError, InputError, SiteError
 from photoclinometry.io.images import read_image, write_fits, write_png
 from photoclinometry.io.site import load_images, read_site
+from photoclinometry.model.errors import ImageError, InputError, SiteError
 from sites import SIZE, picture, view_text, write_small_site
 
 
@@ -201,8 +201,8 @@ def write_examples(folder: Path) -> dict:
     """One small valid file of each format, with what reads it."""
     import cv2
 
-    from photoclinometry.io.colmap import read_colmap, write_colmap
-    from photoclinometry.io.ply import read_ply, write_ply
+    from photoclinometry.io.meshes.ply import read_ply, write_ply
+    from photoclinometry.io.models.colmap import read_colmap, write_colmap
     from photoclinometry.io.scene_file import read_scene, write_scene
     from scenes import synthetic_scene
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from commands import phomo
-from photoclinometry import pipeline
-from photoclinometry.errors import ImageError, NotConvergedError, ReconstructionError
 from photoclinometry.io.images import read_image
+from photoclinometry.model.errors import ImageError, NotConvergedError, ReconstructionError
+from photoclinometry.pipeline import run as pipeline
 from sites import write_small_site
 
 
@@ -143,7 +143,7 @@ def test_a_log_that_cannot_be_written_is_misuse(site, tmp_path, capsys):
 
 def test_run_logs_reports_and_prints_where(mapped, tmp_path, capsys, monkeypatch):
     """A finished run once more: all is read back, stages go to log and terminal, the page's path to stdout."""
-    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
     folder = mapped.copy(tmp_path / "run")
     level = logging.getLogger("photoclinometry").level
     assert phomo("run", mapped.site, "--out", folder) == 0
@@ -152,7 +152,7 @@ def test_run_logs_reports_and_prints_where(mapped, tmp_path, capsys, monkeypatch
     assert "adjust: read back from the earlier run" in said.err
     assert f"{len(mapped.result.scene.landmarks)} landmarks in 6 views, mean PSNR" in said.err
     log = (folder / "log").read_text()
-    assert "INFO photoclinometry.runfolder: dense: read back from the earlier run" in log
+    assert "INFO photoclinometry.pipeline.run_folder: dense: read back from the earlier run" in log
     assert logging.getLogger("photoclinometry").level == level
     assert not logging.getLogger("photoclinometry").handlers
 

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 import tyro
 
-from photoclinometry.align import transform_scene
 from photoclinometry.cli.evaluate import evaluate
 from photoclinometry.cli.folders import site_path, view_index
 from photoclinometry.cli.info import info
 from photoclinometry.cli.render import render
-from photoclinometry.errors import InputError, RunFolderError
-from photoclinometry.geometry import Similarity, so3_exp
-from photoclinometry.io.colmap import write_colmap
 from photoclinometry.io.images import read_image, write_fits
-from photoclinometry.io.ply import write_ply
+from photoclinometry.io.meshes.ply import write_ply
+from photoclinometry.io.models.colmap import write_colmap
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.site import Site, SiteView, write_site
-from photoclinometry.render import render_view
+from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.geometry import Similarity, so3_exp
+from photoclinometry.photometry.render import render_view
+from photoclinometry.registration.alignment import transform_scene
 from scenes import synthetic_images, synthetic_scene
 
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.densify import (
+from photoclinometry.matching import Matches
+from photoclinometry.matching.densify import (
     DensifyOptions,
     densify,
     fundamental_matrix,
@@ -13,9 +14,8 @@ from photoclinometry.densify import (
     triangulate,
     triangulate_tracks,
 )
-from photoclinometry.errors import ReconstructionError
-from photoclinometry.geometry import Rigid
-from photoclinometry.matching import Matches
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.geometry import Rigid
 from scenes import synthetic_scene
 
 VIEWS, SIZE = 6, 20

@@ -6,26 +6,38 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from photoclinometry.align import align_poses, refine_on_surface, transform_poses, transform_scene
-from photoclinometry.closest import CloudSurface, MeshSurface
-from photoclinometry.compare import compare_with_truth, evaluate_against_map, evaluate_against_truth, frame_metrics
-from photoclinometry.errors import InputError
-from photoclinometry.evaluate import (
+from photoclinometry.evaluate.compare import (
+    compare_with_truth,
+    evaluate_against_map,
+    evaluate_against_truth,
+    frame_metrics,
+)
+from photoclinometry.evaluate.evaluate import (
     completeness,
     evaluate_scene,
     keypoint_residual_px,
     landmark_photometric_error,
     view_table,
 )
-from photoclinometry.geometry import Rigid, Similarity, so3_exp, so3_log, tangent_basis, unit
-from photoclinometry.io.truth import read_truth
-from photoclinometry.metrics import albedo_error, landmark_error, normal_error, photometric_error, psnr, spread
-from photoclinometry.raster import grid_faces
-from photoclinometry.reflectance import published
-from photoclinometry.scene import Landmarks, Region, Scene
+from photoclinometry.evaluate.metrics import (
+    albedo_error,
+    landmark_error,
+    normal_error,
+    photometric_error,
+    psnr,
+    spread,
+)
+from photoclinometry.evaluate.tables import markdown, metric_rows
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, so3_log, tangent_basis, unit
+from photoclinometry.model.mesh import grid_faces
+from photoclinometry.model.reflectance import published
+from photoclinometry.model.scene import Landmarks, Region, Scene
+from photoclinometry.registration.alignment import align_poses, refine_on_surface, transform_poses, transform_scene
+from photoclinometry.registration.closest_points import CloudSurface, MeshSurface
 from photoclinometry.simulate.site import SimulationOptions, simulate_site
 from photoclinometry.simulate.truth import truth_maps
-from photoclinometry.tables import markdown, metric_rows
+from photoclinometry.simulate.truth_file import read_truth
 from scenes import BumpySurface, bumpy_surface, synthetic_images, synthetic_scene
 
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from photoclinometry.align import transform_scene
-from photoclinometry.compare import compare_with_truth, evaluate_against_map
-from photoclinometry.geometry import Rigid, Similarity, so3_exp, sphere_step, tangent_basis
-from photoclinometry.io.ply import PlyMap, grid_faces
-from photoclinometry.scene import Scene
+from photoclinometry.evaluate.compare import compare_with_truth, evaluate_against_map
+from photoclinometry.io.meshes.ply import PlyMap, grid_faces
+from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, sphere_step, tangent_basis
+from photoclinometry.model.scene import Scene
+from photoclinometry.registration.alignment import transform_scene
 from scenes import GSD, bumpy_surface, synthetic_scene
 from test_evaluate import on_bumps, truth_of
 

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from commands import phomo
-from photoclinometry.errors import InputError, RunFolderError
-from photoclinometry.export import ExportOptions, export_scene
-from photoclinometry.export.meshes import albedo_texture, srgb
-from photoclinometry.export.sumfiles import sumfile_names
-from photoclinometry.io.globe import geographic
-from photoclinometry.io.ply import read_ply
+from photoclinometry.io.meshes.ply import read_ply
+from photoclinometry.io.models.sumfile import read_sumfile
+from photoclinometry.io.models.text_model import read_text_model
+from photoclinometry.io.rasters.globe import geographic
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.similarity import write_similarity
-from photoclinometry.io.sumfile import read_sumfile
-from photoclinometry.io.text_model import read_text_model
-from photoclinometry.render import landmark_faces
+from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.output.export import ExportOptions, export_scene
+from photoclinometry.output.export.meshes import albedo_texture, srgb
+from photoclinometry.output.export.sumfiles import sumfile_names
+from photoclinometry.photometry.render import landmark_faces
 from places import cratered_place
 from scenes import synthetic_scene
 
@@ -38,7 +38,7 @@ def place():
 @pytest.fixture(scope="module")
 def exported(place, tmp_path_factory):
     """The folder of an export in the body-fixed frame, and the scene there."""
-    from photoclinometry.align import transform_scene
+    from photoclinometry.registration.alignment import transform_scene
 
     folder = tmp_path_factory.mktemp("exported")
     transform = folder / "body_from_scene.toml"
@@ -168,7 +168,7 @@ def test_tables_hold_landmarks_and_views_exactly(exported):
 
 
 def geographic_of(scene):
-    from photoclinometry.io.globe import find_globe
+    from photoclinometry.io.rasters.globe import find_globe
 
     return geographic(find_globe("vesta"), scene.landmarks.position)
 
@@ -230,7 +230,7 @@ def test_an_export_that_fails_half_way_leaves_what_was_there(tmp_path, monkeypat
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("photoclinometry.export.export.write_tables", full)
+    monkeypatch.setattr("photoclinometry.output.export.export.write_tables", full)
     with pytest.raises(RunFolderError, match="No space left"):
         export_scene(scene, out, ExportOptions(products=("obj", "csv")))
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before

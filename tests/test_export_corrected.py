@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.export.corrected import corrected_reflectance
-from photoclinometry.export.sigma import sigma_along, sigma_mean
-from photoclinometry.reflectance import published
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.reflectance import published
+from photoclinometry.output.export.corrected import corrected_reflectance
+from photoclinometry.output.export.sigma import sigma_along, sigma_mean
 from scenes import LUNAR_LAMBERT, synthetic_scene
 
 

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.align import transform_scene
-from photoclinometry.errors import InputError
-from photoclinometry.export import ExportOptions
-from photoclinometry.export.frame import framed
-from photoclinometry.geometry import Similarity
 from photoclinometry.io.similarity import read_similarity, write_similarity
-from photoclinometry.io.site import PosePrior, Site, SiteView, write_site
-from photoclinometry.scene import BODY_FIXED
+from photoclinometry.io.site import Site, SiteView, write_site
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Similarity
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.output.export import ExportOptions
+from photoclinometry.output.export.frame import framed
+from photoclinometry.registration.alignment import transform_scene
 from places import IAU_RADIUS, RADIUS, cratered_place
 
 pytest.importorskip("rasterio")

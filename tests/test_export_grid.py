@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.export.grid import MAX_PIXELS, grid_around, resample, resample_heights
+from photoclinometry.model.errors import InputError
+from photoclinometry.output.export.grid import MAX_PIXELS, grid_around, resample, resample_heights
 
 
 def net(seed: int = 0, count: int = 400):

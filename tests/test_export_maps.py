@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.align import transform_scene
-from photoclinometry.compare import evaluate_against_truth
-from photoclinometry.errors import InputError
-from photoclinometry.export import ExportOptions
-from photoclinometry.export.frame import Framed
-from photoclinometry.export.maps import write_maps
-from photoclinometry.export.plane import height_gradient, map_plane
-from photoclinometry.geometry import Similarity, align_similarity, unit
-from photoclinometry.io.geotiff import read_dtm, read_dtm_mesh
-from photoclinometry.io.globe import find_globe, geographic, name_of, semi_axes
-from photoclinometry.io.truth import read_truth
-from photoclinometry.render import landmark_faces
+from photoclinometry.evaluate.compare import evaluate_against_truth
+from photoclinometry.io.rasters.geotiff import read_dtm, read_dtm_mesh
+from photoclinometry.io.rasters.globe import find_globe, geographic, name_of, semi_axes
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Similarity, align_similarity, unit
+from photoclinometry.output.export import ExportOptions
+from photoclinometry.output.export.frame import Framed
+from photoclinometry.output.export.maps import write_maps
+from photoclinometry.output.export.plane import height_gradient, map_plane
+from photoclinometry.photometry.render import landmark_faces
+from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.simulate.truth import nearest_surface
+from photoclinometry.simulate.truth_file import read_truth
 from places import CRATERS, GSD, IAU_RADIUS, RADIUS, axes_at, cratered_place, height
 from scenes import synthetic_scene
 

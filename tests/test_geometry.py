@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photoclinometry.geometry import (
+from photoclinometry.model.geometry import (
     Rigid,
     Similarity,
     align_similarity,

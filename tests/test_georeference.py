@@ -5,12 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.align import transform_poses
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, Similarity, so3_exp, so3_log
-from photoclinometry.georeference import _inverse_left_jacobian, _linearised, _moved, fit_to_priors, georeferenced
-from photoclinometry.io.site import PosePrior
-from photoclinometry.scene import BODY_FIXED, OWN
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, so3_log
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import BODY_FIXED, OWN
+from photoclinometry.registration.alignment import transform_poses
+from photoclinometry.registration.georeference import (
+    _inverse_left_jacobian,
+    _linearised,
+    _moved,
+    fit_to_priors,
+    georeferenced,
+)
 from scenes import synthetic_scene
 
 TRUTH = Similarity(3.7, so3_exp(np.array([0.4, -1.1, 2.0])), np.array([250.0, -90.0, 40.0]))

@@ -11,14 +11,14 @@ from astropy.io import fits
 from scipy.spatial.transform import Rotation
 
 from archives import FORMATS, SPICE, geometry_tables, needs_formats, needs_spice, texture, write_cube, write_pds3
-from photoclinometry.errors import InputError, RunFolderError
-from photoclinometry.geometry import Rigid, so3_exp, unit
 from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.images import write_fits, write_png
+from photoclinometry.io.models.sumfile import sumfile_of_view, write_sumfile
 from photoclinometry.io.site import load_images, read_site
-from photoclinometry.io.sumfile import sumfile_of_view, write_sumfile
-from photoclinometry.scene import Camera
+from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.geometry import Rigid, so3_exp, unit
+from photoclinometry.model.scene import Camera
 
 INGESTED = {
     "near/msi2isis/m0126865998f4_2p_iof.lbl": (244, 537, "iof", "label"),
@@ -113,7 +113,7 @@ def test_the_written_images_have_the_pixels_of_the_files(tmp_path):
 @needs_formats
 def test_saturated_pixels_of_a_real_cube_are_masked_around(tmp_path):
     """TAGCAMS digitises 12 bits: 4095 is the top. Undistorted, more pixels draw on the saturated ones."""
-    from photoclinometry.io.archive import read_product
+    from photoclinometry.io.archives.archive import read_product
 
     path = FORMATS / "osirisRexImages/20200303T213031S138_ncm_L0-reduced.cub"
     saturated = (read_product(path).image.brightness >= 4095).mean()

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from archives import FORMATS, needs_formats
-from photoclinometry.geometry import Rigid, unit
 from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions
-from photoclinometry.io.obj import read_obj
-from photoclinometry.reflectance import published
-from photoclinometry.render import render_view
-from photoclinometry.scene import Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.io.meshes.obj import read_obj
+from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.reflectance import published
+from photoclinometry.model.scene import Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.photometry.render import render_view
 
 SPC = FORMATS / "spc"
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from archives import FORMATS, SPICE, needs_formats, needs_spice
-from photoclinometry.errors import InputError
 from photoclinometry.ingest.cameras import CAMERAS, camera_named, code_for, detector_for, fitted, known_camera
 from photoclinometry.ingest.detector import seen_pixels, turned_about, upright
 from photoclinometry.ingest.facts import Facts, read_facts
 from photoclinometry.ingest.keywords import detector_from_keywords, keywords_of_label
-from photoclinometry.io.archive import read_product
+from photoclinometry.io.archives.archive import read_product
 from photoclinometry.io.spice import loaded_kernels
+from photoclinometry.model.errors import InputError
 
 GRID = np.stack(np.meshgrid(np.linspace(5, 1015, 9), np.linspace(5, 1015, 9)), -1)
 

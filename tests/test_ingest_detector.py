@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
 from photoclinometry.ingest.detector import (
     Detector,
     detector_of_matrix,
@@ -15,8 +14,9 @@ from photoclinometry.ingest.detector import (
 )
 from photoclinometry.ingest.distortion import BrownConrady, Mirrored, Radial, Undoing
 from photoclinometry.ingest.undistort import undistorted
-from photoclinometry.io.product import Window
-from photoclinometry.scene import Image
+from photoclinometry.io.archives.product import Window
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Image
 
 MOUNTS = [
     ((1, 0), (0, 1)),

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from photoclinometry.ingest.facts import read_facts, time_of
-from photoclinometry.io.product import Product
-from photoclinometry.io.pvl import parse_pvl
+from photoclinometry.io.archives.product import Product
+from photoclinometry.io.archives.pvl import parse_pvl
 
 NOTHING = Path("nothing")
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from archives import geometry_tables, texture, write_cube, write_pds3, write_pds4
-from photoclinometry.errors import InputError
 from photoclinometry.ingest.exposure import Help, read_exposure
 from photoclinometry.ingest.options import IngestOptions
-from photoclinometry.io.archive import read_product
+from photoclinometry.io.archives.archive import read_product
 from photoclinometry.io.images import write_fits, write_png
-from photoclinometry.io.sumfile import read_sumfile, sumfile_of_view, write_sumfile
+from photoclinometry.io.models.sumfile import read_sumfile, sumfile_of_view, write_sumfile
 from photoclinometry.io.suns_csv import read_suns
+from photoclinometry.model.errors import InputError
 
 TRIALS = 150
 SECONDS = 5.0
@@ -25,8 +25,8 @@ def make_cube(folder):
 
 
 def make_sum(folder):
-    from photoclinometry.geometry import Rigid
-    from photoclinometry.scene import Camera
+    from photoclinometry.model.geometry import Rigid
+    from photoclinometry.model.scene import Camera
 
     camera = Camera("PINHOLE", 60, 40, (3000.0, 3000.0, 30.5, 19.5))
     pose = Rigid(np.eye(3), np.array([0.0, 0.0, -5.0]))

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from archives import FORMATS, SPICE, geometry_tables, needs_formats, needs_spice, texture, write_cube
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, angle_between, so3_exp, so3_log, unit
 from photoclinometry.ingest.cameras import code_for, known_camera
 from photoclinometry.ingest.exposure import Help, read_exposure
 from photoclinometry.ingest.facts import Facts, read_facts
@@ -20,12 +18,14 @@ from photoclinometry.ingest.geometry import (
     geometry_from_tables,
 )
 from photoclinometry.ingest.options import IngestOptions
-from photoclinometry.io.archive import read_product
-from photoclinometry.io.product import Product
-from photoclinometry.io.pvl import Block, parse_pvl
+from photoclinometry.io.archives.archive import read_product
+from photoclinometry.io.archives.product import Product
+from photoclinometry.io.archives.pvl import Block, parse_pvl
+from photoclinometry.io.models.sumfile import read_sumfile, sumfile_of_view
 from photoclinometry.io.spice import kernel_files, loaded_kernels
-from photoclinometry.io.sumfile import read_sumfile, sumfile_of_view
-from photoclinometry.scene import Camera
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, so3_log, unit
+from photoclinometry.model.scene import Camera
 
 NOTHING = Path("nothing")
 

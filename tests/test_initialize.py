@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.geometry import Rigid, angle_between, unit
-from photoclinometry.initialize import (
+from photoclinometry.model.geometry import Rigid, angle_between, unit
+from photoclinometry.model.reflectance import published
+from photoclinometry.model.scene import Image
+from photoclinometry.photometry.initialize import (
     initial_albedo,
     landmark_spacing_px,
     neighbours,
     normals_from_neighbours,
     sample_brightness,
 )
-from photoclinometry.reflectance import published
-from photoclinometry.scene import Image
 from scenes import synthetic_images, synthetic_scene
 
 

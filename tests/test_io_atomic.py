@@ -8,13 +8,13 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from photoclinometry.errors import RunFolderError
 from photoclinometry.io.atomic import atomic_path, write_bytes, write_text
-from photoclinometry.io.colmap import write_colmap
 from photoclinometry.io.images import write_fits, write_png
-from photoclinometry.io.ply import write_ply
+from photoclinometry.io.meshes.ply import write_ply
+from photoclinometry.io.models.colmap import write_colmap
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.site import read_site, write_site
+from photoclinometry.model.errors import RunFolderError
 from scenes import synthetic_scene
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from photoclinometry.errors import RunFolderError
-from photoclinometry.io.cog import BLOCK, Band, write_cog
-from photoclinometry.io.globe import iau_crs, name_of, semi_axes
-from photoclinometry.io.projection import local_crs
+from photoclinometry.io.rasters.cog import BLOCK, Band, write_cog
+from photoclinometry.io.rasters.globe import iau_crs, name_of, semi_axes
+from photoclinometry.io.rasters.projection import local_crs
+from photoclinometry.model.errors import RunFolderError
 
 rasterio = pytest.importorskip("rasterio")
 

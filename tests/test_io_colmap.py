@@ -6,8 +6,8 @@ import numpy as np
 import pycolmap
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.io.colmap import read_colmap, write_colmap
+from photoclinometry.io.models.colmap import read_colmap, write_colmap
+from photoclinometry.model.errors import InputError
 from scenes import synthetic_scene
 
 PUBLISHED = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022" / "published"

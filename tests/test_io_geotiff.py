@@ -5,9 +5,9 @@ import sys
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.io.geotiff import read_dtm
 from photoclinometry.io.ground import read_ground
+from photoclinometry.io.rasters.geotiff import read_dtm
+from photoclinometry.model.errors import InputError
 
 rasterio = pytest.importorskip("rasterio")
 

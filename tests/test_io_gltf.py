@@ -6,10 +6,10 @@ import struct
 import numpy as np
 import pytest
 
-from photoclinometry.errors import RunFolderError
-from photoclinometry.geometry import unit
-from photoclinometry.io.gltf import write_glb
-from photoclinometry.io.obj import read_obj, write_obj
+from photoclinometry.io.meshes.gltf import write_glb
+from photoclinometry.io.meshes.obj import read_obj, write_obj
+from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.geometry import unit
 
 trimesh = pytest.importorskip("trimesh")
 

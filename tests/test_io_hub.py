@@ -7,10 +7,10 @@ import pytest
 
 from commands import phomo
 from hub_server import COMMIT, NAME, HubServer, serving
-from photoclinometry.errors import FetchError, InputError, RunFolderError
 from photoclinometry.io import hub
 from photoclinometry.io.hub import fetch_files, list_files
-from photoclinometry.io.text_model import read_text_model, write_text_model
+from photoclinometry.io.models.text_model import read_text_model, write_text_model
+from photoclinometry.model.errors import FetchError, InputError, RunFolderError
 from scenes import synthetic_scene
 
 pytest.importorskip("huggingface_hub")

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from photoclinometry.errors import ImageError
 from photoclinometry.io import images
 from photoclinometry.io.exposure import off_body_mask, shows_nothing
 from photoclinometry.io.images import read_image, write_fits, write_png
-from photoclinometry.scene import Image
+from photoclinometry.model.errors import ImageError
+from photoclinometry.model.scene import Image
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 

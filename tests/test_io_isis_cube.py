@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from archives import FORMATS, geometry_tables, needs_formats, texture, write_cube
-from photoclinometry.errors import ImageError, InputError
-from photoclinometry.io.isis_cube import read_isis_cube
-from photoclinometry.io.product import Window
+from photoclinometry.io.archives.isis_cube import read_isis_cube
+from photoclinometry.io.archives.product import Window
+from photoclinometry.model.errors import ImageError, InputError
 
 
 @pytest.mark.parametrize("order", ["Lsb", "Msb"])

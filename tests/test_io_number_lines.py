@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.io import number_lines
-from photoclinometry.io.number_lines import announced_count, first_not_whole, parse_numbers, read_rows
+from photoclinometry.io.models import number_lines
+from photoclinometry.io.models.number_lines import announced_count, first_not_whole, parse_numbers, read_rows
+from photoclinometry.model.errors import InputError
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.io.obj import read_obj
+from photoclinometry.io.meshes.obj import read_obj
+from photoclinometry.model.errors import InputError
 
 SQUARE = "# a square\no patch\nv 0 0 0\nv 1 0 0.5\nv 1 1 0 1.0\nv 0 1 0\nvn 0 0 1\nvt 0 0\ns off\n"
 

@@ -5,9 +5,9 @@ import pytest
 from astropy.io import fits
 
 from archives import FORMATS, needs_formats, texture, write_pds3
-from photoclinometry.errors import ImageError, InputError
-from photoclinometry.io.archive import read_product
-from photoclinometry.io.pds3 import read_pds3
+from photoclinometry.io.archives.archive import read_product
+from photoclinometry.io.archives.pds3 import read_pds3
+from photoclinometry.model.errors import ImageError, InputError
 
 STORED = [
     ("MSB_UNSIGNED_INTEGER", ">u2"),

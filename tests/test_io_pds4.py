@@ -5,8 +5,8 @@ import pytest
 from astropy.io import fits
 
 from archives import FORMATS, needs_formats, texture, write_pds4
-from photoclinometry.errors import ImageError, InputError
-from photoclinometry.io.pds4 import read_pds4
+from photoclinometry.io.archives.pds4 import read_pds4
+from photoclinometry.model.errors import ImageError, InputError
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import unit
-from photoclinometry.io.ply import grid_faces, read_ply, write_ply
-from photoclinometry.io.ply_elements import read_elements
-from photoclinometry.scene import Landmarks
+from photoclinometry.io.meshes.ply import grid_faces, read_ply, write_ply
+from photoclinometry.io.meshes.ply_elements import read_elements
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.scene import Landmarks
 from scenes import synthetic_scene
 
 PUBLISHED = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022" / "published" / "vesta_5002.ply"

@@ -5,9 +5,9 @@ import sys
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.io.globe import find_globe, geographic, name_of, semi_axes
-from photoclinometry.io.projection import site_projection
+from photoclinometry.io.rasters.globe import find_globe, geographic, name_of, semi_axes
+from photoclinometry.io.rasters.projection import site_projection
+from photoclinometry.model.errors import InputError
 
 pytest.importorskip("rasterio")
 

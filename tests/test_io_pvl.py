@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from archives import FORMATS, SPICE, needs_formats
-from photoclinometry.errors import InputError
-from photoclinometry.io.pvl import Quantity, number, parse_pvl, whole
+from photoclinometry.io.archives.pvl import Quantity, number, parse_pvl, whole
+from photoclinometry.model.errors import InputError
 
 LABEL = b"""/* a comment = nothing */
 PDS_VERSION_ID = PDS3

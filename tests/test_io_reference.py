@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.align import transform_scene
 from photoclinometry.cli.evaluate import against_map
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Similarity, so3_exp
-from photoclinometry.io.geotiff import read_dtm_mesh
+from photoclinometry.io.rasters.geotiff import read_dtm_mesh
 from photoclinometry.io.reference import read_reference
 from photoclinometry.io.scene_file import write_scene
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Similarity, so3_exp
+from photoclinometry.registration.alignment import transform_scene
 from scenes import bumpy_surface, synthetic_scene
 
 RADIUS = 262_000.0

@@ -6,10 +6,10 @@ import h5py
 import numpy as np
 import pytest
 
-from photoclinometry.errors import RunFolderError
 from photoclinometry.io.scene_file import read_scene, write_scene
-from photoclinometry.reflectance import Reflectance, published
-from photoclinometry.scene import BODY_FIXED, OWN, Camera, Surroundings
+from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.reflectance import Reflectance, published
+from photoclinometry.model.scene import BODY_FIXED, OWN, Camera, Surroundings
 from scenes import synthetic_scene, thinned
 
 

@@ -6,9 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from photoclinometry.geometry import Rigid, so3_exp
 from photoclinometry.io.site import (
-    PosePrior,
     RegionRequest,
     Site,
     input_fingerprint,
@@ -16,7 +14,11 @@ from photoclinometry.io.site import (
     read_site,
     write_site,
 )
-from photoclinometry.scene import Camera
+from photoclinometry.model.geometry import Rigid, so3_exp
+from photoclinometry.model.pose_prior import (
+    PosePrior,
+)
+from photoclinometry.model.scene import Camera
 from sites import SIZE, picture, write_small_site
 
 VESTA = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022" / "site.toml"

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from archives import SPICE, needs_spice
-from photoclinometry.errors import InputError
 from photoclinometry.io import spice
+from photoclinometry.model.errors import InputError
 
 pytest.importorskip("spiceypy")
 

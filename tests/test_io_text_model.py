@@ -7,10 +7,10 @@ import numpy as np
 import pycolmap
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import unit
-from photoclinometry.io.text_model import read_text_model, write_text_model
-from photoclinometry.scene import Camera
+from photoclinometry.io.models.text_model import read_text_model, write_text_model
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.scene import Camera
 from scenes import synthetic_scene
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "model-format"

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from photoclinometry.adjust import AdjustOptions
-from photoclinometry.compare import evaluate_against_truth
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import so3_exp, unit
+from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.site import RegionRequest, read_site, write_site
-from photoclinometry.io.truth import read_truth
-from photoclinometry.pipeline import RunOptions, run
-from photoclinometry.rounds import RelightOptions
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import so3_exp, unit
+from photoclinometry.pipeline.relighting import RelightOptions
+from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.truth_file import read_truth
 
 pytestmark = pytest.mark.usefixtures("no_figures")
 

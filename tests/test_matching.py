@@ -6,14 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError, ReconstructionError
-from photoclinometry.geometry import Rigid
 from photoclinometry.matching import MatchRequest
 from photoclinometry.matching.flow import FlowMatcher, as_coarse_as, normalise, resample
 from photoclinometry.matching.interface import padded_region, request_match
-from photoclinometry.matching.prewarp import fit_depth, landmark_depth, predict_pixels, sparse_depth
-from photoclinometry.scene import Camera, Image, Region
-from photoclinometry.sparse import SparseModel
+from photoclinometry.matching.prewarp import (
+    predict_pixels,
+)
+from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.scene import Camera, Image, Region
+from photoclinometry.model.sparse import SparseModel
+from photoclinometry.surface.depth_fit import (
+    fit_depth,
+    landmark_depth,
+    sparse_depth,
+)
 from scenes import synthetic_images, synthetic_scene
 
 CAMERA = Camera("PINHOLE", 200, 200, (10_000.0, 10_000.0, 100.0, 100.0))
@@ -257,7 +264,7 @@ def test_real_images_match_along_their_epipolar_lines():
     import cv2
     import pycolmap
 
-    from photoclinometry.densify import fundamental_matrix, sampson_error
+    from photoclinometry.matching.densify import fundamental_matrix, sampson_error
 
     folder = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022"
     if not folder.exists():

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.interface import padded_region, request_match
 from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_reference
-from photoclinometry.relief import in_sunlight
+from photoclinometry.model.errors import InputError
+from photoclinometry.surface.relief import in_sunlight
 from scenes import from_zenith, synthetic_images, synthetic_scene
 
 SIZE = 72

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from commands import phomo
-from photoclinometry import pipeline
-from photoclinometry.errors import InputError
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.roma import PUBLISHED, RomaNetwork, RomaOptions, fingerprint, roma_matcher
 from photoclinometry.matching.warp import pixel_centers
-from photoclinometry.pipeline import RunOptions, run
-from photoclinometry.rounds import RelightOptions
+from photoclinometry.model.errors import InputError
+from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.relighting import RelightOptions
+from photoclinometry.pipeline.run import RunOptions, run
 from sites import write_small_site
 from test_matching import displaced
 

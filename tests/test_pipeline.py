@@ -10,16 +10,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry import products
 from photoclinometry.adjust import AdjustOptions
-from photoclinometry.compare import evaluate_against_truth
-from photoclinometry.errors import ReconstructionError, RunFolderError, SiteError
-from photoclinometry.io.colmap import read_colmap
-from photoclinometry.io.ply import read_ply
+from photoclinometry.evaluate.compare import evaluate_against_truth
+from photoclinometry.io.meshes.ply import read_ply
+from photoclinometry.io.models.colmap import read_colmap
 from photoclinometry.io.scene_file import read_scene
 from photoclinometry.io.site import RegionRequest, read_site, write_site
-from photoclinometry.io.truth import read_truth
-from photoclinometry.pipeline import RunOptions, choose_reflectance, run
+from photoclinometry.model.errors import ReconstructionError, RunFolderError, SiteError
+from photoclinometry.pipeline import products
+from photoclinometry.pipeline.run import RunOptions, choose_reflectance, run
+from photoclinometry.simulate.truth_file import read_truth
 
 KEPT = ("sparse", "misfits", "region", "dense", "adjust")
 """The stages that a run folder keeps."""

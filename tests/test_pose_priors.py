@@ -8,16 +8,15 @@ import pytest
 
 from matched import OPTIONS, matched_problem
 from photoclinometry.adjust import adjust
-from photoclinometry.align import transform_poses, transform_scene
-from photoclinometry.compare import evaluate_against_truth
-from photoclinometry.densify import DensifyOptions
-from photoclinometry.geometry import Rigid, Similarity, so3_exp, so3_log
+from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.held_out import NAME, read_held_out
 from photoclinometry.io.scene_file import read_scene
-from photoclinometry.io.site import PosePrior, read_site, write_site
-from photoclinometry.io.truth import read_truth
-from photoclinometry.pipeline import RunOptions, run
-from photoclinometry.pose_priors import (
+from photoclinometry.io.site import read_site, write_site
+from photoclinometry.matching.densify import DensifyOptions
+from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, so3_log
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import BODY_FIXED, OWN
+from photoclinometry.pipeline.pose_priors import (
     enough,
     place_by_priors,
     prior_fingerprint,
@@ -26,7 +25,9 @@ from photoclinometry.pose_priors import (
     told,
     warn_of_outliers,
 )
-from photoclinometry.scene import BODY_FIXED, OWN
+from photoclinometry.pipeline.run import RunOptions, run
+from photoclinometry.registration.alignment import transform_poses, transform_scene
+from photoclinometry.simulate.truth_file import read_truth
 from scenes import synthetic_scene
 
 METRIC = Similarity(3.7, so3_exp(np.array([0.4, -1.1, 2.0])), np.array([2.6e5, -9e4, 4e4]))

@@ -5,9 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.predict import keypoint_residuals, observation_brightness, phase_of_views, shading
-from photoclinometry.reflectance import photometric_angles, published
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.projection import (
+    keypoint_residuals,
+)
+from photoclinometry.model.reflectance import photometric_angles, published
+from photoclinometry.photometry.predict import (
+    observation_brightness,
+    phase_of_views,
+    shading,
+)
 from scenes import synthetic_scene
 
 

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from photoclinometry import products
 from photoclinometry.adjust import AdjustOptions, adjust
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
+from photoclinometry.io.models.text_model import read_text_model, write_text_model
 from photoclinometry.io.scene_file import read_scene
-from photoclinometry.io.text_model import read_text_model, write_text_model
-from photoclinometry.refine import RefineOptions, photometry, read_start, refine
-from photoclinometry.reflectance import published
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
+from photoclinometry.model.reflectance import published
+from photoclinometry.pipeline import products
+from photoclinometry.pipeline.refine import RefineOptions, photometry, read_start, refine
 from scenes import GSD, LUNAR_LAMBERT, synthetic_scene
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "model-format"
@@ -58,7 +58,7 @@ def folder(tmp_path_factory, truth):
 @pytest.fixture
 def no_report(monkeypatch):
     """Figures are drawn elsewhere; `test_report.py` proves them."""
-    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
 
 
 def test_a_spoiled_model_is_refined_and_written_in_its_own_numbers(folder, truth, tmp_path, no_report):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jacobians import numerical_jacobian
-from photoclinometry.errors import InputError
-from photoclinometry.reflectance import (
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.reflectance import (
     DEG,
     DISK_FUNCTIONS,
     Reflectance,

@@ -5,10 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError, ReconstructionError
-from photoclinometry.region import RegionOptions, choose_region, pixels_of_landmarks, region_around
-from photoclinometry.scene import Camera, Image
-from photoclinometry.sparse import SparseModel
+from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.reference_pixels import (
+    pixels_of_landmarks,
+)
+from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.sparse import SparseModel
+from photoclinometry.sfm.region import (
+    RegionOptions,
+    choose_region,
+    region_around,
+)
 from scenes import synthetic_images, synthetic_scene
 
 

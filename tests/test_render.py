@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 
-from photoclinometry.errors import InputError
-from photoclinometry.raster import draw_triangles, grid_faces
-from photoclinometry.relief import (
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.mesh import grid_faces
+from photoclinometry.model.scene import Camera, Scene
+from photoclinometry.photometry.render import (
+    as_resolved,
+    draw_landmarks,
+    landmark_brightness,
+    render_reference,
+    render_view,
+)
+from photoclinometry.surface.rasterise import draw_triangles
+from photoclinometry.surface.relief import (
     angles_from_sun,
     height_map,
     in_sunlight,
@@ -16,14 +25,6 @@ from photoclinometry.relief import (
     mean_plane,
     sun_from_angles,
 )
-from photoclinometry.render import (
-    as_resolved,
-    draw_landmarks,
-    landmark_brightness,
-    render_reference,
-    render_view,
-)
-from photoclinometry.scene import Camera, Scene
 from scenes import synthetic_images, synthetic_scene, with_landmarks
 
 

@@ -7,9 +7,9 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from photoclinometry.errors import RunFolderError
-from photoclinometry.evaluate import view_table
-from photoclinometry.report import write_report
+from photoclinometry.evaluate.evaluate import view_table
+from photoclinometry.model.errors import RunFolderError
+from photoclinometry.output.report import write_report
 from scenes import synthetic_images, synthetic_scene
 
 VOID = {"meta", "img", "br", "link"}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from photoclinometry.sampling import sample, sample_image
-from photoclinometry.scene import Image, Region
+from photoclinometry.model.scene import Image, Region
+from photoclinometry.surface.sampling import sample, sample_image
 
 CENTERS = Region(row=0, col=0, height=40, width=60).pixel_centers()
 INNER = np.random.default_rng(0).uniform(12.0, 28.0, (200, 2))

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from photoclinometry.errors import InputError, ReconstructionError
-from photoclinometry.geometry import Rigid, Similarity, align_similarity, so3_log
-from photoclinometry.scene import Camera, Image, Region
+from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, so3_log
+from photoclinometry.model.scene import Camera, Image, Region
+from photoclinometry.model.sparse import connected_groups, normalised, transformed
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.keypoints import sift_keypoints
 from photoclinometry.sfm.pictures import brightness_picture
-from photoclinometry.sparse import connected_groups, normalised, transformed
 from scenes import from_zenith, look_at_origin
 
 FOCAL_PX = 4000.0  # focal / width = 13: longer than what COLMAP takes by default

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from photoclinometry.scene import Image
+from photoclinometry.model.scene import Image
+from photoclinometry.model.sparse import without_views
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture
-from photoclinometry.sparse import without_views
 from test_sfm import CAMERA, OPTIONS, ground_behind_pixels, rotation_errors_deg, views_around
 
 ALL = np.ones((300, 300), bool)

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.geometry import angle_between, unit
-from photoclinometry.predict import observation_brightness
-from photoclinometry.reflectance import published
-from photoclinometry.relief import in_sunlight
-from photoclinometry.render import render_view
-from photoclinometry.scene import Camera, Image
-from photoclinometry.shading import brightness_on_surface, detail_beyond, normals_from_shading
+from photoclinometry.model.geometry import angle_between, unit
+from photoclinometry.model.reflectance import published
+from photoclinometry.model.scene import Camera, Image
+from photoclinometry.photometry.predict import observation_brightness
+from photoclinometry.photometry.render import render_view
+from photoclinometry.photometry.shading import brightness_on_surface, detail_beyond, normals_from_shading
+from photoclinometry.surface.relief import in_sunlight
 from scenes import LUNAR_LAMBERT, from_zenith, synthetic_images, synthetic_scene
 
 

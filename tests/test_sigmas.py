@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.evaluate import evaluate_scene, view_table
-from photoclinometry.relief import local_frame
-from photoclinometry.sigmas import landmark_sigmas, size, view_sigmas
+from photoclinometry.evaluate.evaluate import evaluate_scene, view_table
+from photoclinometry.evaluate.sigmas import landmark_sigmas, size, view_sigmas
+from photoclinometry.surface.relief import local_frame
 from scenes import synthetic_scene
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
+from photoclinometry.model.errors import InputError
 from photoclinometry.simulate.camera_model import Detector, expose, hot_pixel_charge, pixel_average, smear_kernel
 
 

@@ -2,8 +2,8 @@ import pytest
 import tyro
 
 from photoclinometry.cli.simulate import Simulate, simulate
-from photoclinometry.errors import InputError
 from photoclinometry.io.site import read_site
+from photoclinometry.model.errors import InputError
 
 
 def parse(*arguments):

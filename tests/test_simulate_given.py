@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import so3_exp, unit
 from photoclinometry.io.images import read_image
 from photoclinometry.io.site import read_site
-from photoclinometry.io.truth import read_truth
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.simulate.given import given_relief
 from photoclinometry.simulate.site import SimulationOptions, simulate_site
 from photoclinometry.simulate.surface import sphere_drop
 from photoclinometry.simulate.terrain import Grid
+from photoclinometry.simulate.truth_file import read_truth
 
 GRID = Grid(spacing=10.0, half=40)
 GSD = 20.0

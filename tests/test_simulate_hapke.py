@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
+from photoclinometry.model.errors import InputError
 from photoclinometry.simulate.hapke import BODIES, Hapke, published_hapke
 
 SMOOTH = Hapke(b=0.25, surge=1.6, surge_width=0.06, roughness_deg=0.0)

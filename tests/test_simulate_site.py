@@ -3,18 +3,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, angle_between, so3_log
 from photoclinometry.io.images import read_image
 from photoclinometry.io.site import load_images, read_site
-from photoclinometry.io.truth import read_truth, write_truth
-from photoclinometry.scene import Region
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, angle_between, so3_log
+from photoclinometry.model.scene import Region
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.presets import PRESETS
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.site import SimulationOptions, draw_views, pose_priors, simulate_site
 from photoclinometry.simulate.trajectory import looking_at
 from photoclinometry.simulate.truth import nearest_surface, truth_maps, visibility
+from photoclinometry.simulate.truth_file import read_truth, write_truth
 
 SMALL = SimulationOptions(views=3, image_size=64, seed=5)
 REGION = Region(row=10, col=12, height=30, width=36)
@@ -191,7 +191,7 @@ def test_a_view_sees_its_own_pixels_and_not_what_is_hidden_or_outside(truth):
 def test_images_follow_from_the_truth(site, truth):
     """I/F predicted from truth averaged over pixels differs from the images by noise and by what varies
     within a pixel."""
-    from photoclinometry.reflectance import photometric_angles
+    from photoclinometry.model.reflectance import photometric_angles
 
     region = Region(row=0, col=0, height=64, width=64)
     maps = truth_maps(truth, truth.views.name[0], region)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from photoclinometry.errors import InputError
+from photoclinometry.model.errors import InputError
 from photoclinometry.simulate.surface import Surface, sphere_drop
 
 

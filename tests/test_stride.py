@@ -6,30 +6,30 @@ import numpy as np
 import pytest
 
 from commands import phomo
-from photoclinometry import densify as densify_module
 from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.adjust.noise import correlation_px
-from photoclinometry.compare import evaluate_against_truth
-from photoclinometry.densify import DensifyOptions, densify
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import angle_between
-from photoclinometry.io import ply
+from photoclinometry.evaluate.compare import evaluate_against_truth
+from photoclinometry.io.meshes import ply
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.site import RegionRequest, read_site, write_site
-from photoclinometry.io.truth import read_truth
 from photoclinometry.matching import Matches
+from photoclinometry.matching import densify as densify_module
+from photoclinometry.matching.densify import DensifyOptions, densify
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.interface import padded_region, request_match
 from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_reference
-from photoclinometry.pipeline import RunOptions, run
-from photoclinometry.region import RegionOptions
-from photoclinometry.relief import in_sunlight
-from photoclinometry.render import landmark_brightness, landmark_faces, render_reference, render_view
-from photoclinometry.report.draw import region_extent
-from photoclinometry.runfolder import adopt_stages
-from photoclinometry.scene import Region
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.scene import Region
+from photoclinometry.output.report.draw import region_extent
+from photoclinometry.photometry.render import landmark_brightness, landmark_faces, render_reference, render_view
+from photoclinometry.pipeline.run import RunOptions, run
+from photoclinometry.pipeline.run_folder import adopt_stages
+from photoclinometry.sfm.region import RegionOptions
 from photoclinometry.simulate import truth as truth_module
 from photoclinometry.simulate.truth import truth_maps
+from photoclinometry.simulate.truth_file import read_truth
+from photoclinometry.surface.relief import in_sunlight
 from scenes import synthetic_images, synthetic_scene, thinned
 
 SIZE, VIEWS = 49, 5

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry import pipeline
 from photoclinometry.cli import main
-from photoclinometry.compare import evaluate_against_truth
-from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.scene_file import read_scene
-from photoclinometry.io.truth import read_truth
-from photoclinometry.pipeline import RunOptions
+from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.run import RunOptions
+from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study import StudyOptions, run_study
 from photoclinometry.study.figures import draw_heights, draw_scales, scan_row
 from photoclinometry.study.plan import GEOMETRY, MODELS, cells
@@ -155,7 +155,7 @@ def study(mapped, tmp_path):
 
 
 def test_a_study_goes_on_where_it_was_stopped_and_equals_its_parts(mapped, study, monkeypatch):
-    monkeypatch.setattr("photoclinometry.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
     proper = pipeline.run
 
     def stopped(site, out, options, *rest):

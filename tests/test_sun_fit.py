@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from photoclinometry.geometry import angle_between, so3_exp
-from photoclinometry.sun_fit import Ground, fit_sun
+from photoclinometry.model.geometry import angle_between, so3_exp
+from photoclinometry.photometry.sun_fit import Ground, fit_sun
 from scenes import synthetic_scene
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.align import transform_scene
-from photoclinometry.geometry import Rigid, Similarity, so3_exp
-from photoclinometry.relief import in_sunlight, local_frame, sun_from_angles
-from photoclinometry.render import render_reference
-from photoclinometry.scene import Camera, Region, Surroundings
-from photoclinometry.sparse import SparseModel
-from photoclinometry.surroundings import FINEST, MIN_POINTS, NODES, NOISE_GSD, REACH_PX, surroundings_of
+from photoclinometry.model.geometry import Rigid, Similarity, so3_exp
+from photoclinometry.model.scene import Camera, Region, Surroundings
+from photoclinometry.model.sparse import SparseModel
+from photoclinometry.photometry.render import render_reference
+from photoclinometry.registration.alignment import transform_scene
+from photoclinometry.surface.relief import in_sunlight, local_frame, sun_from_angles
+from photoclinometry.surface.surroundings import FINEST, MIN_POINTS, NODES, NOISE_GSD, REACH_PX, surroundings_of
 from scenes import GSD, bumpy_surface, look_at_origin, synthetic_scene
 
 DISTANCE = 600e3

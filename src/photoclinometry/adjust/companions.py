@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from photoclinometry.adjust.layout import ImageSlopes
-from photoclinometry.scene import Landmarks, Scene, Tracks
+from photoclinometry.model.scene import Landmarks, Scene, Tracks
 
 COPY_STEP = 4
 """Every so many rows and columns of the map's grid a landmark has a copy, which stands for all in between: matches

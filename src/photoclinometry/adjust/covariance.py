@@ -26,7 +26,7 @@ from photoclinometry.adjust.information import Observed, Patch, observed_patch
 from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
 from photoclinometry.adjust.parameters import ParameterResponse
 from photoclinometry.adjust.windows import RIDGE, Links, covariances_given_views, hold
-from photoclinometry.geometry import skew
+from photoclinometry.model.geometry import skew
 
 EXACT = 1000
 """Landmarks up to which nothing is approximated."""

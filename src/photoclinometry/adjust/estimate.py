@@ -31,17 +31,19 @@ from photoclinometry.adjust.solver import Iteration, minimize, parameter_respons
 from photoclinometry.adjust.uncertainty import OF_LANDMARKS, estimate_uncertainty
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.weights import weighted, weights_of
-from photoclinometry.errors import ReconstructionError
-from photoclinometry.initialize import neighbours
-from photoclinometry.predict import (
-    brightness_residuals,
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.projection import (
     keypoint_residuals,
-    phase_of_views,
     projected_keypoints,
+)
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Scene, Views
+from photoclinometry.photometry.initialize import neighbours
+from photoclinometry.photometry.predict import (
+    brightness_residuals,
+    phase_of_views,
     shading,
 )
-from photoclinometry.reflectance import Reflectance
-from photoclinometry.scene import Scene, Views
 
 log = logging.getLogger(__name__)
 

@@ -25,8 +25,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from photoclinometry.geometry import skew, tangent_basis
-from photoclinometry.reflectance import _PHASE_FLOOR, photometric_function
+from photoclinometry.model.geometry import skew, tangent_basis
+from photoclinometry.model.reflectance import _PHASE_FLOOR, photometric_function
 
 
 def projection(rotation, center, intrinsics, position, keypoint, sigma, pivot):

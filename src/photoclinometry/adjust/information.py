@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from photoclinometry.adjust.kernels import CAMERA_SIZE, FAST, LANDMARK_SIZE, CameraState, LandmarkState
-from photoclinometry.reflectance import _PHASE_FLOOR, phase_angle, photometric_function
+from photoclinometry.model.reflectance import _PHASE_FLOOR, phase_angle, photometric_function
 
 
 class Observed(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.adjust.layout import LANES
-from photoclinometry.reflectance import _PHASE_FLOOR, photometric_function
+from photoclinometry.model.reflectance import _PHASE_FLOOR, photometric_function
 
 CAMERA_SIZE = 10
 """omega 3, tau 3, Sun 2, scale 1, bias 1."""

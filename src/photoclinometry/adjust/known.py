@@ -8,9 +8,9 @@ import numpy as np
 
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.priors import Priors
-from photoclinometry.geometry import Rigid
-from photoclinometry.reflectance import HAS_PHASE_FUNCTION
-from photoclinometry.scene import Scene
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION
+from photoclinometry.model.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)

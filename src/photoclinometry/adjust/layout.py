@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from photoclinometry.scene import Tracks
+from photoclinometry.model.scene import Tracks
 
 LANES = 16
 """Landmarks of a group: so many single-precision numbers fill the widest vector registers, and LLVM leaves loops of

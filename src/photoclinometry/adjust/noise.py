@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from photoclinometry.scene import Scene
+from photoclinometry.model.scene import Scene
 
 _MAX_VIEWS = 8
 """Views from which the correlation is measured, evenly chosen."""

@@ -22,7 +22,7 @@ from photoclinometry.adjust.kernels import (
 )
 from photoclinometry.adjust.layout import LANES, Layout, Measurements
 from photoclinometry.adjust.product import Linearized
-from photoclinometry.reflectance import angles_at, photometric_parameters, photometric_value
+from photoclinometry.model.reflectance import angles_at, photometric_parameters, photometric_value
 
 
 class Border(NamedTuple):

@@ -12,8 +12,8 @@ import numpy as np
 
 from photoclinometry.adjust.kernels import CAMERA_SIZE
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.geometry import skew, so3_log, tangent_basis
-from photoclinometry.scene import Landmarks, Views
+from photoclinometry.model.geometry import skew, so3_log, tangent_basis
+from photoclinometry.model.scene import Landmarks, Views
 
 
 @dataclass(frozen=True, kw_only=True)

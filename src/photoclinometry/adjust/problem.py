@@ -16,9 +16,9 @@ from photoclinometry.adjust.priors import Priors
 from photoclinometry.adjust.product import Linearized, linearized, multiply
 from photoclinometry.adjust.smoothing import Neighbours, add_smoothness, linearize_smoothness
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.geometry import tangent_basis
-from photoclinometry.reflectance import Reflectance
-from photoclinometry.scene import Landmarks, Views
+from photoclinometry.model.geometry import tangent_basis
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Landmarks, Views
 
 COST_TERMS: tuple[str, ...] = ("keypoint", "brightness", "smoothness", "sun", "prior")
 

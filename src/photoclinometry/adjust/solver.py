@@ -29,7 +29,7 @@ from photoclinometry.adjust.parameters import ParameterResponse, add_border, add
 from photoclinometry.adjust.problem import COST_TERMS, NormalEquations, Problem
 from photoclinometry.adjust.smoothing import add_product, chebyshev_degree, lowest_eigenvalue, solve_approximately
 from photoclinometry.adjust.variables import Estimate
-from photoclinometry.errors import NotConvergedError
+from photoclinometry.model.errors import NotConvergedError
 
 log = logging.getLogger(__name__)
 

@@ -26,8 +26,8 @@ from photoclinometry.adjust.smoothing import linearize_smoothness
 from photoclinometry.adjust.variables import Estimate
 from photoclinometry.adjust.weights import Weights
 from photoclinometry.adjust.windows import links
-from photoclinometry.geometry import skew
-from photoclinometry.scene import Scene, Views
+from photoclinometry.model.geometry import skew
+from photoclinometry.model.scene import Scene, Views
 
 log = logging.getLogger(__name__)
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.geometry import Rigid, so3_exp, sphere_step
-from photoclinometry.scene import Landmarks, Views
+from photoclinometry.model.geometry import Rigid, so3_exp, sphere_step
+from photoclinometry.model.scene import Landmarks, Views
 
 
 @dataclass(frozen=True)

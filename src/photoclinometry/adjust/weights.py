@@ -10,7 +10,7 @@ from photoclinometry.adjust.companions import COPY_STEP, Roles
 from photoclinometry.adjust.layout import Measurements, spread
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
-from photoclinometry.scene import Scene
+from photoclinometry.model.scene import Scene
 
 DIRECT_SIGMA_PX = 25.0
 """Keypoints' standard deviation where brightness follows their landmark (`ImageSlopes`) [px]: they then hold what no

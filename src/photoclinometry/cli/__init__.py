@@ -39,7 +39,7 @@ def _run(arguments: Sequence[str] | None) -> None:
     from photoclinometry.cli.run import run
     from photoclinometry.cli.simulate import simulate
     from photoclinometry.cli.study import study
-    from photoclinometry.errors import InputError, PhotoclinometryError
+    from photoclinometry.model.errors import InputError, PhotoclinometryError
 
     commands = {
         "ingest": ingest,

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from photoclinometry.cli.folders import read_run, run_images, site_path
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import METRES, Similarity
-from photoclinometry.scene import Scene
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import METRES, Similarity
+from photoclinometry.model.scene import Scene
 
 if TYPE_CHECKING:
-    from photoclinometry.compare import Comparison
+    from photoclinometry.evaluate.compare import Comparison
 
 
 def evaluate(
@@ -49,9 +49,9 @@ def evaluate(
         maps: Also draw what differs from the truth or the other map, one picture for each kind of error.
         out: Folder for the files. Default: evaluation/ in the run folder.
     """
+    from photoclinometry.evaluate.tables import json_numbers, markdown
     from photoclinometry.io.atomic import write_text
     from photoclinometry.io.similarity import write_similarity
-    from photoclinometry.tables import json_numbers, markdown
 
     if truth is not None and reference is not None:
         raise InputError("give --truth or --reference, not both: run the command twice, with two --out folders")
@@ -80,7 +80,7 @@ def evaluate(
 
 def image_metrics(scene: Scene, run: Path, site: Path | None) -> dict[str, float]:
     """Figures of a run against its images, those held out from it included; without `site` against none."""
-    from photoclinometry.evaluate import evaluate_scene, held_out_table
+    from photoclinometry.evaluate.evaluate import evaluate_scene, held_out_table
     from photoclinometry.io.held_out import NAME, read_held_out
 
     if site is None:
@@ -93,16 +93,16 @@ def image_metrics(scene: Scene, run: Path, site: Path | None) -> dict[str, float
 
 def against_truth(scene: Scene, truth: Path) -> Comparison:
     """The comparison with truth.h5."""
-    from photoclinometry.compare import evaluate_against_truth
-    from photoclinometry.io.truth import read_truth
+    from photoclinometry.evaluate.compare import evaluate_against_truth
+    from photoclinometry.simulate.truth_file import read_truth
 
     return evaluate_against_truth(scene, read_truth(truth))
 
 
 def against_map(scene: Scene, reference: Path, cameras: Path | None, unit: str) -> Comparison:
     """The comparison with another map, aligned by a COLMAP model's poses, or its own, where there are any."""
-    from photoclinometry.compare import evaluate_against_map
-    from photoclinometry.io.colmap import read_colmap
+    from photoclinometry.evaluate.compare import evaluate_against_map
+    from photoclinometry.io.models.colmap import read_colmap
     from photoclinometry.io.reference import read_reference
 
     other = read_reference(reference)
@@ -115,7 +115,7 @@ def against_map(scene: Scene, reference: Path, cameras: Path | None, unit: str) 
 def draw_differences(folder: Path, found: Comparison) -> None:
     """A map of every kind of error, as PNG; the folder appears whole. Raises RunFolderError."""
     from photoclinometry.io.atomic import atomic_path
-    from photoclinometry.report.maps import draw_values
+    from photoclinometry.output.report.maps import draw_values
 
     with atomic_path(folder) as work:
         work.mkdir()
@@ -127,7 +127,7 @@ def show(metrics: Mapping[str, float], name: str, folder: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from photoclinometry.tables import metric_rows
+    from photoclinometry.evaluate.tables import metric_rows
 
     console = Console()
     spreads, singles = metric_rows(metrics)

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from photoclinometry.cli.folders import read_run
-from photoclinometry.export.options import ExportOptions
+from photoclinometry.output.export.options import ExportOptions
 
 
 def export(
@@ -30,7 +30,7 @@ def export(
     """
     from rich.console import Console
 
-    from photoclinometry.export import export_scene
+    from photoclinometry.output.export import export_scene
 
     exported = export_scene(read_run(run), out, options)
     console = Console(stderr=True, soft_wrap=True)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from photoclinometry.errors import InputError, RunFolderError
-from photoclinometry.scene import Image, Scene
+from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.scene import Image, Scene
 
 
 def read_run(run: Path) -> Scene:

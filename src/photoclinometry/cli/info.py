@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.cli.folders import read_run
-from photoclinometry.errors import InputError
-from photoclinometry.scene import BODY_FIXED
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import BODY_FIXED
 
 
 def info(path: Path, /) -> None:
@@ -74,8 +74,8 @@ def show_run(run: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from photoclinometry.sigmas import view_sigmas
-    from photoclinometry.tables import metric_rows, number, split_unit, words
+    from photoclinometry.evaluate.sigmas import view_sigmas
+    from photoclinometry.evaluate.tables import metric_rows, number, split_unit, words
 
     scene = read_run(run)
     console = Console(highlight=False)

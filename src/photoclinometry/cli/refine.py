@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from photoclinometry.cli.terminal import log_to, progress_bars, say_result
-from photoclinometry.refine import RefineOptions
+from photoclinometry.pipeline.refine import RefineOptions
 
 
 def refine(
@@ -29,7 +29,7 @@ def refine(
     """
     from rich.console import Console
 
-    from photoclinometry import refine as library
+    from photoclinometry.pipeline import refine as library
 
     start = library.read_start(model, options)  # a mistake there leaves no run folder behind
     console = Console(stderr=True)

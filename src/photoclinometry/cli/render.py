@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from photoclinometry.cli.folders import read_run, view_index
-from photoclinometry.errors import InputError
-from photoclinometry.scene import Scene
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Scene
 
 PNG_PEAK = 65534.0
 """The greatest brightness in a 16-bit PNG; 65535 would read as saturated."""
@@ -41,7 +41,7 @@ def render(
     """
     from rich.console import Console
 
-    from photoclinometry.render import render_reference, render_view
+    from photoclinometry.photometry.render import render_reference, render_view
 
     check_suffix(out)
     scene = read_run(run)
@@ -66,7 +66,7 @@ def sun_direction(
     scene: Scene, sun: tuple[float, float, float] | None, azimuth_deg: float | None, elevation_deg: float | None
 ) -> np.ndarray | None:
     """The Sun asked for as a vector (3,) in B; None for the view's own. Raises InputError."""
-    from photoclinometry.relief import local_frame, sun_from_angles
+    from photoclinometry.surface.relief import local_frame, sun_from_angles
 
     if (azimuth_deg is None) != (elevation_deg is None):
         raise InputError("--sun-azimuth-deg and --sun-elevation-deg go together: give both or none")

@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from photoclinometry.cli.terminal import log_to, progress_bars, say_result
-from photoclinometry.pipeline import RunOptions
+from photoclinometry.pipeline.run import RunOptions
 
 
 def run(
@@ -28,8 +28,8 @@ def run(
     """
     from rich.console import Console
 
-    from photoclinometry import pipeline
     from photoclinometry.io.site import read_site
+    from photoclinometry.pipeline import run as pipeline
 
     read_site(site)  # a mistake here leaves no run folder behind
     pipeline.first_matcher(options)

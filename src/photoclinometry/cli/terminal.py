@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from photoclinometry.products import Progress, RunResult
+from photoclinometry.pipeline.products import Progress, RunResult
 
 
 @contextmanager
@@ -51,8 +51,8 @@ class log_to:
         self.out, self.console = Path(out), console
 
     def __enter__(self):
-        from photoclinometry.errors import RunFolderError
-        from photoclinometry.runfolder import open_run
+        from photoclinometry.model.errors import RunFolderError
+        from photoclinometry.pipeline.run_folder import open_run
 
         self.logger = logging.getLogger("photoclinometry")
         self.level = self.logger.level

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from photoclinometry.errors import InputError
 from photoclinometry.ingest.detector import Detector, windowed
 from photoclinometry.ingest.distortion import BrownConrady, Radial, Undoing
 from photoclinometry.ingest.facts import Facts
-from photoclinometry.io.product import Window
+from photoclinometry.io.archives.product import Window
+from photoclinometry.model.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.errors import InputError
 from photoclinometry.ingest.distortion import Distortion, Mirrored
-from photoclinometry.io.product import Window
-from photoclinometry.scene import Camera
+from photoclinometry.io.archives.product import Window
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Camera
 
 _SKEW_TOLERANCE = 1e-3
 BORESIGHT_Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

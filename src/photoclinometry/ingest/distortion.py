@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from photoclinometry.errors import InputError
+from photoclinometry.model.errors import InputError
 
 _STEPS = 50
 _TOLERANCE_MM = 1e-9

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.errors import ImageError, InputError
-from photoclinometry.geometry import unit
 from photoclinometry.ingest.cameras import KnownCamera, camera_named, code_for, detector_for, fitted, known_camera
 from photoclinometry.ingest.detector import BORESIGHT_Z, Detector, turned_about, upright, windowed
 from photoclinometry.ingest.facts import Facts, read_facts
@@ -25,12 +23,14 @@ from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.radiometry import calibrated, without_saturation
 from photoclinometry.ingest.sumfiles import NamedSum, detector_of_sumfile, sumfile_of
 from photoclinometry.ingest.undistort import undistorted
-from photoclinometry.io.archive import read_product
-from photoclinometry.io.product import Product
-from photoclinometry.io.site import PosePrior
+from photoclinometry.io.archives.archive import read_product
+from photoclinometry.io.archives.product import Product
 from photoclinometry.io.spice import Kernels
 from photoclinometry.io.suns_csv import SunRow
-from photoclinometry.scene import Camera, Image
+from photoclinometry.model.errors import ImageError, InputError
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import Camera, Image
 
 _WIDEST_DEG = 85.0
 """No image is taken farther than this from the direction of the body's centre."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from photoclinometry.io.product import Product
-from photoclinometry.io.pvl import Block, Quantity
+from photoclinometry.io.archives.product import Product
+from photoclinometry.io.archives.pvl import Block, Quantity
 
 _AU_KM = 149_597_870.7
 _SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "millisec": 1e-3, "msec": 1e-3}

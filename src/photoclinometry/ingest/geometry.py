@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, unit
 from photoclinometry.ingest.facts import Facts
-from photoclinometry.io.product import Product
+from photoclinometry.io.archives.product import Product
+from photoclinometry.io.models.sumfile import SumFile
 from photoclinometry.io.spice import Kernels
-from photoclinometry.io.sumfile import SumFile
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, unit
 
 METRES = 1000.0
 """Metres in a kilometre: sites are in metres, kernels, tables and SUMFILEs in kilometres."""

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.errors import InputError, RunFolderError
 from photoclinometry.ingest.exposure import Exposure, Help, read_exposure
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.sumfiles import read_sumfiles
@@ -20,6 +19,7 @@ from photoclinometry.io.images import write_fits
 from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
+from photoclinometry.model.errors import InputError, RunFolderError
 
 logger = logging.getLogger(__name__)
 

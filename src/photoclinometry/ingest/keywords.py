@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from photoclinometry.errors import InputError
 from photoclinometry.ingest.detector import Detector, detector_of_matrix
 from photoclinometry.ingest.distortion import BrownConrady, Radial, Undoing
-from photoclinometry.io.pvl import Block
+from photoclinometry.io.archives.pvl import Block
+from photoclinometry.model.errors import InputError
 
 Keywords = Callable[[str], tuple | None]
 """A keyword's values, None where it is not there."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.scene import Image
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Image
 
 AU_KM = 149_597_870.7
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.errors import InputError
 from photoclinometry.ingest.detector import Detector, detector_of_matrix
 from photoclinometry.ingest.facts import Facts, time_of
-from photoclinometry.io.sumfile import PIXEL_OFFSET, SumFile, read_sumfile
+from photoclinometry.io.models.sumfile import PIXEL_OFFSET, SumFile, read_sumfile
+from photoclinometry.model.errors import InputError
 
 _SAME_TIME = timedelta(seconds=2.0)
 _TIME_IN_NAME = re.compile(r"(20\d{6})[ts_]?(\d{6})(?:[s.](\d{1,3}))?", re.IGNORECASE)

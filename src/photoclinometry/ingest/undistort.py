@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.ingest.detector import NEGLIGIBLE_PX, Detector, displacement, upright
-from photoclinometry.sampling import filled_from_nearest, sample
-from photoclinometry.scene import Image
+from photoclinometry.model.scene import Image
+from photoclinometry.surface.sampling import filled_from_nearest, sample
 
 _REACH = 2
 """Pixels on each side that a cubic spline mostly draws on."""

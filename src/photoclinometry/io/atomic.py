@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from photoclinometry.errors import RunFolderError
+from photoclinometry.model.errors import RunFolderError
 
 _CURES = {
     errno.ENOSPC: "free some space or choose another output folder",

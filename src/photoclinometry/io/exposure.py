@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from photoclinometry.scene import Image
+from photoclinometry.model.scene import Image
 
 
 def off_body_mask(image: Image) -> np.ndarray:

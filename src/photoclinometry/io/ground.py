@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.io.geotiff import Dtm, read_dtm
-from photoclinometry.io.obj import read_obj
-from photoclinometry.io.ply import read_ply
+from photoclinometry.io.meshes.obj import read_obj
+from photoclinometry.io.meshes.ply import read_ply
+from photoclinometry.io.rasters.geotiff import Dtm, read_dtm
 from photoclinometry.io.reading import read_bytes
+from photoclinometry.model.errors import InputError
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 

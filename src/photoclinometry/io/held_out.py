@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.errors import RunFolderError
-from photoclinometry.geometry import Rigid
 from photoclinometry.io.atomic import write_text
-from photoclinometry.scene import VIEW_ARRAYS, Camera, Views
+from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.scene import VIEW_ARRAYS, Camera, Views
 
 NAME = "held_out.json"
 

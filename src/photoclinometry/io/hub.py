@@ -15,8 +15,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from photoclinometry import __version__
-from photoclinometry.errors import FetchError, InputError
 from photoclinometry.io.atomic import unwritable
+from photoclinometry.model.errors import FetchError, InputError
 
 AUTHORS_DATA = "travisdriver/phomo-data"
 """Images and models of Driver et al. (2025): huggingface.co/datasets/travisdriver/phomo-data."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from photoclinometry.errors import ImageError, InputError
+from photoclinometry.model.errors import ImageError, InputError
 
 
 def read_bytes(

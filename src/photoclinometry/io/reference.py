@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid
-from photoclinometry.io.ply import PlyMap, grid_faces, read_ply
+from photoclinometry.io.meshes.ply import PlyMap, grid_faces, read_ply
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ def read_reference(path: Path | str) -> Reference:
     if suffix == ".ply":
         return Reference(read_ply(path))
     if suffix in (".tif", ".tiff"):
-        from photoclinometry.io.geotiff import read_dtm_mesh
+        from photoclinometry.io.rasters.geotiff import read_dtm_mesh
 
         return Reference(read_dtm_mesh(path))
     if suffix in (".h5", ".hdf5") or path.is_dir():

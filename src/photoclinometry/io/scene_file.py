@@ -14,11 +14,11 @@ import h5py
 import numpy as np
 
 from photoclinometry import __version__
-from photoclinometry.errors import InputError, RunFolderError
-from photoclinometry.geometry import Rigid
 from photoclinometry.io.hdf5 import new_hdf5
-from photoclinometry.reflectance import Reflectance
-from photoclinometry.scene import BODY_FIXED, OWN, Camera, Landmarks, Region, Scene, Surroundings, Tracks, Views
+from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import BODY_FIXED, OWN, Camera, Landmarks, Region, Scene, Surroundings, Tracks, Views
 
 FORMAT = "photoclinometry scene"
 VERSION = 1

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Similarity
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.reading import read_bytes
 from photoclinometry.io.table import Table
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Similarity
 
 _ROTATION_TOLERANCE = 1e-6
 

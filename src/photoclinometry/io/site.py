@@ -16,29 +16,19 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.errors import ImageError, InputError, SiteError
-from photoclinometry.geometry import Rigid, unit
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.exposure import off_body_mask, shows_nothing
 from photoclinometry.io.images import read_image
 from photoclinometry.io.table import Table
-from photoclinometry.scene import CAMERA_PARAMETERS, Camera, Image
+from photoclinometry.model.errors import ImageError, InputError, SiteError
+from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera, Image
 
 MIN_VIEWS = 3
 DEFAULT_SUN_SIGMA_RAD = 1e-3
 """Used for views without `sun_sigma_deg`: 0.057 degrees, the paper's value."""
 _UNIT_TOLERANCE = 1e-3
-
-
-@dataclass(frozen=True)
-class PosePrior:
-    """What is known of a view's pose beforehand."""
-
-    cam_from_body: Rigid
-    rotation_sigma_rad: float
-    """Standard deviation about each axis."""
-    translation_sigma: float
-    """Standard deviation of the camera's centre along each axis, in the unit of B (metres, where B is body-fixed)."""
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.errors import InputError
 from photoclinometry.io.reading import read_bytes
+from photoclinometry.model.errors import InputError
 
 _TEXT = (".tls", ".tsc", ".tpc", ".tf", ".ti")
 _BINARY = (".bsp", ".bc", ".bpc", ".bds")

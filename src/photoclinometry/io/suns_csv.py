@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.errors import InputError
 from photoclinometry.io.reading import read_bytes
+from photoclinometry.model.errors import InputError
 
 _MAX_BYTES = 1 << 26
 _COLUMNS = ("image", "sun_x", "sun_y", "sun_z")

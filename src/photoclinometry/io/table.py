@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.errors import SiteError
+from photoclinometry.model.errors import SiteError
 
 _REQUIRED: Any = object()
 

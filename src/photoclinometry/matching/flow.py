@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
-from photoclinometry.sampling import sample, smoothing_px
-from photoclinometry.scene import Image, Region
+from photoclinometry.model.scene import Image, Region
+from photoclinometry.surface.sampling import sample, smoothing_px
 
 
 @dataclass(frozen=True, kw_only=True)

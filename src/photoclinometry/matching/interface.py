@@ -19,10 +19,10 @@ from typing import Protocol
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid
 from photoclinometry.matching.prewarp import predict_pixels
-from photoclinometry.scene import Camera, Image, Region
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.scene import Camera, Image, Region
 
 MARGIN_PX = 48
 """Pixels around the region that dense matching looks at."""

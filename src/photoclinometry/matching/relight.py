@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.errors import InputError
 from photoclinometry.matching.flow import FlowMatcher, resample
 from photoclinometry.matching.interface import Matcher, Matches, MatchRequest
-from photoclinometry.matching.prewarp import landmark_depth
-from photoclinometry.render import landmark_brightness, sunlit_share
-from photoclinometry.scene import Image, Region, Scene
-from photoclinometry.shading import in_view
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Image, Region, Scene
+from photoclinometry.photometry.render import landmark_brightness, sunlit_share
+from photoclinometry.photometry.shading import in_view
+from photoclinometry.surface.depth_fit import landmark_depth
 
 DARK = 0.15
 """What is darker than this share of a picture's median is shadow."""

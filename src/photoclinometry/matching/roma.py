@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.errors import InputError
 from photoclinometry.io.reading import read_bytes
 from photoclinometry.matching.warp import Warp, WarpMatcher, WarpOptions
+from photoclinometry.model.errors import InputError
 
 PUBLISHED = {
     "weights": "https://github.com/Parskatt/storage/releases/download/roma/roma_outdoor.pth",

@@ -14,8 +14,8 @@ import numpy as np
 
 from photoclinometry.matching.flow import crop, jacobian_determinant, resample
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
-from photoclinometry.sampling import sample
-from photoclinometry.scene import Region
+from photoclinometry.model.scene import Region
+from photoclinometry.surface.sampling import sample
 
 STRETCH_PERCENT = (0.5, 99.5)
 """Shares of a picture's brightness between which it is stretched."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.scene import Camera, Image
+from photoclinometry.model.scene import Camera, Image
 from photoclinometry.sfm.keypoints import sift_keypoints
 from photoclinometry.sfm.options import Progress, SfmOptions
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.geometry import Rigid
-from photoclinometry.scene import Camera
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.scene import Camera
+from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.database import DATABASE
 from photoclinometry.sfm.options import Progress, SfmOptions
-from photoclinometry.sparse import SparseModel
 
 
 @contextmanager

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.scene import Image
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Image
 
 SIGMA_PX = 12.0
 """Of the Gaussian windows in which the relief's picture is normalised."""

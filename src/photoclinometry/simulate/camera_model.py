@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.errors import InputError
+from photoclinometry.model.errors import InputError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import METRES, Similarity, unit
-from photoclinometry.io.geotiff import Dtm
 from photoclinometry.io.ground import Mesh, read_ground
-from photoclinometry.raster import draw_triangles
-from photoclinometry.sampling import filled_from_nearest
+from photoclinometry.io.rasters.geotiff import Dtm
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import METRES, Similarity, unit
 from photoclinometry.simulate.surface import sphere_drop
 from photoclinometry.simulate.terrain import Grid
+from photoclinometry.surface.rasterise import draw_triangles
+from photoclinometry.surface.sampling import filled_from_nearest
 
 log = logging.getLogger(__name__)
 

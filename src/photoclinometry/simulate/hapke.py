@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from photoclinometry.errors import InputError
-from photoclinometry.hapke import PUBLISHED, radiance
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.hapke import PUBLISHED, radiance
 
 _MAX_SINGLE_SCATTERING = 0.9999
 

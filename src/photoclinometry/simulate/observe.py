@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid
-from photoclinometry.reflectance import photometric_angles
-from photoclinometry.scene import Camera, Region
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.reflectance import photometric_angles
+from photoclinometry.model.scene import Camera, Region
 from photoclinometry.simulate.photometry import Photometry, radiance_factor
 from photoclinometry.simulate.raycast import Hits, Raycaster
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.reflectance import Reflectance, published
+from photoclinometry.model.reflectance import Reflectance, published
 from photoclinometry.simulate.hapke import Hapke, published_hapke
 
 Photometry = Reflectance | Hapke

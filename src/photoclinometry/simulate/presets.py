@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.errors import InputError
+from photoclinometry.model.errors import InputError
 from photoclinometry.simulate import albedo, features, terrain
 from photoclinometry.simulate.surface import Surface, sphere_drop
 from photoclinometry.simulate.terrain import Grid

@@ -15,13 +15,20 @@ from typing import Any, Literal
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, Similarity, so3_exp
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.images import write_fits, write_png
-from photoclinometry.io.site import PosePrior, RegionRequest, Site, SiteView, write_site
-from photoclinometry.io.truth import write_truth
-from photoclinometry.scene import Camera, Views
+from photoclinometry.io.site import (
+    RegionRequest,
+    Site,
+    SiteView,
+    write_site,
+)
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, Similarity, so3_exp
+from photoclinometry.model.pose_prior import (
+    PosePrior,
+)
+from photoclinometry.model.scene import Camera, Views
 from photoclinometry.simulate.camera_model import Detector, expose, hot_pixel_charge, pixel_average
 from photoclinometry.simulate.given import METRES, given_relief
 from photoclinometry.simulate.observe import radiance
@@ -38,6 +45,7 @@ from photoclinometry.simulate.trajectory import (
     named_lighting,
 )
 from photoclinometry.simulate.truth import Truth
+from photoclinometry.simulate.truth_file import write_truth
 
 log = logging.getLogger(__name__)
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from photoclinometry.errors import InputError
+from photoclinometry.model.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.errors import InputError
-from photoclinometry.geometry import Rigid, sphere_step, unit
-from photoclinometry.scene import Camera
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, sphere_step, unit
+from photoclinometry.model.scene import Camera
 
 
 @dataclass(frozen=True, kw_only=True)

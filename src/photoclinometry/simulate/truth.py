@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numba import njit
 
-from photoclinometry.errors import InputError
-from photoclinometry.scene import Region, Views
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Region, Views
 from photoclinometry.simulate.camera_model import pixel_average
 from photoclinometry.simulate.observe import cast, sample_points
 from photoclinometry.simulate.photometry import Photometry

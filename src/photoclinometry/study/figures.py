@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.compare import Comparison
-from photoclinometry.evaluate import landmark_photometric_error
-from photoclinometry.reflectance import published
-from photoclinometry.report.draw import (
+from photoclinometry.evaluate.compare import Comparison
+from photoclinometry.evaluate.evaluate import landmark_photometric_error
+from photoclinometry.model.reflectance import published
+from photoclinometry.model.scene import Scene
+from photoclinometry.output.report.draw import (
     add_bar,
     bare,
     colour_map,
@@ -21,8 +22,7 @@ from photoclinometry.report.draw import (
     style,
     symmetric_limits,
 )
-from photoclinometry.report.maps import draw_relit, normal_colours
-from photoclinometry.scene import Scene
+from photoclinometry.output.report.maps import draw_relit, normal_colours
 from photoclinometry.study.record import Record
 
 COUNTERPART = {"akimov": "akimov+", "mcewen": "lunar-lambert"}

@@ -9,13 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 
 from photoclinometry import __version__
+from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.simulate.presets import named_preset
 from photoclinometry.study.figures import CELL_FIGURES, COUNTERPART, draw_heights, draw_scales
 from photoclinometry.study.plan import GEOMETRY, StudyOptions
 from photoclinometry.study.record import Record
 from photoclinometry.study.summary import groups, label, select, tables
-from photoclinometry.tables import json_numbers
 
 
 def write_page(out: Path, options: StudyOptions, records: Sequence[Record]) -> Path:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from photoclinometry.errors import InputError
-from photoclinometry.pipeline import RunOptions
-from photoclinometry.reflectance import DISK_FUNCTIONS
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.reflectance import DISK_FUNCTIONS
+from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.simulate.presets import named_preset
 from photoclinometry.simulate.site import SimulationOptions
 

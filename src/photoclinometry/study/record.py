@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.compare import Comparison, evaluate_against_truth
+from photoclinometry.evaluate.compare import Comparison, evaluate_against_truth
+from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path
-from photoclinometry.predict import phase_of_views
-from photoclinometry.products import RunResult
+from photoclinometry.photometry.predict import phase_of_views
+from photoclinometry.pipeline.products import RunResult
 from photoclinometry.simulate.truth import Truth
 from photoclinometry.study.plan import Cell
-from photoclinometry.tables import json_numbers
 
 log = logging.getLogger(__name__)
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.evaluate.tables import markdown_table
 from photoclinometry.study.plan import GEOMETRY, StudyOptions
 from photoclinometry.study.record import Record
-from photoclinometry.tables import markdown_table
 
 TABLE_4 = (
     ("photometric error [%]", "photometric_error_mean_percent", 2),

@@ -7,13 +7,14 @@ from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
-from photoclinometry import __version__, pipeline
-from photoclinometry.errors import InputError, ReconstructionError
+from photoclinometry import __version__
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.options import write_options
-from photoclinometry.io.truth import read_truth
-from photoclinometry.runfolder import adopt_stages, digest
+from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.run_folder import adopt_stages, digest
 from photoclinometry.simulate.site import simulate_site
+from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study.plan import Cell, StudyOptions, cells
 from photoclinometry.study.record import Record, measure, read_record, write_record
 

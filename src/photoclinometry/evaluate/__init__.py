@@ -1,0 +1,1 @@
+"""A map against its own images, the truth or another map."""

@@ -1,0 +1,295 @@
+"""How far a scene is from the truth of a simulation, or from somebody else's map (Eqs. 36-38)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from photoclinometry.evaluate.evaluate import completeness
+from photoclinometry.evaluate.metrics import albedo_error, albedo_factor, landmark_error, normal_error, spread
+from photoclinometry.evaluate.sigma_calibration import sigma_metrics
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, Similarity, angle_between, so3_log
+from photoclinometry.model.projection import keypoint_residuals
+from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION
+from photoclinometry.model.scene import BODY_FIXED, Landmarks, Scene, Views
+from photoclinometry.registration.alignment import (
+    Closest,
+    align_poses,
+    camera_distance,
+    refine_on_surface,
+    transform_poses,
+    transform_scene,
+)
+from photoclinometry.registration.closest_points import CloudSurface, MeshSurface
+
+if TYPE_CHECKING:
+    from photoclinometry.io.meshes.ply import PlyMap
+    from photoclinometry.simulate.truth import Truth
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The figures, and the scene in the other's frame with the errors of every landmark, to draw maps of."""
+
+    metrics: dict[str, float]
+    aligned: Scene
+    """The scene in the reference's frame and unit."""
+    errors: dict[str, np.ndarray]
+    """(J,) by name, units at the end of the name; NaN where there is nothing to compare with."""
+    similarity: Similarity
+    """reference_from_scene, what brought it there."""
+
+
+def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
+    """Compare with the exact surface, poses and Suns of a simulated site. Raises InputError.
+
+    The scene is aligned by its cameras' poses, then to the true surface. Positions are compared three ways:
+    with the nearest point of the surface (`surface_distance`), with the nearest of the true points behind the
+    reference pixels, as if they were somebody's map (Eq. 36, `landmark_error`), and with the true point behind
+    the landmark's own pixel (`position_error`), which also sees the map slide along the ground. Normals and
+    albedos are compared at the landmark's reference pixel, at the point (`_at_point`) and averaged over
+    point-spread function and pixel, which is what images can resolve, at any stride.
+    """
+    from photoclinometry.simulate.truth import nearest_surface, truth_maps
+
+    index = _indices(scene.views.name, truth.views.name)
+    if len(index) < len(scene.views):
+        raise InputError(f"the truth knows {len(index)} of the scene's {len(scene.views)} views: another site?")
+
+    x_min, x_max, y_min, y_max = truth.surface.extent
+
+    def closest(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        _, foot = nearest_surface(truth.surface, points)
+        x, y = foot[:, 0], foot[:, 1]
+        return foot, (x > x_min) & (x < x_max) & (y > y_min) & (y < y_max)
+
+    maps = truth_maps(truth, scene.views.name[scene.reference], scene.region)
+    true_views = truth.views[[index[k] for k in range(len(scene.views))]]
+    found = compare_with_truth(scene, true_views, maps, closest)
+    lit = maps.hit & (maps.shadow < 0.5)
+    found.metrics["completeness_truly_lit_percent"] = 100.0 * completeness(scene, lit)
+    return found
+
+
+def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Closest) -> Comparison:
+    """As `evaluate_against_truth`, from its parts.
+
+    true_views: the scene's views in the same order; maps: arrays over the map's grid with the attributes of
+    `simulate.truth.TruthMaps`; closest: nearest points of the true surface. Lengths in metres.
+    """
+    by_poses = align_poses(scene.views.body_from_cam, true_views.body_from_cam, distance=camera_distance(scene))
+    fit = refine_on_surface(scene.landmarks.position, scene.landmarks.normal, closest, by_poses)
+    aligned = transform_scene(fit.similarity, scene)
+    cells = scene.cells
+    seen = maps.hit[cells]
+
+    def at(values: np.ndarray) -> np.ndarray:
+        """A true map (h, w, ...) at the landmarks; NaN where the reference pixel misses the surface."""
+        picked = np.array(values[cells], float)
+        picked[~seen] = np.nan
+        return picked
+
+    true = Landmarks(
+        position=at(maps.position),
+        normal=at(maps.normal_mean),
+        albedo=at(maps.albedo_mean),
+        pixel=scene.landmarks.pixel,
+    )
+    errors = {
+        "surface_distance_m": fit.distance,
+        "landmark_error_m": landmark_error(aligned.landmarks.position, maps.position[maps.hit]),
+        "position_error_m": np.linalg.norm(aligned.landmarks.position - true.position, axis=-1),
+        "normal_error_deg": np.degrees(normal_error(aligned.landmarks.normal, true.normal)),
+        "normal_error_at_point_deg": np.degrees(normal_error(aligned.landmarks.normal, at(maps.normal))),
+    }
+    metrics = _spreads(errors)
+    for key in ("surface_distance", "landmark_error", "position_error"):
+        metrics |= spread(errors[f"{key}_m"] / aligned.gsd, key, "gsd")
+    metrics |= _alignment_metrics(by_poses, fit.similarity, fit.determined, aligned)
+    if scene.frame == BODY_FIXED:
+        metrics |= frame_metrics(by_poses, scene.landmarks.position, true.position)
+    metrics |= pose_metrics(scene.views.body_from_cam, true_views.body_from_cam, by_poses, "m")
+    metrics |= spread(np.degrees(angle_between(aligned.views.sun, true_views.sun)), "sun_error", "deg")
+    metrics |= spread(_keypoint_error(scene, true_views, true.position), "keypoint_error", "px")
+    factor = 1.0
+    if scene.reflectance is not None:
+        found, extra = _photometry_metrics(scene, true_views, true.albedo, at(maps.albedo))
+        errors, metrics = errors | found, metrics | extra
+        if scene.brightness == "dn" or scene.reflectance.disk not in HAS_PHASE_FUNCTION:
+            factor = extra["albedo_factor"]
+    metrics |= sigma_metrics(scene, true_views, true, factor)
+    return Comparison(metrics, aligned, errors, fit.similarity)
+
+
+def evaluate_against_map(
+    scene: Scene,
+    reference: PlyMap,
+    *,
+    names: Sequence[str] | None = None,
+    body_from_cam: Rigid | None = None,
+    initial: Similarity | None = None,
+    unit: str = "m",
+) -> Comparison:
+    """Compare with somebody else's map, after alignment by camera poses (or `initial`) and to its surface.
+
+    names, body_from_cam: (K') views with poses in the map's frame, matched with the scene's by name (or by
+    file name). Without either, the scene must be in the map's frame and unit roughly. unit: the map's, for
+    the figures' names. Eq. 36 takes the map's point nearest to each landmark, so a coarse map dominates it;
+    the distance to the surface does not suffer from that. Raises InputError.
+    """
+    by_poses, metrics = initial or Similarity(1.0, np.eye(3), np.zeros(3)), {}
+    if names is not None and body_from_cam is not None:
+        index = _indices(scene.views.name, names)
+        if len(index) < 2:
+            raise InputError(
+                f"{len(index)} views have the name of one of the {len(names)} reference poses, 2 are needed: "
+                f"the scene has {scene.views.name[0]}, the reference {names[0] if names else 'none'}"
+            )
+        ours, theirs = scene.views.body_from_cam[list(index)], body_from_cam[list(index.values())]
+        by_poses = align_poses(ours, theirs, distance=camera_distance(scene))
+        metrics = pose_metrics(ours, theirs, by_poses, unit)
+    normals = _vertex_normals(reference) if reference.normal is None else reference.normal
+    if reference.faces is not None and len(reference.faces):
+        surface: MeshSurface | CloudSurface = MeshSurface(reference.position, reference.faces)
+    else:
+        surface = CloudSurface(reference.position, normals)
+    fit = refine_on_surface(scene.landmarks.position, scene.landmarks.normal, surface, by_poses)
+    aligned = transform_scene(fit.similarity, scene)
+    distance, nearest = surface.tree.query(aligned.landmarks.position)
+    inside = np.isfinite(fit.distance)
+    errors = {
+        f"surface_distance_{unit}": fit.distance,
+        f"landmark_error_{unit}": np.where(inside, distance, np.nan),
+    }
+    if normals is not None:
+        angle = np.degrees(normal_error(aligned.landmarks.normal, normals[nearest]))
+        errors["normal_error_deg"] = np.where(inside, angle, np.nan)
+    metrics |= _spreads(errors) | {"overlap_percent": 100.0 * float(inside.mean())}
+    for key in ("surface_distance", "landmark_error"):
+        metrics |= spread(errors[f"{key}_{unit}"] / aligned.gsd, key, "gsd")
+    metrics |= _alignment_metrics(by_poses, fit.similarity, fit.determined, aligned)
+    if reference.albedo is not None and scene.reflectance is not None:
+        theirs = np.where(inside, reference.albedo[nearest], np.nan)
+        found, extra = _albedo_metrics(scene, theirs, "albedo_error")
+        errors, metrics = errors | found, metrics | extra
+    return Comparison(metrics, aligned, errors, fit.similarity)
+
+
+def frame_metrics(true_from_found: Similarity, position: np.ndarray, true: np.ndarray) -> dict[str, float]:
+    """How far off the frame of a body-fixed scene is: attitude and scale by its cameras, place by its landmarks.
+
+    position, true: (J, 3) landmarks as they are, without any alignment, and the truth, NaN where there is none.
+    """
+    return {
+        "frame_offset_m": float(np.linalg.norm(np.nanmedian(position - true, axis=0))),
+        "frame_turn_deg": float(np.degrees(np.linalg.norm(so3_log(true_from_found.rotation)))),
+        "frame_scale_error_percent": 100.0 * (1.0 / true_from_found.scale - 1.0),
+    }
+
+
+def pose_metrics(found: Rigid, true: Rigid, true_from_found: Similarity, unit: str) -> dict[str, float]:
+    """Errors of paired poses (K,): centres and pointing after alignment, relative rotations without any.
+
+    Pointing is the angle between camera axes. A relative rotation is that between two cameras; its error does
+    not depend on the alignment.
+    """
+    moved = transform_poses(true_from_found, found)
+    offset = np.linalg.norm(moved.translation - true.translation, axis=-1)
+    pointing = angle_between(moved.rotation[..., 2], true.rotation[..., 2])
+    i, j = np.triu_indices(len(found), 1)
+
+    def relative(poses: Rigid) -> np.ndarray:
+        return np.einsum("kji,kjl->kil", poses.rotation[i], poses.rotation[j])
+
+    error = so3_log(np.einsum("kji,kjl->kil", relative(found), relative(true)))
+    angle = np.degrees(np.linalg.norm(error, axis=-1))
+    return {
+        **spread(offset, "camera_position_error", unit),
+        **spread(np.degrees(pointing), "camera_pointing_error", "deg"),
+        **spread(angle, "camera_relative_rotation_error", "deg"),
+        "camera_relative_rotation_error_max_deg": float(angle.max()),
+    }
+
+
+def _spreads(errors: dict[str, np.ndarray]) -> dict[str, float]:
+    """`spread` of every entry, the last word of its name being the unit."""
+    metrics: dict[str, float] = {}
+    for key, values in errors.items():
+        name, _, unit = key.rpartition("_")
+        metrics |= spread(values, name, unit)
+    return metrics
+
+
+def _alignment_metrics(by_poses, by_surface, determined, aligned) -> dict[str, float]:
+    turn = np.linalg.norm(so3_log(by_surface.rotation @ by_poses.rotation.T))
+    return {
+        "alignment_scale": by_surface.scale,
+        "alignment_scale_change_percent": 100.0 * (by_surface.scale / by_poses.scale - 1.0),
+        "alignment_rotation_change_deg": float(np.degrees(turn)),
+        "alignment_directions_determined": determined,
+        "gsd_in_reference_unit": aligned.gsd,
+    }
+
+
+def _albedo_metrics(scene: Scene, reference: np.ndarray, name: str) -> tuple[dict, dict]:
+    """Eq. 38 [%] after the best common factor; calibrated scenes also as they are (`_absolute`)."""
+    albedo = scene.landmarks.albedo
+    factor = albedo_factor(albedo, reference)
+    errors = {f"{name}_percent": 100.0 * albedo_error(albedo, reference, factor)}
+    metrics = {name.replace("error", "factor"): factor}
+    if scene.brightness == "iof":
+        errors[f"{name}_absolute_percent"] = 100.0 * albedo_error(albedo, reference)
+    return errors, metrics | _spreads(errors)
+
+
+def _photometry_metrics(scene: Scene, true_views: Views, albedo: np.ndarray, at_point: np.ndarray) -> tuple[dict, dict]:
+    """Errors and figures of albedos (J,), scales and biases, against true albedos at the images' resolution and not."""
+    errors, metrics = _albedo_metrics(scene, albedo, "albedo_error")
+    found, extra = _albedo_metrics(scene, at_point, "albedo_error_at_point")
+    factor = metrics["albedo_factor"]  # albedo * factor = truth, so scale / factor = truth
+    off = scene.views.scale / factor / true_views.scale - 1.0
+    metrics |= extra | spread(100.0 * off, "scale_error", "percent")
+    off = (scene.views.bias - true_views.bias) / scene.tracks.brightness[scene.tracks.lit].mean()
+    return errors | found, metrics | spread(100.0 * off, "bias_error", "percent_of_brightness")
+
+
+def _keypoint_error(scene: Scene, true_views: Views, true_position: np.ndarray) -> np.ndarray:
+    """(N,) distances [px] of keypoints from where the true point of the reference pixel projects; NaN in the
+    reference view itself, where they are exact by construction."""
+    truth = scene.with_estimate(true_views, replace(scene.landmarks, position=true_position))
+    error = np.linalg.norm(keypoint_residuals(truth), axis=-1)
+    error[scene.tracks.view == scene.reference] = np.nan
+    return error
+
+
+def _indices(ours: Sequence[str], theirs: Sequence[str]) -> dict[int, int]:
+    """Index in `theirs` by index in `ours`: equal names, or else equal file names where those are unique."""
+    full = {name: k for k, name in enumerate(theirs)}
+    found = {k: full[name] for k, name in enumerate(ours) if name in full}
+    if found:
+        return found
+    short = {name.rsplit("/", 1)[-1]: k for k, name in enumerate(theirs)}
+    own = [name.rsplit("/", 1)[-1] for name in ours]
+    if len(short) < len(theirs) or len(set(own)) < len(own):
+        return {}
+    return {k: short[name] for k, name in enumerate(own) if name in short}
+
+
+def _vertex_normals(reference: PlyMap) -> np.ndarray | None:
+    """Area-weighted normals (n, 3) of a mesh's vertices, of any length; None for a cloud.
+
+    Faces turn counter-clockwise seen from outside. NaN at vertices without faces.
+    """
+    if reference.faces is None or not len(reference.faces):
+        return None
+    corner = reference.position[reference.faces]
+    face_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    total = np.zeros_like(reference.position)
+    for k in range(3):
+        np.add.at(total, reference.faces[:, k], face_normal)
+    total[~total.any(-1)] = np.nan
+    return total

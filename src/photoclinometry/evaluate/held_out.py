@@ -1,0 +1,198 @@
+"""Views held out of the map, to measure it on images that it was not made from.
+
+They take part in the sparse stage, which tells roughly where they were taken. The map is made without them: neither
+their dense matches, nor their sparse keypoints, nor their brightness enter. Then each is matched with the finished
+map, and its pose alone is fitted to that (resection); its Sun is the measured one.
+"""
+
+from __future__ import annotations
+
+import difflib
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, skew, so3_exp
+from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION
+from photoclinometry.model.scene import Camera, Image, Scene, Views
+from photoclinometry.photometry.initialize import predicted_ratio, sample_brightness
+from photoclinometry.registration.alignment import align_views, transform_poses
+from photoclinometry.surface.depth_fit import landmark_depth
+
+log = logging.getLogger(__name__)
+
+MIN_MATCHES = 50
+"""A held-out view with fewer landmarks found in it is left out; so is one that needs its exposure fitted to fewer."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resected:
+    """H held-out views after their resection, as a stage's result."""
+
+    index: np.ndarray
+    """(H,) int: which of all views."""
+    body_from_cam: Rigid
+    """(H,) in the frame of the map."""
+    scale: np.ndarray
+    """(H,) 1 where brightness is predicted absolutely, else fitted to the image."""
+    bias: np.ndarray
+    """(H,) 0, or fitted with the scale."""
+    keypoints: np.ndarray
+    """(H,) int: landmarks found in the view."""
+    keypoint_rms_px: np.ndarray
+    """(H,) RMS distance of these from where the map projects [px]."""
+
+
+def held_out_mask(names: Sequence[str], hold_out: Sequence[str], reference: str | None = None) -> np.ndarray:
+    """(K,) bool: which views `hold_out` names. Raises InputError for unknown names and for the reference."""
+    for name in hold_out:
+        if name not in names:
+            near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
+            raise InputError(f"hold_out: no view {name!r} in the site; nearest: {', '.join(near)}")
+        if name == reference:
+            raise InputError(f"hold_out: {name} is the site's reference view; hold out others, or choose another")
+    return np.isin(np.array(names, object), list(hold_out))
+
+
+def resect_views(scene: Scene, views: Views, index: np.ndarray, images: Sequence[Image], matcher: Matcher) -> Resected:
+    """Poses of views[index] from their matches with the finished map; those that do not show it are left out.
+
+    views, images: all K of the site, `views` with rough poses in the map's frame.
+    """
+    found = []
+    for k in index:
+        one = _resect_one(scene, views, int(k), images, matcher)
+        if one is None:
+            log.warning("%s: held out, but shows too little of the map to measure", views.name[k])
+        else:
+            found.append(one)
+    poses = [one[1] for one in found]
+    return Resected(
+        index=np.array([one[0] for one in found], int),
+        body_from_cam=Rigid(
+            np.array([p.rotation for p in poses]).reshape(-1, 3, 3),
+            np.array([p.translation for p in poses]).reshape(-1, 3),
+        ),
+        scale=np.array([one[2] for one in found], float),
+        bias=np.array([one[3] for one in found], float),
+        keypoints=np.array([one[4] for one in found], int),
+        keypoint_rms_px=np.array([one[5] for one in found], float),
+    )
+
+
+def held_out_views(views: Views, resected: Resected) -> Views:
+    """The held-out views (H,) in the frame of the map, under their measured Suns."""
+    chosen = views[resected.index]
+    return replace(
+        chosen,
+        body_from_cam=resected.body_from_cam,
+        sun=np.einsum("kij,kj->ki", resected.body_from_cam.rotation, chosen.sun_measured),
+        scale=resected.scale,
+        bias=resected.bias,
+    )
+
+
+def views_in_frame_of(scene: Scene, views: Views) -> Views:
+    """All K views with their rough poses in the scene's frame, by the poses of those that both have."""
+    scene_from_views = align_views(views, scene)
+    return replace(
+        views,
+        body_from_cam=transform_poses(scene_from_views, views.body_from_cam),
+        sun=views.sun @ scene_from_views.rotation.T,
+    )
+
+
+def _resect_one(scene: Scene, views: Views, k: int, images: Sequence[Image], matcher: Matcher):
+    """(view, pose, scale, bias, number of matches, their RMS residual [px]), or None where these are too few."""
+    marks, reference = scene.landmarks, views.name.index(scene.views.name[scene.reference])
+    camera, reference_pose = views.cameras[reference], scene.views.body_from_cam[scene.reference]
+    padded = padded_region(scene.region, MARGIN_PX, camera)
+    depth = landmark_depth(marks.position, marks.pixel, reference_pose, padded, camera)
+    pose = views.body_from_cam[k]
+    for _ in range(2):  # the second time the prediction is good, and what is left to match is small
+        rotation = np.stack([reference_pose.rotation, pose.rotation])
+        poses = Rigid(rotation, np.stack([reference_pose.translation, pose.translation]))
+        request = request_match(
+            [images[reference], images[k]], [camera, views.cameras[k]], poses, 0, 1, scene.region, padded, depth
+        )
+        matches = matcher.match(request)
+        row, col = scene.cells
+        seen = np.flatnonzero(matches.valid[row, col])
+        if len(seen) < MIN_MATCHES:
+            return None
+        keypoint, sigma = matches.position[row, col][seen], matches.sigma_px[row, col][seen]
+        pose, residual = resect(marks.position[seen], keypoint, sigma, views.cameras[k], pose)
+    exposure = _exposure(scene, views, k, images[k], pose, seen, keypoint)
+    if exposure is None:
+        return None
+    return k, pose, *exposure, len(seen), float(np.sqrt(np.mean(residual**2)))
+
+
+def resect(
+    position: np.ndarray, keypoint: np.ndarray, sigma: np.ndarray, camera: Camera, initial: Rigid, iterations: int = 30
+) -> tuple[Rigid, np.ndarray]:
+    """body_from_cam of one view from points (n, 3) and their pixels (n, 2), and distances (n,) [px] that are left.
+
+    sigma: (n,) of the pixels [px]. Gauss-Newton from an `initial` pose good to a few pixels, squares re-weighted by
+    1 / (1 + (r / m)^2), m the median: wrong matches do not count. The steps turn and shift the points about their
+    middle: to a camera far away, its own turns and shifts look the same.
+    """
+    pivot = position.mean(0)
+    extent = float(np.sqrt(np.mean(np.sum((position - pivot) ** 2, -1))))
+    pose = initial
+    for _ in range(iterations):
+        offset, residual, jacobian = _residual(position, keypoint, camera, pose, pivot, extent)
+        size = residual / sigma
+        weight = 1.0 / (sigma * np.hypot(1.0, size / max(float(np.median(size)), 1e-9)))
+        system = (jacobian * weight[:, None, None]).reshape(-1, 6)
+        step = np.linalg.lstsq(system, -(offset * weight[:, None]).ravel(), rcond=1e-9)[0]
+        turn = so3_exp(step[:3] / extent)
+        moved_from_body = Rigid(turn, pivot + step[3:] - turn @ pivot)
+        pose = moved_from_body.inverse() @ pose
+        if np.linalg.norm(step) < 1e-10 * extent:
+            break
+    return pose, _residual(position, keypoint, camera, pose, pivot, extent)[1]
+
+
+def _residual(position, keypoint, camera, pose, pivot, extent):
+    """Offsets (n, 2) and their lengths (n,) [px]; derivatives (n, 2, 6) by the points' turn x extent, and shift."""
+    cam_from_body = pose.inverse()
+    x, y, z = cam_from_body(position).T
+    offset = camera.pixel_from_cam(np.stack([x, y, z], -1)) - keypoint
+    (fx, fy), zero = camera.focal_px, np.zeros_like(z)
+    by_point = np.stack([np.stack([fx / z, zero, -fx * x / z**2], -1), np.stack([zero, fy / z, -fy * y / z**2], -1)], 1)
+    by_shift = by_point @ cam_from_body.rotation
+    by_turn = -by_shift @ skew(position - pivot) / extent
+    return offset, np.linalg.norm(offset, axis=-1), np.concatenate([by_turn, by_shift], -1)
+
+
+def _exposure(
+    scene: Scene, views: Views, k: int, image: Image, pose: Rigid, seen: np.ndarray, keypoint: np.ndarray
+) -> tuple[float, float] | None:
+    """Scale and bias of a held-out image: 1 and 0 where the model says how bright it should be.
+
+    Otherwise they are fitted to the image itself (a straight line through predicted and measured brightness, once
+    more without what is beyond 3 sigma), since nothing else tells an uncalibrated exposure; None where too little
+    of it is lit.
+    """
+    model = scene.reflectance
+    if model is None or (scene.brightness == "iof" and model.disk in HAS_PHASE_FUNCTION):
+        return 1.0, 0.0
+    sun = pose.rotation @ views.sun_measured[k]
+    alone = replace(views[[k]], body_from_cam=Rigid(pose.rotation[None], pose.translation[None]), sun=sun[None])
+    zeros = np.zeros(len(seen), int)
+    marks = scene.landmarks
+    ratio, usable = predicted_ratio(marks.position[seen], marks.normal[seen], np.arange(len(seen)), zeros, alone, model)
+    measured, lit = sample_brightness([image], zeros, keypoint)
+    predicted, used = marks.albedo[seen] * ratio, lit & usable
+    if used.sum() < MIN_MATCHES:
+        return None
+    line = np.polyfit(predicted[used], measured[used], 1)
+    off = measured - np.polyval(line, predicted)
+    used &= np.abs(off) <= 3.0 * np.std(off[used])
+    scale, bias = np.polyfit(predicted[used], measured[used], 1)
+    return float(scale), float(bias)

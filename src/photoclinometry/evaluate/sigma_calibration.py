@@ -1,0 +1,89 @@
+"""Whether the standard deviations that a scene reports are those of its errors.
+
+What a scene may report, by the names of `Scene.uncertainty`; each as (n,) alike in all directions, (n, d) along
+each axis, or (n, d, d) covariances:
+
+    position     d = 3 along B's axes          rotation                d = 3 about C's axes [rad]
+    normal, sun  d = 2 in `tangent_basis` of   translation or center   d = 3 along B's axes (camera centres)
+                 the estimate [rad]            albedo, scale, bias     d = 1
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.evaluate.metrics import calibration
+from photoclinometry.evaluate.sigmas import along
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import (
+    Rigid,
+    Similarity,
+    align_similarity,
+    angle_between,
+    so3_log,
+    tangent_basis,
+    unit,
+)
+from photoclinometry.model.scene import BODY_FIXED, Landmarks, Scene, Views
+from photoclinometry.surface.relief import local_frame
+
+
+def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, float]:
+    """`metrics.calibration` of everything in `scene.uncertainty` that there is truth for, and of heights over the map's
+    mean plane (`height`): almost all of what positions err by is along the line of sight.
+
+    true_views: the scene's views, in order; true: the truth behind each landmark, NaN where there is none, both in
+    a frame and unit of their own. The frames are joined by the similarity of least squares between the landmarks,
+    since a scene made from images alone cannot know them; a body-fixed one is taken to be in the truth's frame and unit
+    already, as far as its uncertainties say. albedo_factor: albedo times this is the truth's.
+    Raises InputError for uncertainties of a shape that means nothing.
+    """
+    metrics: dict[str, float] = {}
+    if not scene.uncertainty:
+        return metrics
+    errors = scene_errors(scene, true_views, true, albedo_factor)
+    for name, stated in scene.uncertainty.items():
+        if name not in errors:
+            continue
+        try:
+            metrics |= calibration(errors[name], stated, f"{name}_sigma")
+        except ValueError as error:
+            raise InputError(f"scene {scene.name!r}: uncertainty of {name}: {error}") from error
+    if "position" in scene.uncertainty:
+        up = local_frame(scene).rotation[:, 2]
+        metrics |= calibration(errors["position"] @ up, along(scene.uncertainty["position"], up), "height_sigma")
+    return metrics
+
+
+def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, np.ndarray]:
+    """Estimate minus truth, in the coordinates of the module's table, frame and unit of the scene."""
+    known = np.isfinite(true.position).all(-1)
+    scene_from_true = Similarity(1.0, np.eye(3), np.zeros(3))
+    if scene.frame != BODY_FIXED:
+        scene_from_true = align_similarity(true.position[known], scene.landmarks.position[known])
+    poses = true_views.body_from_cam
+    true_poses = Rigid(scene_from_true.rotation @ poses.rotation, scene_from_true(poses.translation))
+    turn = np.swapaxes(true_poses.rotation, -1, -2) @ scene.views.body_from_cam.rotation
+    center = scene.views.body_from_cam.translation - true_poses.translation
+    return {
+        "position": scene.landmarks.position - scene_from_true(true.position),
+        "normal": tangent_error(scene.landmarks.normal, true.normal @ scene_from_true.rotation.T),
+        "albedo": scene.landmarks.albedo - true.albedo / albedo_factor,
+        "rotation": so3_log(turn),
+        "translation": center,
+        "center": center,
+        "sun": tangent_error(scene.views.sun, true_views.sun @ scene_from_true.rotation.T),
+        "scale": scene.views.scale - true_views.scale * albedo_factor,
+        "bias": scene.views.bias - true_views.bias,
+    }
+
+
+def tangent_error(direction: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """Steps (n, 2) [rad] in `tangent_basis(direction)` from unit vectors (n, 3) to the true ones; NaN stays NaN.
+
+    As long as the angle between the two (the inverse of `sphere_step`).
+    """
+    across = np.einsum("nij,ni->nj", tangent_basis(direction), true)
+    length = np.linalg.norm(across, axis=-1, keepdims=True)
+    angle = angle_between(direction, true)[:, None]
+    return np.where(length > 0, unit(np.where(length > 0, across, 1.0)) * angle, across)

@@ -1,0 +1,1 @@
+"""Images of archives: PDS3, PDS4, ISIS cubes, FITS."""

@@ -1,0 +1,68 @@
+"""Images from archives, whatever their format, told apart by content."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from photoclinometry.io.archives.fits_header import read_fits_header
+from photoclinometry.io.archives.isis_cube import read_isis_cube
+from photoclinometry.io.archives.pds3 import read_pds3
+from photoclinometry.io.archives.pds4 import read_pds4
+from photoclinometry.io.archives.product import Product
+from photoclinometry.io.images import read_image
+from photoclinometry.io.reading import read_image_bytes
+from photoclinometry.model.errors import ImageError
+
+_HEAD_BYTES = 4096
+
+
+def read_product(path: Path | str) -> Product:
+    """An ISIS cube, a PDS3 or PDS4 label with its image, a FITS file, a PNG or TIFF. Raises ImageError, InputError.
+
+    A data file with a label of its name beside it (.lbl, .xml) is read through that label. The keywords of FITS files
+    stand below those of their labels.
+    """
+    product = _read(Path(path))
+    if product.kind in ("PDS3", "PDS4") and read_image_bytes(product.data, limit=6) == b"SIMPLE":
+        product.label.blocks.append(read_fits_header(product.data))
+    return product
+
+
+def _read(path: Path) -> Product:
+    head = read_image_bytes(path, limit=_HEAD_BYTES)
+    start = head.lstrip(b"\xef\xbb\xbf \t\r\n")
+    if _is_isis(start):
+        return read_isis_cube(path)
+    if start.startswith(b"PDS_VERSION_ID") or b"\nPDS_VERSION_ID" in head:
+        return read_pds3(path)
+    if start.startswith(b"<?xml") or start.startswith(b"<Product_Observational"):
+        return read_pds4(path)
+    if head.startswith(b"SIMPLE"):
+        label = _label_beside(path)
+        return _read(label) if label else _read_fits(path)
+    if head.startswith((b"\x89PNG", b"II*\0", b"MM\0*")):
+        return Product(path=path, data=path, kind="plain", image=read_image(path))
+    label = _label_beside(path)
+    if label is not None:
+        return _read(label)
+    raise ImageError(
+        f"{path}: is no PDS3 or PDS4 label, ISIS cube, FITS, PNG or TIFF image (it begins with {head[:8]!r}); "
+        "if it has a label, give that; else convert it"
+    )
+
+
+def _is_isis(start: bytes) -> bool:
+    words = start[:64].replace(b"=", b" = ").split()
+    return len(words) > 2 and words[0].upper() == b"OBJECT" and words[2].upper() == b"ISISCUBE"
+
+
+def _label_beside(path: Path) -> Path | None:
+    for suffix in (".lbl", ".LBL", ".xml", ".XML"):
+        label = path.with_suffix(suffix)
+        if label != path and label.is_file():
+            return label
+    return None
+
+
+def _read_fits(path: Path) -> Product:
+    return Product(path=path, data=path, kind="FITS", image=read_image(path), label=read_fits_header(path))

@@ -1,0 +1,1 @@
+"""Meshes: PLY, OBJ, glTF."""

@@ -1,0 +1,137 @@
+"""PLY: the landmark map as points or as a mesh, and surfaces from elsewhere.
+
+Written: binary little-endian; x y z double, nx ny nz albedo float, then the known standard deviations as
+float: sigma_x sigma_y sigma_z for "position", sigma_NAME for a number per landmark or, of a direction, for each of two
+axes [rad], sigma_NAME_x _y _z for a vector (of a covariance, the roots of its diagonal). Read: ascii and both binary
+forms. http://paulbourke.net/dataformats/ply/
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.meshes.ply_elements import read_elements
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Scene
+
+
+@dataclass(frozen=True)
+class PlyMap:
+    """Points of a PLY file, with what else it says about them."""
+
+    position: np.ndarray
+    """(n, 3) float64."""
+    normal: np.ndarray | None
+    """(n, 3) float64, as in the file."""
+    albedo: np.ndarray | None
+    """(n,) float64."""
+    faces: np.ndarray | None
+    """(m, 3) int64 rows of `position`; larger polygons are cut into triangles."""
+
+
+def write_ply(path: Path | str, scene: Scene, mesh: bool = False) -> None:
+    """The scene's landmarks, in B; with `mesh` also the triangles of `grid_faces`. Raises RunFolderError."""
+    vertices = _vertices(scene)
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment body-fixed frame, unit of length {scene.unit or 'as the scene'}",
+    ]
+    header.append(f"element vertex {len(vertices)}")
+    for name in vertices.dtype.names or ():
+        header.append(f"property {'double' if vertices.dtype[name].itemsize == 8 else 'float'} {name}")
+    faces = np.empty(0, [("count", "u1"), ("index", "<i4", 3)])
+    if mesh:
+        triangles = grid_faces(scene)
+        faces = np.empty(len(triangles), faces.dtype)
+        faces["count"], faces["index"] = 3, triangles
+        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    header.append("end_header\n")
+    with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+        stream.write("\n".join(header).encode("ascii"))
+        stream.write(vertices.tobytes())
+        stream.write(faces.tobytes())
+
+
+def read_ply(path: Path | str) -> PlyMap:
+    """The points, normals, albedos and faces of a PLY file. Raises InputError."""
+    path = Path(path)
+    elements = read_elements(path)
+    vertex = elements.get("vertex", {})
+    position = _columns(path, vertex, ("x", "y", "z"))
+    if position is None:
+        raise InputError(f"{path}: the PLY has no vertices with x, y, z; export points or a mesh")
+    if not np.isfinite(position).all():
+        raise InputError(f"{path}: some vertices are not finite; remove them")
+    albedo = _columns(path, vertex, ("albedo",))
+    face = elements.get("face", {})
+    polygons = face.get("vertex_indices", face.get("vertex_index"))
+    faces = None
+    if isinstance(polygons, tuple):
+        faces = fan_triangles(*polygons)
+        if len(faces) and (faces.min() < 0 or faces.max() >= len(position)):
+            raise InputError(f"{path}: faces name vertices that are not there; export it again")
+    normal = _columns(path, vertex, ("nx", "ny", "nz"))
+    return PlyMap(position, normal, None if albedo is None else albedo[:, 0], faces)
+
+
+def grid_faces(scene: Scene) -> np.ndarray:
+    """(m, 3) int32 landmark indices: two triangles where all four corners of a cell of the map's
+    grid are landmarks, counter-clockwise as its camera sees them, so that they face outwards."""
+    index = np.full(scene.region.grid_shape, -1, np.int32)
+    index[scene.cells] = np.arange(len(scene.landmarks))
+    upper_left, upper_right = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
+    lower_left, lower_right = index[1:, :-1].ravel(), index[1:, 1:].ravel()
+    whole = np.min([upper_left, upper_right, lower_left, lower_right], axis=0) >= 0
+    first = np.stack([upper_left, lower_left, lower_right], -1)[whole]
+    second = np.stack([upper_left, lower_right, upper_right], -1)[whole]
+    return np.stack([first, second], 1).reshape(-1, 3)
+
+
+def _vertices(scene: Scene) -> np.ndarray:
+    """(J,) structured array, one field per PLY property."""
+    landmarks = scene.landmarks
+    columns = dict(zip("xyz", landmarks.position.T, strict=True))
+    columns |= dict(zip(("nx", "ny", "nz"), landmarks.normal.T, strict=True))
+    columns["albedo"] = landmarks.albedo
+    for name, sigma in scene.uncertainty.items():
+        if np.shape(sigma) == (len(landmarks), 3, 3):
+            sigma = np.sqrt(np.diagonal(sigma, axis1=1, axis2=2))
+        if np.shape(sigma) == (len(landmarks),):
+            columns[f"sigma_{name}"] = sigma
+        elif np.shape(sigma) == (len(landmarks), 2, 2):
+            columns[f"sigma_{name}"] = np.sqrt(np.trace(sigma, axis1=1, axis2=2) / 2.0)
+        elif np.shape(sigma) == (len(landmarks), 3):
+            stem = "sigma_" if name == "position" else f"sigma_{name}_"
+            columns |= {stem + axis: sigma[:, i] for i, axis in enumerate("xyz")}
+    table = np.empty(len(landmarks), [(name, "<f8" if name in "xyz" else "<f4") for name in columns])
+    for name, column in columns.items():
+        table[name] = column
+    return table
+
+
+def _columns(path: Path, vertex: dict, names: tuple[str, ...]) -> np.ndarray | None:
+    """(n, len(names)) float64, or None where the file lacks one."""
+    if not all(name in vertex for name in names):
+        return None
+    columns = [vertex[name] for name in names]
+    if any(isinstance(column, tuple) for column in columns):
+        raise InputError(f"{path}: vertex property {names[0]} is a list, expected one number per vertex")
+    return np.stack(columns, -1).astype(np.float64)
+
+
+def fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(m, 3) int64: polygons cut into fans about their first corner; fewer than 3 corners are no face."""
+    with np.errstate(invalid="ignore"):
+        corners = corners.astype(np.int64)
+    start = np.cumsum(lengths) - lengths
+    parts = []
+    for size in np.unique(lengths[lengths >= 3]):
+        polygon = corners[start[lengths == size][:, None] + np.arange(size)]
+        fan = [polygon[:, [0, i, i + 1]] for i in range(1, size - 1)]
+        parts.append(np.stack(fan, 1).reshape(-1, 3))
+    return np.concatenate(parts) if parts else np.empty((0, 3), np.int64)

@@ -1,0 +1,1 @@
+"""Models of other programs: COLMAP, the paper's authors, SUMFILEs."""

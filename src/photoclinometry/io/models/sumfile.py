@@ -1,0 +1,242 @@
+"""SUMFILE: one image's camera, pose and Sun as SPC (stereophotoclinometry) keeps them, read and written.
+
+The body-fixed frame is in km. The frame of CX, CY, CZ is the camera's, CZ along the boresight; a direction
+(x, y, z) of it falls on the focal plane at MMFL * (x / z, y / z) [mm], and from there, by K-MATRIX and CTR, on
+(sample, line). Samples and lines count from 1 at the centre of the first pixel, hence half a pixel more than ours.
+Gaskell et al. (2008), Meteoritics & Planetary Science 43, 1049-1061, doi:10.1111/j.1945-5100.2008.tb00692.x.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.io.atomic import write_text
+from photoclinometry.io.reading import read_bytes
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.scene import Camera
+
+PIXEL_OFFSET = 0.5
+"""SUMFILE pixel minus ours: they count from 1 at a pixel's centre, where ours begin at 0.5."""
+_MAX_BYTES = 1 << 24
+_HEADER = (
+    ("NPX, NLN, THRSH", 4),
+    ("MMFL, CTR", 3),
+    ("SCOBJ", 3),
+    ("CX", 3),
+    ("CY", 3),
+    ("CZ", 3),
+    ("SZ", 3),
+    ("K-MATRIX", 6),
+    ("DISTORTION", 4),
+    ("SIGMA_VSO", 3),
+    ("SIGMA_PTG", 3),
+)
+_UNIT_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class SumFile:
+    """What a SUMFILE holds, in its own units: km, mm, radians, pixels that count from 1."""
+
+    name: str
+    utc: str
+    """Time of the exposure's middle as written, such as "2019 MAR 14 19:01:23.961"."""
+    width: int
+    height: int
+    threshold: tuple[int, int]
+    """Lowest and highest DN that SPC uses."""
+    focal_mm: float
+    center: tuple[float, float]
+    """(sample, line) of the boresight."""
+    camera_to_body: tuple[float, float, float]
+    """SCOBJ: from the camera to the body's centre, in B [km]."""
+    axes: tuple[tuple[float, float, float], ...]
+    """CX, CY, CZ: the camera's axes, unit vectors in B."""
+    sun: tuple[float, float, float]
+    """SZ: unit vector from the body towards the Sun, in B."""
+    k_matrix: tuple[float, ...]
+    """(6,): sample = center + k[0] x + k[1] y + k[2] x y, line = center + k[3] x + k[4] y + k[5] x y [px/mm]."""
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    position_sigma: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """SIGMA_VSO [km]."""
+    pointing_sigma: tuple[float, float, float] = (1e-3, 1e-3, 1e-3)
+    """SIGMA_PTG [rad]."""
+    landmarks: tuple[tuple[str, float, float], ...] = ()
+    """Name, sample, line."""
+    limbs: tuple[tuple[str, float, float, float], ...] = ()
+    """Name, sample, line, residual [px]."""
+
+    @property
+    def body_from_axes(self) -> Rigid:
+        """Pose of the frame of CX, CY, CZ; its translation is the camera's centre in B [km]."""
+        return Rigid(np.array(self.axes).T, -np.array(self.camera_to_body))
+
+
+def sumfile_of_view(
+    name: str, camera: Camera, body_from_cam: Rigid, sun: np.ndarray, *, utc: str, pixel_mm: float = 0.01
+) -> SumFile:
+    """The SUMFILE of a view: body_from_cam in km, sun (3,) towards the Sun in B.
+
+    A SUMFILE splits a focal length in pixels into mm and pixels per mm: `pixel_mm` is the pitch of a sample.
+    """
+    focal, pitch = camera.focal_px, 1.0 / pixel_mm
+    rotation = body_from_cam.rotation
+    return SumFile(
+        name=name,
+        utc=utc,
+        width=camera.width,
+        height=camera.height,
+        threshold=(0, 65535),
+        focal_mm=focal[0] * pixel_mm,
+        center=(camera.principal_px[0] + PIXEL_OFFSET, camera.principal_px[1] + PIXEL_OFFSET),
+        camera_to_body=_triple(-body_from_cam.translation),
+        axes=(_triple(rotation[:, 0]), _triple(rotation[:, 1]), _triple(rotation[:, 2])),
+        sun=_triple(unit(sun)),
+        k_matrix=(pitch, 0.0, 0.0, 0.0, pitch * focal[1] / focal[0], 0.0),
+    )
+
+
+def read_sumfile(path: Path | str) -> SumFile:
+    """The SUMFILE at `path`. Raises InputError that names the line, what it holds, and what was expected."""
+    path = Path(path)
+    lines = _lines(path)
+    if len(lines) < 2 + len(_HEADER):
+        raise InputError(f"{path}: has {len(lines)} lines, a SUMFILE has {2 + len(_HEADER)} and more; get it again")
+    value = {key: _numbers(path, n, lines[n - 1], key, count) for n, (key, count) in enumerate(_HEADER, start=3)}
+    _check(path, value)
+    landmarks, limbs = _points(path, lines, 2 + len(_HEADER))
+    width, height, low, high = (int(v) for v in value["NPX, NLN, THRSH"])
+    focal, *center = value["MMFL, CTR"]
+    return SumFile(
+        name=lines[0].strip(),
+        utc=lines[1].strip(),
+        width=width,
+        height=height,
+        threshold=(low, high),
+        focal_mm=focal,
+        center=(center[0], center[1]),
+        camera_to_body=_triple(value["SCOBJ"]),
+        axes=tuple(_triple(value[key]) for key in ("CX", "CY", "CZ")),
+        sun=_triple(value["SZ"]),
+        k_matrix=value["K-MATRIX"],
+        distortion=value["DISTORTION"],
+        position_sigma=_triple(value["SIGMA_VSO"]),
+        pointing_sigma=_triple(value["SIGMA_PTG"]),
+        landmarks=tuple((name, *_pair(rest)) for name, rest in landmarks),
+        limbs=tuple((name, *_triple(rest)) for name, rest in limbs),
+    )
+
+
+def write_sumfile(path: Path | str, summary: SumFile) -> None:
+    """`summary` in SPC's columns. Raises RunFolderError.
+
+    The columns hold 11 digits of lengths and directions, 4 or 5 decimals of K-MATRIX, 2 of keypoints: what was read
+    from a SUMFILE reads back the same, other numbers are rounded to that.
+    """
+    write_text(path, format_sumfile(summary))
+
+
+def format_sumfile(summary: SumFile) -> str:
+    """The text of a SUMFILE."""
+    s = summary
+    lines = [s.name, s.utc]
+    lines.append("".join(f"{v:6d}" for v in (s.width, s.height, *s.threshold)) + " " * 22 + "NPX, NLN, THRSH")
+    vectors = [("MMFL, CTR", (s.focal_mm, *s.center)), ("SCOBJ", s.camera_to_body)]
+    vectors += [*zip(("CX", "CY", "CZ"), s.axes, strict=True), ("SZ", s.sun)]
+    lines += [_row("20.10E", values, key) for key, values in vectors]
+    lines.append("".join(f"{_ten_columns(v):>10}" for v in s.k_matrix) + "   K-MATRIX")
+    lines.append(_row("15.5E", s.distortion, "DISTORTION"))
+    lines.append(_row("20.10E", s.position_sigma, "SIGMA_VSO"))
+    lines.append(_row("20.10E", s.pointing_sigma, "SIGMA_PTG"))
+    lines.append("LANDMARKS")
+    lines += [f"{name:6}" + "".join(f"{v:10.2f}" for v in rest) for name, *rest in s.landmarks]
+    lines.append("LIMB FITS")
+    lines += [f"{name:6}" + "".join(f"{v:10.2f}" for v in rest) for name, *rest in s.limbs]
+    lines.append("END FILE")
+    return "\n".join(line.ljust(80) for line in lines) + "\n"
+
+
+def _row(form: str, values: Sequence[float], key: str) -> str:
+    return "".join(f"{v:{form}}" for v in values) + f"   {key}"
+
+
+def _ten_columns(value: float) -> str:
+    """As many decimals as leave a space before the number, for readers that split at spaces."""
+    return next(text for decimals in (5, 4, 3, 2, 1, 0) if len(text := f"{value:.{decimals}f}") < 10 or not decimals)
+
+
+def _lines(path: Path) -> list[str]:
+    data = read_bytes(path, "SUMFILE", limit=_MAX_BYTES + 1)
+    if len(data) > _MAX_BYTES:
+        raise InputError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no SUMFILE")
+    try:
+        return data.decode("ascii").splitlines()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: byte {error.start} is not ASCII, so it is no SUMFILE; check the path") from error
+
+
+def _numbers(path: Path, number: int, line: str, key: str, count: int) -> tuple[float, ...]:
+    """The first `count` numbers of a line; FORTRAN's exponents D are understood."""
+    words = line.replace("D+", "E+").replace("D-", "E-").split()[:count]
+    try:
+        values = tuple(float(word) for word in words)
+    except ValueError:
+        values = ()
+    if len(values) != count or not np.isfinite(values).all():
+        raise InputError(
+            f"{path}, line {number}: expected {count} numbers ({key}), found {line.strip()[:60]!r}; get it again"
+        )
+    return values
+
+
+def _check(path: Path, value: dict[str, tuple[float, ...]]) -> None:
+    """Raises InputError for numbers that no camera has."""
+    if (
+        any(v != int(v) or not 0 <= v < 2**31 for v in value["NPX, NLN, THRSH"])
+        or min(value["NPX, NLN, THRSH"][:2]) < 1
+    ):
+        raise InputError(
+            f"{path}: NPX, NLN, THRSH are {value['NPX, NLN, THRSH']}, expected whole numbers of pixels, DN"
+        )
+    if value["MMFL, CTR"][0] <= 0:
+        raise InputError(f"{path}: the focal length MMFL is {value['MMFL, CTR'][0]:g} mm, expected a positive one")
+    axes = np.array([value[key] for key in ("CX", "CY", "CZ")])
+    if np.abs(axes @ axes.T - np.eye(3)).max() > _UNIT_TOLERANCE or np.linalg.det(axes) < 0:
+        raise InputError(f"{path}: CX, CY, CZ are no right-handed unit vectors at right angles; get it again")
+    if abs(np.linalg.norm(value["SZ"]) - 1.0) > _UNIT_TOLERANCE:
+        raise InputError(f"{path}: SZ has length {np.linalg.norm(value['SZ']):.6g}, expected the Sun's unit vector")
+    k = value["K-MATRIX"]
+    if k[0] * k[4] == k[1] * k[3]:
+        raise InputError(f"{path}: K-MATRIX {k} puts the focal plane on a line; get it again")
+
+
+def _points(path: Path, lines: list[str], at: int) -> tuple[list, list]:
+    """(name, numbers) of the landmarks and of the limb points."""
+    sections: dict[str, list] = {"LANDMARKS": [], "LIMB FITS": []}
+    count = {"LANDMARKS": 2, "LIMB FITS": 3}
+    section = ""
+    for number, line in enumerate(lines[at:], start=at + 1):
+        text = line.strip()
+        if text == "END FILE":
+            return sections["LANDMARKS"], sections["LIMB FITS"]
+        if text in sections:
+            section = text
+        elif section and text:
+            name, _, rest = text.partition(" ")
+            sections[section].append((name, _numbers(path, number, rest, f"{section} of {name}", count[section])))
+        elif text:
+            raise InputError(f"{path}, line {number}: expected LANDMARKS, found {text[:60]!r}; get it again")
+    raise InputError(f"{path}: ends without END FILE: it was cut short; get it again")
+
+
+def _pair(values: Sequence[float]) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
+
+
+def _triple(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -1,0 +1,71 @@
+"""Cloud-optimised GeoTIFF: layers of a north-up map, with overviews and gaps. Needs the extra `geo` (rasterio)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry import __version__
+from photoclinometry.io.atomic import atomic_path
+from photoclinometry.model.errors import RunFolderError
+
+BLOCK = 256
+"""Width and height of a tile [px]; maps larger than that get overviews, each half as large as the one before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """What one band of a file holds."""
+
+    description: str
+    unit: str
+    """As written into the file; empty for pure numbers."""
+
+
+def write_cog(
+    path: Path | str,
+    values: np.ndarray,
+    valid: np.ndarray,
+    bands: tuple[Band, ...],
+    *,
+    corner: tuple[float, float],
+    pixel: float,
+    crs: Any,
+    about: dict[str, str],
+) -> None:
+    """Bands (h, w, n) of a map as single-precision numbers, with NaN as no-data where not `valid` (h, w).
+
+    corner: (x, y) of the outer corner of the top-left pixel; pixel: its width and height, both in the unit of the map;
+    rows go down, columns right. crs: rasterio's CRS, or None for a map in no known unit. about: what else to write into
+    the file, by key. Raises RunFolderError.
+    """
+    import rasterio
+    import rasterio.shutil
+    from rasterio.errors import RasterioError
+    from rasterio.io import MemoryFile
+
+    height, width, count = values.shape
+    profile = {"driver": "GTiff", "dtype": "float32", "width": width, "height": height, "count": count, "crs": crs}
+    place = rasterio.Affine(pixel, 0.0, corner[0], 0.0, -pixel, corner[1])
+    with MemoryFile() as memory, atomic_path(path) as temporary:
+        with memory.open(**profile, transform=place, nodata=np.nan) as file:
+            for number, band in enumerate(bands, start=1):
+                file.write(np.where(valid, values[..., number - 1], np.nan).astype(np.float32), number)
+                file.set_band_description(number, band.description)
+            file.units = tuple(band.unit for band in bands)
+            file.update_tags(TIFFTAG_SOFTWARE=f"photoclinometry {__version__}", **about)
+        try:
+            rasterio.shutil.copy(
+                memory.name,
+                temporary,
+                driver="COG",
+                blocksize=BLOCK,
+                compress="DEFLATE",
+                predictor="FLOATING_POINT",
+                overview_resampling="AVERAGE",
+            )
+        except RasterioError as error:
+            raise RunFolderError(f"{path}: cannot be written ({error}); check the disk") from error

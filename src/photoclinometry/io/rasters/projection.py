@@ -1,0 +1,130 @@
+"""Projected maps of a globe: reference systems, and body-fixed positions in them. Needs the extra `geo` (rasterio)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from photoclinometry.io.rasters.globe import (
+    Globe,
+    body_fixed,
+    geographic,
+    iau_crs,
+    need_rasterio,
+    quoted,
+    transform_points,
+)
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import unit
+
+Projection = Literal["equirectangular", "orthographic", "polar-stereographic"]
+
+_CODE = {"geographic": 0, "equirectangular": 10, "equirectangular-180": 15, "north": 30, "south": 35}
+_STEEPEST_EQUIRECTANGULAR_DEG = 85.0
+_FLATTEST_POLAR = 0.01
+_HORIZON = 0.05
+"""Cosine of the angle from its centre up to which an orthographic map is drawn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapProjection:
+    """A projected reference system [m] of a globe."""
+
+    globe: Globe
+    crs: Any
+    """rasterio's CRS."""
+
+    def from_body(self, position: np.ndarray) -> np.ndarray:
+        """Easting, northing and height above the globe (n, 3) [m] of body-fixed positions (n, 3) [m]."""
+        return transform_points(self.globe.crs, self.crs, geographic(self.globe, position))
+
+    def to_body(self, east_north_height: np.ndarray) -> np.ndarray:
+        """The inverse of `from_body`."""
+        return body_fixed(self.crs, self.globe.radii_m, east_north_height)
+
+
+def site_projection(
+    globe: Globe, projection: Projection, position: np.ndarray, center_deg: tuple[float, float] | None = None
+) -> MapProjection:
+    """The projection for a map of landmarks (n, 3) [m].
+
+    equirectangular: true to scale along the equator; about longitude 180 where the map would tear at it otherwise.
+    orthographic: as seen from far above `center_deg`, a longitude and a latitude, or the middle of the landmarks, to
+    a hundredth of a degree. polar-stereographic: about the nearer pole, true to scale there. Raises InputError for maps
+    that cannot be drawn so.
+    """
+    if projection == "orthographic":
+        middle = geographic(globe, unit(position).mean(0, keepdims=True) * globe.radii_m[0])[0]
+        lon, lat = (round(float(x), 2) for x in middle[:2]) if center_deg is None else center_deg
+        if not (-360.0 <= lon <= 360.0 and -90.0 <= lat <= 90.0):
+            raise InputError(f"--center-deg {lon} {lat} is no longitude and latitude")
+        _check_seen(lon, lat, geographic(globe, position)[:, :2])
+        name = f"Orthographic about {lon:g} E, {lat:g} N"
+        return MapProjection(globe=globe, crs=_projected(globe, name, "Orthographic", lat, lon))
+    lon, lat = geographic(globe, position)[:, :2].T
+    if projection == "polar-stereographic":
+        a, c = globe.radii_m
+        if 1.0 - c / a > _FLATTEST_POLAR:
+            raise InputError(
+                f"PROJ cannot read a {projection} map of a spheroid of {a:g} and {c:g} m back; choose --projection "
+                "orthographic, or give the radius of a sphere (--radii-m)"
+            )
+        kind = "north" if np.median(lat) >= 0 else "south"
+        pole = 90.0 if kind == "north" else -90.0
+        if np.any(lat * pole < 0):
+            raise InputError(f"the map crosses the equator; a {projection} map shows one hemisphere: choose another")
+        crs = _iau_or(globe, kind) or _projected(globe, f"{kind.title()} Polar", "Polar_Stereographic", pole, 0.0)
+        return MapProjection(globe=globe, crs=crs)
+    if np.abs(lat).max() > _STEEPEST_EQUIRECTANGULAR_DEG:
+        raise InputError(
+            f"the map reaches latitude {lat[np.argmax(np.abs(lat))]:.1f}, where an equirectangular map is torn apart; "
+            "choose --projection polar-stereographic or orthographic"
+        )
+    middle = 0.0
+    if np.ptp(lon) > 180.0:
+        middle = 180.0
+        if np.ptp(lon % 360.0) > 180.0:
+            raise InputError("the map reaches around the body; choose --projection orthographic")
+    crs = _iau_or(globe, "equirectangular-180" if middle else "equirectangular")
+    name = f"Equirectangular, clon = {middle:g}"
+    return MapProjection(globe=globe, crs=crs or _projected(globe, name, "Equirectangular", 0.0, middle))
+
+
+def _check_seen(lon_deg: float, lat_deg: float, points_deg: np.ndarray) -> None:
+    """Raises InputError for longitudes and latitudes (n, 2) that are not on the side of the centre."""
+    lon, lat = np.radians(points_deg).T
+    center = np.radians(lat_deg)
+    cosine = np.sin(center) * np.sin(lat) + np.cos(center) * np.cos(lat) * np.cos(lon - np.radians(lon_deg))
+    hidden = int(np.sum(cosine < _HORIZON))
+    if hidden:
+        raise InputError(
+            f"{hidden} of {len(lon)} landmarks lie on the far side of an orthographic map about {lon_deg:g} E, "
+            f"{lat_deg:g} N; choose another --center-deg"
+        )
+
+
+def local_crs(name: str) -> Any:
+    """rasterio's CRS of a plane [m] that is on no known place of a body (an engineering CRS)."""
+    need_rasterio()
+    from rasterio.crs import CRS
+
+    return CRS.from_wkt(f'LOCAL_CS["{quoted(name)}",UNIT["metre",1]]')
+
+
+def _iau_or(globe: Globe, kind: str) -> Any:
+    """The IAU's own reference system of this kind, or None for a globe that is not the IAU's."""
+    return None if globe.iau is None else iau_crs(globe.iau + _CODE[kind])
+
+
+def _projected(globe: Globe, name: str, method: str, latitude: float, longitude: float) -> Any:
+    from rasterio.crs import CRS
+
+    parallel = "standard_parallel_1" if method == "Equirectangular" else "latitude_of_origin"
+    scale = 'PARAMETER["scale_factor",1],' if method == "Polar_Stereographic" else ""
+    return CRS.from_wkt(
+        f'PROJCS["{globe.name} / {name}",{globe.crs.to_wkt()},PROJECTION["{method}"],'
+        f'PARAMETER["{parallel}",{latitude!r}],PARAMETER["central_meridian",{longitude!r}],{scale}'
+        'PARAMETER["false_easting",0],PARAMETER["false_northing",0],UNIT["metre",1]]'
+    )

@@ -1,0 +1,1 @@
+"""The data model: cameras, views, landmarks and tracks; geometry and reflectance."""

@@ -1,0 +1,317 @@
+"""The one data model: cameras, views, landmarks, tracks, and the scene that holds them.
+
+Frames: B body-fixed (right-handed; any origin, orientation and scale until georeferenced), C camera
+(x right, y down, z forward). Lengths are in the unit of B. Pixels follow COLMAP: (0.5, 0.5) is the
+centre of the top-left pixel, so array index [row, col] is (col + 0.5, row + 0.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from typing import Self
+
+import numpy as np
+
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.reflectance import Reflectance
+
+OWN, BODY_FIXED = "own", "body-fixed"
+"""What is known of a scene's frame B."""
+
+CAMERA_PARAMETERS = {"PINHOLE": 4, "SIMPLE_PINHOLE": 3}
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics of a pinhole camera, in COLMAP's model names and parameter order."""
+
+    model: str
+    """"PINHOLE" (fx, fy, cx, cy) or "SIMPLE_PINHOLE" (f, cx, cy), in pixels."""
+    width: int
+    height: int
+    params: tuple[float, ...]
+
+    def __post_init__(self):
+        expected = CAMERA_PARAMETERS.get(self.model)
+        if expected is None:
+            known = ", ".join(CAMERA_PARAMETERS)
+            raise InputError(
+                f"camera model {self.model!r} is not supported (known: {known}); undistort the images first"
+            )
+        if len(self.params) != expected:
+            raise InputError(f"camera model {self.model} has {expected} parameters, got {len(self.params)}")
+        if self.width < 1 or self.height < 1 or min(self.focal_px) <= 0:
+            raise InputError("camera width, height and focal length must be positive")
+
+    @property
+    def focal_px(self) -> tuple[float, float]:
+        return (self.params[0], self.params[0] if self.model == "SIMPLE_PINHOLE" else self.params[1])
+
+    @property
+    def principal_px(self) -> tuple[float, float]:
+        return (self.params[-2], self.params[-1])
+
+    def pixel_from_cam(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) of points (..., 3) of frame C with z > 0 (paper Eq. 10)."""
+        return points[..., :2] / points[..., 2:] * self.focal_px + self.principal_px
+
+    def ray_in_cam(self, pixels: np.ndarray) -> np.ndarray:
+        """Rays (..., 3) in frame C through pixels (..., 2), scaled to z = 1."""
+        xy = (np.asarray(pixels) - self.principal_px) / self.focal_px
+        return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
+
+
+@dataclass(frozen=True)
+class Image:
+    """One exposure's brightness, linear in radiance."""
+
+    name: str
+    brightness: np.ndarray
+    """(height, width) float32: I/F, or linear DN. Defined only where `valid`."""
+    valid: np.ndarray
+    """(height, width) bool: finite, not saturated, not flagged."""
+
+
+VIEW_ARRAYS = ("sun", "scale", "bias", "sun_measured", "sun_sigma")
+"""What `Views` has one row of for each view, beside its name, camera and pose."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Views:
+    """K exposures: what is estimated about each, and the Sun directions measured."""
+
+    name: tuple[str, ...]
+    cameras: tuple[Camera, ...]
+    """The intrinsics of each view; views of one instrument share the object's value."""
+    body_from_cam: Rigid
+    """(K,) poses; `body_from_cam.translation` are the camera centres in B."""
+    sun: np.ndarray
+    """(K, 3) unit vectors from the body towards the Sun, in B."""
+    scale: np.ndarray
+    """(K,) lambda of Eq. 21: measured = scale * model + bias."""
+    bias: np.ndarray
+    """(K,) xi of Eq. 21, in the images' brightness."""
+    sun_measured: np.ndarray
+    """(K, 3) unit vectors towards the Sun as measured, in C."""
+    sun_sigma: np.ndarray
+    """(K,) standard deviation of `sun_measured` about each tangent axis [rad]."""
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """(K, 4) fx, fy, cx, cy [px]."""
+        return np.array([(*c.focal_px, *c.principal_px) for c in self.cameras], float)
+
+    def project(self, view: int, points: np.ndarray) -> np.ndarray:
+        """Pixels (..., 2) of body-fixed points (..., 3) in one view."""
+        return self.cameras[view].pixel_from_cam(self.body_from_cam[view].inverse()(points))
+
+    def gsd(self, view: int, points: np.ndarray) -> float:
+        """Length in B of one pixel of a view across the line of sight, at the median depth of points (J, 3)."""
+        depth = np.median(self.body_from_cam[view].inverse()(points)[..., 2])
+        return float(depth / np.mean(self.cameras[view].focal_px))
+
+    def __getitem__(self, index: np.ndarray | list[int] | slice) -> Views:
+        """The views at `index`, in that order."""
+        chosen = np.arange(len(self))[index]
+        return Views(
+            name=tuple(self.name[k] for k in chosen),
+            cameras=tuple(self.cameras[k] for k in chosen),
+            body_from_cam=self.body_from_cam[chosen],
+            **{key: getattr(self, key)[chosen] for key in VIEW_ARRAYS},
+        )
+
+
+def join_views(first: Views, second: Views) -> Views:
+    """All views of `first`, then all of `second`."""
+    a, b = first.body_from_cam, second.body_from_cam
+    return Views(
+        name=first.name + second.name,
+        cameras=first.cameras + second.cameras,
+        body_from_cam=Rigid(np.concatenate([a.rotation, b.rotation]), np.concatenate([a.translation, b.translation])),
+        **{key: np.concatenate([getattr(first, key), getattr(second, key)]) for key in VIEW_ARRAYS},
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Landmarks:
+    """J surface points; each was made from one pixel of the reference view."""
+
+    position: np.ndarray
+    """(J, 3) in B."""
+    normal: np.ndarray
+    """(J, 3) outward unit vectors in B."""
+    albedo: np.ndarray
+    """(J,) normal albedo (I/F), or relative albedo (DN)."""
+    pixel: np.ndarray
+    """(J, 2) int32: (row, col) of the reference image."""
+
+    def __len__(self) -> int:
+        return len(self.albedo)
+
+    def __getitem__(self, index: np.ndarray | slice) -> Landmarks:
+        """The landmarks at `index`, in that order, or where a mask (J,) is true."""
+        return Landmarks(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracks:
+    """N observations of J landmarks in K views, landmark by landmark (compressed rows)."""
+
+    start: np.ndarray
+    """(J + 1,) int64: observations of landmark j are start[j]:start[j + 1]."""
+    view: np.ndarray
+    """(N,) int32 index into the views."""
+    keypoint: np.ndarray
+    """(N, 2) float64 [px]."""
+    keypoint_sigma: np.ndarray
+    """(N,) float64 [px]."""
+    brightness: np.ndarray
+    """(N,) float64, interpolated at the keypoint. Defined only where `lit`."""
+    lit: np.ndarray
+    """(N,) bool: the brightness is a measurement (valid pixels, not in shadow)."""
+
+    def __len__(self) -> int:
+        return len(self.view)
+
+    @property
+    def landmark(self) -> np.ndarray:
+        """(N,) int64 landmark index of each observation."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+    def of_landmarks(self, chosen: np.ndarray) -> tuple[Tracks, np.ndarray]:
+        """The tracks of landmarks at indices (j,), in that order, and where in these (N,) each observation was."""
+        count = np.diff(self.start)[chosen]
+        start = np.concatenate([[0], np.cumsum(count)])
+        picked = np.arange(start[-1]) + np.repeat(self.start[:-1][chosen] - start[:-1], count)
+        names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
+        return Tracks(start=start, **{name: getattr(self, name)[picked] for name in names}), picked
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """A rectangle of the reference image, in whole pixels, and which of its pixels may become landmarks."""
+
+    row: int
+    col: int
+    height: int
+    width: int
+    stride: int = 1
+    """Every so many pixels, down and across, from the corner on: these make the map's grid."""
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Of the whole image: all of the region's pixels."""
+        return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
+
+    @property
+    def grid_shape(self) -> tuple[int, int]:
+        """Rows and columns of the map's grid."""
+        return -(-self.height // self.stride), -(-self.width // self.stride)
+
+    @property
+    def grid_slices(self) -> tuple[slice, slice]:
+        """Of arrays over all of the region's pixels: those of the map's grid."""
+        return slice(None, None, self.stride), slice(None, None, self.stride)
+
+    def slices_in(self, outer: Region) -> tuple[slice, slice]:
+        """Of arrays over all pixels of a region around this one: all of this one's pixels."""
+        row, col = self.row - outer.row, self.col - outer.col
+        return slice(row, row + self.height), slice(col, col + self.width)
+
+    def row_blocks(self, count: int) -> list[Self]:
+        """The region cut into parts of so many rows of the map's grid; the last may have fewer."""
+        step, bottom = count * self.stride, self.row + self.height
+        return [replace(self, row=row, height=min(step, bottom - row)) for row in range(self.row, bottom, step)]
+
+    def cells(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column (J,) in the map's grid of pixels (J, 2) of the image that are landmarks'."""
+        row, col = ((pixel - (self.row, self.col)) // self.stride).T
+        return row, col
+
+    def between_cells(self, values: np.ndarray) -> np.ndarray:
+        """Values (rows, cols, ...) on the map's grid at every pixel (height, width, ...), linear from cell to cell.
+
+        NaN where a cell that it takes is NaN; beyond the last row and column as in these.
+        """
+        for axis, count in enumerate((self.height, self.width)):
+            cell = np.arange(count) / self.stride
+            low = cell.astype(int)
+            share = np.where(low == values.shape[axis] - 1, 0.0, cell - low)
+            high = np.where(share > 0.0, low + 1, low)
+            share = share.reshape(-1, *[1] * (values.ndim - 1 - axis))
+            values = (1.0 - share) * np.take(values, low, axis) + share * np.take(values, high, axis)
+        return values
+
+    def pixel_centers(self) -> np.ndarray:
+        """(height, width, 2) pixel coordinates (x, y) of the pixel centres."""
+        x, y = np.meshgrid(self.col + 0.5 + np.arange(self.width), self.row + 0.5 + np.arange(self.height))
+        return np.stack([x, y], -1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """The ground around a map as the reference view sees it, roughly: it casts shadows, and is no part of the map."""
+
+    depth: np.ndarray
+    """(rows, cols) along the reference camera's optical axis, in units of B, at every `stride`-th pixel of its image
+    from the first on; NaN where nothing is known."""
+    stride: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Everything that is known about a site: the result of a run."""
+
+    name: str
+    body: str | None
+    brightness: str
+    """"iof" or "dn"."""
+    reflectance: Reflectance | None
+    """The model that the brightness was explained with; None for geometry alone."""
+    views: Views
+    landmarks: Landmarks
+    tracks: Tracks
+    reference: int
+    """Index of the reference view."""
+    region: Region
+    uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
+    """Standard deviations or covariances by name, first axis J or K; empty until computed. `calibrate.py` lists names
+    and axes, `adjust/uncertainty.py` says in which frame they are."""
+    surroundings: Surroundings | None = None
+    """Where they are known."""
+    frame: str = OWN
+    """OWN: origin, axes and unit of length are the images' alone, or nobody said. BODY_FIXED: those of pose priors,
+    origin in the body's centre, z to the north pole, x to longitude 0, in metres."""
+
+    @property
+    def unit(self) -> str | None:
+        """The unit of length, where it is known."""
+        return "m" if self.frame == BODY_FIXED else None
+
+    @property
+    def gsd(self) -> float:
+        """Ground sample distance: length in B of one reference pixel across the line of sight."""
+        return self.views.gsd(self.reference, self.landmarks.position)
+
+    @property
+    def spacing(self) -> float:
+        """Length in B between neighbouring landmarks, across the line of sight."""
+        return self.region.stride * self.gsd
+
+    @property
+    def cells(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column (J,) of the landmarks in the map's grid."""
+        return self.region.cells(self.landmarks.pixel)
+
+    def grid(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
+        """Per-landmark values (J, ...) as an image (rows, cols, ...) of the map's grid, `fill` where none."""
+        out = np.full((*self.region.grid_shape, *np.shape(values)[1:]), fill, float)
+        out[self.cells] = values
+        return out
+
+    def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
+        return replace(self, views=views, landmarks=landmarks)

@@ -1,0 +1,124 @@
+"""The sparse model: poses of the views and points with tracks, in a gauge that suits numbers and people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from photoclinometry.model.geometry import Rigid, Similarity, unit
+from photoclinometry.model.scene import Camera
+
+
+@dataclass(frozen=True, kw_only=True)
+class SparseModel:
+    """Poses of K views and P points, with the tracks (compressed rows) that hold them together.
+
+    The world frame is B in the gauge of `normalised`: origin in the middle of the points, z towards the
+    cameras, unit of length one ground sample distance.
+    """
+
+    registered: np.ndarray
+    """(K,) bool."""
+    body_from_cam: Rigid
+    """(K,) poses; the identity where not registered."""
+    points: np.ndarray
+    """(P, 3) in B."""
+    point_start: np.ndarray
+    """(P + 1,) int64: observations of point p are point_start[p]:point_start[p + 1]."""
+    point_view: np.ndarray
+    """(M,) int32 index of the view that observed."""
+    point_xy: np.ndarray
+    """(M, 2) observed pixel."""
+    mean_reprojection_px: float
+    reason: np.ndarray = field(default_factory=lambda: np.array([], str))
+    """(K,) str: why a view is not registered, empty for those that are; no entries where nobody said."""
+    brought_in: np.ndarray = field(default_factory=lambda: np.array([], str))
+    """(K,) str: how a view came in that brightness alone does not register, empty for the others; no entries where
+    nobody said."""
+
+    @property
+    def point_of_observation(self) -> np.ndarray:
+        """(M,) int64: the point that each observation is of."""
+        return np.repeat(np.arange(len(self.points)), np.diff(self.point_start))
+
+    def why_unregistered(self) -> dict[int, str]:
+        """The reason for each view that is not registered."""
+        told = self.reason if len(self.reason) else np.full(len(self.registered), "not registered")
+        return {int(k): str(told[k]) for k in np.flatnonzero(~self.registered)}
+
+    def how_brought_in(self) -> dict[int, str]:
+        """How each registered view came in that brightness alone does not register."""
+        told = self.brought_in if len(self.brought_in) else np.full(len(self.registered), "")
+        return {int(k): str(told[k]) for k in np.flatnonzero(self.registered & (told != ""))}
+
+    def seen_by(self, view: int) -> tuple[np.ndarray, np.ndarray]:
+        """Indices (n,) of the points that a view observes, and where (n, 2) [px]."""
+        mine = self.point_view == view
+        return self.point_of_observation[mine], self.point_xy[mine]
+
+
+def without_views(sparse: SparseModel, views: np.ndarray) -> SparseModel:
+    """The model without what some views (K,) bool contributed as observations; they count as not registered.
+
+    Poses stay; points that fewer than two other views observe are dropped.
+    """
+    point = sparse.point_of_observation
+    keep = ~views[sparse.point_view]
+    count = np.bincount(point[keep], minlength=len(sparse.points))
+    keep &= count[point] >= 2
+    kept = count >= 2
+    return replace(
+        sparse,
+        registered=sparse.registered & ~views,
+        points=sparse.points[kept],
+        point_start=np.concatenate([[0], np.cumsum(count[kept])]).astype(np.int64),
+        point_view=sparse.point_view[keep],
+        point_xy=sparse.point_xy[keep],
+    )
+
+
+def normalised(sparse: SparseModel, cameras: list[Camera]) -> SparseModel:
+    """The same model in a gauge that suits numbers and people.
+
+    Origin: the median point. z: from there towards the mean camera centre; x: the first registered view's
+    image x axis, made orthogonal. Unit: the median over observations of depth / focal length, so that one
+    pixel covers about one length unit and every length in B reads in ground sample distances. Structure
+    from motion fixes none of the seven; in this gauge the coordinates of a site span a few hundred, steps
+    of the estimate are of the order of 0.1, and tolerances mean the same on every body.
+    """
+    view, depth = sparse.point_view, _observation_depth(sparse)
+    focal = np.array([np.mean(camera.focal_px) for camera in cameras])
+    gsd = float(np.median(depth / focal[view]))
+    origin = np.median(sparse.points, axis=0)
+    poses = sparse.body_from_cam
+    z = unit(poses.translation[sparse.registered].mean(0) - origin)
+    first = poses.rotation[np.flatnonzero(sparse.registered)[0]][:, 0]
+    x = unit(first - (first @ z) * z)
+    rotation = np.stack([x, np.cross(z, x), z])
+    return transformed(sparse, Similarity(1.0 / gsd, rotation, -rotation @ origin / gsd))
+
+
+def transformed(sparse: SparseModel, new_from_old: Similarity) -> SparseModel:
+    """The model with its world frame moved, turned and scaled; pixels stay where they are."""
+    keep = sparse.registered
+    rotation, translation = sparse.body_from_cam.rotation.copy(), sparse.body_from_cam.translation.copy()
+    rotation[keep] = new_from_old.rotation @ rotation[keep]
+    translation[keep] = new_from_old(translation[keep])
+    poses = Rigid(rotation, translation)
+    return replace(sparse, body_from_cam=poses, points=new_from_old(sparse.points))
+
+
+def connected_groups(inliers: np.ndarray, minimum: int) -> list[list[int]]:
+    """Sets of views (sorted, largest first) joined by chains of pairs with at least `minimum` matches."""
+    from scipy.sparse.csgraph import connected_components
+
+    _, label = connected_components(inliers >= minimum, directed=False)
+    groups = [np.flatnonzero(label == value).tolist() for value in np.unique(label)]
+    return sorted(groups, key=len, reverse=True)
+
+
+def _observation_depth(sparse: SparseModel) -> np.ndarray:
+    """(M,) depth of each observed point in the view that observes it."""
+    cam_from_body = sparse.body_from_cam.inverse()[sparse.point_view]
+    return cam_from_body(sparse.points[sparse.point_of_observation])[:, 2]

@@ -1,0 +1,145 @@
+"""GeoTIFF maps of a scene: heights, albedo, normals, slope, reflectance, and their standard deviations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.io.rasters.cog import Band, write_cog
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.scene import Scene
+from photoclinometry.output.export.corrected import corrected_reflectance
+from photoclinometry.output.export.frame import Framed
+from photoclinometry.output.export.grid import MapGrid, grid_around, resample, resample_heights
+from photoclinometry.output.export.options import ExportOptions, MapProduct
+from photoclinometry.output.export.plane import Plane, map_plane
+from photoclinometry.output.export.sigma import sigma_along, sigma_mean
+from photoclinometry.photometry.render import landmark_faces
+
+
+@dataclass(frozen=True, kw_only=True)
+class Map:
+    """One file's content."""
+
+    name: str
+    """Of the file, without suffix."""
+    bands: tuple[Band, ...]
+    values: np.ndarray
+    """(h, w, n)."""
+    about: str
+
+
+def possible_maps(framed: Framed) -> tuple[MapProduct, ...]:
+    """The maps that the scene has something for."""
+    shape: tuple[MapProduct, ...] = ("dtm", "normals", "slope")
+    light: tuple[MapProduct, ...] = ("albedo", "reflectance") if framed.scene.reflectance is not None else ()
+    stated = {"position", "normal", "albedo"} & set(framed.scene.uncertainty)
+    return (*shape, *light, "sigma") if stated else (*shape, *light)
+
+
+def write_maps(folder: Path, framed: Framed, products: Sequence[MapProduct], options: ExportOptions) -> dict[str, str]:
+    """The maps as `folder`/NAME.tif; what is in each, by file name. Raises InputError and RunFolderError."""
+    plane = map_plane(framed, options)
+    pixel = _three_digits(framed.scene.spacing) if options.resolution is None else options.resolution
+    grid = grid_around(plane.place[:, :2], pixel)
+    about = {"SCENE": framed.scene.name, "FRAME": framed.words, "MAP": plane.name}
+    files = {}
+    for drawn in draw_maps(framed, plane, grid, products, options):
+        write_cog(
+            folder / f"{drawn.name}.tif",
+            drawn.values,
+            np.asarray(np.isfinite(drawn.values).all(-1)),
+            drawn.bands,
+            corner=grid.corner,
+            pixel=grid.pixel,
+            crs=plane.crs,
+            about=about | {"PRODUCT": drawn.about},
+        )
+        unit_name = framed.unit or "the scene's unit"
+        files[f"{drawn.name}.tif"] = f"{drawn.about}; {plane.name}; pixels of {grid.pixel:g} {unit_name}"
+    return files
+
+
+def draw_maps(
+    framed: Framed, plane: Plane, grid: MapGrid, products: Sequence[MapProduct], options: ExportOptions
+) -> list[Map]:
+    """The maps on a grid, NaN where there is no ground."""
+    scene = framed.scene
+    faces = landmark_faces(scene)
+    if not len(faces):
+        raise InputError(f"scene {scene.name!r}: its landmarks form no surface to map; leave the maps out")
+
+    def drawn(values: np.ndarray) -> np.ndarray:
+        image, valid = resample(grid, plane.place, values.reshape(len(values), -1), faces)
+        image[~valid] = np.nan
+        return image
+
+    maps = []
+    if "dtm" in products:
+        above = f"above a {framed.globe.shape}" if framed.globe else "above the map's mean plane"
+        height, valid = resample_heights(grid, plane.place, plane.gradient, faces)
+        maps.append(_single("dtm", framed.unit, f"height {above}", np.where(valid, height, np.nan)[..., None]))
+    if {"normals", "slope"} & set(products):
+        both = drawn(np.concatenate([scene.landmarks.normal, plane.up], -1))
+        axes = ("east", "north", "up") if framed.globe else ("x", "y", "up")
+        maps += _orientation(unit(both[..., :3]), unit(both[..., 3:]), plane.north, axes, products)
+    layers = [*_light(scene, products, options), *(_sigmas(framed, plane.up) if "sigma" in products else [])]
+    return maps + [_single(name, unit_name, about, drawn(values)) for name, unit_name, about, values in layers]
+
+
+Layer = tuple[str, str, str, np.ndarray]
+"""Name, unit, meaning, and a value (J,) for every landmark."""
+
+
+def _light(scene: Scene, products: Sequence[MapProduct], options: ExportOptions) -> list[Layer]:
+    absolute, found = scene.brightness == "iof", []
+    if "albedo" in products:
+        found.append(("albedo", "", "normal albedo" if absolute else "relative albedo", scene.landmarks.albedo))
+    if "reflectance" in products:
+        angles = "incidence {:g}, emission {:g}, phase {:g} degrees".format(*options.standard_geometry_deg)
+        about = f"measured {'I/F' if absolute else 'relative brightness'} reduced to {angles}"
+        found.append(("reflectance", "", about, corrected_reflectance(scene, options.standard_geometry_deg)))
+    return found
+
+
+def _sigmas(framed: Framed, up: np.ndarray) -> list[Layer]:
+    stated, found = framed.scene.uncertainty, []
+    if "position" in stated:
+        about = "standard deviation of the height"
+        found.append(("sigma_height", framed.unit, about, sigma_along(stated["position"], up)))
+    if "normal" in stated:
+        about = "standard deviation of the normal about each axis"
+        found.append(("sigma_normal", "degree", about, np.degrees(sigma_mean(stated["normal"], 2))))
+    if "albedo" in stated:
+        found.append(("sigma_albedo", "", "standard deviation of the albedo", sigma_mean(stated["albedo"], 1)))
+    return found
+
+
+def _orientation(
+    normal: np.ndarray, up: np.ndarray, north: np.ndarray, axes: Sequence[str], products: Sequence[MapProduct]
+) -> list[Map]:
+    """Maps of normals and slopes from normals and verticals (h, w, 3), NaN where there is none. axes: their names."""
+    east = unit(np.cross(north, up))
+    parts = np.stack([np.sum(normal * axis, -1) for axis in (east, np.cross(up, east), up)], -1)
+    maps = []
+    if "normals" in products:
+        bands = tuple(Band(description=f"normal, {axis}", unit="") for axis in axes)
+        maps.append(Map(name="normals", bands=bands, values=parts, about=f"unit normals: {', '.join(axes)}"))
+    if "slope" in products:
+        slope = np.degrees(np.arctan2(np.hypot(parts[..., 0], parts[..., 1]), parts[..., 2]))[..., None]
+        maps.append(_single("slope", "degree", "slope: angle of the normals to the map's vertical", slope))
+    return maps
+
+
+def _single(name: str, unit_name: str, about: str, values: np.ndarray) -> Map:
+    return Map(name=name, bands=(Band(description=about, unit=unit_name),), values=values, about=about)
+
+
+def _three_digits(value: float) -> float:
+    """Rounded to three significant digits."""
+    return round(value, 2 - math.floor(math.log10(value)))

@@ -1,0 +1,45 @@
+"""What to export, and what is known of the scene's frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from photoclinometry.io.rasters.projection import Projection
+
+MapProduct = Literal["dtm", "albedo", "normals", "slope", "reflectance", "sigma"]
+Product = MapProduct | Literal["obj", "gltf", "ply", "colmap", "text-model", "sumfile", "csv"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """What to export, and what is known of the scene's frame."""
+
+    products: tuple[Product, ...] = ()
+    """dtm, albedo, normals, slope, reflectance, sigma: GeoTIFF maps. obj, gltf: meshes with albedo as texture. ply:
+    landmarks as a mesh. colmap: poses and landmarks. text-model: in the format of the paper's authors. sumfile: one per
+    view, for SPC. csv: landmarks and views. Left out: all that the scene holds and its frame allows."""
+    transform: Path | None = None
+    """TOML file with scale, rotation (3 rows), translation [m]: body-fixed = scale rotation @ scene + translation."""
+    site: Path | None = None
+    """site.toml of the run, with pose priors in the body-fixed frame [m] for three views or more, as `phomo ingest`
+    writes them: they tell where on the body the scene lies."""
+    body_fixed: bool = False
+    """The scene's own frame is body-fixed: origin in the body's centre, z to the north pole, x to longitude 0."""
+    unit_m: float | None = None
+    """Metres in the scene's unit of length (1000 for km). Without this, --transform and --site, scale is unknown."""
+    body: str | None = None
+    """Body that the map is of. Left out: the scene's."""
+    radii_m: tuple[float, ...] | None = None
+    """Radius of the sphere that maps are drawn on, or equatorial and polar radius of a spheroid [m]. Left out: the
+    IAU's sphere of the body."""
+    projection: Projection | None = None
+    """Of maps, where the frame is body-fixed. Left out: equirectangular."""
+    center_deg: tuple[float, float] | None = None
+    """East longitude and latitude of the centre of an orthographic map [degrees]. Left out: the middle of the scene."""
+    resolution: float | None = None
+    """Width of a map's pixel [m; the scene's unit where metres are unknown]. Left out: the ground sample
+    distance times the region's stride."""
+    standard_geometry_deg: tuple[float, float, float] = (30.0, 0.0, 30.0)
+    """Incidence, emission and phase that the reflectance map is reduced to [degrees]."""

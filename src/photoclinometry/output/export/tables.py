@@ -1,0 +1,58 @@
+"""Landmarks and views as CSV, one row each, units in the names of the columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.io.csv_columns import Columns, write_csv
+from photoclinometry.io.rasters.globe import geographic
+from photoclinometry.output.export.frame import Framed
+from photoclinometry.output.export.sigma import sigma_along, sigma_mean
+
+
+def write_tables(folder: Path, framed: Framed) -> dict[str, str]:
+    """landmarks.csv and views.csv; what is in each, by file name. Raises RunFolderError."""
+    write_csv(folder / "landmarks.csv", landmark_columns(framed))
+    write_csv(folder / "views.csv", view_columns(framed))
+    return {
+        "landmarks.csv": "landmarks",
+        "views.csv": "camera centres, body_from_cam as quaternions, Suns, scales and biases",
+    }
+
+
+def landmark_columns(framed: Framed) -> Columns:
+    """Position, place on the globe where it is known, normal, albedo, standard deviations, pixel, observations."""
+    scene, marks = framed.scene, framed.scene.landmarks
+    length = "_m" if framed.metric else ""
+    columns: Columns = {axis + length: marks.position[:, i] for i, axis in enumerate("xyz")}
+    if framed.globe is not None:
+        lon, lat, height = geographic(framed.globe, marks.position).T
+        columns |= {"longitude_deg": lon, "latitude_deg": lat, "height_m": height}
+    columns |= {f"normal_{axis}": marks.normal[:, i] for i, axis in enumerate("xyz")}
+    if scene.reflectance is not None:
+        columns["albedo"] = marks.albedo
+    stated = scene.uncertainty
+    if "position" in stated:
+        axes = np.broadcast_to(np.eye(3)[:, None], (3, len(marks), 3))
+        columns |= {f"sigma_{a}{length}": sigma_along(stated["position"], axes[i]) for i, a in enumerate("xyz")}
+    if "normal" in stated:
+        columns["sigma_normal_deg"] = np.degrees(sigma_mean(stated["normal"], 2))
+    if "albedo" in stated:
+        columns["sigma_albedo"] = sigma_mean(stated["albedo"], 1)
+    columns |= {"row_px": marks.pixel[:, 0], "col_px": marks.pixel[:, 1]}
+    return columns | {"observations": np.diff(scene.tracks.start)}
+
+
+def view_columns(framed: Framed) -> Columns:
+    """Name, camera centre, body_from_cam as a unit quaternion, Sun, scale and bias of each view."""
+    from scipy.spatial.transform import Rotation
+
+    views, length = framed.scene.views, "_m" if framed.metric else ""
+    wxyz = Rotation.from_matrix(views.body_from_cam.rotation).as_quat(canonical=True, scalar_first=True)
+    columns: Columns = {"name": views.name}
+    columns |= {f"center_{a}{length}": views.body_from_cam.translation[:, i] for i, a in enumerate("xyz")}
+    columns |= {f"body_from_cam_{a}": wxyz[:, i] for i, a in enumerate("wxyz")}
+    columns |= {f"sun_{a}": views.sun[:, i] for i, a in enumerate("xyz")}
+    return columns | {"scale": views.scale, "bias": views.bias}

@@ -1,0 +1,128 @@
+"""How figures look: sizes, colours, bars and scales, in one place.
+
+Figures are made without pyplot, so that nothing global is touched and no display is needed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from photoclinometry.model.scene import Region
+
+MISSING = (0.66, 0.71, 0.77)
+"""Pixels without a value: a bluish grey, so that nobody takes it for a brightness."""
+DPI = 130
+STYLE: dict[Any, Any] = {
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": False,
+    "image.interpolation": "nearest",
+    "savefig.facecolor": "white",
+}
+
+
+def save(figure: Figure, path: Path) -> Path:
+    figure.savefig(path, dpi=DPI)
+    return path
+
+
+def panels(rows: int, cols: int, width: float, aspect: float, gap: tuple[float, float], margin: tuple[float, ...]):
+    """A figure and its axes (rows, cols), every panel `width` wide and width x aspect high, all in inches.
+
+    gap: across and down between panels; margin: left, right, bottom, top. Placed by hand, since matplotlib's
+    own layout draws everything twice. Drawing should happen inside `style()`.
+    """
+    left, right, bottom, top = margin
+    height = width * float(np.clip(aspect, 0.3, 2.0))
+    full_width = left + right + cols * width + (cols - 1) * gap[0]
+    full_height = bottom + top + rows * height + (rows - 1) * gap[1]
+    figure = Figure(figsize=(full_width, full_height))
+    axes = np.empty((rows, cols), object)
+    for i, j in np.ndindex(rows, cols):
+        x, y = left + j * (width + gap[0]), full_height - top - height - i * (height + gap[1])
+        axes[i, j] = figure.add_axes((x / full_width, y / full_height, width / full_width, height / full_height))
+    return figure, axes
+
+
+def one_panel(aspect: float) -> tuple[Figure, Axes]:
+    """A figure for one map (height / width = aspect) with its colour bar."""
+    figure, axes = panels(1, 1, 4.3, aspect, (0.0, 0.0), (0.6, 1.0, 0.5, 0.3))
+    return figure, axes[0, 0]
+
+
+def style():
+    """The report's matplotlib settings, as a context."""
+    return matplotlib.rc_context(STYLE)
+
+
+def colour_map(name: str):
+    """A matplotlib colour map whose missing values are grey."""
+    return matplotlib.colormaps[name].with_extremes(bad=MISSING)
+
+
+def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False):
+    """Percentiles of the finite values, so that single outliers do not flatten a picture; (0, 1) without any."""
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return 0.0, 1.0
+    bottom, top = np.percentile(finite, [low, high])
+    bottom = 0.0 if zero else float(bottom)
+    return bottom, float(top) if top > bottom else bottom + max(abs(bottom) * 1e-3, 1e-12)
+
+
+def symmetric_limits(values: np.ndarray, high: float = 99.0):
+    """Limits (-x, x) around zero, x a percentile of the finite values' sizes."""
+    top = limits(np.abs(values), high=high, zero=True)[1]
+    return -top, top
+
+
+def region_extent(region: Region) -> tuple[float, float, float, float]:
+    """imshow's extent (left, right, bottom, top) of the map's grid, so that axes count reference pixels."""
+    rows, cols = region.grid_shape
+    left, top = region.col + 0.5 * (1 - region.stride), region.row + 0.5 * (1 - region.stride)
+    return left, left + region.stride * cols, top + region.stride * rows, top
+
+
+def show_map(
+    axes: Axes, values: np.ndarray, region: Region, title: str, *, label: str = "", cmap: str = "gray", clim=None
+) -> None:
+    """One map (h, w) on the region's grid with its colour bar; an RGB image (h, w, 3) goes without a bar."""
+    axes.set_title(title)
+    axes.set_xlabel("reference column [px]")
+    axes.set_ylabel("reference row [px]")
+    if values.ndim == 3:
+        axes.imshow(values, extent=region_extent(region))
+        return
+    low, high = limits(values) if clim is None else clim
+    drawn = axes.imshow(
+        np.ma.masked_invalid(values), cmap=colour_map(cmap), vmin=low, vmax=high, extent=region_extent(region)
+    )
+    add_bar(axes, drawn, values, label)
+
+
+def add_bar(axes: Axes, drawn, values: np.ndarray, label: str) -> None:
+    """A colour bar as high as the axes, with arrows where values lie beyond it."""
+    finite = values[np.isfinite(values)]
+    low, high = drawn.get_clim()
+    under, over = (finite < low).any(), (finite > high).any()
+    extend = "both" if under and over else "min" if under else "max" if over else "neither"
+    place = axes.inset_axes((1.03, 0.0, 0.035, 1.0))
+    axes.figure.colorbar(drawn, cax=place, label=label, extend=extend, extendfrac=0.03)
+
+
+def bare(axes: Axes, title: str = "") -> Axes:
+    """Axes without ticks and frame, for pictures."""
+    axes.set_title(title)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    return axes

@@ -1,0 +1,1 @@
+"""Brightness: predicted, rendered, and used to find albedos, normals and Suns."""

@@ -1,0 +1,67 @@
+"""What a scene says that each observation is: keypoint, shading, brightness."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange
+
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.reflectance import Reflectance, angles_at, photometric_value
+from photoclinometry.model.scene import Scene, Views
+
+
+def reflectance_of(scene: Scene) -> Reflectance:
+    """The scene's model. Raises InputError where it has none."""
+    if scene.reflectance is None:
+        raise InputError(
+            f"scene {scene.name!r} holds geometry alone (reflectance = none): it has no albedos to render; "
+            "run again with a reflectance model"
+        )
+    return scene.reflectance
+
+
+def phase_of_views(scene: Scene) -> np.ndarray:
+    """(K,) phase angle [rad] in the middle of the map."""
+    middle = np.median(scene.landmarks.position, axis=0)
+    return angle_between(scene.views.sun, scene.views.body_from_cam.translation - middle)
+
+
+def observation_brightness(scene: Scene) -> np.ndarray:
+    """Predicted brightness (N,) of every observation: scale * albedo * rho + bias (Eqs. 29, 30). Raises InputError."""
+    views, landmark, view = scene.views, scene.tracks.landmark, scene.tracks.view
+    rho = shading(landmark, view, views, scene.landmarks.position, scene.landmarks.normal, reflectance_of(scene))[2]
+    return views.scale[view] * scene.landmarks.albedo[landmark] * rho + views.bias[view]
+
+
+def brightness_residuals(scene: Scene) -> np.ndarray:
+    """Predicted minus measured brightness (N,), lit or not. Raises InputError."""
+    return observation_brightness(scene) - scene.tracks.brightness
+
+
+def shading(
+    landmark: np.ndarray,
+    view: np.ndarray,
+    views: Views,
+    position: np.ndarray,
+    normal: np.ndarray,
+    reflectance: Reflectance,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cosines of incidence and emission, and rho (Eq. 19), (N,) each, of landmarks as seen in views.
+
+    landmark, view: (N,) indices; position, normal: (J, 3) in B.
+    """
+    out = np.empty((3, len(view)))
+    center = np.ascontiguousarray(views.body_from_cam.translation)
+    _shade(landmark, view, center, views.sun, position, normal, reflectance.packed, out)
+    return out[0], out[1], out[2]
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _shade(landmark, view, center, sun, position, normal, packed, out):
+    """`shading` into out (3, N); as `reflectance.photometric_angles`, without its temporary arrays."""
+    for n in prange(view.size):
+        j, k = landmark[n], view[n]
+        mu0, mu, phase = angles_at(sun[k], center[k], position[j], normal[j])
+        out[0, n], out[1, n] = mu0, mu
+        out[2, n] = photometric_value(packed, mu0, mu, phase)

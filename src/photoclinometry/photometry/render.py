@@ -1,0 +1,124 @@
+"""What the scene looks like: predicted brightness at landmarks, on the reference grid, and in any view.
+
+Relighting is the same with another Sun. Cast shadows are off by default, as in the paper's renderings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.mesh import grid_faces
+from photoclinometry.model.reflectance import photometric_angles
+from photoclinometry.model.scene import Scene, Surroundings
+from photoclinometry.photometry.initialize import landmark_spacing_px
+from photoclinometry.photometry.predict import reflectance_of
+from photoclinometry.surface.rasterise import draw_triangles
+from photoclinometry.surface.relief import in_sunlight
+from photoclinometry.surface.sampling import smoothing_px
+
+
+def landmark_brightness(
+    scene: Scene,
+    view: int,
+    sun: np.ndarray | None = None,
+    *,
+    with_scale_and_bias: bool = True,
+    cast_shadows: bool = False,
+) -> np.ndarray:
+    """Brightness (J,) of every landmark as a view's camera would measure it (Eqs. 29, 30).
+
+    scale * albedo * rho + bias; or albedo * rho alone, which is what views have in common. sun: (3,) towards
+    the Sun in B, of any length; by default the view's own. Landmarks that are unlit or turned away give the
+    bias. Raises InputError where the scene has no reflectance model.
+    """
+    views, landmarks = scene.views, scene.landmarks
+    towards_sun = unit(views.sun[view] if sun is None else sun)
+    angles = photometric_angles(
+        towards_sun, views.body_from_cam.translation[view], landmarks.position, landmarks.normal
+    )
+    radiance = landmarks.albedo * reflectance_of(scene)(*angles)
+    if cast_shadows:
+        radiance = radiance * sunlit_share(scene, towards_sun, scene.surroundings)
+    return views.scale[view] * radiance + views.bias[view] if with_scale_and_bias else radiance
+
+
+def sunlit_share(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
+    """(J,) share of three pixels about a landmark, down and across, that neither the map nor `surroundings` shade.
+
+    An image averages over its pixels and point-spread function, so that cast shadows have edges of about that width.
+    At a stride above 1 that is the landmark itself.
+    """
+    from scipy.ndimage import convolve
+
+    window = np.ones((3, 3) if scene.region.stride == 1 else (1, 1))
+    lit = in_sunlight(scene, sun, surroundings).astype(float)
+    return _averaged(scene, lit, lambda grid: convolve(grid, window, mode="constant"))
+
+
+def as_resolved(scene: Scene, view: int, value: np.ndarray) -> np.ndarray:
+    """Values (J,) of the landmarks averaged over a pixel of a view that is coarser than the map; else as they are."""
+    from scipy.ndimage import gaussian_filter
+
+    sigma = averaging_sigma(scene, view)
+    return _averaged(scene, value, lambda grid: gaussian_filter(grid, sigma, mode="constant")) if sigma else value
+
+
+def averaging_sigma(scene: Scene, view: int) -> float:
+    """Standard deviation [landmarks] of the Gaussian by which a view coarser than the map averages; 0 of others."""
+    both = scene.views[[view, scene.reference]]
+    finer_by = 1.0 / landmark_spacing_px(both, scene.landmarks.position, 1)[0]
+    return smoothing_px(float(finer_by)) / scene.region.stride
+
+
+def _averaged(scene: Scene, value: np.ndarray, smooth: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Values (J,) averaged over the map's grid by a linear filter of no negative weights, of those there are."""
+    grid = scene.grid(value)
+    present = np.isfinite(grid)
+    total, share = smooth(np.where(present, grid, 0.0)), smooth(present.astype(float))
+    return total[scene.cells] / share[scene.cells]
+
+
+def render_reference(
+    scene: Scene, view: int | None = None, sun: np.ndarray | None = None, **options
+) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness on the map's grid: image (h, w), zero where there is no landmark, and mask (h, w).
+
+    As `landmark_brightness` for the camera of `view` (default: the reference); options are its options.
+    """
+    view = scene.reference if view is None else view
+    image = scene.grid(landmark_brightness(scene, view, sun, **options))
+    mask = np.isfinite(image)
+    return np.where(mask, image, 0.0), mask
+
+
+def landmark_faces(scene: Scene) -> np.ndarray:
+    """Triangles (F, 3) of landmark indices over the map's grid (see `raster.grid_faces`)."""
+    position = scene.grid(scene.landmarks.position)
+    index = scene.grid(np.arange(len(scene.landmarks)), fill=0).astype(np.int64).ravel()
+    return index[grid_faces(position, np.isfinite(position[..., 0]))]
+
+
+def render_view(
+    scene: Scene, view: int, sun: np.ndarray | None = None, *, faces: np.ndarray | None = None, **options
+) -> tuple[np.ndarray, np.ndarray]:
+    """The map as one view's camera sees it: image (H, W), zero outside the map, and mask (H, W) bool.
+
+    The landmarks' grid is a mesh; brightness is computed at its vertices (as `landmark_brightness`, whose
+    options these are), interpolated at pixel centres, and the nearest surface hides what is behind it.
+    faces: `landmark_faces(scene)`, to make them only once for many views.
+    """
+    brightness = landmark_brightness(scene, view, sun, **options)
+    return draw_landmarks(scene, view, as_resolved(scene, view, brightness), faces)
+
+
+def draw_landmarks(
+    scene: Scene, view: int, value: np.ndarray, faces: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values (J,) of the landmarks drawn in a view: image (H, W), zero outside the map, and mask (H, W)."""
+    camera = scene.views.cameras[view]
+    faces = landmark_faces(scene) if faces is None else faces
+    in_cam = scene.views.body_from_cam[view].inverse()(scene.landmarks.position)
+    return draw_triangles(camera.pixel_from_cam(in_cam), in_cam[:, 2], value, faces, (camera.height, camera.width))

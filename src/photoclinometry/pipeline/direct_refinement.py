@@ -1,0 +1,101 @@
+"""The last estimate without matches: every image is taken where the map projects into it, and says where that is.
+
+A match is of a window, and found with the very map that it is to correct. Once the map is good to a fraction of a
+pixel there is no need for one: where a landmark lies, its brightness must be what its normal, its albedo and the Sun
+make of it, and the images' own slopes say how that changes as it moves. Each landmark stays on its ray of the reference
+view. Where too few views light a landmark for that, its matches hold it as before. This is the direct method (Irani and
+Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place of constant brightness.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from photoclinometry.adjust import Adjustment, ImageSlopes
+from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
+from photoclinometry.model.scene import Image, Scene
+from photoclinometry.photometry.initialize import landmark_spacing_px
+from photoclinometry.photometry.shading import brightness_on_surface
+from photoclinometry.surface.sampling import as_coarse, sample_slope
+
+log = logging.getLogger(__name__)
+
+PASSES = 2
+"""Estimates, each from images taken anew where the last one projects. A third moves half of the landmarks by less than
+0.001 GSD."""
+
+MIN_LIT = 7
+"""Lit views from which on brightness says where a landmark lies: three more than it then has unknowns (depth, two of
+the normal, albedo). With as many as unknowns, noise goes into the depth."""
+
+STRAYED, STRAYED_PX = 8.0, 0.2
+"""A landmark whose projections are so many times farther from its matches than the median landmark's, and so far [px],
+has followed something else: an image's slope is good for about a pixel, and that of a shadow's edge is not the
+ground's."""
+
+
+def adjust_directly(
+    scene: Scene, images: Sequence[Image], adjusted: Callable[[Scene, float, bool, ImageSlopes | None], Adjustment]
+) -> Adjustment:
+    """The last estimate of a scene, from its images; from its matches, where less than half of it can do without.
+
+    adjusted: as `rounds.adjust_in_rounds` has it, with slopes. Landmarks that stray in a pass are put back and left to
+    their matches.
+    """
+    strayed = np.zeros(len(scene.landmarks), bool)
+    start, slopes = image_slopes(scene, images)
+    if np.mean(slopes.of_landmarks(start.tracks)) < 0.5:
+        log.info("too few views light the ground: the last estimate is of matches")
+        return adjusted(scene, 1.0, True, None)
+    for _ in range(PASSES - 1):
+        found = adjusted(start, 1.0, False, slopes).scene
+        strayed |= has_strayed(found)
+        start, slopes = image_slopes(put_back(found, scene, strayed), images, ~strayed)
+    log.info("%d of %d landmarks are left to their matches", np.sum(~slopes.of_landmarks(start.tracks)), len(strayed))
+    return adjusted(start, 1.0, True, slopes)
+
+
+def image_slopes(scene: Scene, images: Sequence[Image], among: np.ndarray | None = None) -> tuple[Scene, ImageSlopes]:
+    """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the slopes there.
+
+    images: of the scene's views, in their order. Slopes are zero where it is not lit, and of landmarks that are lit in
+    fewer than MIN_LIT views or not `among` those chosen (J,).
+    """
+    tracks = scene.tracks
+    xy = projected_keypoints(scene)
+    spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
+    slope = np.zeros((len(tracks), 2))
+    for k, image in enumerate(images):
+        mine = np.flatnonzero(tracks.view == k)
+        slope[mine] = sample_slope(as_coarse(image, float(spacing[k])), xy[mine])
+    measured = brightness_on_surface(scene, images)
+    lit = measured.tracks.lit
+    direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
+    if among is not None:
+        direct &= among
+    return measured, ImageSlopes(xy, np.where((lit & direct[tracks.landmark])[:, None], slope, 0.0))
+
+
+def has_strayed(scene: Scene) -> np.ndarray:
+    """(J,) bool: landmarks that lie far off their matches, in the median of their views."""
+    off, tracks = np.linalg.norm(keypoint_residuals(scene), axis=-1), scene.tracks
+    order = np.lexsort((off, tracks.landmark))
+    middle = off[order][tracks.start[:-1] + np.diff(tracks.start) // 2]
+    return middle > max(STRAYED * np.median(middle), STRAYED_PX)
+
+
+def put_back(scene: Scene, before: Scene, which: np.ndarray) -> Scene:
+    """The scene with landmarks `which` (J,) as they were before, to the reference view: frames may differ."""
+    now, then = (one.views.body_from_cam[one.reference] for one in (scene, before))
+    landmarks, old = scene.landmarks, before.landmarks
+    position, normal, albedo = landmarks.position.copy(), landmarks.normal.copy(), landmarks.albedo.copy()
+    seen, saw = now.inverse()(position), then.inverse()(old.position)
+    scale = np.median(seen[~which, 2] / saw[~which, 2])
+    position[which] = now(scale * saw[which])
+    normal[which] = old.normal[which] @ (now.rotation @ then.rotation.T).T
+    albedo[which] = old.albedo[which]
+    return replace(scene, landmarks=replace(landmarks, position=position, normal=normal, albedo=albedo))

@@ -1,0 +1,177 @@
+"""Pose priors in a run: they place the map, have their say in the joint estimate, and are compared with it."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.adjust import Adjustment, PosePriors
+from photoclinometry.evaluate.metrics import spread
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, so3_log
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import Scene
+from photoclinometry.registration.georeference import MIN_PRIORS, OUTLIER, agreement, deviation, georeferenced
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placed:
+    """A scene in the frame of its pose priors."""
+
+    scene: Scene
+    pose_priors: PosePriors
+    """What the joint estimate is told: the priors that agree with the scene, by their sigmas."""
+    names: tuple[str, ...]
+    """Views whose priors these are."""
+
+
+def enough(priors: Mapping[str, PosePrior], scene: Scene) -> dict[str, PosePrior]:
+    """The priors (by name) of the scene's views; none, with the reason in the log, where they are too few."""
+    own = {name: prior for name, prior in priors.items() if name in scene.views.name}
+    if own and len(own) < MIN_PRIORS:
+        log.warning(
+            "%d of the %d views have a pose prior, at least %d are needed: the map stays in a frame of its own",
+            len(own),
+            len(scene.views),
+            MIN_PRIORS,
+        )
+        return {}
+    return own
+
+
+def place_by_priors(scene: Scene, priors: Mapping[str, PosePrior]) -> Placed | None:
+    """The scene in the priors' frame, in metres, with those priors that agree with it.
+
+    Which agree is judged anew by each scene that an estimate starts from, as poses become better. None, with the
+    reason in the log, where the priors do not determine the frame.
+    """
+    try:
+        moved, fit = georeferenced(scene, priors)
+    except InputError as error:
+        log.warning("pose priors are not used, the map stays in the frame that it has: %s", error)
+        return None
+    log.info(
+        "the map is in the frame of the pose priors of %d views: %.4g m and %.3g degrees from them (RMS), "
+        "scale known to %.2g %%, one pixel is %.4g m on the ground",
+        fit.used.sum(),
+        fit.rms_position,
+        np.degrees(fit.rms_rotation),
+        100.0 * fit.scale_sigma,
+        moved.gsd,
+    )
+    agreeing = {name: priors[name] for name, used in zip(fit.names, fit.used, strict=True) if used}
+    return Placed(scene=moved, pose_priors=told(moved, agreeing), names=tuple(agreeing))
+
+
+def adjust_with_priors(
+    start: Scene, priors: Mapping[str, PosePrior], adjust: Callable[[Scene, PosePriors], Adjustment]
+) -> Adjustment | None:
+    """The joint estimate, from `start` in the priors' frame, with those priors that agree; None as `place_by_priors`.
+
+    Only the estimate may tell that a prior is wrong, whose weight then has bent it already: it is made again without
+    that prior, from the same start.
+    """
+    placed = place_by_priors(start, priors)
+    if placed is None:
+        return None
+    found = adjust(placed.scene, placed.pose_priors)
+    own = {name: priors[name] for name in placed.names}
+    fit = agreement(found.scene, own)
+    if fit.used.all() or fit.used.sum() < MIN_PRIORS:
+        return found
+    again = place_by_priors(start, {name: own[name] for name, used in zip(fit.names, fit.used, strict=True) if used})
+    if again is None:
+        return found
+    log.info("adjusted again without priors that contradict the images")
+    return adjust(again.scene, again.pose_priors)
+
+
+def told(scene: Scene, priors: Mapping[str, PosePrior]) -> PosePriors:
+    """What the joint estimate is told of priors in the scene's frame; views without one are free."""
+    poses = scene.views.body_from_cam
+    rotation, center = poses.rotation.copy(), poses.translation.copy()
+    rotation_sigma, center_sigma = np.full((2, len(scene.views)), np.inf)
+    for name, prior in priors.items():
+        k, pose = scene.views.name.index(name), prior.cam_from_body.inverse()
+        rotation[k], center[k] = pose.rotation, pose.translation
+        rotation_sigma[k], center_sigma[k] = prior.rotation_sigma_rad, prior.translation_sigma
+    return PosePriors(body_from_cam=Rigid(rotation, center), rotation_sigma=rotation_sigma, center_sigma=center_sigma)
+
+
+def prior_fingerprint(priors: Mapping[str, PosePrior]) -> list[list[Any]]:
+    """What the priors say, exactly, for `runfolder.digest`."""
+    return [
+        [
+            name,
+            prior.cam_from_body.rotation.tolist(),
+            prior.cam_from_body.translation.tolist(),
+            prior.rotation_sigma_rad,
+            prior.translation_sigma,
+        ]
+        for name, prior in sorted(priors.items())
+    ]
+
+
+def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray) -> list[dict[str, Any]]:
+    """One row per view that has a prior: how far its estimate is from that, beside the prior's sigmas.
+
+    used: (K,) bool, views whose prior had a say. "off_sigmas" is the root mean square over the six.
+    """
+    rows = []
+    for k, name in enumerate(scene.views.name):
+        if name not in priors or not len(used):
+            continue
+        prior, pose = priors[name], scene.views.body_from_cam[k]
+        known = prior.cam_from_body.inverse()
+        moved, turned = pose.translation - known.translation, so3_log(pose.rotation @ known.rotation.T)
+        off = float(deviation(moved, turned, prior.translation_sigma, prior.rotation_sigma_rad))
+        rows.append(
+            {
+                "name": name,
+                "used": bool(used[k]),
+                "center_off_m": float(np.linalg.norm(moved)),
+                "center_sigma_m": prior.translation_sigma,
+                "rotation_off_deg": float(np.degrees(np.linalg.norm(turned))),
+                "rotation_sigma_deg": float(np.degrees(prior.rotation_sigma_rad)),
+                "off_sigmas": off,
+            }
+        )
+    return rows
+
+
+def warn_of_outliers(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Names in the log what `prior_table` has left out, and what is far off all the same."""
+    for row in rows:
+        if row["used"] and row["off_sigmas"] <= OUTLIER:
+            continue
+        what = (
+            "has a say, but is far off; check its sigmas" if row["used"] else "contradicts the images and is left out"
+        )
+        log.warning(
+            "%s: its pose prior %s: %.4g m and %.3g degrees from the estimate, %.3g sigmas",
+            row["name"],
+            what,
+            row["center_off_m"],
+            row["rotation_off_deg"],
+            row["off_sigmas"],
+        )
+
+
+def prior_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Figures of `prior_table`; of those that had a say."""
+    if not rows:
+        return {}
+    own = [row for row in rows if row["used"]]
+    return {
+        "pose_priors_used": len(own),
+        "pose_priors_left_out": len(rows) - len(own),
+        **spread(np.array([row["center_off_m"] for row in own]), "pose_prior_center", "m"),
+        **spread(np.array([row["rotation_off_deg"] for row in own]), "pose_prior_rotation", "deg"),
+        "pose_prior_deviation_rms_sigmas": float(np.sqrt(np.mean([row["off_sigmas"] ** 2 for row in own]))),
+    }

@@ -1,0 +1,1 @@
+"""One frame to another: maps to maps, maps to pose priors."""

@@ -1,0 +1,222 @@
+"""Putting a map into the body-fixed metric frame, by what was known of camera poses beforehand.
+
+A map made from images alone has its own origin, orientation and unit of length. Poses that are known (`PosePrior`:
+kernels, tables, SUMFILEs) determine the seven numbers between the two frames, each weighted by its own sigmas.
+Nothing that the scene predicts about images changes.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, Similarity, skew, so3_exp, so3_log
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import BODY_FIXED, Scene
+from photoclinometry.registration.alignment import align_poses, camera_distance, transform_poses, transform_scene
+
+log = logging.getLogger(__name__)
+
+MIN_PRIORS = 3
+LOSS_LIMIT = 3.0
+"""Huber's: priors beyond so many sigmas weigh by the distance, not its square."""
+OUTLIER = 5.0
+"""A prior that is off by so many sigmas, and by so many times what is usual, is left out."""
+FAR_RAD = np.radians(5.0)
+"""Images tell attitudes far better than this, whatever is usual."""
+_ITERATIONS = 50
+_CONVERGED = 1e-10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Georeference:
+    """The frame that priors agree on, and how well they do."""
+
+    similarity: Similarity
+    """metric_from_B: body-fixed, in the priors' unit of length."""
+    names: tuple[str, ...]
+    """(n,) views with priors."""
+    position_residual: np.ndarray
+    """(n, 3) camera centres of the scene less those of the priors, in the metric frame."""
+    rotation_residual: np.ndarray
+    """(n, 3) rotation vectors from the priors' attitudes to the scene's, in the metric frame [rad]."""
+    position_sigma: np.ndarray
+    """(n,) as the priors state."""
+    rotation_sigma: np.ndarray
+    """(n,) as the priors state [rad]."""
+    covariance: np.ndarray
+    """(7, 7) of rotation [rad], translation of the cameras' middle, and log scale, if the sigmas are true."""
+    used: np.ndarray
+    """(n,) bool: priors that determine the frame."""
+
+    @property
+    def rms_position(self) -> float:
+        """Root mean square distance of camera centres, in the priors' unit, of the priors used."""
+        return float(np.sqrt(np.mean(np.sum(self.position_residual[self.used] ** 2, -1))))
+
+    @property
+    def rms_rotation(self) -> float:
+        """Root mean square angle between attitudes [rad], of the priors used."""
+        return float(np.sqrt(np.mean(np.sum(self.rotation_residual[self.used] ** 2, -1))))
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """(n,) residuals in sigmas, root mean square over a view's six."""
+        return deviation(self.position_residual, self.rotation_residual, self.position_sigma, self.rotation_sigma)
+
+    @property
+    def scale_sigma(self) -> float:
+        """Relative standard deviation of the scale."""
+        return float(np.sqrt(self.covariance[6, 6]))
+
+
+def deviation(position: np.ndarray, rotation: np.ndarray, position_sigma, rotation_sigma) -> np.ndarray:
+    """(n,) residuals (n, 3) of positions and of attitudes in their sigmas (n,), root mean square over the six."""
+    squares = np.sum(position**2, -1) / position_sigma**2 + np.sum(rotation**2, -1) / rotation_sigma**2
+    return np.sqrt(squares / 6.0)
+
+
+def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene, Georeference]:
+    """The scene in the frame and unit of the priors of its views (by name), and the fit with its residuals.
+
+    Priors that contradict the images are left out, and named in the log. Uncertainties follow, as by
+    `align.transform_scene`. Raises InputError for fewer than three priors, or fewer that agree, and for cameras whose
+    poses tell no scale.
+    """
+    fit = agreement(scene, priors)
+    outliers = [describe(fit, int(k)) for k in np.flatnonzero(~fit.used)]
+    if fit.used.sum() < MIN_PRIORS:
+        raise InputError(
+            f"only {fit.used.sum()} of {len(fit.used)} pose priors agree with the images and each other: "
+            f"{'; '.join(outliers[:3])}{'; ...' if len(outliers) > 3 else ''}; check cam_from_body in site.toml "
+            "(x_C = R x_B + t, x right, y down, z forward, metres)"
+        )
+    for outlier in outliers:
+        log.warning("pose prior left out, it contradicts the images: %s", outlier)
+    return replace(transform_scene(fit.similarity, scene), frame=BODY_FIXED), fit
+
+
+def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
+    """The fit of the scene's poses to those priors of its views (by name) that agree with the images and each other.
+
+    A prior is left out that is off by more than OUTLIER sigmas and more than OUTLIER times the median, since poses made
+    from images err, too; and one whose attitude is off by more than OUTLIER sigmas and FAR_RAD. Where less than
+    three are left, `used` says so. Raises InputError where fewer than three are given.
+    """
+    seen = [k for k, name in enumerate(scene.views.name) if name in priors]
+    if len(seen) < MIN_PRIORS:
+        raise InputError(
+            f"{len(seen)} of the {len(scene.views)} views have a pose prior, at least {MIN_PRIORS} are needed to put "
+            "the map into their frame; add cam_from_body to more views of site.toml"
+        )
+    distance = camera_distance(scene)
+    names = tuple(scene.views.name[k] for k in seen)
+    poses, known = scene.views.body_from_cam[seen], [priors[name] for name in names]
+    used = np.ones(len(seen), bool)
+    for _ in range(_ITERATIONS):
+        fit = fit_to_priors(poses, known, distance, names, used)
+        agree = _agree(fit)
+        if agree.sum() < MIN_PRIORS or (agree == used).all():
+            return replace(fit, used=agree)
+        used = agree
+    return fit
+
+
+def _agree(fit: Georeference) -> np.ndarray:
+    """(n,) bool: priors that the fit leaves within bounds."""
+    off, turned = fit.deviation, np.linalg.norm(fit.rotation_residual, axis=-1)
+    near = off <= OUTLIER * max(1.0, float(np.median(off[fit.used])))
+    return near & (turned <= np.maximum(FAR_RAD, OUTLIER * fit.rotation_sigma))
+
+
+def describe(fit: Georeference, k: int) -> str:
+    """How far the prior of one view is off, in words."""
+    moved, turned = (np.linalg.norm(part[k]) for part in (fit.position_residual, fit.rotation_residual))
+    return (
+        f"{fit.names[k]} is off by {moved:.4g} m and {np.degrees(turned):.3g} degrees, at sigmas of "
+        f"{fit.position_sigma[k]:.3g} m and {np.degrees(fit.rotation_sigma[k]):.3g} degrees"
+    )
+
+
+def fit_to_priors(
+    body_from_cam: Rigid,
+    priors: list[PosePrior],
+    distance: float,
+    names: tuple[str, ...] = (),
+    used: np.ndarray | None = None,
+) -> Georeference:
+    """The similarity that brings (n,) poses to their priors, positions and attitudes: least squares with Huber's loss.
+
+    distance: from a camera to the surface in the scene's unit, for the first guess. used: (n,) bool, priors that
+    determine it; all by default. Raises InputError where centres coincide.
+    """
+    known = _stacked(priors)
+    used = np.ones(len(priors), bool) if used is None else used
+    sigma = np.array([[p.translation_sigma, p.rotation_sigma_rad] for p in priors], float)
+    similarity = align_poses(body_from_cam[used], known[used], distance)
+    normal = np.eye(7)
+    for _ in range(_ITERATIONS):
+        residual, jacobian = _linearised(similarity, body_from_cam, known, sigma)
+        length = np.linalg.norm(residual, axis=-1) / np.sqrt(6.0)
+        weight = used * np.minimum(1.0, LOSS_LIMIT / np.maximum(length, 1e-300))
+        normal = np.einsum("n,nri,nrj->ij", weight, jacobian, jacobian)
+        step = -np.linalg.solve(normal, np.einsum("n,nri,nr->i", weight, jacobian, residual))
+        similarity = _moved(similarity, _middle(similarity, body_from_cam), step)
+        # Steps are judged in standard deviations: rotation, translation and scale have no unit in common.
+        if step @ normal @ step < _CONVERGED:
+            break
+    moved = transform_poses(similarity, body_from_cam)
+    return Georeference(
+        similarity=similarity,
+        names=names or tuple(str(k) for k in range(len(priors))),
+        position_residual=moved.translation - known.translation,
+        rotation_residual=so3_log(moved.rotation @ np.swapaxes(known.rotation, -1, -2)),
+        position_sigma=sigma[:, 0],
+        rotation_sigma=sigma[:, 1],
+        covariance=np.linalg.inv(normal),
+        used=used,
+    )
+
+
+def _stacked(priors: list[PosePrior]) -> Rigid:
+    """(n,) body_from_cam of the priors."""
+    poses = [prior.cam_from_body.inverse() for prior in priors]
+    return Rigid(np.array([p.rotation for p in poses]), np.array([p.translation for p in poses]))
+
+
+def _middle(similarity: Similarity, body_from_cam: Rigid) -> np.ndarray:
+    return similarity(body_from_cam.translation).mean(0)
+
+
+def _moved(similarity: Similarity, middle: np.ndarray, step: np.ndarray) -> Similarity:
+    """The similarity after a step (7,): rotation and log scale about `middle`, and translation."""
+    turn, growth = so3_exp(step[:3]), float(np.exp(step[6]))
+    return Similarity(growth, turn, middle + step[3:6] - growth * turn @ middle) @ similarity
+
+
+def _linearised(
+    similarity: Similarity, body_from_cam: Rigid, known: Rigid, sigma: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Whitened residuals (n, 6) of positions and attitudes, and their derivatives (n, 6, 7) by the step of `_moved`."""
+    moved = transform_poses(similarity, body_from_cam)
+    arm = moved.translation - _middle(similarity, body_from_cam)
+    turn = so3_log(moved.rotation @ np.swapaxes(known.rotation, -1, -2))
+    residual = np.concatenate([(moved.translation - known.translation) / sigma[:, :1], turn / sigma[:, 1:]], -1)
+    jacobian = np.zeros((len(sigma), 6, 7))
+    jacobian[:, :3, :3] = -skew(arm) / sigma[:, :1, None]
+    jacobian[:, :3, 3:6] = np.eye(3) / sigma[:, :1, None]
+    jacobian[:, :3, 6] = arm / sigma[:, :1]
+    jacobian[:, 3:, :3] = _inverse_left_jacobian(turn) / sigma[:, 1:, None]
+    return residual, jacobian
+
+
+def _inverse_left_jacobian(omega: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) d log(exp(w) R) / dw at w = 0, for R = exp(omega); Sola et al. (2018), arXiv:1812.01537, Eq. 146."""
+    angle = np.linalg.norm(omega, axis=-1)[:, None, None]
+    half = np.maximum(angle, 1e-6) / 2.0
+    hat = skew(omega)
+    return np.eye(3) - 0.5 * hat + (1.0 - half / np.tan(half)) / np.maximum(angle, 1e-6) ** 2 * (hat @ hat)

@@ -1,0 +1,127 @@
+"""A smooth depth at every pixel of the reference view, from sparse points or from dense landmarks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.scene import Camera, Region
+from photoclinometry.model.sparse import SparseModel
+from photoclinometry.surface.sampling import sample
+
+MIN_POINTS = 12
+"""Fewer points near the region do not make a surface."""
+
+
+def sparse_depth(sparse: SparseModel, reference: int, region: Region, camera: Camera) -> np.ndarray:
+    """Depth (region.height, region.width) in the reference camera, from its sparse points.
+
+    region: usually padded. Points up to half a region outside are used too, so that its edges are not
+    extrapolated. Raises ReconstructionError with fewer than MIN_POINTS points there.
+    """
+    index, xy = sparse.seen_by(reference)
+    depth = sparse.body_from_cam[reference].inverse()(sparse.points[index])[:, 2]
+    low = np.array([region.col - region.width / 2, region.row - region.height / 2])
+    high = low + 2 * np.array([region.width, region.height])
+    near = np.all((xy > low) & (xy < high), axis=-1) & (depth > 0)
+    if near.sum() < MIN_POINTS:
+        raise ReconstructionError(
+            f"only {near.sum()} sparse points near the region (at least {MIN_POINTS} make a surface); choose a "
+            "region with more texture, or raise the number of features"
+        )
+    return fit_depth(xy[near], depth[near], region, camera, spacing=8)
+
+
+def landmark_depth(
+    position: np.ndarray, pixel: np.ndarray, pose: Rigid, region: Region, camera: Camera, spacing: int = 4
+) -> np.ndarray:
+    """Depth (region.height, region.width) from dense landmarks (J, 3) with their reference pixels (J, 2).
+
+    pose: body_from_cam of the reference. Holes are filled smoothly; detail below `spacing` px is lost,
+    which is as intended: it is the noise of the last round's matches.
+    """
+    depth = pose.inverse()(position)[:, 2]
+    return fit_depth(pixel[:, ::-1] + 0.5, depth, region, camera, spacing=spacing, noise_gsd=0.15)
+
+
+def fit_depth(
+    xy: np.ndarray,
+    depth: np.ndarray,
+    region: Region,
+    camera: Camera,
+    spacing: int,
+    noise_gsd: float = 0.7,
+    curvature_per_px: float = 0.01,
+    sweeps: int = 6,
+) -> np.ndarray:
+    """Robust smooth depth at every pixel of a region, from samples at scattered pixels.
+
+    Minimises over the nodes z of a grid of `spacing` px that covers region and samples
+
+        sum rho((bilinear(z, xy_i) - depth_i) / noise) + sum (second differences of z / (curvature spacing^2))^2
+
+    with rho Cauchy's loss, reweighted `sweeps` times; lengths in ground sample distances (depth / focal), so
+    that a second difference is the change of slope expected of rough terrain: 0.01 per pixel.
+    xy: (n, 2) [px]; depth: (n,) along the optical axis. Returns (region.height, region.width).
+    """
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import splu
+
+    gsd = np.median(depth) / np.mean(camera.focal_px)
+    offset = np.median(depth)
+    value = (depth - offset) / (noise_gsd * gsd)
+    origin, shape = _grid(xy, region, spacing)
+    at_points = _bilinear_matrix((xy - origin) / spacing, shape)
+    bend = _second_differences(shape) * (noise_gsd / (curvature_per_px * spacing**2))
+    smooth = (bend.T @ bend).tocsc()
+    weight = np.ones(len(value))
+    nodes = np.zeros(shape[0] * shape[1])
+    for _ in range(sweeps):
+        normal = (at_points.T @ diags(weight) @ at_points + smooth).tocsc()
+        nodes = splu(normal, permc_spec="MMD_AT_PLUS_A").solve(at_points.T @ (weight * value))
+        residual = at_points @ nodes - value
+        scale = max(1.0, 1.4826 * float(np.median(np.abs(residual))))
+        weight = 1.0 / (1.0 + (residual / (2.4 * scale)) ** 2)
+    grid = nodes.reshape(shape)
+    fine = sample(grid, (region.pixel_centers() - origin) / spacing + 0.5)
+    return offset + fine * noise_gsd * gsd
+
+
+def _grid(xy: np.ndarray, region: Region, spacing: int) -> tuple[np.ndarray, tuple[int, int]]:
+    """Pixel position (2,) of the first node, and (rows, cols) of a grid that covers region and samples."""
+    corner = np.array([region.col, region.row], float)
+    low = np.minimum(xy.min(0), corner) - spacing
+    high = np.maximum(xy.max(0), corner + (region.width, region.height)) + spacing
+    cols, rows = np.ceil((high - low) / spacing).astype(int) + 1
+    return low, (int(rows), int(cols))
+
+
+def _bilinear_matrix(uv: np.ndarray, shape: tuple[int, int]):
+    """(n, rows * cols) sparse matrix that interpolates a grid at columns uv[:, 0] and rows uv[:, 1]."""
+    from scipy.sparse import csr_matrix
+
+    col, row = np.clip(np.floor(uv).astype(int), 0, np.array(shape[::-1]) - 2).T
+    u, v = uv[:, 0] - col, uv[:, 1] - row
+    weights = [(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v]
+    nodes = [(row + dr) * shape[1] + col + dc for dr in (0, 1) for dc in (0, 1)]
+    index = np.tile(np.arange(len(uv)), 4)
+    size = (len(uv), shape[0] * shape[1])
+    return csr_matrix((np.concatenate(weights), (index, np.concatenate(nodes))), shape=size)
+
+
+def _second_differences(shape: tuple[int, int]):
+    """Sparse operator: second differences along rows, columns, and twice-weighted mixed ones."""
+    from scipy.sparse import eye, identity, kron, vstack
+
+    def first(n):
+        return eye(n - 1, n, k=1) - eye(n - 1, n)
+
+    def second(n):
+        return first(n - 1) @ first(n)
+
+    rows, cols = shape
+    along = kron(second(rows), identity(cols))
+    across = kron(identity(rows), second(cols))
+    mixed = np.sqrt(2.0) * kron(first(rows), first(cols))
+    return vstack([along, across, mixed]).tocsr()

@@ -1,0 +1,102 @@
+"""Values between pixels.
+
+Cubic splines (Thevenaz, Blu and Unser 2000, doi:10.1109/42.875199), by SciPy. OpenCV's `remap` rounds positions to 1/32
+px, and its cubic kernel (Keys 1981, with a = -0.75) is off by up to 0.04 px on a ramp: with it, matches of texture
+moved by 0.3 px lay 0.07 px beside the truth at the median; with splines they lie 0.012 px beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.model.scene import Image
+
+COARSER = 1.2
+"""A grid is coarser than an image that has more pixels than this from point to point."""
+
+_MARGIN_PX = 16
+"""Beyond it a spline does not reach: its weights are below 1e-9."""
+
+
+def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness (n,) at pixel positions (n, 2), and (n,) bool: all four pixels around exist and are valid.
+
+    By a cubic spline, which passes through what was measured. Linear interpolation blurs by as much as a position lies
+    between pixels: of relief of a few pixels no reflectance model then fits all views at once. Invalid pixels are given
+    their nearest valid neighbour's value; where nothing is valid the brightness is 0 and means nothing.
+    """
+    height, width = image.brightness.shape
+    xy = np.asarray(xy, float)
+    inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)
+    value = np.zeros(len(xy))
+    if not inside.any():
+        return value, inside
+    first = np.maximum(np.floor(xy[inside].min(0)).astype(int) - _MARGIN_PX, 0)
+    last = np.floor(xy[inside].max(0)).astype(int) + _MARGIN_PX
+    part = np.s_[first[1] : last[1] + 1, first[0] : last[0] + 1]
+    brightness, there = image.brightness[part], image.valid[part]
+    corner = np.floor(xy[inside] - 0.5 - first).astype(int)
+    valid = np.ones(len(corner), bool)
+    for right, down in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        col, row = np.minimum(corner + (right, down), np.array(there.shape[::-1]) - 1).T
+        valid &= there[row, col]
+    usable = inside.copy()
+    usable[inside] = valid
+    if valid.any():
+        value[usable] = sample(filled_from_nearest(brightness, there), xy[usable] - first)
+    return value, usable
+
+
+def sample_slope(image: Image, xy: np.ndarray, step_px: float = 0.25) -> np.ndarray:
+    """How brightness changes (n, 2) along x and y [1/px] at pixel positions (n, 2): central differences of the spline.
+
+    Means nothing where `sample_image` says that nothing was measured.
+    """
+    slope = np.empty((len(xy), 2))
+    for axis, offset in enumerate(step_px * np.eye(2)):
+        after, before = (sample_image(image, xy + side * offset)[0] for side in (1, -1))
+        slope[:, axis] = (after - before) / (2 * step_px)
+    return slope
+
+
+def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Values (h, w, ...), those not valid replaced by their nearest valid neighbour's; one is valid at least."""
+    from scipy.ndimage import distance_transform_edt
+
+    if valid.all():
+        return values
+    nearest = np.asarray(distance_transform_edt(~valid, return_distances=False, return_indices=True))
+    return values[nearest[0], nearest[1]]
+
+
+def smoothing_px(spacing_px: float) -> float:
+    """Standard deviation [px] that makes an image as coarse as a grid of so many of its pixels; 0 where it is so."""
+    return 0.5 * float(np.sqrt(spacing_px**2 - 1.0)) if spacing_px > COARSER else 0.0
+
+
+def blurred(image: Image, sigma_px: float) -> Image:
+    """The image through a Gaussian, of what is valid; valid where it was and half of its surroundings are."""
+    import cv2
+
+    share = cv2.GaussianBlur(image.valid.astype(np.float32), (0, 0), sigma_px)
+    total = cv2.GaussianBlur(np.where(image.valid, image.brightness, 0.0).astype(np.float32), (0, 0), sigma_px)
+    return Image(image.name, total / np.maximum(share, 1e-6), image.valid & (share > 0.5))
+
+
+def as_coarse(image: Image, spacing_px: float) -> Image:
+    """The image as coarse as a grid of so many of its pixels; the image itself where it is so already."""
+    sigma_px = smoothing_px(spacing_px)
+    return blurred(image, sigma_px) if sigma_px else image
+
+
+def sample(values: np.ndarray, xy: np.ndarray, *, order: int = 3) -> np.ndarray:
+    """Values (h, w, ...) of pixels at positions (..., 2) [px], (0.5, 0.5) the first pixel's centre; edges repeat.
+
+    order: of the spline; 1 is linear. Positions that are not finite get the first pixel's value.
+    """
+    from scipy.ndimage import map_coordinates
+
+    row_col = np.moveaxis(np.where(np.isfinite(xy), xy, 0.0)[..., ::-1] - 0.5, -1, 0)
+    layers = np.moveaxis(values.reshape(*values.shape[:2], -1), -1, 0)
+    found = [map_coordinates(layer, row_col, np.float64, order=order, mode="nearest") for layer in layers]
+    return np.stack(found, axis=-1).reshape(*xy.shape[:-1], *values.shape[2:])

@@ -1,0 +1,40 @@
+"""The order of packages in DESIGN.md, and imports that keep it."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "photoclinometry"
+
+
+def stated_order() -> list[str]:
+    """The packages in the order of DESIGN.md's table."""
+    layout = (ROOT / "DESIGN.md").read_text(encoding="utf-8").split("## Layout\n")[1].split("\n## ")[0]
+    return re.findall(r"^\| `(\w+)` \|", layout, flags=re.MULTILINE)
+
+
+def imported_packages(file: Path) -> set[str]:
+    """Packages of photoclinometry that a file imports, anywhere in it."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        names = [node.module] if isinstance(node, ast.ImportFrom) and node.module and node.level == 0 else []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        found |= {name.split(".")[1] for name in names if name.startswith("photoclinometry.")}
+    return found
+
+
+def test_the_table_lists_every_package():
+    packages = {folder.name for folder in SOURCE.iterdir() if (folder / "__init__.py").is_file()}
+    assert packages == set(stated_order())
+
+
+@pytest.mark.parametrize("package", stated_order())
+def test_imports_point_up_the_table(package):
+    order = stated_order()
+    allowed = set(order[: order.index(package) + 1])
+    for file in (SOURCE / package).rglob("*.py"):
+        assert imported_packages(file) <= allowed, file

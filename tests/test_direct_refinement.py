@@ -1,0 +1,177 @@
+"""The direct form: images say where landmarks lie, against matches that confirm a wrong map."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.adjust import AdjustOptions, ImageSlopes, adjust
+from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
+from photoclinometry.model.projection import keypoint_residuals
+from photoclinometry.model.scene import Image
+from photoclinometry.pipeline.direct_refinement import MIN_LIT, adjust_directly, has_strayed, image_slopes, put_back
+from photoclinometry.registration.alignment import transform_scene
+from photoclinometry.surface.sampling import sample_image, sample_slope
+from scenes import synthetic_images, synthetic_scene, thinned
+
+QUICK = AdjustOptions(uncertainty=False)
+
+
+def confirmed(true, size_gsd=0.2, seed=0):
+    """A map whose relief is off by `size_gsd`, smooth over 3 px, along the reference's rays; and matches that agree."""
+    from scipy.ndimage import gaussian_filter
+
+    count = round(np.sqrt(len(true.landmarks)))
+    wave = gaussian_filter(np.random.default_rng(seed).normal(size=(count, count)), 3.0).ravel()
+    away = unit(true.landmarks.position - true.views.body_from_cam.translation[true.reference])
+    position = true.landmarks.position + size_gsd * true.gsd * (wave / wave.std())[:, None] * away
+    wrong = replace(true, landmarks=replace(true.landmarks, position=position))
+    keypoint = wrong.tracks.keypoint + keypoint_residuals(wrong)
+    return replace(wrong, tracks=replace(wrong.tracks, keypoint=keypoint))
+
+
+def height_error(scene, true):
+    """Standard deviation [GSD] along the reference's rays, but for what moves all alike or tilts the map."""
+    away = unit(true.landmarks.position - true.views.body_from_cam.translation[true.reference])
+    off = np.sum((scene.landmarks.position - true.landmarks.position) * away, -1) / true.gsd
+    plane = np.column_stack([true.landmarks.pixel, np.ones(len(off))])
+    return float(np.std(off - plane @ np.linalg.lstsq(plane, off, rcond=None)[0]))
+
+
+def estimate(start, slack, last, slopes=None):
+    return adjust(start, replace(QUICK, keypoint_slack=slack), slopes=slopes)
+
+
+@pytest.fixture(scope="module")
+def true():
+    return synthetic_scene(size=32, views=10)
+
+
+def test_images_correct_a_map_that_its_matches_confirm(true):
+    """Relief off by 0.2 GSD: by matches it stays so, by images two thirds and more of the error go."""
+    start, images = confirmed(true), synthetic_images(true)
+    matched = estimate(start, 1.0, True).scene
+    found = adjust_directly(start, images, estimate).scene
+    assert height_error(start, true) == pytest.approx(0.2, rel=0.1)
+    assert height_error(matched, true) > 0.15
+    assert height_error(found, true) < 0.06
+    assert np.degrees(np.median(angle_between(found.landmarks.normal, true.landmarks.normal))) < 0.5
+
+
+def test_landmarks_stay_on_their_rays_and_brightness_goes_with_them(true):
+    images = synthetic_images(true)
+    start, slopes = image_slopes(confirmed(true), images)
+    found = estimate(start, 1.0, True, slopes).scene
+    off = np.linalg.norm(keypoint_residuals(found), axis=-1)
+    own = found.tracks.view == found.reference
+    assert off[own].max() < 0.01
+    assert np.median(off[~own]) > 0.02
+    again = image_slopes(found, images)[0]
+    np.testing.assert_allclose(found.tracks.brightness, again.tracks.brightness, rtol=0.01)
+    np.testing.assert_array_equal(found.tracks.keypoint, start.tracks.keypoint)
+
+
+def test_slopes_say_what_the_images_show_nearby(true):
+    """A fifth of a pixel away, brightness is that by the slopes to a tenth of the difference."""
+    images = synthetic_images(true)
+    start, slopes = image_slopes(true, images)
+    shift = np.array([0.12, -0.16])
+    for k in (1, 4):
+        mine = start.tracks.view == k
+        there = sample_image(images[k], slopes.at[mine] + shift)[0]
+        here = start.tracks.brightness[mine]
+        left = there - here - slopes.slope[mine] @ shift
+        assert np.std(left) < 0.1 * np.std(there - here)
+
+
+def test_slopes_of_a_ramp_are_the_ramps():
+    rows, cols = np.indices((30, 40))
+    image = Image("ramp", (0.3 + 0.02 * cols - 0.005 * rows).astype(np.float32), np.ones((30, 40), bool))
+    xy = np.random.default_rng(0).uniform(10, 20, (50, 2))
+    np.testing.assert_allclose(sample_slope(image, xy), np.tile([0.02, -0.005], (50, 1)), atol=1e-6)
+
+
+def test_landmarks_in_few_lit_views_are_left_to_their_matches(true):
+    """Half of the ground is masked in all but three views. There, matches are met as they are."""
+    masked = [replace(image, valid=image.valid.copy()) for image in synthetic_images(true)]
+    half = true.landmarks.position[:, 0] > np.median(true.landmarks.position[:, 0])
+    for k in range(3, 10):
+        xy = np.floor(true.views.project(k, true.landmarks.position[half])).astype(int)
+        for right in (-1, 0, 1):
+            for down in (-1, 0, 1):
+                masked[k].valid[xy[:, 1] + down, xy[:, 0] + right] = False
+    start, slopes = image_slopes(true, masked)
+    lit = np.bincount(start.tracks.landmark[start.tracks.lit], minlength=len(true.landmarks))
+    assert 0.4 < np.mean(lit < MIN_LIT) < 0.7
+    np.testing.assert_array_equal(slopes.of_landmarks(start.tracks), lit >= MIN_LIT)
+    found = estimate(start, 1.0, True, slopes).scene
+    off = np.linalg.norm(keypoint_residuals(found), axis=-1)
+    assert np.median(off[(lit < MIN_LIT)[found.tracks.landmark]]) < 0.02
+
+
+def test_with_too_few_views_the_last_estimate_is_of_matches():
+    few = synthetic_scene(size=16, views=MIN_LIT - 1)
+    asked = []
+
+    def record(start, slack, last, slopes=None):
+        asked.append((slack, last, slopes))
+        return estimate(start, slack, last, slopes)
+
+    adjust_directly(confirmed(few), synthetic_images(few), record)
+    assert asked == [(1.0, True, None)]
+
+
+def test_passes_take_the_images_anew_and_the_last_one_is_told_so(true):
+    asked = []
+
+    def record(start, slack, last, slopes=None):
+        assert isinstance(slopes, ImageSlopes)
+        asked.append(last)
+        return estimate(start, slack, last, slopes)
+
+    adjust_directly(true, synthetic_images(true), record)
+    assert asked == [False, True]
+
+
+def pushed(scene, which, gsd=3.0):
+    """Landmarks `which` moved along the reference's rays."""
+    away = unit(scene.landmarks.position - scene.views.body_from_cam.translation[scene.reference])
+    position = scene.landmarks.position + gsd * scene.gsd * which[:, None] * away
+    return replace(scene, landmarks=replace(scene.landmarks, position=position))
+
+
+def test_landmarks_that_stray_in_a_pass_are_put_back_and_left_to_their_matches(true):
+    """The first pass is made to leave 20 landmarks 3 GSD off: the last one starts without that, by their matches."""
+    noisy = synthetic_scene(size=32, views=10, keypoint_noise_px=0.03)
+    off, images = np.arange(1024) % 50 == 7, synthetic_images(true)
+    starts = []
+
+    def first_astray(start, slack, last, slopes=None):
+        starts.append((start, slopes.of_landmarks(start.tracks)))
+        found = estimate(start, slack, last, slopes)
+        return found if last else replace(found, scene=pushed(found.scene, off))
+
+    found = adjust_directly(noisy, images, first_astray).scene
+    (_, direct), (again, rest) = starts
+    assert direct.all()
+    np.testing.assert_array_equal(rest, ~off)
+    assert not has_strayed(again).any()
+    np.testing.assert_allclose(again.landmarks.normal[off], noisy.landmarks.normal[off], atol=1e-4)
+    left = np.linalg.norm(keypoint_residuals(found), axis=-1)[off[found.tracks.landmark]]
+    assert np.median(left) < 0.06
+
+
+def test_what_was_put_back_looks_as_it_did_to_the_reference_in_any_frame(true):
+    other = Similarity(0.01, so3_exp(np.array([0.3, -0.2, 0.9])), np.array([5.0, 6.0, 7.0]))
+    moved, which = transform_scene(other, true), np.arange(1024) < 100
+    found = put_back(pushed(moved, which, 0.5), true, which)
+    np.testing.assert_allclose(found.landmarks.position, moved.landmarks.position, atol=2e-3 * moved.gsd)
+    np.testing.assert_allclose(found.landmarks.normal, moved.landmarks.normal, atol=1e-12)
+
+
+def test_a_strided_map_is_corrected_too(true):
+    start = thinned(confirmed(true), 2)
+    images = synthetic_images(true)
+    found = adjust_directly(start, images, estimate).scene
+    kept = thinned(true, 2)
+    assert height_error(found, kept) < 0.5 * height_error(start, kept)

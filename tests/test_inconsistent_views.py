@@ -1,0 +1,121 @@
+"""Views that contradict the others are named and left out; sound ones are not, nor is anybody by a guess."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import so3_exp, unit
+from photoclinometry.model.reflectance import published
+from photoclinometry.photometry.inconsistent_views import contradicting, find_misfits
+from scenes import synthetic_images, synthetic_scene
+from test_witnesses import sparse_of
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return synthetic_scene(size=20, views=8, brightness_noise=0.01)
+
+
+def turned(scene, view, degrees, axis=(0.3, 1.0, 0.0)):
+    """The scene with one Sun turned about an axis square to it."""
+    sun = scene.views.sun.copy()
+    about = unit(np.cross(sun[view], axis))
+    sun[view] = so3_exp(np.radians(degrees) * about) @ sun[view]
+    return replace(scene, views=replace(scene.views, sun=sun))
+
+
+def only(scene, count):
+    """The first `count` views of the scene."""
+    tracks = scene.tracks
+    kept = tracks.view < count
+    per = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
+    fewer = replace(
+        tracks,
+        start=np.arange(len(scene.landmarks) + 1, dtype=np.int64) * count,
+        **{name: getattr(tracks, name)[kept] for name in per},
+    )
+    return replace(scene, views=scene.views[:count], tracks=fewer)
+
+
+@pytest.mark.parametrize("reflectance", [published("lunar-lambert", "vesta"), published("mcewen")], ids=["iof", "dn"])
+def test_sound_views_are_kept(reflectance):
+    assert contradicting(synthetic_scene(size=20, views=7, reflectance=reflectance, brightness_noise=0.02)) == []
+
+
+@pytest.mark.parametrize("degrees", [10, 30, 90, 180])
+def test_a_view_of_a_wrong_sun_is_left_out_and_no_other(scene, degrees):
+    ((view, why),) = contradicting(turned(scene, 3, degrees))
+    assert view == 3
+    assert f"its Sun is {degrees} degrees off" in why
+
+
+def test_a_sun_within_what_is_known_of_it_is_right(scene):
+    """Ten degrees off and known to ten: nothing is wrong."""
+    off = turned(scene, 3, 10)
+    assert contradicting(replace(off, views=replace(off.views, sun_sigma=np.full(8, np.radians(10.0))))) == []
+
+
+def with_other_ground(scene, views):
+    """The scene with some views' brightness taken from another place."""
+    other = synthetic_scene(size=20, views=8, seed=1).tracks.brightness.reshape(400, 8)[::-1].ravel()
+    tracks = scene.tracks
+    return replace(
+        scene, tracks=replace(tracks, brightness=np.where(np.isin(tracks.view, views), other, tracks.brightness))
+    )
+
+
+@pytest.mark.parametrize("view", [1, 6])
+def test_a_view_of_other_ground_is_left_out(scene, view):
+    ((found, why),) = contradicting(with_other_ground(scene, [view]))
+    assert found == view
+    assert "shows another place" in why
+
+
+def test_another_reflectance_model_is_no_reason(scene):
+    """Ground of Lunar-Lambert taken for McEwen's."""
+    assert contradicting(replace(scene, reflectance=published("mcewen"))) == []
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_few_views_do_not_outvote_each_other(scene, caplog, count):
+    with caplog.at_level(logging.WARNING):
+        assert contradicting(turned(only(scene, count), 1, 90)) == []
+    assert f"{count} views do not tell which is wrong" in caplog.text
+
+
+def test_six_views_do(scene):
+    assert [view for view, _ in contradicting(turned(only(scene, 6), 1, 90))] == [1]
+
+
+def test_what_cannot_be_decided_is_said_and_not_guessed(scene, caplog):
+    """Two views of eight that bear each other out, against a slight majority that they bend."""
+    with caplog.at_level(logging.WARNING):
+        assert contradicting(with_other_ground(scene, [1, 6])) == []
+    assert "do not tell which is wrong; all of these are kept" in caplog.text
+
+
+def test_suns_of_all_views_the_wrong_way_round_are_a_misunderstanding():
+    scene = synthetic_scene(size=20)
+    images, flipped = synthetic_images(scene), replace(scene.views, sun=-scene.views.sun)
+    with pytest.raises(InputError, match=r"lights 0 % .* in 6 of 6 views; `sun` points from the body"):
+        find_misfits(sparse_of(scene), images, flipped, scene.reflectance, "iof")
+
+
+def test_misfits_are_counted_among_all_views():
+    """View 1 is not registered; the wrong one keeps its number."""
+    scene = turned(synthetic_scene(size=30, views=8), 4, 90)
+    images = synthetic_images(synthetic_scene(size=30, views=8))
+    registered = np.arange(8) != 1
+    found = find_misfits(sparse_of(scene, registered), images, scene.views, scene.reflectance, "iof")
+    assert np.flatnonzero(found.left_out).tolist() == [4]
+    assert "degrees off" in found.reason[4]
+    assert not "".join(np.delete(found.reason, 4))
+
+
+def test_too_few_points_judge_nobody():
+    scene = turned(synthetic_scene(size=7), 2, 90)
+    found = find_misfits(sparse_of(scene), synthetic_images(scene), scene.views, scene.reflectance, "iof")
+    assert not found.left_out.any()

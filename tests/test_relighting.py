@@ -1,0 +1,181 @@
+"""Rounds of relighting: they find geometry, say what they brought, stop, and go on where a run was killed."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.matching.densify import DenseTracks, DensifyOptions
+from photoclinometry.matching.flow import FlowOptions
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.geometry import angle_between, so3_exp, unit
+from photoclinometry.model.projection import keypoint_residuals
+from photoclinometry.pipeline import products
+from photoclinometry.pipeline.relighting import (
+    RelightOptions,
+    is_settled,
+    keypoints_moved,
+    normals_turned,
+    odd_views,
+    rematch,
+    with_dense,
+)
+from photoclinometry.pipeline.run import RunOptions, run
+from scenes import synthetic_images, synthetic_scene
+
+pytestmark = pytest.mark.usefixtures("no_figures")
+
+
+def test_a_round_finds_keypoints_and_normals_that_the_map_had_wrong():
+    """Positions off by 0.15 GSD, smooth over 5 px, and normals off by 3 degrees, as a first map leaves them."""
+    from scipy.ndimage import gaussian_filter
+
+    true = synthetic_scene(size=48, views=7)
+    rng = np.random.default_rng(0)
+    wave = gaussian_filter(rng.normal(size=(48, 48)), 5.0)
+    away = unit(true.landmarks.position - true.views.body_from_cam.translation[0])
+    position = true.landmarks.position + 0.15 * true.gsd * (wave / wave.std()).reshape(-1, 1) * away
+    normal = unit(true.landmarks.normal + 0.05 * rng.normal(size=true.landmarks.normal.shape))
+    start = replace(true, landmarks=replace(true.landmarks, position=position, normal=normal))
+    found = rematch(start, synthetic_images(true), FlowOptions(), DensifyOptions())
+    assert len(found.landmarks) > 0.97 * len(true.landmarks)
+    known = true.grid(np.arange(len(true.landmarks)))[
+        tuple((found.landmarks.pixel - (true.region.row, true.region.col)).T)
+    ]
+    exact = found.with_estimate(
+        true.views, replace(found.landmarks, position=true.landmarks.position[known.astype(int)])
+    )
+    error = np.linalg.norm(keypoint_residuals(exact), axis=-1)[found.tracks.view != 0]
+    assert np.median(error) < 0.03
+    off = angle_between(found.landmarks.normal, true.landmarks.normal[known.astype(int)])
+    assert np.degrees(np.median(off)) < 1.5
+
+
+def test_nothing_matches_nothing():
+    scene = synthetic_scene(size=20, views=4)
+    blank = [replace(image, brightness=np.zeros_like(image.brightness)) for image in synthetic_images(scene)]
+    with pytest.raises(ReconstructionError, match="no pixel of the region was matched"):
+        rematch(scene, blank, FlowOptions(), DensifyOptions(min_views=3))
+
+
+def test_changes_are_those_of_keypoints_and_normals_in_common():
+    before = synthetic_scene(size=12, views=4)
+    turned = before.landmarks.normal @ so3_exp(np.array([0.0, 0.0, 0.02])).T
+    moved = replace(
+        before,
+        landmarks=replace(before.landmarks, normal=turned),
+        tracks=replace(before.tracks, keypoint=before.tracks.keypoint + (0.3, -0.4)),
+    )
+    angle = angle_between(turned, before.landmarks.normal)
+    assert keypoints_moved(before, moved) == pytest.approx(0.5, abs=1e-9)
+    assert normals_turned(before, moved) == pytest.approx(np.median(angle), rel=1e-9)
+    part = with_dense(moved, some_of(moved, 3))
+    assert keypoints_moved(before, part) == pytest.approx(0.5, abs=1e-9)
+    assert normals_turned(before, part) == pytest.approx(np.median(angle[::3]))
+
+
+def some_of(scene, step):
+    """Every `step`-th landmark with its tracks, as densify would give it."""
+    chosen = np.arange(0, len(scene.landmarks), step)
+    picked = np.isin(scene.tracks.landmark, chosen)
+    count = np.diff(scene.tracks.start)[chosen]
+    return DenseTracks(
+        position=scene.landmarks.position[chosen] + 1.0,
+        pixel=scene.landmarks.pixel[chosen],
+        start=np.concatenate([[0], np.cumsum(count)]),
+        view=scene.tracks.view[picked],
+        keypoint=scene.tracks.keypoint[picked],
+        keypoint_sigma=scene.tracks.keypoint_sigma[picked],
+    )
+
+
+def test_new_tracks_keep_each_pixels_normal_and_albedo():
+    scene = synthetic_scene(size=12, views=4)
+    found = with_dense(scene, some_of(scene, 5))
+    np.testing.assert_array_equal(found.landmarks.normal, scene.landmarks.normal[::5])
+    np.testing.assert_array_equal(found.landmarks.albedo, scene.landmarks.albedo[::5])
+    np.testing.assert_array_equal(found.landmarks.position, scene.landmarks.position[::5] + 1.0)
+    assert len(found.tracks) == 4 * len(found.landmarks)
+    assert not found.tracks.lit.any()
+
+
+def test_rounds_end_when_matches_stay():
+    entries = [{"round": n, "keypoints_moved_median_px": 0.04} for n in range(3)]
+    assert not is_settled(entries, RelightOptions(settled_px=0.03))
+    assert is_settled(entries, RelightOptions(settled_px=0.05))
+    assert not is_settled(entries[:2], RelightOptions(settled_px=0.05))
+    assert not is_settled([{"round": 0}], RelightOptions())
+
+
+def test_a_view_under_a_wrong_sun_is_named_and_no_other():
+    scene = synthetic_scene(size=16, views=7, brightness_noise=0.02)
+    assert odd_views(scene) == []
+    sun = scene.views.sun.copy()
+    sun[2] = so3_exp(np.array([0.0, 0.0, np.pi / 2])) @ sun[2]
+    (name, misfit), *others = odd_views(replace(scene, views=replace(scene.views, sun=sun)))
+    assert name == scene.views.name[2]
+    assert misfit > 0.1
+    assert not others
+    assert odd_views(replace(scene, reflectance=None)) == []
+
+
+def rounds_of(folder):
+    return [entry["round"] for entry in json.loads((folder / "metrics.json").read_text())["rounds"]]
+
+
+def run_until_the_third_estimate(site, folder, options, calls):
+    """A run that is killed when it begins its third estimate; calls: of `adjust_nothing`."""
+    stand_in = products.adjust
+
+    def killed(scene, options, **kwargs):
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return stand_in(scene, options, **kwargs)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(products, "adjust", killed)
+        with pytest.raises(KeyboardInterrupt):
+            run(site, folder, options)
+
+
+def test_a_run_killed_in_a_round_goes_on_in_it(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    options = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0))
+    run_until_the_third_estimate(mapped.site, folder, options, adjust_nothing)
+    first = run(mapped.site, folder, options)
+    assert [options.uncertainty for options in adjust_nothing] == [False, False, True]  # uncertainties are found once
+    assert rounds_of(folder) == [0, 1, 2]
+    again = run(mapped.site, folder, options)
+    assert len(adjust_nothing) == 3
+    assert rounds_of(folder) == [0, 1, 2]
+    np.testing.assert_array_equal(again.scene.tracks.keypoint, first.scene.tracks.keypoint)
+
+
+def test_more_rounds_go_on_from_those_made(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    one, two = (RelightOptions(rounds=n, settled_px=0.0) for n in (1, 2))
+    run(mapped.site, folder, RunOptions(reflectance="akimov", relight=one))
+    run(mapped.site, folder, RunOptions(reflectance="akimov", relight=two))
+    assert len(adjust_nothing) == 3
+    assert rounds_of(folder) == [0, 1, 2]
+
+
+def test_fewer_rounds_than_were_begun_start_again(mapped, tmp_path, adjust_nothing):
+    """The round that a longer run left has no uncertainties, which only the last one finds."""
+    folder = mapped.copy(tmp_path / "run")
+    two = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0))
+    run_until_the_third_estimate(mapped.site, folder, two, adjust_nothing)
+    one = replace(two, relight=replace(two.relight, rounds=1))
+    run(mapped.site, folder, one)
+    run(mapped.site, folder, one)
+    assert [options.uncertainty for options in adjust_nothing] == [False, False, False, True]
+
+
+def test_flow_and_geometry_alone_have_no_rounds(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    run(mapped.site, folder, RunOptions(matcher="flow"))
+    assert rounds_of(folder) == [0]
+    run(mapped.site, folder, RunOptions(reflectance="none"))
+    assert rounds_of(folder) == [0]
+    assert len(adjust_nothing) == 2
