@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.adjust import AdjustOptions, ImageSlopes, adjust
+from photoclinometry.adjust import AdjustOptions, ImageGradients, adjust
 from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.scene import Image
@@ -39,7 +39,7 @@ def height_error(scene, true):
 
 
 def estimate(start, slack, last, slopes=None):
-    return adjust(start, replace(QUICK, keypoint_slack=slack), slopes=slopes)
+    return adjust(start, replace(QUICK, keypoint_slack=slack), gradients=slopes)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_slopes_say_what_the_images_show_nearby(true):
         mine = start.tracks.view == k
         there = sample_image(images[k], slopes.at[mine] + shift)[0]
         here = start.tracks.brightness[mine]
-        left = there - here - slopes.slope[mine] @ shift
+        left = there - here - slopes.gradient[mine] @ shift
         assert np.std(left) < 0.1 * np.std(there - here)
 
 
@@ -125,7 +125,7 @@ def test_passes_take_the_images_anew_and_the_last_one_is_told_so(true):
     asked = []
 
     def record(start, slack, last, slopes=None):
-        assert isinstance(slopes, ImageSlopes)
+        assert isinstance(slopes, ImageGradients)
         asked.append(last)
         return estimate(start, slack, last, slopes)
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, ImageSlopes
+from photoclinometry.adjust import Adjustment, ImageGradients
 from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import landmark_spacing_px
@@ -39,7 +39,7 @@ ground's."""
 
 
 def adjust_directly(
-    scene: Scene, images: Sequence[Image], adjusted: Callable[[Scene, float, bool, ImageSlopes | None], Adjustment]
+    scene: Scene, images: Sequence[Image], adjusted: Callable[[Scene, float, bool, ImageGradients | None], Adjustment]
 ) -> Adjustment:
     """The last estimate of a scene, from its images; from its matches, where less than half of it can do without.
 
@@ -59,7 +59,9 @@ def adjust_directly(
     return adjusted(start, 1.0, True, slopes)
 
 
-def image_slopes(scene: Scene, images: Sequence[Image], among: np.ndarray | None = None) -> tuple[Scene, ImageSlopes]:
+def image_slopes(
+    scene: Scene, images: Sequence[Image], among: np.ndarray | None = None
+) -> tuple[Scene, ImageGradients]:
     """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the slopes there.
 
     images: of the scene's views, in their order. Slopes are zero where it is not lit, and of landmarks that are lit in
@@ -77,7 +79,7 @@ def image_slopes(scene: Scene, images: Sequence[Image], among: np.ndarray | None
     direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
     if among is not None:
         direct &= among
-    return measured, ImageSlopes(xy, np.where((lit & direct[tracks.landmark])[:, None], slope, 0.0))
+    return measured, ImageGradients(xy, np.where((lit & direct[tracks.landmark])[:, None], slope, 0.0))
 
 
 def has_strayed(scene: Scene) -> np.ndarray:

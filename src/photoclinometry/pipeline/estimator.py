@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, ImageSlopes, PosePriors
+from photoclinometry.adjust import Adjustment, AdjustOptions, ImageGradients, PosePriors, TiePoints
 from photoclinometry.matching.densify import triangulate_tracks
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import Reflectance
@@ -22,7 +22,7 @@ class Estimator:
     """Makes one estimate after another of the same views (`rounds.adjust_in_rounds`)."""
 
     options: AdjustOptions
-    anchors: Anchors
+    anchors: TiePoints
     """Sparse landmarks, in the frame of `views`."""
     views: Views
     """As the sparse stage left them."""
@@ -32,7 +32,7 @@ class Estimator:
     """By name of view; none, or enough to determine a frame."""
     progress: Progress
 
-    def __call__(self, start: Scene, slack: float, last: bool, slopes: ImageSlopes | None = None) -> Adjustment:
+    def __call__(self, start: Scene, slack: float, last: bool, slopes: ImageGradients | None = None) -> Adjustment:
         """The scene adjusted from `start`, keypoints held `slack` times looser; uncertainties if it is the last.
 
         slopes: of the images where the brightness of `start` was taken, which then follows the landmarks.
@@ -59,7 +59,7 @@ class Estimator:
         placed = place_by_priors(alone.scene, self.priors)
         return alone if placed is None else replace(alone, scene=placed.scene)
 
-    def _anchors_for(self, scene: Scene) -> Anchors:
+    def _anchors_for(self, scene: Scene) -> TiePoints:
         """The anchors in the scene's frame, where its own poses see them."""
         if scene.frame == OWN:
             return self.anchors

@@ -14,11 +14,11 @@ import numpy as np
 from photoclinometry.adjust import (
     Adjustment,
     AdjustOptions,
-    Anchors,
-    ImageSlopes,
+    ImageGradients,
     Iteration,
     Noise,
     PosePriors,
+    TiePoints,
     adjust,
 )
 from photoclinometry.io.options import write_options
@@ -64,7 +64,7 @@ def adjust_or_read(
     scene: Scene,
     options: AdjustOptions,
     progress: Progress,
-    anchors: Anchors | None = None,
+    anchors: TiePoints | None = None,
 ) -> Adjustment:
     """The adjusted scene, from the run folder's scene.h5 if that is of this key, else estimated and kept there."""
     return kept_or_made(folder, key, lambda: (adjusted(scene, options, progress, anchors), {}))[0]
@@ -74,10 +74,10 @@ def adjusted(
     scene: Scene,
     options: AdjustOptions,
     progress: Progress,
-    anchors: Anchors | None = None,
+    anchors: TiePoints | None = None,
     pose_priors: PosePriors | None = None,
     reflectance: Reflectance | None = None,
-    slopes: ImageSlopes | None = None,
+    slopes: ImageGradients | None = None,
 ) -> Adjustment:
     """`adjust`, with its steps reported."""
     steps = 0
@@ -88,7 +88,13 @@ def adjusted(
         progress("adjust", steps, 0)
 
     return adjust(
-        scene, options, anchors=anchors, pose_priors=pose_priors, reflectance=reflectance, slopes=slopes, progress=count
+        scene,
+        options,
+        tie_points=anchors,
+        pose_priors=pose_priors,
+        reflectance=reflectance,
+        gradients=slopes,
+        progress=count,
     )
 
 

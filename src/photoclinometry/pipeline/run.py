@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from photoclinometry import __version__
-from photoclinometry.adjust import AdjustOptions, Anchors
+from photoclinometry.adjust import AdjustOptions, TiePoints
 from photoclinometry.evaluate.held_out import Resected, held_out_mask, held_out_views, resect_views, views_in_frame_of
 from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
@@ -300,14 +300,14 @@ def initial_scene(
     )
 
 
-def anchors_from(sparse: SparseModel) -> Anchors:
+def anchors_from(sparse: SparseModel) -> TiePoints:
     """The sparse points of the whole images, with their views counted among the registered ones.
 
     Their keypoints' sigma is the mean reprojection error, a tenth of a pixel at least.
     """
     count = len(sparse.point_view)
     new_index = np.cumsum(sparse.registered) - 1
-    return Anchors(
+    return TiePoints(
         position=sparse.points,
         tracks=Tracks(
             start=sparse.point_start,

@@ -16,18 +16,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance import ErrorModel, Linearised, Marginals, marginals, with_parameters
-from photoclinometry.adjust.information import Observed
-from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE
-from photoclinometry.adjust.noise import Noise
-from photoclinometry.adjust.parameters import ParameterResponse
-from photoclinometry.adjust.problem import Problem, states
-from photoclinometry.adjust.smoothing import linearize_smoothness
-from photoclinometry.adjust.variables import Estimate
-from photoclinometry.adjust.weights import Weights
-from photoclinometry.adjust.windows import links
+from photoclinometry.adjust.covariance.information import Observed
+from photoclinometry.adjust.covariance.marginals import (
+    ErrorModel,
+    Linearised,
+    Marginals,
+    marginals,
+    with_parameters,
+)
+from photoclinometry.adjust.covariance.windows import links
+from photoclinometry.adjust.graph.graph import FactorGraph
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
+from photoclinometry.adjust.graph.observations import states
+from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
+from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.geometry import skew
-from photoclinometry.model.scene import Scene, Views
+from photoclinometry.model.scene import Views
 
 log = logging.getLogger(__name__)
 
@@ -43,26 +47,27 @@ _NEARBY = 25
 
 
 def estimate_uncertainty(
-    scene: Scene,
-    pivot: np.ndarray,
-    problem: Problem,
-    weights: Weights,
-    noise: Noise,
+    graph: FactorGraph,
+    estimate: Estimate,
+    *,
+    keypoint_correlation: float,
+    brightness_correlation: float,
     mapped: np.ndarray,
+    own_frame: bool,
     response: ParameterResponse | None = None,
-    slope: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
-    """`Scene.uncertainty` of an adjusted scene, of the landmarks in `mapped` (J,).
+    """`Scene.uncertainty` of an estimate, of the landmarks in `mapped` (J,).
 
-    slope: (N, 2) of `ImageSlopes`, where brightness follows the landmarks. response: of reflectance parameters that
-    were estimated along; without it they count as known. Empty, with a warning, where the measurements do not determine
-    the views.
+    keypoint_correlation, brightness_correlation: sides of the squares of landmarks that share an error; own_frame: only
+    the gauge is known of the frame. response: of reflectance parameters that were estimated along; without it they
+    count as known. Empty, with a warning, where the measurements do not determine the views.
     """
-    at, smoothness = linearised(scene, pivot, problem, weights, slope)
-    errors = error_model(noise, smoothness, photometric=problem.with_brightness)
+    at = linearised(graph, estimate)
+    smoothness = graph.smoothness.linearize(estimate, float).residual
+    photometric = graph.with_brightness
+    errors = error_model(keypoint_correlation, brightness_correlation, smoothness, photometric=photometric)
     frame = None
-    priors = problem.priors
-    if np.isfinite(priors.pose_translation).sum() <= 1 and np.isfinite(priors.position).sum() <= 1:
+    if own_frame:
         frame = mapped
         at = loosely_held(at)
     try:
@@ -72,8 +77,8 @@ def estimate_uncertainty(
         return {}
     if response is not None:
         found = with_parameters(found, at, response, frame)
-    uncertainty = scene_uncertainty(found, scene.views, pivot, mapped)
-    estimated = uncertainty if problem.with_brightness else ("position", "rotation", "center")
+    uncertainty = scene_uncertainty(found, estimate.views, estimate.pivot, mapped)
+    estimated = uncertainty if photometric else ("position", "rotation", "center")
     return {name: uncertainty[name] for name in estimated}
 
 
@@ -84,51 +89,46 @@ def loosely_held(at: Linearised) -> Linearised:
     return replace(at, prior=prior)
 
 
-def linearised(
-    scene: Scene, pivot: np.ndarray, problem: Problem, weights: Weights, slope: np.ndarray | None = None
-) -> tuple[Linearised, np.ndarray]:
-    """The estimate at its minimum, and the whitened residuals (P,) of smoothness there."""
-    views, points, tracks = scene.views, scene.landmarks, scene.tracks
-    cameras, landmarks = states(views, points)
-    neighbours = problem.neighbours
-    rows, residual = np.zeros((len(neighbours.target), 5)), np.zeros(len(neighbours.target))
-    linearize_smoothness(
-        neighbours, points.position, points.normal, landmarks.normal_basis, problem.smooth_sigma, rows, residual
-    )
-    estimate = Estimate(views, points, pivot)
-    prior = np.zeros((len(points), LANDMARK_SIZE, LANDMARK_SIZE))
-    problem.priors.add_landmarks(estimate, prior, np.zeros_like(prior), np.zeros(prior.shape[:2]))
+def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
+    """A graph at an estimate: all that its covariances depend on."""
+    cameras, landmarks = states(estimate.views, estimate.landmarks)
+    observations, tracks = graph.observations, graph.observations.table.tracks
+    smooth = graph.smoothness.linearize(estimate, float)
+    brightness, slope = observations.brightness_lines
+    rest = graph.rest(estimate)
     plain = np.ascontiguousarray
-    at = Linearised(
+    return Linearised(
         cameras=cameras,
         points=landmarks,
         observed=Observed(
             plain(tracks.start),
             plain(tracks.view),
             plain(tracks.keypoint),
-            plain(tracks.brightness),
-            np.zeros((len(tracks), 2)) if slope is None else plain(slope),
-            weights.keypoint,
-            weights.brightness,
-            weights.keypoint_limit,
-            float(weights.brightness_limit),
+            plain(brightness),
+            plain(slope, float),
+            observations.keypoint_weight,
+            observations.brightness_weight,
+            observations.keypoint_limit,
+            observations.brightness_limit,
         ),
-        links=links(neighbours, rows),
-        camera_prior=problem.of_cameras(estimate)[0],
-        prior=prior,
-        pivot=pivot,
-        packed=np.zeros(3) if scene.reflectance is None else scene.reflectance.packed,
+        links=links(smooth.neighbours, smooth.rows),
+        camera_prior=rest["view"].rest,
+        prior=rest["landmark"].rest.astype(float),
+        several=graph.several(estimate),
+        pivot=estimate.pivot,
+        packed=observations.packed_at(estimate),
     )
-    return at, residual
 
 
-def error_model(noise: Noise, smoothness: np.ndarray, *, photometric: bool = True) -> ErrorModel:
+def error_model(
+    keypoint_correlation: float, brightness_correlation: float, smoothness: np.ndarray, *, photometric: bool = True
+) -> ErrorModel:
     """What the errors are, over what the estimate takes them for. smoothness: (P,) whitened residuals.
 
-    An error that n landmarks share has 1/n of the variance that it is weighed with. Of those nearby, all
-    share it if n is as large as their number.
+    Correlations are sides of the squares of landmarks that share an error. An error that n landmarks share has 1/n of
+    the variance that it is weighed with. Of those nearby, all share it if n is as large as their number.
     """
-    keypoint, brightness = noise.keypoint_correlation_px**2, noise.brightness_correlation_px**2
+    keypoint, brightness = keypoint_correlation**2, brightness_correlation**2
 
     def common(shared: float) -> float:
         return (min(shared, _NEARBY) - 1.0) / (_NEARBY - 1.0)

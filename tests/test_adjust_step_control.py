@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from photoclinometry.adjust.descent import MAX_TURN, common_motion, limited
-from photoclinometry.adjust.variables import Estimate
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.solve.step_control import MAX_TURN, common_motion, limited
 from scenes import synthetic_scene
 
 

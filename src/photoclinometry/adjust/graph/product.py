@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.kernels import CAMERA_SIZE, FAST, LANDMARK_SIZE, STORED, CameraState, LandmarkState
-from photoclinometry.adjust.layout import LANES
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, STORED, CameraState, LandmarkState
+from photoclinometry.adjust.graph.layout import LANES
+from photoclinometry.adjust.graph.rows import COMPILED
 
 _OF_VIEW = 22
 
@@ -34,7 +35,7 @@ def linearized(cameras: CameraState, landmarks: LandmarkState, pivot: np.ndarray
     return Linearized(of_views.astype(np.float32), of_landmarks.astype(np.float32))
 
 
-@njit(parallel=True, **FAST)
+@njit(parallel=True, **COMPILED)
 def multiply(layout, stored, where, camera_in, landmark_in, camera_out, landmark_out):
     """J^T J x for projection and brightness, matrix-free, one pass over the stored rows.
 
@@ -46,7 +47,7 @@ def multiply(layout, stored, where, camera_in, landmark_in, camera_out, landmark
         _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, camera_out[part], landmark_out)
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, camera_out, landmark_out):
     """`multiply` for one thread's share of the groups."""
     views, marks = where.of_views.shape[0], where.of_landmarks.shape[0]
@@ -81,7 +82,7 @@ def _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, c
             camera_out[k, i] *= -1.0  # forces on the landmarks, against the camera's shift
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _multiply_slot(r, c, x, y):
     """J^T J x of one slot: adds to y by landmark, returns the view's orbit, force (the opposite of shift), Sun, scale
     and bias.

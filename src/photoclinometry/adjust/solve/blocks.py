@@ -6,13 +6,14 @@ import math
 
 from numba import njit, prange
 
-from photoclinometry.adjust.kernels import FAST, LANDMARK_SIZE
+from photoclinometry.adjust.graph.kernels import LANDMARK_SIZE
+from photoclinometry.adjust.graph.rows import COMPILED
 
 _SMALLEST_PIVOT = 1e-10
 """Pivots are kept above this share of their diagonal element: below, rounding alone decides on their sign."""
 
 
-@njit(parallel=True, **FAST)
+@njit(parallel=True, **COMPILED)
 def invert_blocks(block, damping, out):
     """Inverses (J, 6, 6) float32 of symmetric blocks (J, 6, 6) whose diagonal has grown by the share `damping`.
 
@@ -32,7 +33,7 @@ def invert_blocks(block, damping, out):
                 out[j, i, k] = out[j, k, i] = total
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _factorize(a):
     """The Cholesky factor of a symmetric matrix, in its lower triangle."""
     for k in range(a.shape[0]):
@@ -47,7 +48,7 @@ def _factorize(a):
             a[i, k] = total / a[k, k]
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _invert_triangle(a):
     """A lower triangular matrix to its inverse, in place."""
     for k in range(a.shape[0]):
@@ -59,7 +60,7 @@ def _invert_triangle(a):
             a[i, k] = total / a[i, i]
 
 
-@njit(parallel=True, **FAST)
+@njit(parallel=True, **COMPILED)
 def apply_blocks(inverse, x, factor, out):
     """out = factor * inverse x, block by block (J, 6, 6)."""
     for j in prange(x.shape[0]):

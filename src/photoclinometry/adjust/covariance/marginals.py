@@ -22,10 +22,11 @@ import numpy as np
 from numba import njit
 from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 
-from photoclinometry.adjust.information import Observed, Patch, observed_patch
-from photoclinometry.adjust.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
-from photoclinometry.adjust.parameters import ParameterResponse
-from photoclinometry.adjust.windows import RIDGE, Links, covariances_given_views, hold
+from photoclinometry.adjust.covariance.information import Observed, Patch, observed_patch
+from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views, hold
+from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
+from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
 from photoclinometry.model.geometry import skew
 
 EXACT = 1000
@@ -74,6 +75,8 @@ class Linearised:
     """(K, 10, 10) information from Suns and priors."""
     prior: np.ndarray
     """(J, 6, 6) information on landmarks from priors."""
+    several: tuple[Rows, ...]
+    """General factors that touch a landmark and a view."""
     pivot: np.ndarray
     """(3,) as in `Estimate`."""
     packed: np.ndarray
@@ -83,7 +86,44 @@ class Linearised:
         return len(self.prior)
 
     def patch(self, first: int, last: int) -> Patch:
-        return observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.packed)
+        more = [part for rows in self.several if (part := _within(rows, first, last)) is not None]
+        views = np.concatenate([np.zeros(0, int), *(touch.index for rows in more for touch in rows.touches[1:])])
+        patch = observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.packed, views)
+        for rows in more:
+            _add_general(rows, patch)
+        return patch
+
+
+def _within(rows: Rows, first: int, last: int) -> Rows | None:
+    """The factors of landmarks first:last, counted from `first`, the landmark's derivatives first; None without any.
+
+    Raises ValueError for factors that do not touch one landmark and one view.
+    """
+    by_kind = {touch.variable: touch for touch in rows.touches}
+    if len(rows.touches) != 2 or set(by_kind) != {"landmark", "view"}:
+        raise ValueError("covariances know general factors of one variable, or of one landmark and one view")
+    landmark, view = by_kind["landmark"], by_kind["view"]
+    mine = np.flatnonzero((landmark.index >= first) & (landmark.index < last))
+    if not len(mine):
+        return None
+    return Rows(
+        rows.residual[mine],
+        (
+            Touch("landmark", landmark.index[mine] - first, landmark.jacobian[mine]),
+            Touch("view", view.index[mine], view.jacobian[mine]),
+        ),
+    )
+
+
+def _add_general(rows: Rows, patch: Patch) -> None:
+    """Adds the factors of `_within` to a patch's blocks."""
+    landmark, view = rows.touches
+    slot = np.searchsorted(patch.views, view.index)
+    for n in range(len(rows.residual)):
+        by_landmark, by_view, j, s = landmark.jacobian[n], view.jacobian[n], landmark.index[n], slot[n]
+        patch.own[j, 0] += by_landmark.T @ by_landmark
+        patch.coupling[j, :, s, :] += by_landmark.T @ by_view
+        patch.camera[s] += by_view.T @ by_view
 
 
 @dataclass(frozen=True, kw_only=True)

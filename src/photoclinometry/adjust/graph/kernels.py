@@ -1,4 +1,4 @@
-"""The compiled inner loops of the joint estimate. `factors.py` says the same in plain NumPy.
+"""The compiled inner loops over keypoints and brightness. `rows.py` states a row, `factors.py` states it in NumPy.
 
 Everything is done for one slot at a time: a view and the sixteen landmarks of a group (see `layout`). What belongs to
 the view is one number for all of them; what belongs to a landmark or an observation is a row of sixteen, kept in a flat
@@ -10,13 +10,24 @@ the cost was off by 2e-5).
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.layout import LANES
-from photoclinometry.model.reflectance import _PHASE_FLOOR, photometric_function
+from photoclinometry.adjust.graph.layout import LANES
+from photoclinometry.adjust.graph.rows import (
+    COMPILED,
+    along_basis,
+    angles,
+    brightness_by_vectors,
+    direction,
+    huber,
+    pixel_by_position,
+    view_numbers,
+)
+from photoclinometry.model.projection import project_point
+from photoclinometry.model.reflectance import photometric_function
 
 CAMERA_SIZE = 10
 """omega 3, tau 3, Sun 2, scale 1, bias 1."""
@@ -25,8 +36,6 @@ LANDMARK_SIZE = 6
 STORED = 15
 """Rows kept of each slot. Of keypoints, 0: weight over depth, 1, 2: x / z and y / z. Of brightness, 3:6 by position,
 6:8 by normal, 8:10 by Sun, 10: weight times rho, 11: weight, 12:15 by orbit, beyond what follows from 3:6."""
-
-FAST: dict[str, Any] = dict(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 
 # Rows of the scratch array: what is known of the landmarks, the Jacobian by landmark and view, residuals.
 _POSITION, _NORMAL, _BASIS, _ALBEDO, _LIMIT = 0, 3, 6, 12, 13
@@ -82,22 +91,22 @@ class Normal(NamedTuple):
     """(threads, 2): squared whitened residuals of keypoints and of brightness, after the loss."""
 
 
-@njit(parallel=True, **FAST)
+@njit(parallel=True, **COMPILED)
 def linearize(layout, measured, cameras, landmarks, pivot, packed, with_jacobian, stored, normal):
-    """Cost of projection and brightness and, if asked, their Jacobian (`stored`) and normal equations.
+    """Cost of keypoints and brightness and, if asked, their Jacobian (`stored`) and normal equations.
 
     pivot: (3,) as in `Estimate`. packed: `Reflectance.packed`.
-    stored: (STORED P,) float32, for every slot its rows of sixteen. normal: `Normal`, overwritten.
+    stored: (STORED P,) float32, filled with the rows of sixteen of every slot if asked. normal: `Normal`, overwritten.
     """
     parts = normal.cost.shape[0]
     for part in prange(parts):
         _linearize_part(part, parts, layout, measured, cameras, landmarks, pivot, packed, with_jacobian, stored, normal)
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _linearize_part(part, parts, layout, measured, cameras, landmarks, pivot, packed, with_jacobian, stored, normal):
     """`linearize` for one thread's share of the groups."""
-    w = np.zeros(_ROWS * LANES)
+    w, scratch = np.zeros(_ROWS * LANES), np.zeros(STORED * LANES, np.float32)
     of_landmarks = np.zeros(_BLOCK_SIZE * LANES)
     normal.camera_block[part] = 0.0
     normal.camera_gradient[part] = 0.0
@@ -108,7 +117,7 @@ def _linearize_part(part, parts, layout, measured, cameras, landmarks, pivot, pa
         of_landmarks[:] = 0.0
         for slot in range(layout.slot_start[group], layout.slot_start[group + 1]):
             k, place = layout.slot_view[slot], LANES * slot
-            rows = stored[STORED * place : STORED * (place + LANES)]
+            rows = stored[STORED * place : STORED * (place + LANES)] if with_jacobian else scratch
             keypoint_cost += _keypoint_rows(k, place, cameras, measured, w, rows)
             lit = _brightness_geometry(k, place, cameras, measured.brightness_weight, packed, w)
             brightness_cost += _brightness_rows(k, place, lit, cameras, measured, w, rows)
@@ -122,7 +131,7 @@ def _linearize_part(part, parts, layout, measured, cameras, landmarks, pivot, pa
     normal.cost[part, 1] = brightness_cost
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _gather_landmarks(first, landmarks, limit, w):
     """The group's landmarks, one to a lane; beyond the last landmark it is repeated, with nothing measured there."""
     for lane in range(LANES):
@@ -136,54 +145,37 @@ def _gather_landmarks(first, landmarks, limit, w):
         w[_LIMIT * LANES + lane] = limit[j]
 
 
-@njit(**FAST)
-def _huber(size, limit):
-    """Huber's loss of a residual of length `size`, and the factor that scales residual and Jacobian."""
-    inner = min(size, limit)
-    return inner * (2.0 * size - inner), math.sqrt((inner + 1e-30) / (size + 1e-30))
-
-
-@njit(**FAST)
-def _numbers_of(k, cameras):
-    """A view's intrinsics (4) and rotation (9), row by row."""
-    i, r = cameras.intrinsics[k], cameras.rotation[k]
-    rotation = r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2]
-    return (i[0], i[1], i[2], i[3]), rotation
-
-
-@njit(**FAST)
+@njit(**COMPILED)
 def _keypoint_rows(k, place, cameras, measured, w, rows):
     """Whitened projection rows of a slot (factors.projection); returns their cost."""
     c0, c1, c2 = cameras.center[k, 0], cameras.center[k, 1], cameras.center[k, 2]
-    (fx, fy, cx, cy), (r00, r01, r02, r10, r11, r12, r20, r21, r22) = _numbers_of(k, cameras)
+    intrinsics, rotation = view_numbers(k, cameras)
+    fx, fy, cx, cy = intrinsics
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
     weights = measured.keypoint_weight[place : place + LANES]
     measured_x, measured_y = measured.keypoint[0, place : place + LANES], measured.keypoint[1, place : place + LANES]
     total = 0.0
     for s in range(LANES):
         d0, d1, d2 = w[s] - c0, w[LANES + s] - c1, w[2 * LANES + s] - c2
-        inverse = 1.0 / (r02 * d0 + r12 * d1 + r22 * d2)
-        x = (r00 * d0 + r10 * d1 + r20 * d2) * inverse
-        y = (r01 * d0 + r11 * d1 + r21 * d2) * inverse
+        inverse, x, y = project_point(r00, r01, r02, r10, r11, r12, r20, r21, r22, d0, d1, d2)
         w[_SEEN * LANES + s], w[(_SEEN + 1) * LANES + s], w[(_SEEN + 2) * LANES + s] = inverse, x, y
         weight = float(weights[s])
         u = weight * (fx * x + cx - measured_x[s])
         v = weight * (fy * y + cy - measured_y[s])
-        cost, shrink = _huber(math.sqrt(u * u + v * v), w[_LIMIT * LANES + s])
+        cost, shrink = huber(math.sqrt(u * u + v * v), w[_LIMIT * LANES + s])
         total += cost
         w[_RESIDUAL * LANES + s] = u * shrink
         w[(_RESIDUAL + 1) * LANES + s] = v * shrink
-        weight *= shrink * inverse
-        rows[s], rows[LANES + s], rows[2 * LANES + s] = weight, x, y
-        w[_U * LANES + s] = fx * weight * (r00 - x * r02)
-        w[(_U + 1) * LANES + s] = fx * weight * (r10 - x * r12)
-        w[(_U + 2) * LANES + s] = fx * weight * (r20 - x * r22)
-        w[_V * LANES + s] = fy * weight * (r01 - y * r02)
-        w[(_V + 1) * LANES + s] = fy * weight * (r11 - y * r12)
-        w[(_V + 2) * LANES + s] = fy * weight * (r21 - y * r22)
+        weight *= shrink
+        rows[s], rows[LANES + s], rows[2 * LANES + s] = weight * inverse, x, y
+        by_x, by_y = pixel_by_position(intrinsics, rotation, weight * inverse, x, y)
+        for i in range(3):
+            w[(_U + i) * LANES + s] = by_x[i]
+            w[(_V + i) * LANES + s] = by_y[i]
     return total
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _brightness_geometry(k, place, cameras, weights, packed, w):
     """Directions to the camera, rho and its three derivatives in a slot; returns whether any brightness counts."""
     lit = False
@@ -192,18 +184,15 @@ def _brightness_geometry(k, place, cameras, weights, packed, w):
     if not lit:
         return False
     c0, c1, c2 = cameras.center[k, 0], cameras.center[k, 1], cameras.center[k, 2]
-    s0, s1, s2 = cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]
+    sun = cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]
     for s in range(LANES):
-        e0, e1, e2 = c0 - w[s], c1 - w[LANES + s], c2 - w[2 * LANES + s]
-        inverse = 1.0 / math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-        e0, e1, e2 = e0 * inverse, e1 * inverse, e2 * inverse
-        x0, x1, x2 = s1 * e2 - s2 * e1, s2 * e0 - s0 * e2, s0 * e1 - s1 * e0
-        w[_TO_CAMERA * LANES + s], w[(_TO_CAMERA + 1) * LANES + s], w[(_TO_CAMERA + 2) * LANES + s] = e0, e1, e2
-        w[_COSINE * LANES + s] = s0 * e0 + s1 * e1 + s2 * e2
-        w[_SINE * LANES + s] = math.sqrt(x0 * x0 + x1 * x1 + x2 * x2)
-        n0, n1, n2 = w[_NORMAL * LANES + s], w[(_NORMAL + 1) * LANES + s], w[(_NORMAL + 2) * LANES + s]
-        w[_RHO * LANES + s] = s0 * n0 + s1 * n1 + s2 * n2
-        w[(_RHO + 1) * LANES + s] = e0 * n0 + e1 * n1 + e2 * n2
+        e, inverse = direction(c0 - w[s], c1 - w[LANES + s], c2 - w[2 * LANES + s])
+        normal = w[_NORMAL * LANES + s], w[(_NORMAL + 1) * LANES + s], w[(_NORMAL + 2) * LANES + s]
+        mu0, mu, cosine, sine = angles(sun, e, normal)
+        for i in range(3):
+            w[(_TO_CAMERA + i) * LANES + s] = e[i]
+        w[_COSINE * LANES + s], w[_SINE * LANES + s] = cosine, sine
+        w[_RHO * LANES + s], w[(_RHO + 1) * LANES + s] = mu0, mu
         w[_RANGE * LANES + s] = inverse
     for s in range(LANES):
         value = 0.0, 0.0, 0.0, 0.0
@@ -215,59 +204,50 @@ def _brightness_geometry(k, place, cameras, weights, packed, w):
     return True
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _brightness_rows(k, place, lit, cameras, measured, w, rows):
-    """Whitened photometric rows of a slot (factors.photometric); returns their cost."""
+    """Whitened photometric rows of a slot (factors.photometric, factors.direct); returns their cost."""
     if not lit:
         w[_B * LANES : (_RESIDUAL) * LANES] = 0.0
         w[_TURN * LANES : _COLUMNS * LANES] = 0.0
         w[(_RESIDUAL + 2) * LANES : (_RESIDUAL + 3) * LANES] = 0.0
         rows[3 * LANES :] = np.float32(0.0)
         return 0.0
-    s0, s1, s2, scale, bias = cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2], cameras.scale[k], cameras.bias[k]
-    basis = cameras.sun_basis[k]
-    b00, b01, b10, b11, b20, b21 = basis[0, 0], basis[0, 1], basis[1, 0], basis[1, 1], basis[2, 0], basis[2, 1]
+    scale, bias = cameras.scale[k], cameras.bias[k]
+    sun, b = (cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]), cameras.sun_basis[k]
+    sun_basis = b[0, 0], b[0, 1], b[1, 0], b[1, 1], b[2, 0], b[2, 1]
     weights, brightness = measured.brightness_weight[place : place + LANES], measured.brightness[place : place + LANES]
     along_x, along_y = measured.slope[0, place : place + LANES], measured.slope[1, place : place + LANES]
-    (fx, fy, cx, cy), (r00, r01, r02, r10, r11, r12, r20, r21, r22) = _numbers_of(k, cameras)
+    intrinsics, rotation = view_numbers(k, cameras)
+    fx, fy, cx, cy = intrinsics
     limit, total = measured.brightness_limit, 0.0
     for s in range(LANES):
         weight, rho, albedo = float(weights[s]), w[_RHO * LANES + s], w[_ALBEDO * LANES + s]
-        x, y = w[(_SEEN + 1) * LANES + s], w[(_SEEN + 2) * LANES + s]
+        inverse, x, y = w[_SEEN * LANES + s], w[(_SEEN + 1) * LANES + s], w[(_SEEN + 2) * LANES + s]
         gx, gy = float(along_x[s]), float(along_y[s])
         gain = scale * albedo
         residual = weight * (gain * rho + bias - brightness[s] - gx * (fx * x + cx) - gy * (fy * y + cy))
-        cost, shrink = _huber(abs(residual), limit)
+        cost, shrink = huber(abs(residual), limit)
         total += cost
         w[(_RESIDUAL + 2) * LANES + s] = residual * shrink
         weight *= shrink
-        gain *= weight
-        m0, mu = gain * w[(_RHO + 1) * LANES + s], gain * w[(_RHO + 2) * LANES + s]
-        ph = gain * w[(_RHO + 3) * LANES + s] / max(w[_SINE * LANES + s], _PHASE_FLOOR)
-        e0, e1, e2 = w[_TO_CAMERA * LANES + s], w[(_TO_CAMERA + 1) * LANES + s], w[(_TO_CAMERA + 2) * LANES + s]
-        n0, n1, n2 = w[_NORMAL * LANES + s], w[(_NORMAL + 1) * LANES + s], w[(_NORMAL + 2) * LANES + s]
-        g0, g1, g2 = mu * n0 - ph * s0, mu * n1 - ph * s1, mu * n2 - ph * s2
-        along, inverse = g0 * e0 + g1 * e1 + g2 * e2, w[_RANGE * LANES + s]
-        gx *= weight * fx * w[_SEEN * LANES + s]
-        gy *= weight * fy * w[_SEEN * LANES + s]
-        gz = gx * x + gy * y
-        w[_B * LANES + s] = (along * e0 - g0) * inverse - gx * r00 - gy * r01 + gz * r02
-        w[(_B + 1) * LANES + s] = (along * e1 - g1) * inverse - gx * r10 - gy * r11 + gz * r12
-        w[(_B + 2) * LANES + s] = (along * e2 - g2) * inverse - gx * r20 - gy * r21 + gz * r22
-        w[_TURN * LANES + s] = e1 * g2 - e2 * g1
-        w[(_TURN + 1) * LANES + s] = e2 * g0 - e0 * g2
-        w[(_TURN + 2) * LANES + s] = e0 * g1 - e1 * g0
-        h0, h1, h2 = m0 * s0 + mu * e0, m0 * s1 + mu * e1, m0 * s2 + mu * e2
-        w[(_B + 3) * LANES + s] = (
-            h0 * w[_BASIS * LANES + s] + h1 * w[(_BASIS + 2) * LANES + s] + h2 * w[(_BASIS + 4) * LANES + s]
-        )
-        w[(_B + 4) * LANES + s] = (
-            h0 * w[(_BASIS + 1) * LANES + s] + h1 * w[(_BASIS + 3) * LANES + s] + h2 * w[(_BASIS + 5) * LANES + s]
-        )
+        e = w[_TO_CAMERA * LANES + s], w[(_TO_CAMERA + 1) * LANES + s], w[(_TO_CAMERA + 2) * LANES + s]
+        normal = w[_NORMAL * LANES + s], w[(_NORMAL + 1) * LANES + s], w[(_NORMAL + 2) * LANES + s]
+        by_position, by_normal, by_sun, turn = brightness_by_vectors(
+            weight * gain, w[(_RHO + 1) * LANES + s], w[(_RHO + 2) * LANES + s], w[(_RHO + 3) * LANES + s],
+            w[_SINE * LANES + s], sun, e, normal, w[_RANGE * LANES + s],
+        )  # fmt: skip
+        by_x, by_y = pixel_by_position(intrinsics, rotation, weight * inverse, x, y)
+        for i in range(3):
+            w[(_B + i) * LANES + s] = by_position[i] - gx * by_x[i] - gy * by_y[i]
+            w[(_TURN + i) * LANES + s] = turn[i]
+        basis = (
+            w[_BASIS * LANES + s], w[(_BASIS + 1) * LANES + s], w[(_BASIS + 2) * LANES + s],
+            w[(_BASIS + 3) * LANES + s], w[(_BASIS + 4) * LANES + s], w[(_BASIS + 5) * LANES + s],
+        )  # fmt: skip
+        w[(_B + 3) * LANES + s], w[(_B + 4) * LANES + s] = along_basis(by_normal, basis)
         w[(_B + 5) * LANES + s] = weight * scale * rho
-        t0, t1, t2 = m0 * n0 - ph * e0, m0 * n1 - ph * e1, m0 * n2 - ph * e2
-        w[_SUN * LANES + s] = t0 * b00 + t1 * b10 + t2 * b20
-        w[(_SUN + 1) * LANES + s] = t0 * b01 + t1 * b11 + t2 * b21
+        w[_SUN * LANES + s], w[(_SUN + 1) * LANES + s] = along_basis(by_sun, sun_basis)
         w[_SCALE * LANES + s] = weight * albedo * rho
         w[_WEIGHT * LANES + s] = weight
         rows[10 * LANES + s] = weight * rho
@@ -284,21 +264,20 @@ def _brightness_rows(k, place, lit, cameras, measured, w, rows):
     return total
 
 
-@njit(**FAST)
-def seen_brightness(j, k, place, measured, cameras, landmarks):
-    """What an image shows where landmark j projects into view k (`Measurements`), of the observation at a place."""
-    r, c = cameras.rotation[k], cameras.center[k]
-    p = landmarks.position[j]
-    d0, d1, d2 = p[0] - c[0], p[1] - c[1], p[2] - c[2]
-    z = r[0, 2] * d0 + r[1, 2] * d1 + r[2, 2] * d2
-    seen = measured.brightness[place]
-    for i in range(2):
-        across = r[0, i] * d0 + r[1, i] * d1 + r[2, i] * d2
-        seen += float(measured.slope[i, place]) * (cameras.intrinsics[k, i] * across / z + cameras.intrinsics[k, 2 + i])
-    return seen
+@njit(**COMPILED)
+def observed_brightness(j, k, place, measured, cameras, landmarks):
+    """The image's brightness where landmark j projects into view k (`Measurements`), for the observation at a place."""
+    p, c = landmarks.position[j], cameras.center[k]
+    intrinsics, rotation = view_numbers(k, cameras)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
+    _, x, y = project_point(r00, r01, r02, r10, r11, r12, r20, r21, r22, p[0] - c[0], p[1] - c[1], p[2] - c[2])
+    gx, gy = float(measured.slope[0, place]), float(measured.slope[1, place])
+    return (
+        measured.brightness[place] + gx * (intrinsics[0] * x + intrinsics[2]) + gy * (intrinsics[1] * y + intrinsics[3])
+    )
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _add_landmarks(w, out):
     """Adds a slot's share to its landmarks' gradients (6) and lower triangles (21), one landmark to a lane."""
     n = LANDMARK_SIZE
@@ -323,7 +302,7 @@ def _add_landmarks(w, out):
                 )
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _scatter_landmarks(first, of_landmarks, block, gradient):
     """What `_add_landmarks` has summed, to the landmarks' blocks (J, 6, 6) and gradients (J, 6)."""
     for lane in range(min(LANES, gradient.shape[0] - first)):
@@ -335,7 +314,7 @@ def _scatter_landmarks(first, of_landmarks, block, gradient):
                 n += 1
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _camera_rows(pivot, w):
     """Rows by view, from the rows by landmark: with a the row by position, the row by shift is -a and the row by orbit
     a x arm from the pivot, force and torque. Of brightness, the reflectance sees the camera turn about the landmark,
@@ -359,7 +338,7 @@ def _camera_rows(pivot, w):
         w[out + 6 * LANES + s] = w[_SUN * LANES + s]
 
 
-@njit(**FAST)
+@njit(**COMPILED)
 def _add_camera(w, block, gradient):
     """Adds a slot's share to its view's block (10, 10), lower triangle, and gradient (10,)."""
     u, v, b = _COLUMNS * LANES, (_COLUMNS + CAMERA_SIZE) * LANES, (_COLUMNS + 2 * CAMERA_SIZE) * LANES

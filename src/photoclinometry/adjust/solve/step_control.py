@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from photoclinometry.adjust.problem import NormalEquations, Problem
-from photoclinometry.adjust.variables import Estimate
+from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
+from photoclinometry.adjust.graph.variables import Estimate
 
 MAX_TURN = 0.5
 """A normal turns by this at most in one step [rad]."""
@@ -31,9 +31,9 @@ class Trial(NamedTuple):
 
     estimate: Estimate
     cost: np.ndarray
-    """By term (5,)."""
-    equations: NormalEquations | None
-    """There, where they were made along with the cost."""
+    """(C,) by `FactorGraph.cost_names`."""
+    linearization: Linearization | None
+    """There, where it was made along with the cost."""
     moves: np.ndarray
     """(10 K + 6 J + T,) made."""
     moved: float
@@ -43,7 +43,7 @@ class Trial(NamedTuple):
 
 
 def descend(
-    problem: Problem,
+    graph: FactorGraph,
     estimate: Estimate,
     cost: float,
     step: tuple[np.ndarray, np.ndarray, np.ndarray],
@@ -60,12 +60,13 @@ def descend(
     for share in (whole, whole / 4.0, whole / 16.0):
         moves = limited(share * landmark, step_limit, estimate)
         candidate = estimate.step(share * camera, moves, share * parameter)
-        new_cost, equations = problem.linearize(candidate) if share == whole else (problem.cost(candidate), None)
+        linearization = graph.linearize(candidate) if share == whole else None
+        new_cost = graph.cost(candidate) if linearization is None else linearization.cost
         if new_cost.sum() <= cost:
             break
     moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
     made = np.concatenate([share * camera.ravel(), moves.ravel(), share * parameter])
-    return Trial(candidate, new_cost, equations, made, moved, share == 1.0)
+    return Trial(candidate, new_cost, linearization, made, moved, share == 1.0)
 
 
 def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:

@@ -1,4 +1,4 @@
-"""The smoothness factors (Eq. 35), which couple neighbours, and the preconditioner that copes with them.
+"""The smoothness factors (Eq. 35), which couple neighbours: a compiled group of its own.
 
 The residual of landmark j towards its neighbour q is asin(d . n_j) / sigma, with five numbers of Jacobian kept: v by
 the neighbour's position (the landmark's own is -v) and two by the normal. A neighbour that lists the landmark back is
@@ -9,14 +9,16 @@ same landmark.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.blocks import apply_blocks
-from photoclinometry.adjust.kernels import FAST, LANDMARK_SIZE
-from photoclinometry.adjust.krylov import conjugate_gradients
+from photoclinometry.adjust.graph.kernels import LANDMARK_SIZE
+from photoclinometry.adjust.graph.rows import COMPILED
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.geometry import tangent_basis
 
 _LIMIT = 1.0 - 1e-9
 """|d . n| is kept below this: the slope of asin is infinite at 1, where a neighbour lies along the normal."""
@@ -52,7 +54,42 @@ def build_neighbours(index: np.ndarray, present: np.ndarray) -> Neighbours:
     return Neighbours(*(np.ascontiguousarray(values, dtype=np.uint32) for values in lists))
 
 
-@njit(parallel=True, **FAST)
+@dataclass(frozen=True)
+class Smoothness:
+    """asin(d . n) / sigma: each landmark's neighbours lie in its tangent plane (Eq. 35)."""
+
+    neighbours: Neighbours
+    sigma: float
+    """[rad]."""
+    name: str = "smoothness"
+
+    def cost(self, estimate: Estimate) -> float:
+        return self.linearize(estimate).cost
+
+    def linearize(self, estimate: Estimate, dtype: type = np.float32) -> SmoothnessRows:
+        """dtype: of the rows; residuals are in double precision."""
+        landmarks, pairs = estimate.landmarks, len(self.neighbours.target)
+        rows, residual = np.empty((pairs, 5), dtype), np.empty(pairs)
+        position, normal = (np.ascontiguousarray(part) for part in (landmarks.position, landmarks.normal))
+        cost = linearize_smoothness(
+            self.neighbours, position, normal, tangent_basis(normal), self.sigma, rows, residual
+        )
+        return SmoothnessRows(self.neighbours, float(cost), rows, residual)
+
+
+@dataclass(frozen=True)
+class SmoothnessRows:
+    """Rows of P pairs of neighbours at one estimate."""
+
+    neighbours: Neighbours
+    cost: float
+    rows: np.ndarray
+    """(P, 5): by the neighbour's position 3 (the landmark's own is the opposite), and by the landmark's normal 2."""
+    residual: np.ndarray
+    """(P,) whitened."""
+
+
+@njit(parallel=True, **COMPILED)
 def linearize_smoothness(neighbours, position, normal, normal_basis, sigma, rows, residual):
     """Fills rows (P, 5) and residual (P,), whitened; returns the cost."""
     cost = 0.0
@@ -78,7 +115,7 @@ def linearize_smoothness(neighbours, position, normal, normal_basis, sigma, rows
     return cost
 
 
-@njit(parallel=True, **FAST)
+@njit(parallel=True, **COMPILED)
 def add_smoothness(neighbours, rows, residual, block, rest, gradient):
     """Adds the smoothness factors to the landmarks' diagonal blocks (J, 6, 6), to what of them is not from
     observations, likewise, and to their gradients (J, 6)."""
@@ -101,8 +138,8 @@ def add_smoothness(neighbours, rows, residual, block, rest, gradient):
                 block[j, i, k] += rest[j, i, k]
 
 
-@njit(**FAST)
-def _couple(j, neighbours, rows, x):
+@njit(**COMPILED)
+def couple(j, neighbours, rows, x):
     """What the neighbours' part x (J, 6) adds to landmark j: the off-diagonal product, without j's own block."""
     a0 = a1 = a2 = a3 = a4 = np.float32(0.0)
     for p in range(neighbours.start[j], neighbours.start[j + np.uint32(1)]):
@@ -125,11 +162,11 @@ def _couple(j, neighbours, rows, x):
     return a0, a1, a2, a3, a4
 
 
-@njit(parallel=True, **FAST)
+@njit(parallel=True, **COMPILED)
 def add_product(neighbours, rows, block, x, out):
     """out += block x + coupling x: landmarks' diagonal blocks (J, 6, 6) and the smoothness between them; float32."""
     for j in prange(x.shape[0]):
-        a = _couple(np.uint32(j), neighbours, rows, x)
+        a = couple(np.uint32(j), neighbours, rows, x)
         for i in range(LANDMARK_SIZE):
             total = block[j, i, 0] * x[j, 0]
             for k in range(1, LANDMARK_SIZE):
@@ -140,82 +177,3 @@ def add_product(neighbours, rows, block, x, out):
         out[j, 2] += a[2]
         out[j, 3] += a[3]
         out[j, 4] += a[4]
-
-
-@njit(parallel=True, **FAST)
-def chebyshev_step(neighbours, rows, inverse, b, x, direction, keep, gain, x_out, direction_out):
-    """One term: direction_out = keep direction + gain D^-1 (b - P x), x_out = x + direction_out."""
-    for j in prange(x.shape[0]):
-        a = _couple(np.uint32(j), neighbours, rows, x)
-        r0, r1, r2 = b[j, 0] - a[0], b[j, 1] - a[1], b[j, 2] - a[2]
-        r3, r4, r5 = b[j, 3] - a[3], b[j, 4] - a[4], b[j, 5]
-        for i in range(LANDMARK_SIZE):
-            # D^-1 (b - D x - N x) = D^-1 (b - N x) - x
-            defect = (
-                inverse[j, i, 0] * r0
-                + inverse[j, i, 1] * r1
-                + inverse[j, i, 2] * r2
-                + inverse[j, i, 3] * r3
-                + inverse[j, i, 4] * r4
-                + inverse[j, i, 5] * r5
-                - x[j, i]
-            )
-            d = keep * direction[j, i] + gain * defect
-            direction_out[j, i] = d
-            x_out[j, i] = x[j, i] + d
-
-
-def lowest_eigenvalue(
-    neighbours: Neighbours, rows: np.ndarray, block: np.ndarray, inverse: np.ndarray, iterations: int = 12
-) -> float:
-    """About the smallest eigenvalue of D^-1 P (see `solve_approximately`), from above.
-
-    The smallest Ritz value of some conjugate gradients with a random right-hand side; zero where rounding hides it.
-    block, inverse: (J, 6, 6) float32, D and D^-1.
-    """
-    shape = inverse.shape[:2]
-
-    def multiply(x: np.ndarray) -> np.ndarray:
-        out = np.zeros(shape, np.float32)
-        add_product(neighbours, rows, block, x.reshape(shape), out)
-        return out.ravel()
-
-    def precondition(x: np.ndarray) -> np.ndarray:
-        out = np.empty(shape, np.float32)
-        apply_blocks(inverse, x.reshape(shape), np.float32(1.0), out)
-        return out.ravel()
-
-    b = np.random.default_rng(0).normal(size=shape).ravel().astype(np.float32)
-    found = conjugate_gradients(multiply, precondition, b, max_iterations=iterations)
-    return float(found.ritz_values()[0]) if found.iterations else 0.0
-
-
-def chebyshev_degree(low: float, reduction: float) -> int:
-    """Degree at which errors along eigenvalues of (low, 2) shrink by the factor `reduction`."""
-    return math.ceil(math.acosh(1.0 / reduction) / math.acosh((2.0 + low) / (2.0 - low)))
-
-
-def solve_approximately(
-    neighbours: Neighbours, rows: np.ndarray, inverse: np.ndarray, b: np.ndarray, degree: int, low: float
-) -> np.ndarray:
-    """A Chebyshev polynomial in D^-1 P applied to b (J, 6): the preconditioner for landmarks.
-
-    P is the landmarks' part of the normal equations, D its 6 x 6 diagonal blocks, `inverse` D^-1. A residual
-    touches at most two landmarks, so the eigenvalues of D^-1 P lie below 2 by construction; those above `low` are
-    damped evenly. Saad (2003), Iterative Methods for Sparse Linear Systems, Alg. 12.1.
-    """
-    center, radius = (2.0 + low) / 2.0, (2.0 - low) / 2.0
-    single = np.float32
-    x = np.empty_like(b)
-    apply_blocks(inverse, b, single(1.0 / center), x)
-    direction, x_next, direction_next = x.copy(), np.empty_like(x), np.empty_like(x)
-    ratio = center / radius
-    rho = 1.0 / ratio
-    for _ in range(degree - 1):
-        rho_next = 1.0 / (2.0 * ratio - rho)
-        keep, gain = single(rho_next * rho), single(2.0 * rho_next / radius)
-        chebyshev_step(neighbours, rows, inverse, b, x, direction, keep, gain, x_next, direction_next)
-        x, x_next = x_next, x
-        direction, direction_next = direction_next, direction
-        rho = rho_next
-    return x

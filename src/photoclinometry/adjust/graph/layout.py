@@ -33,22 +33,6 @@ class Layout(NamedTuple):
         return LANES * len(self.slot_view)
 
 
-class ImageSlopes(NamedTuple):
-    """How N brightnesses change about where they were taken: with it, images say where landmarks lie without matches.
-
-    Brightness follows the landmark: it is that of the tracks plus slope . (projected pixel - at).
-    """
-
-    at: np.ndarray
-    """(N, 2) [px]."""
-    slope: np.ndarray
-    """(N, 2) brightness per pixel; zero where brightness is to stay what it is."""
-
-    def of_landmarks(self, tracks: Tracks) -> np.ndarray:
-        """(J,) bool: landmarks any of whose brightness follows them."""
-        return np.bincount(tracks.landmark, np.any(self.slope != 0.0, axis=1), len(tracks.start) - 1) > 0
-
-
 class Measurements(NamedTuple):
     """What was measured at each of P places; weights are zero where nothing was. And the losses of what was."""
 
@@ -89,24 +73,6 @@ def build_layout(tracks: Tracks, view_count: int) -> tuple[Layout, np.ndarray]:
     used = np.flatnonzero(seen)
     start = np.searchsorted(used, view_count * np.arange(groups + 1))
     return Layout(start, (used % view_count).astype(np.int32)), LANES * slot[key] + landmark % LANES
-
-
-def lay_out(tracks: Tracks, place: np.ndarray, size: int, slopes: ImageSlopes | None = None) -> Measurements:
-    """Keypoints with their own sigmas and brightness without weight, as least squares."""
-    slope, brightness = np.zeros((2, size), np.float32), tracks.brightness
-    if slopes is not None:
-        rounded = slopes.slope.astype(np.float32)
-        brightness = brightness - np.sum(rounded * slopes.at, -1)
-        slope = np.array([spread(axis, place, size, np.float32) for axis in rounded.T])
-    return Measurements(
-        np.array([spread(axis, place, size) for axis in tracks.keypoint.T]),
-        spread(brightness, place, size),
-        slope,
-        spread(1.0 / tracks.keypoint_sigma, place, size, np.float32),
-        np.zeros(size, np.float32),
-        np.full(len(tracks.start) - 1, np.inf),
-        np.inf,
-    )
 
 
 def spread(values: np.ndarray, place: np.ndarray, size: int, dtype: type = np.float64) -> np.ndarray:

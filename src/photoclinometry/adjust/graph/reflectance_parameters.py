@@ -11,17 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.kernels import (
+from photoclinometry.adjust.graph.kernels import (
     CAMERA_SIZE,
-    FAST,
     LANDMARK_SIZE,
     STORED,
     CameraState,
     LandmarkState,
-    seen_brightness,
+    observed_brightness,
 )
-from photoclinometry.adjust.layout import LANES, Layout, Measurements
-from photoclinometry.adjust.product import Linearized
+from photoclinometry.adjust.graph.layout import LANES, Layout, Measurements
+from photoclinometry.adjust.graph.product import Linearized
+from photoclinometry.adjust.graph.rows import COMPILED
 from photoclinometry.model.reflectance import angles_at, photometric_parameters, photometric_value
 
 
@@ -96,7 +96,7 @@ def _linearize(
                     if weight != 0.0:
                         j = LANES * group + lane
                         place = LANES * slot + lane
-                        seen = seen_brightness(j, k, place, measured, cameras, landmarks)
+                        seen = observed_brightness(j, k, place, measured, cameras, landmarks)
                         r = _row(j, k, weight, seen, cameras, landmarks, packed, row)
                         for t in range(start.size):
                             row[t] *= start[t]
@@ -142,7 +142,7 @@ def _add(rows, lane, scale, where, row, by_landmark, by_camera):
         by_camera[t, 9] += rows[11 * LANES + lane] * g
 
 
-@njit(parallel=True, **FAST)
+@njit(parallel=True, **COMPILED)
 def add_border(by_landmark, landmark, parameter, landmark_out, parameter_out):
     """landmark_out += border parameter, and parameter_out (threads, T) its transpose times landmark (J, 6); float32.
 
@@ -160,26 +160,3 @@ def add_border(by_landmark, landmark, parameter, landmark_out, parameter_out):
                     total[t] += by_landmark[j, i, t] * x
                 landmark_out[j, i] += change
         parameter_out[part] = total
-
-
-@njit(parallel=True, **FAST)
-def shares(directions, vector, out):
-    """out (threads, T): the products of directions (T, n) with a vector (n,)."""
-    parts, count = out.shape
-    size = vector.size
-    for part in prange(parts):
-        for t in range(count):
-            total = 0.0
-            for i in range(part * size // parts, (part + 1) * size // parts):
-                total += directions[t, i] * vector[i]
-            out[part, t] = total
-
-
-@njit(parallel=True, **FAST)
-def add_combination(directions, factor, out):
-    """out (n,) += factor (T,) times directions (T, n)."""
-    for i in prange(out.size):
-        total = np.float32(0.0)
-        for t in range(factor.size):
-            total += factor[t] * directions[t, i]
-        out[i] += total
