@@ -14,6 +14,7 @@ import numpy as np
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.projection import pixel_from_cam
 from photoclinometry.model.reflectance import Reflectance
 
 OWN, BODY_FIXED = "own", "body-fixed"
@@ -54,7 +55,7 @@ class Camera:
 
     def pixel_from_cam(self, points: np.ndarray) -> np.ndarray:
         """Pixels (..., 2) of points (..., 3) of frame C with z > 0 (paper Eq. 10)."""
-        return points[..., :2] / points[..., 2:] * self.focal_px + self.principal_px
+        return pixel_from_cam(points, (*self.focal_px, *self.principal_px))
 
     def ray_in_cam(self, pixels: np.ndarray) -> np.ndarray:
         """Rays (..., 3) in frame C through pixels (..., 2), scaled to z = 1."""
