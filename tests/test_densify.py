@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from photoclinometry.matching import Matches
-from photoclinometry.matching.densify import (
-    DensifyOptions,
-    densify,
-    fundamental_matrix,
-    sampson_error,
-    triangulate,
-    triangulate_tracks,
-)
+from photoclinometry.matching.densify import DensifyOptions, densify
+from photoclinometry.matching.epipolar import fundamental_matrix, sampson_error
+from photoclinometry.matching.triangulation import PinholeCameras, triangulate, triangulate_tracks
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
 from scenes import synthetic_scene
@@ -134,13 +129,12 @@ def test_triangulation_agrees_with_the_textbook_transform(scene):
     noisy = scene.tracks.keypoint.reshape(-1, VIEWS, 2) + np.random.default_rng(0).normal(
         scale=0.05, size=(SIZE * SIZE, VIEWS, 2)
     )
-    intrinsics = scene.views.intrinsics
+    intrinsics, pose = scene.views.intrinsics, scene.views.body_from_cam
+    cameras = PinholeCameras(np.ascontiguousarray(pose.rotation), pose.translation, intrinsics)
     for xy in noisy[::37]:
         point = np.zeros(3)
         used = np.ones(VIEWS, bool)
-        assert triangulate(
-            xy, np.ones(VIEWS), used, cam_from_body.rotation.copy(), cam_from_body.translation, intrinsics, point
-        )
+        assert triangulate(xy, np.ones(VIEWS), used, cameras, point)
         rows = []
         for k in range(VIEWS):
             matrix = np.column_stack([cam_from_body.rotation[k], cam_from_body.translation[k] / scene.gsd])

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_witnesses import sparse_of
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.model.reflectance import published
 from photoclinometry.photometry.inconsistent_views import contradicting, find_misfits
 from scenes import synthetic_images, synthetic_scene
+from test_sun_check import sparse_of
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 """The pinhole projection (Eqs. 9, 10), stated once in NumPy and once compiled.
 
-`pixel_from_cam` and `project` are the plain statements. `project_point` is the compiled one for a single point, which the
-loops over observations call; a test compares the two.
+`pixel_from_cam` and `project` are the plain statements. `project_point` is the compiled one for a single point, which
+the loops over observations call; a test compares the two.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from photoclinometry.model.compressed_rows import row_of_entry, row_starts
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.projection import pixel_from_cam
@@ -181,12 +182,12 @@ class Tracks:
     @property
     def landmark(self) -> np.ndarray:
         """(N,) int64 landmark index of each observation."""
-        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+        return row_of_entry(self.start)
 
     def of_landmarks(self, chosen: np.ndarray) -> tuple[Tracks, np.ndarray]:
         """The tracks of landmarks at indices (j,), in that order, and where in these (N,) each observation was."""
         count = np.diff(self.start)[chosen]
-        start = np.concatenate([[0], np.cumsum(count)])
+        start = row_starts(count)
         picked = np.arange(start[-1]) + np.repeat(self.start[:-1][chosen] - start[:-1], count)
         names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
         return Tracks(start=start, **{name: getattr(self, name)[picked] for name in names}), picked

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.adjust import Adjustment, AdjustOptions, ImageGradients, PosePriors, TiePoints
-from photoclinometry.matching.densify import triangulate_tracks
+from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import OWN, Scene, Views
