@@ -201,9 +201,7 @@ def _start(truth: Scene, noise: Noise, rng: np.random.Generator) -> Scene:
     tracks, reflectance = truth.tracks, truth.reflectance
     assert reflectance is not None
     free = truth.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
-    albedo, scale, _ = initial_albedo(
-        position, normal, tracks.start, tracks.view, tracks.brightness, tracks.lit, registered, reflectance, 0, free
-    )
+    albedo, scale, _ = initial_albedo(position, normal, tracks, registered, reflectance, 0, free)
     landmarks = replace(truth.landmarks, position=position, normal=normal, albedo=albedo)
     return truth.with_estimate(replace(registered, scale=scale), landmarks)
 

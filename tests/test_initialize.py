@@ -105,9 +105,9 @@ def test_spacing_is_the_ratio_of_resolutions():
 
 
 def initial(scene, **options):
-    t, l = scene.tracks, scene.landmarks
+    landmarks = scene.landmarks
     return initial_albedo(
-        l.position, l.normal, t.start, t.view, t.brightness, t.lit, scene.views, scene.reflectance, 0, **options
+        landmarks.position, landmarks.normal, scene.tracks, scene.views, scene.reflectance, 0, **options
     )
 
 

@@ -110,8 +110,8 @@ def triangulate_all(xy, sigma, used, cameras, reference, limits, position, kept)
     """Triangulate each of P pixels, dropping the worst observation while one is off by more than the limit.
 
     xy (P, V, 2) [px], sigma (P, V) [px]; cameras: `PinholeCameras` of V views; reference: its index among these;
-    limits: `Limits`. `used` (P, V) is updated to the observations that remain; position (P, 3) and kept (P,) are written. A
-    pixel is given up if the reference's own observation is the worst one.
+    limits: `Limits`. `used` (P, V) is updated to the observations that remain; position (P, 3) and kept (P,) are
+    written. A pixel is given up if the reference's own observation is the worst one.
     """
     for p in prange(xy.shape[0]):
         point = np.zeros(3)

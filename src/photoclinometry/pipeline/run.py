@@ -23,7 +23,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, published
 from photoclinometry.model.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.model.sparse import SparseModel, without_views
-from photoclinometry.photometry.inconsistent_views import Misfits, find_misfits
+from photoclinometry.photometry.inconsistent_views import InconsistentViews, find_inconsistent_views
 from photoclinometry.photometry.initialize import (
     initial_albedo,
     landmark_spacing_px,
@@ -117,8 +117,11 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     sparse = without_views(sparse, held_out)
     if options.check_views and reflectance is not None:
         misfits_key = digest("misfits", key, sorted(options.hold_out), options.reflectance)
-        misfits: Misfits = folder.stage(
-            "misfits", misfits_key, lambda: find_misfits(sparse, images, views, reflectance, site.brightness), Misfits
+        misfits: InconsistentViews = folder.stage(
+            "misfits",
+            misfits_key,
+            lambda: find_inconsistent_views(sparse, images, views, reflectance, site.brightness),
+            InconsistentViews,
         )
         left_out |= {views.name[k]: str(misfits.reason[k]) for k in np.flatnonzero(misfits.left_out)}
         sparse = without_views(sparse, misfits.left_out)
@@ -282,9 +285,7 @@ def initial_scene(
     albedo = np.ones(len(normal))
     if reflectance is not None:
         free = site.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
-        albedo, scale, _ = initial_albedo(
-            dense.position, normal, tracks.start, tracks.view, brightness, lit, registered, reflectance, own, free
-        )
+        albedo, scale, _ = initial_albedo(dense.position, normal, tracks, registered, reflectance, own, free)
         registered = replace(registered, scale=scale)
     return Scene(
         name=site.name,
