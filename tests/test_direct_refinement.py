@@ -11,7 +11,7 @@ from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.scene import Image
 from photoclinometry.pipeline.direct_refinement import MIN_LIT, adjust_directly, has_strayed, image_slopes, put_back
 from photoclinometry.registration.alignment import transform_scene
-from photoclinometry.surface.sampling import sample_image, sample_slope
+from photoclinometry.surface.sampling import sample_gradient, sample_image
 from scenes import synthetic_images, synthetic_scene, thinned
 
 QUICK = AdjustOptions(uncertainty=False)
@@ -88,7 +88,7 @@ def test_slopes_of_a_ramp_are_the_ramps():
     rows, cols = np.indices((30, 40))
     image = Image("ramp", (0.3 + 0.02 * cols - 0.005 * rows).astype(np.float32), np.ones((30, 40), bool))
     xy = np.random.default_rng(0).uniform(10, 20, (50, 2))
-    np.testing.assert_allclose(sample_slope(image, xy), np.tile([0.02, -0.005], (50, 1)), atol=1e-6)
+    np.testing.assert_allclose(sample_gradient(image, xy), np.tile([0.02, -0.005], (50, 1)), atol=1e-6)
 
 
 def test_landmarks_in_few_lit_views_are_left_to_their_matches(true):

@@ -20,7 +20,7 @@ from photoclinometry.model.projection import keypoint_residuals, projected_keypo
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import landmark_spacing_px
 from photoclinometry.photometry.shading import brightness_on_surface
-from photoclinometry.surface.sampling import as_coarse, sample_slope
+from photoclinometry.surface.sampling import as_coarse, sample_gradient
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ def image_slopes(
     slope = np.zeros((len(tracks), 2))
     for k, image in enumerate(images):
         mine = np.flatnonzero(tracks.view == k)
-        slope[mine] = sample_slope(as_coarse(image, float(spacing[k])), xy[mine])
+        slope[mine] = sample_gradient(as_coarse(image, float(spacing[k])), xy[mine])
     measured = brightness_on_surface(scene, images)
     lit = measured.tracks.lit
     direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
