@@ -78,8 +78,8 @@ def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
 def smoothing_px(spacing_px: float) -> float:
     """Standard deviation [px] of the Gaussian that makes an image as coarse as a grid of `spacing_px` of its pixels.
 
-    An image of such pixels resolves what a Gaussian of half a pixel's width leaves (pixel and point-spread function); the
-    image's own is subtracted in quadrature. 0 for grids that are not coarser.
+    An image is taken to be blurred by a Gaussian of half a pixel's width (pixel and point-spread function): the coarse
+    one's, less the image's own in quadrature. 0 for grids that are not coarser.
     """
     return 0.5 * float(np.sqrt(spacing_px**2 - 1.0)) if spacing_px > COARSER else 0.0
 

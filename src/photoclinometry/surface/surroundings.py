@@ -14,8 +14,8 @@ from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.depth_fit import SurfaceModel, fit_depth
 
 FINEST, NODES = 4, 160
-"""Nodes of the surface are at least FINEST pixels of the reference image apart, and at most about NODES along its longer
-side, which bounds the time."""
+"""Nodes of the surface are at least FINEST pixels of the reference image apart, and not many more than NODES along its
+longer side, which bounds the time."""
 
 NOISE_GSD = 0.5
 """Standard deviation of the points' depths [ground sample distances]. The surface is lowered by as much, so that noise
