@@ -76,6 +76,6 @@ def test_views_that_are_left_out_are_matched_with_all(tmp_path, caplog):
     with caplog.at_level(logging.INFO):
         found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path, replace(OPTIONS, partners=2))
     assert "6 of 6 pairs match" in caplog.text
-    assert "3 views are left out, and matched with all others" in caplog.text
+    assert "3 views did not register; they are matched with all others" in caplog.text
     assert found.registered.all()
     assert rotation_errors_deg(found.body_from_cam, true).max() < 0.5

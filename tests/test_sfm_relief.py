@@ -93,7 +93,7 @@ def test_views_of_opposite_light_come_in_by_their_relief(tmp_path, caplog):
         found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path / "b", options, sun_in_cam=suns)
     assert found.registered.all()
     assert sorted(found.how_brought_in()) == np.flatnonzero(~alone.registered).tolist()
-    assert "came in by keypoints of the relief, which match it with 3 views more" in caplog.text
+    assert "registers by keypoints of the relief, which match it with 3 more views" in caplog.text
     aside = np.arange(6) == next(iter(found.how_brought_in()))
     assert len(without_views(found, aside).how_brought_in()) == 2
     assert rotation_errors_deg(found.body_from_cam, poses).max() < 0.5
