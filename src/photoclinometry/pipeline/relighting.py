@@ -19,7 +19,7 @@ from photoclinometry.adjust import Adjustment
 from photoclinometry.evaluate.evaluate import keypoint_residual_px, landmark_photometric_error
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions, densify
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
-from photoclinometry.matching.hole_filling import with_provisional
+from photoclinometry.matching.hole_filling import fill_holes
 from photoclinometry.matching.interface import MARGIN_PX, padded_region, request_match
 from photoclinometry.matching.relight import RelightMatcher, map_depth
 from photoclinometry.model.geometry import angle_between
@@ -125,7 +125,7 @@ def rematch(
 
     images: of the scene's views. Progress is reported under `name`. Raises ReconstructionError where nothing matches.
     """
-    sharp = with_provisional(normals_from_shading(brightness_on_surface(scene, images)))
+    sharp = fill_holes(normals_from_shading(brightness_on_surface(scene, images)))
     matcher = RelightMatcher(sharp, FlowMatcher(flow))
     cameras, poses, own = list(scene.views.cameras), scene.views.body_from_cam, scene.reference
     padded = padded_region(scene.region, MARGIN_PX, cameras[own])
