@@ -167,14 +167,14 @@ GOOD = "scale = 2.0\nrotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\ntranslation =
     ("text", "message"),
     [
         (GOOD.replace("2.0", "-2.0"), "scale: expected a positive number"),
-        (GOOD.replace("[0, 0, 1]]", "[0, 0, -1]]"), "mirror image"),
-        (GOOD.replace("[1, 0, 0]", "[1, 0.1, 0]"), "no rotation"),
+        (GOOD.replace("[0, 0, 1]]", "[0, 0, -1]]"), "mirrored"),
+        (GOOD.replace("[1, 0, 0]", "[1, 0.1, 0]"), "not a rotation"),
         (GOOD.replace("[[1, 0, 0], ", "["), "rotation: expected 3 rows of 3"),
         (GOOD.replace("[[1, 0, 0]", "[[1, 0, inf]"), "rotation: expected 3 rows of 3"),
         (GOOD.replace("[[1, 0, 0]", "[5"), "rotation: expected 3 rows of 3"),
         (GOOD.replace("translation", "translate"), "translation: is missing.*'translate'"),
         (GOOD + "scales = 1\n", "scales: unknown key"),
-        ("scale =", "not readable as TOML"),
+        ("scale =", "is not valid TOML"),
     ],
 )
 def test_files_that_hold_no_similarity_are_refused(tmp_path, text, message):
@@ -187,5 +187,5 @@ def test_a_similarity_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(InputError, match=r"none\.toml: there is no such file"):
         read_similarity(tmp_path / "none.toml")
     (tmp_path / "b.toml").write_bytes(b"scale = \xff")
-    with pytest.raises(InputError, match=r"b\.toml: not readable"):
+    with pytest.raises(InputError, match=r"b\.toml: is not UTF-8"):
         read_similarity(tmp_path / "b.toml")

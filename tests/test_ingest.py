@@ -15,7 +15,8 @@ from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.images import write_fits, write_png
 from photoclinometry.io.models.sumfile import sumfile_of_view, write_sumfile
-from photoclinometry.io.site import load_images, read_site
+from photoclinometry.io.site import read_site
+from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid, so3_exp, unit
 from photoclinometry.model.scene import Camera

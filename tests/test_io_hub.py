@@ -147,7 +147,7 @@ def test_content_with_another_checksum_is_refused(server, tmp_path, path):
 @pytest.mark.parametrize("path", ["../outside.txt", "/etc/outside.txt", "images/../../outside.txt", "a\\..\\b"])
 def test_names_that_lead_out_of_the_folder_are_refused(server, path):
     server.published[path] = b"x"
-    with pytest.raises(FetchError, match="outside of the folder"):
+    with pytest.raises(FetchError, match="outside of the output folder"):
         list_files(endpoint=server.endpoint)
 
 
@@ -205,4 +205,4 @@ def test_the_command_lists_and_fetches(server, tmp_path, capsys):
     assert "it has ahuna, cornelia" in capsys.readouterr().err
     server.files.clear()
     assert phomo("fetch", "ahuna", "--out", tmp_path / "data", "--endpoint", server.endpoint) == 1
-    assert "cannot be had" in capsys.readouterr().err
+    assert "cannot be fetched" in capsys.readouterr().err

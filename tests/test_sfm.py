@@ -195,7 +195,8 @@ def test_real_images_of_vesta_agree_with_their_published_poses(mapper, tmp_path)
     """Camera centres within 0.3 km at 3,860 km, relative rotations within 0.015 degrees on average."""
     import pycolmap
 
-    from photoclinometry.io.site import load_images, read_site
+    from photoclinometry.io.site import read_site
+    from photoclinometry.io.site_images import load_images
 
     folder = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022"
     if not folder.exists():

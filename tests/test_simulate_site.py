@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from photoclinometry.io.images import read_image
-from photoclinometry.io.site import load_images, read_site
+from photoclinometry.io.site import read_site
+from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, so3_log
 from photoclinometry.model.scene import Region

@@ -14,7 +14,8 @@ from photoclinometry import __version__
 from photoclinometry.adjust import AdjustOptions, TiePoints
 from photoclinometry.evaluate.held_out import Resected, held_out_mask, held_out_views, resect_views, views_in_frame_of
 from photoclinometry.io import held_out as held_out_file
-from photoclinometry.io.site import Site, input_fingerprint, load_images, read_site
+from photoclinometry.io.site import Site, read_site
+from photoclinometry.io.site_images import input_fingerprint, load_images
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions, densify
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match

@@ -1,4 +1,4 @@
-"""Cloud-optimised GeoTIFF: layers of a north-up map, with overviews and gaps. Needs the extra `geo` (rasterio)."""
+"""Cloud-optimised GeoTIFF: bands of a north-up map, with overviews. Needs the extra `geo` (rasterio)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.errors import RunFolderError
 
 BLOCK = 256
-"""Width and height of a tile [px]; maps larger than that get overviews, each half as large as the one before."""
+"""Width and height of a tile [px]; larger maps get overviews, each half the size of the one before."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """What one band of a file holds."""
+    """Description and unit of one band."""
 
     description: str
     unit: str
@@ -39,8 +39,8 @@ def write_cog(
     """Bands (h, w, n) of a map as single-precision numbers, with NaN as no-data where not `valid` (h, w).
 
     corner: (x, y) of the outer corner of the top-left pixel; pixel: its width and height, both in the unit of the map;
-    rows go down, columns right. crs: rasterio's CRS, or None for a map in no known unit. about: what else to write into
-    the file, by key. Raises RunFolderError.
+    rows go down, columns right. crs: rasterio's CRS, or None for a map in an unknown unit. about: tags of the file, by
+    key. Raises RunFolderError.
     """
     import rasterio
     import rasterio.shutil
