@@ -35,7 +35,8 @@ from photoclinometry.model.reflectance import published
 from photoclinometry.model.scene import Landmarks, Region, Scene
 from photoclinometry.registration.alignment import align_poses, refine_on_surface, transform_poses, transform_scene
 from photoclinometry.registration.closest_points import CloudSurface, MeshSurface
-from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth import truth_maps
 from photoclinometry.simulate.truth_file import read_truth
 from scenes import BumpySurface, bumpy_surface, synthetic_images, synthetic_scene

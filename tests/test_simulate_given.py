@@ -10,7 +10,8 @@ from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.simulate.given import given_relief
-from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.surface import sphere_drop
 from photoclinometry.simulate.terrain import Grid
 from photoclinometry.simulate.truth_file import read_truth

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from photoclinometry.simulate.site import SimulationOptions, check_output_folder, simulate_site
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import check_output_folder, simulate_site
 
 
 @dataclass(frozen=True, kw_only=True)

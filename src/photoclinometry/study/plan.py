@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import DISK_FUNCTIONS
 from photoclinometry.pipeline.run import RunOptions
+from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.presets import named_preset
-from photoclinometry.simulate.site import SimulationOptions
 
 MODELS = ("akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert")
 """The paper's five, in the order of its tables."""
