@@ -176,8 +176,8 @@ def test_a_wrong_phase_function_is_found_and_not_taken_by_the_scales(slope, rest
     """Scales that are right: held as loosely as calibration states them they take what the phase function lacks, and
     brightness 10 degrees beyond the phases mapped is predicted at least twice as badly."""
     start, truth = matched_problem(40, 12, noise=Noise(scale=0.0))
-    first, *others = truth.reflectance.phase_coefficients
-    bent = replace(truth.reflectance, phase_coefficients=(slope * first, *(rest * c for c in others)))
+    w0, w1, first, *others = truth.reflectance.values
+    bent = truth.reflectance.with_parameters([w0, w1, slope * first, *(rest * c for c in others)])
     start = replace(start, reflectance=bent)
     phase = angle_between(truth.views.sun, truth.views.body_from_cam.translation)
 

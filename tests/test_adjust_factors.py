@@ -6,7 +6,7 @@ import pytest
 from jacobians import numerical_jacobian
 from photoclinometry.adjust.graph import factors
 from photoclinometry.model.geometry import so3_exp, sphere_step, unit
-from photoclinometry.model.reflectance import DISK_FUNCTIONS, published
+from photoclinometry.model.reflectance import MODELS, starting_model
 
 RNG = np.random.default_rng(3)
 ROTATION = so3_exp(np.array([0.2, -2.8, 0.4]))
@@ -50,9 +50,9 @@ def geometry(case):
 
 
 @pytest.mark.parametrize("case", ["typical", "near zero phase", "grazing Sun", "grazing camera"])
-@pytest.mark.parametrize("disk", DISK_FUNCTIONS)
+@pytest.mark.parametrize("disk", MODELS)
 def test_photometric_jacobian(disk, case):
-    packed = published(disk, "vesta").packed
+    packed = starting_model(disk, "vesta").packed
     sun, normal = geometry(case)
     scale, bias, albedo, rest = 1.1, 0.01, 0.35, (0.2, 0.004, PIVOT)
     _, analytic = factors.photometric(packed, CENTER, sun, scale, bias, POSITION, normal, albedo, *rest)
@@ -71,7 +71,7 @@ def test_photometric_jacobian(disk, case):
 def test_direct_jacobian():
     """Brightness taken from the image where the landmark projects: the image's slope in all that moves the landmark
     in it."""
-    packed = published("lunar-lambert", "vesta").packed
+    packed = starting_model("lunar-lambert", "vesta").packed
     sun, normal = geometry("typical")
     position = CENTER + ROTATION @ np.array([0.02, -0.03, 1.0]) * 9000
     image = 0.2, np.array([700.0, 230.0]), np.array([0.004, -0.007])
@@ -92,9 +92,9 @@ def test_direct_jacobian():
     assert np.linalg.norm(analytic[:3]) > 10 * np.linalg.norm(still[1][:3])
 
 
-@pytest.mark.parametrize("disk", DISK_FUNCTIONS)
+@pytest.mark.parametrize("disk", MODELS)
 def test_photometric_factor_is_finite_at_zero_phase_and_flat_in_shadow(disk):
-    packed = published(disk, "vesta").packed
+    packed = starting_model(disk, "vesta").packed
     to_camera = unit(CENTER - POSITION)
     residual, jacobian = factors.photometric(
         packed, CENTER, to_camera, 1.0, 0.0, POSITION, unit(to_camera + [0.1, 0, 0]), 0.3, 0.2, 0.01, PIVOT

@@ -24,7 +24,7 @@ from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import Brightness, Keypoints, ObservationTable
 from photoclinometry.adjust.graph.priors import Exposures, Gauge, LandmarkPriors, PosePriors, ReflectancePrior
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.reflectance import published
+from photoclinometry.model.reflectance import starting_model
 from scenes import synthetic_scene
 
 
@@ -104,7 +104,7 @@ def test_product_equals_the_dense_normal_matrix(direct):
 def test_border_equals_the_products_with_derivatives_by_the_parameters(disk, direct):
     """The rows of the normal equations by reflectance parameters, these columns of J by differences of the factors."""
     scene = some_tracks_missing(synthetic_scene(size=6, views=4, keypoint_noise_px=0.3, brightness_noise=0.01))
-    scene = replace(scene, reflectance=published(disk, "vesta"))
+    scene = replace(scene, reflectance=starting_model(disk, "vesta"))
     gradients = gradients_of(scene) if direct else None
     count = len(scene.reflectance.parameters)
     changed = np.linspace(-0.1, 0.1, count)

@@ -180,7 +180,7 @@ def _uncertainty(setup: Setup, fit: _Fit) -> tuple[dict[str, np.ndarray], np.nda
         graph = FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness))
         response = parameter_response(graph, fit.solution, setup.options.solver)
         assert setup.reflectance is not None
-        sigma = np.abs(setup.reflectance.parameters) * np.sqrt(np.diag(response.covariance))
+        sigma = np.abs(setup.reflectance.parameter_scale) * np.sqrt(np.diag(response.covariance))
     seen = replace(stated, brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor)
     graph = FactorGraph(factor_groups(setup, fit.lit, seen, fit.smoothness))
     found = estimate_uncertainty(

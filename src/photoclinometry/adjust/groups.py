@@ -31,7 +31,7 @@ from photoclinometry.adjust.graph.smoothness import Neighbours, Smoothness, buil
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, GroundControl, Members
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance
+from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.initialize import neighbours
 
@@ -242,7 +242,7 @@ def exposure_sigmas(scene: Scene, options: AdjustOptions) -> tuple[np.ndarray, n
     """Stated standard deviations (K,) of scales about 1 and biases about 0."""
     count, model = len(scene.views), scene.reflectance
     level = float(np.median(scene.tracks.brightness[scene.tracks.lit])) if np.any(scene.tracks.lit) else 1.0
-    calibrated = scene.brightness == "iof" and model is not None and model.disk in HAS_PHASE_FUNCTION
+    calibrated = scene.brightness == "iof" and model is not None and model.predicts_absolute_brightness
     scale = np.full(count, options.scale_sigma or (CALIBRATED_SCALE_SIGMA if calibrated else np.inf))
     if not calibrated:
         scale[scene.reference] = min(scale[scene.reference], FREE_SCALE_SIGMA)

@@ -79,7 +79,7 @@ def show_run(run: Path) -> None:
 
     scene = read_run(run)
     console = Console(highlight=False)
-    model = "geometry alone" if scene.reflectance is None else scene.reflectance.disk
+    model = "geometry alone" if scene.reflectance is None else scene.reflectance.name
     console.print(
         f"[bold]{scene.name}[/bold]: {len(scene.landmarks)} landmarks, {len(scene.views)} views, "
         f"{len(scene.tracks)} observations, {model}, brightness {scene.brightness}, body {scene.body}"

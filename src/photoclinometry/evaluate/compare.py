@@ -15,7 +15,6 @@ from photoclinometry.evaluate.sigma_calibration import sigma_metrics
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, Similarity, angle_between, so3_log
 from photoclinometry.model.projection import keypoint_residuals
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION
 from photoclinometry.model.scene import BODY_FIXED, Landmarks, Scene, Views
 from photoclinometry.registration.alignment import (
     Closest,
@@ -119,7 +118,7 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
     if scene.reflectance is not None:
         found, extra = _photometry_metrics(scene, true_views, true.albedo, at(maps.albedo))
         errors, metrics = errors | found, metrics | extra
-        if scene.brightness == "dn" or scene.reflectance.disk not in HAS_PHASE_FUNCTION:
+        if scene.brightness == "dn" or not scene.reflectance.predicts_absolute_brightness:
             factor = extra["albedo_factor"]
     metrics |= sigma_metrics(scene, true_views, true, factor)
     return Comparison(metrics, aligned, errors, fit.similarity)

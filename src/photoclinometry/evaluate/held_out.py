@@ -17,7 +17,6 @@ import numpy as np
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION
 from photoclinometry.model.scene import Camera, Image, Scene, Views
 from photoclinometry.photometry.initialize import predicted_ratio, sample_brightness
 from photoclinometry.registration.alignment import align_views, transform_poses
@@ -180,7 +179,7 @@ def _exposure(
     of it is lit.
     """
     model = scene.reflectance
-    if model is None or (scene.brightness == "iof" and model.disk in HAS_PHASE_FUNCTION):
+    if model is None or (scene.brightness == "iof" and model.predicts_absolute_brightness):
         return 1.0, 0.0
     sun = pose.rotation @ views.sun_measured[k]
     alone = replace(views[[k]], body_from_cam=Rigid(pose.rotation[None], pose.translation[None]), sun=sun[None])

@@ -17,7 +17,7 @@ from photoclinometry import __version__
 from photoclinometry.io.hdf5 import new_hdf5
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.reflectance import MODELS, Reflectance
 from photoclinometry.model.scene import BODY_FIXED, OWN, Camera, Landmarks, Region, Scene, Surroundings, Tracks, Views
 
 FORMAT = "photoclinometry scene"
@@ -79,15 +79,9 @@ def write_scene(path: Path | str, scene: Scene) -> None:
         file.create_group("region").attrs.update({f.name: getattr(scene.region, f.name) for f in fields(Region)})
         if scene.reflectance is not None:
             model = file.create_group("reflectance")
-            model.attrs["disk"] = scene.reflectance.disk
-            write = _Writer(model, scene)
-            weight = ("1, 1/rad", "-", "w0, w1: g(phase) = w0 + w1 phase")
-            coefficients = ("1/rad^i", "-", "c_1, c_2, ...: phase function = 1 + sum c_i phase^i")
-            if scene.reflectance.disk == "hapke":
-                weight = ("1, rad", "-", "single-scattering albedo, mean slope theta-bar")
-                coefficients = ("1", "-", "b, c of the Henyey-Greenstein lobes, B0, h of the opposition surge")
-            write("weight", scene.reflectance.weight, weight)
-            write("phase_coefficients", scene.reflectance.phase_coefficients, coefficients)
+            model.attrs["name"] = scene.reflectance.name
+            names, units, meaning = scene.reflectance.described
+            _Writer(model, scene)("parameters", scene.reflectance.values, (units, "-", f"{names}: {meaning}"))
         _write_views(file, scene)
         for group, part, spec in (
             ("landmarks", scene.landmarks, _LANDMARKS),
@@ -186,9 +180,11 @@ def _read(file: Any) -> Scene:
     reflectance = None
     if "reflectance" in file:
         model = file["reflectance"]
-        reflectance = Reflectance(
-            str(model.attrs["disk"]), *(tuple(model[k][()].tolist()) for k in ("weight", "phase_coefficients"))
-        )
+        earlier = "disk" in model.attrs  # files written before parameters had names
+        parts = ("weight", "phase_coefficients") if earlier else ("parameters",)
+        values = np.concatenate([model[part][()] for part in parts])
+        name = str(model.attrs["disk" if earlier else "name"])
+        reflectance = Reflectance(name, tuple(values.tolist()) if MODELS[name].parameters else ())
     return Scene(
         name=str(file.attrs["name"]),
         body=str(file.attrs["body"]) if "body" in file.attrs else None,

@@ -21,7 +21,7 @@ from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
 from photoclinometry.matching.roma import RomaOptions, fingerprint, roma_matcher
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published, published
+from photoclinometry.model.reflectance import ModelChoice, Reflectance, has_published, published, starting_model
 from photoclinometry.model.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.model.sparse import SparseModel, without_views
 from photoclinometry.photometry.inconsistent_views import InconsistentViews, find_inconsistent_views
@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 class RunOptions:
     """Everything that shapes a run. Every field has a default that suits most sites."""
 
-    reflectance: Literal["auto", "akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert", "hapke", "none"] = "auto"
+    reflectance: ModelChoice = "auto"
     """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
     mcewen. none: geometry alone (dense structure from motion)."""
     match_rounds: int = 2
@@ -192,7 +192,7 @@ def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflecta
     if name == "none":
         return None
     if name != "auto":
-        return published(name, body)
+        return starting_model(name, body)
     calibrated = brightness == "iof" and has_published("lunar-lambert", body)
     chosen = "lunar-lambert" if calibrated else "mcewen"
     log.info("reflectance: %s", chosen)
@@ -285,7 +285,7 @@ def initial_scene(
     )
     albedo = np.ones(len(normal))
     if reflectance is not None:
-        free = site.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
+        free = site.brightness == "dn" or not reflectance.predicts_absolute_brightness
         albedo, scale, _ = initial_albedo(dense.position, normal, tracks, registered, reflectance, own, free)
         registered = replace(registered, scale=scale)
     return Scene(

@@ -9,6 +9,7 @@ from typing import Literal
 from photoclinometry.io.site import MIN_VIEWS
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES
+from photoclinometry.model.reflectance import ModelName
 from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.photometry import named_photometry
@@ -60,8 +61,8 @@ class SimulationOptions:
     """Width and height of the region to map [px]."""
     supersampling: int = 2
     """Rays per pixel, along each side."""
-    reflectance: str = "lunar-lambert"
-    """lunar-lambert, akimov, akimov+, mcewen, minnaert or hapke; with the body's published parameters."""
+    reflectance: ModelName = "lunar-lambert"
+    """Reflectance model of the ground, with the body's published parameters."""
     brightness: str = "iof"
     """iof (calibrated, FITS) or dn (16-bit PNG; gain and offset differ between images)."""
     max_emission_deg: float = 25.0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.reflectance import DISK_FUNCTIONS
+from photoclinometry.model.reflectance import ModelName, model_named
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.presets import named_preset
@@ -24,8 +24,8 @@ class StudyOptions:
 
     presets: tuple[str, ...] = ("cornelia", "ahuna", "ikapati")
     """Places: cornelia, ahuna, ikapati, demo."""
-    models: tuple[str, ...] = MODELS
-    """Reflectance models to map with: akimov, mcewen, akimov+, lunar-lambert, minnaert."""
+    models: tuple[ModelName, ...] = MODELS
+    """Reflectance models to map with."""
     surfaces: tuple[str, ...] = (MATCHED, "hapke")
     """Reflectance of the simulated ground: "matched" is the model that it is then mapped with; or one for all."""
     lightings: tuple[str, ...] = ("moderate",)
@@ -50,9 +50,8 @@ class StudyOptions:
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
                 raise InputError(f"a study needs {name}, each once, got {list(values)}")
-        unknown = [model for model in self.models if model not in DISK_FUNCTIONS]
-        if unknown:
-            raise InputError(f"no reflectance model {unknown[0]!r}; known: {', '.join(DISK_FUNCTIONS)}")
+        for model in self.models:
+            model_named(model)
         if self.hold_out_every < 0 or self.hold_out_every == 1:
             raise InputError(f"hold_out_every must be 0 or at least 2, got {self.hold_out_every}")
         cells(self)  # what the simulator refuses is refused before anything is simulated
@@ -92,7 +91,7 @@ class Cell:
         return f"{s.preset}-{s.lighting}-{self.surface}-{s.seed}/{self.model}"
 
     def run_options(self, options: StudyOptions) -> RunOptions:
-        return replace(options.run, reflectance=self.model, hold_out=self.hold_out)  # pyright: ignore[reportArgumentType]
+        return replace(options.run, reflectance=self.model, hold_out=self.hold_out)
 
 
 def cells(options: StudyOptions) -> list[Cell]:

@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.model.geometry import skew, tangent_basis
-from photoclinometry.model.reflectance import _PHASE_FLOOR, photometric_function
+from photoclinometry.model.reflectance import PHASE_FLOOR, photometric_function
 
 
 def projection(rotation, center, intrinsics, position, keypoint, sigma, pivot):
@@ -54,7 +54,7 @@ def photometric(packed, center, sun, scale, bias, position, normal, albedo, brig
     phase = np.arctan2(sine, sun @ to_camera)
     rho, by_mu0, by_mu, by_phase = photometric_function(packed, sun @ normal, to_camera @ normal, phase)
     gain = scale * albedo
-    by_phase_over_sine = by_phase / max(sine, _PHASE_FLOOR)
+    by_phase_over_sine = by_phase / max(sine, PHASE_FLOOR)
     by_to_camera = gain * (by_mu * normal - by_phase_over_sine * sun)
     by_position = -(by_to_camera - (by_to_camera @ to_camera) * to_camera) / distance
     by_normal = gain * (by_mu0 * sun + by_mu * to_camera)

@@ -61,6 +61,11 @@ class FactorGraph:
     def with_brightness(self) -> bool:
         return bool(np.any(self.observations.brightness_weight))
 
+    @property
+    def reflectance(self) -> Reflectance | None:
+        """From which the estimate's differs by its parameters; None without brightness."""
+        return self.observations.reflectance
+
     def reflectance_at(self, estimate: Estimate) -> Reflectance | None:
         """The reflectance with the parameters of an estimate."""
         return self.observations.reflectance_at(estimate)

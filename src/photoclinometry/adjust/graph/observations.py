@@ -159,7 +159,7 @@ class Observations:
         """The reflectance with the parameters of an estimate."""
         if self.reflectance is None or len(estimate.parameters) == 0:
             return self.reflectance
-        return self.reflectance.with_parameters(self.reflectance.parameters * (1.0 + estimate.parameters))
+        return self.reflectance.moved(estimate.parameters)
 
     def packed_at(self, estimate: Estimate) -> np.ndarray:
         """`Reflectance.packed` of an estimate."""
@@ -232,7 +232,7 @@ class Observations:
             return no_border(len(views.center), len(landmarks.albedo))
         return linearize_parameters(
             self.table.layout, self.measured, views, landmarks, where, self.packed_at(estimate),
-            self.reflectance.parameters, stored, numba.get_num_threads(),
+            self.reflectance.parameter_scale, stored, numba.get_num_threads(),
         )  # fmt: skip
 
 

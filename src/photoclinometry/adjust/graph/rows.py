@@ -11,7 +11,7 @@ from typing import Any
 
 from numba import njit
 
-from photoclinometry.model.reflectance import _PHASE_FLOOR
+from photoclinometry.model.reflectance import PHASE_FLOOR
 
 COMPILED: dict[str, Any] = dict(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 """Options of the compiled functions of the estimate: sums may be reordered, infinities and NaN are kept."""
@@ -67,7 +67,7 @@ def brightness_by_vectors(gain, by_mu0, by_mu, by_phase, sine, sun, e, n, invers
 
     by_mu0, by_mu, by_phase: of rho; sine: of the phase angle; inverse_range: 1 over the distance to the camera.
     """
-    incident, emitted, bend = gain * by_mu0, gain * by_mu, gain * by_phase / max(sine, _PHASE_FLOOR)
+    incident, emitted, bend = gain * by_mu0, gain * by_mu, gain * by_phase / max(sine, PHASE_FLOOR)
     g0, g1, g2 = emitted * n[0] - bend * sun[0], emitted * n[1] - bend * sun[1], emitted * n[2] - bend * sun[2]
     along = g0 * e[0] + g1 * e[1] + g2 * e[2]
     return (

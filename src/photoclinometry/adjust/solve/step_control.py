@@ -56,6 +56,8 @@ def descend(
     quarter, and three times as many: along a curved valley the cost rises with the fourth power.)
     """
     camera, landmark, parameter = (part.astype(float) for part in step)
+    if graph.reflectance is not None:
+        parameter = graph.reflectance.limit_step(estimate.parameters, parameter)
     whole = _global_share(camera, parameter, estimate)
     for share in (whole, whole / 4.0, whole / 16.0):
         moves = limited(share * landmark, step_limit, estimate)

@@ -111,7 +111,7 @@ def _sections(work, scene, images, rows, stages, rounds, pose_priors, convergenc
 
 
 def _subtitle(scene: Scene) -> str:
-    model = "geometry alone" if scene.reflectance is None else f"{scene.reflectance.disk} reflectance"
+    model = "geometry alone" if scene.reflectance is None else f"{scene.reflectance.name} reflectance"
     kind = "radiance factor I/F" if scene.brightness == "iof" else "uncalibrated brightness"
     every = "" if scene.region.stride == 1 else f" at a stride of {scene.region.stride}"
     size = f"{scene.region.width} x {scene.region.height} pixels{every} of {scene.views.name[scene.reference]}"

@@ -14,48 +14,18 @@ Derivatives of the roughness, which are long, are imaginary parts of values a ti
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from photoclinometry.model.reflectance.entry import Model, Parameter
+
 _STEP = 1e-30
 """The imaginary step of an argument."""
 _FLOOR = 1e-9
 """Of cosines and sines that something is divided by."""
-
-
-class Parameters(NamedTuple):
-    """Of a body's typical ground."""
-
-    w: float
-    """Single-scattering albedo."""
-    roughness_deg: float
-    """Mean slope angle theta-bar."""
-    b: float
-    """Width of the Henyey-Greenstein lobes."""
-    c: float
-    """Backward against forward lobe, -1 to 1."""
-    surge: float
-    """Amplitude B0 of the opposition surge."""
-    surge_width: float
-    """Angular width parameter h of the surge [-]."""
-
-
-PUBLISHED = {
-    # Li et al. (2012), Proc. IAU 10 (H16), 700 nm: w = 0.50, asymmetry -0.25, roughness 20 degrees; the
-    # surge, which Dawn's phase angles hardly constrain, is the one below.
-    "vesta": Parameters(w=0.50, roughness_deg=20.0, b=0.25, c=1.0, surge=1.6, surge_width=0.06),
-    # Ciarniello et al. (2017), A&A 598, A130, doi:10.1051/0004-6361/201629490, 0.55 um: w = 0.14,
-    # asymmetry -b c = -0.11, roughness 29 degrees, surge of Helfenstein & Veverka (1989). They give the
-    # asymmetry alone; b is the one with which their w has their geometric albedo, 0.094.
-    "ceres": Parameters(w=0.14, roughness_deg=29.0, b=0.316, c=0.348, surge=1.6, surge_width=0.06),
-}
-
-
-def is_physical(w: float, theta: float, b: float, c: float, b0: float, h: float) -> bool:
-    """Whether `radiance` means something; c, of which asymmetry -b c alone is often known, is not restricted."""
-    return 0.0 < w < 1.0 and 0.0 <= theta < 0.5 * math.pi and 0.0 <= b < 1.0 and b0 >= 0.0 and h > 0.0
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -213,3 +183,91 @@ def by_parameters(mu0, mu, phase, w, theta, b, c, b0, h):
     value, partial = _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h)
     by_theta = _along(3, mu0, mu, phase, theta, partial)
     return value, (partial[4], by_theta, partial[5], partial[6], partial[7], partial[8])
+
+
+_INSIDE = 1e-6
+"""Distance from w = 0, where nothing is scattered, w = 1, where derivatives are infinite, b = 1 and h = 0."""
+
+PARAMETERS = (
+    Parameter(name="w", unit="-", about="single-scattering albedo", lower=_INSIDE, upper=1.0 - _INSIDE),
+    Parameter(name="theta", unit="rad", about="mean slope theta-bar", lower=0.0, upper=math.radians(89.0)),
+    Parameter(name="b", unit="-", about="width of the Henyey-Greenstein lobes", lower=0.0, upper=1.0 - _INSIDE),
+    # The asymmetry -b c is often all that is known; c alone is then not bounded.
+    Parameter(name="c", unit="-", about="backward against forward lobe, usually -1 to 1"),
+    Parameter(name="B0", unit="-", about="amplitude of the opposition surge", lower=0.0),
+    Parameter(name="h", unit="-", about="angular width parameter of the surge", lower=_INSIDE),
+)
+
+
+class Ground(NamedTuple):
+    """A body's typical ground."""
+
+    w: float
+    """Single-scattering albedo."""
+    roughness_deg: float
+    """Mean slope angle theta-bar."""
+    b: float
+    """Width of the Henyey-Greenstein lobes."""
+    c: float
+    """Backward against forward lobe, -1 to 1."""
+    surge: float
+    """Amplitude B0 of the opposition surge."""
+    surge_width: float
+    """Angular width parameter h of the surge [-]."""
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Of PARAMETERS."""
+        return self.w, math.radians(self.roughness_deg), self.b, self.c, self.surge, self.surge_width
+
+
+PUBLISHED = {
+    # Li et al. (2012), Proc. IAU 10 (H16), 700 nm: w = 0.50, asymmetry -0.25, roughness 20 degrees; the
+    # surge, which Dawn's phase angles hardly constrain, is the one below.
+    "vesta": Ground(w=0.50, roughness_deg=20.0, b=0.25, c=1.0, surge=1.6, surge_width=0.06),
+    # Ciarniello et al. (2017), A&A 598, A130, doi:10.1051/0004-6361/201629490, 0.55 um: w = 0.14,
+    # asymmetry -b c = -0.11, roughness 29 degrees, surge of Helfenstein & Veverka (1989). They give the
+    # asymmetry alone; b is the one with which their w has their geometric albedo, 0.094.
+    "ceres": Ground(w=0.14, roughness_deg=29.0, b=0.316, c=0.348, surge=1.6, surge_width=0.06),
+}
+
+
+def _overhead(values: Sequence[float]) -> tuple[float, ...]:
+    """I/F at mu0 = mu = 1, phase = 0, over which rho is taken, and its derivatives by the parameters."""
+    value, by_parameter = by_parameters(1.0, 1.0, 0.0, *values)
+    return value, *by_parameter
+
+
+@njit(cache=True)
+def _rho(p, mu0, mu, phase):
+    """rho and its derivatives by mu0, mu, phase. p: the parameters and `_overhead`."""
+    overhead = p[6]
+    value, by_mu0, by_mu, by_phase = by_angles(mu0, mu, phase, p[0], p[1], p[2], p[3], p[4], p[5])
+    return value / overhead, by_mu0 / overhead, by_mu / overhead, by_phase / overhead
+
+
+@njit(cache=True)
+def _rho_alone(p, mu0, mu, phase):
+    """rho, in a quarter of the time."""
+    return radiance(mu0, mu, phase, p[0], p[1], p[2], p[3], p[4], p[5]) / p[6]
+
+
+@njit(cache=True)
+def _rho_by_parameters(p, mu0, mu, phase, out):
+    """out (6,): derivatives of rho by the parameters."""
+    overhead = p[6]
+    value, by_parameter = by_parameters(mu0, mu, phase, p[0], p[1], p[2], p[3], p[4], p[5])
+    for i in range(6):
+        out[i] = (by_parameter[i] - value / overhead * p[7 + i]) / overhead
+
+
+HAPKE = Model(
+    name="hapke",
+    source="Hapke (2012), Theory of Reflectance and Emittance Spectroscopy, 2nd ed.; values: see PUBLISHED",
+    parameters=PARAMETERS,
+    function=_rho,
+    by_parameters=_rho_by_parameters,
+    value=_rho_alone,
+    constants=_overhead,
+    published={body: ground.values for body, ground in PUBLISHED.items()},
+)

@@ -1,0 +1,98 @@
+"""Phase functions: how brightness falls with the phase angle alone. All are 1 at phase 0."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from photoclinometry.model.reflectance.entry import Parameter, Phase
+
+LN_PER_MAGNITUDE = 0.4 * math.log(10.0)
+"""A magnitude is a factor of 10^0.4 in brightness."""
+
+
+@njit(cache=True)
+def constant(p, phase):
+    """Lambda = 1."""
+    return 1.0, 0.0
+
+
+@njit(cache=True)
+def constant_by_parameters(p, phase, out):
+    """Lambda; there are no parameters."""
+    return 1.0
+
+
+NO_PHASE_FUNCTION = Phase((), constant, constant_by_parameters)
+
+
+@njit(cache=True)
+def polynomial(c, phase):
+    """Lambda = 1 + c_1 phase + c_2 phase^2 + ...                              (paper Eq. 20)"""
+    value, slope = 0.0, 0.0
+    for i in range(c.size - 1, -1, -1):  # Horner's scheme, c_0 = 1
+        slope = slope * phase + value
+        value = value * phase + c[i]
+    slope = slope * phase + value
+    value = value * phase + 1.0
+    return value, slope
+
+
+@njit(cache=True)
+def polynomial_by_parameters(c, phase, out):
+    """Lambda; out: its derivatives phase, phase^2, ..."""
+    value, power = 1.0, 1.0
+    for i in range(c.size):
+        power *= phase
+        value += c[i] * power
+        out[i] = power
+    return value
+
+
+POLYNOMIAL = Phase(
+    (Parameter(name="c", unit="1/rad", about="coefficients of the powers of phase in the phase function"),),
+    polynomial,
+    polynomial_by_parameters,
+)
+
+
+@njit(cache=True)
+def magnitudes(p, phase):
+    """Lambda = 10^(-0.4 (beta phase + gamma phase^2 + delta phase^3)); positive at every phase."""
+    beta, gamma, delta = p[0], p[1], p[2]
+    value = math.exp(-LN_PER_MAGNITUDE * phase * (beta + phase * (gamma + phase * delta)))
+    return value, -LN_PER_MAGNITUDE * value * (beta + phase * (2.0 * gamma + phase * 3.0 * delta))
+
+
+@njit(cache=True)
+def magnitudes_by_parameters(p, phase, out):
+    """Lambda; out: its derivatives by beta, gamma, delta."""
+    value = magnitudes(p, phase)[0]
+    power = -LN_PER_MAGNITUDE * value
+    for i in range(3):
+        power *= phase
+        out[i] = power
+    return value
+
+
+PER_DEG = 180.0 / math.pi
+MAGNITUDES = Phase(
+    (
+        # 0.04 mag/deg at zero: slopes of asteroids are 0.02 (bright) to 0.05 mag/deg (dark).
+        Parameter(
+            name="beta",
+            unit="mag/rad",
+            about="linear slope of the phase function",
+            default=0.04 * PER_DEG,
+            lower=0.0,
+            upper=0.2 * PER_DEG,
+            prior_sigma=0.01 * PER_DEG,
+        ),
+        # The sigmas bend the phase function by 0.2 magnitudes at 60 degrees.
+        Parameter(name="gamma", unit="mag/rad^2", about="its bend", default=0.0, prior_sigma=0.2),
+        Parameter(name="delta", unit="mag/rad^3", about="its third power", default=0.0, prior_sigma=0.2),
+    ),
+    magnitudes,
+    magnitudes_by_parameters,
+)
