@@ -14,21 +14,19 @@ from photoclinometry.model.reflectance.models import MODELS
 
 
 def _one_of(functions: Sequence[Compiled], first: int = 0) -> Compiled:
-    """A compiled function (packed, ...) that calls functions[packed[0] - first](packed[1:], ...)."""
+    """A compiled function (packed, ...) that calls functions[packed[0] - first](packed, ...)."""
     function = functions[0]
-    others = _one_of(functions[1:], first + 1) if len(functions) > 1 else function
+    if len(functions) == 1:
+        return function
+    others = _one_of(functions[1:], first + 1)
 
-    @njit
+    @njit(forceinline=True)
     def chosen(packed, *arguments):
         if packed[0] == first:
-            return function(packed[1:], *arguments)
+            return function(packed, *arguments)
         return others(packed, *arguments)
 
-    @njit
-    def last(packed, *arguments):
-        return function(packed[1:], *arguments)
-
-    return chosen if len(functions) > 1 else last
+    return chosen
 
 
 _function = _one_of([model.function for model in MODELS.values()])

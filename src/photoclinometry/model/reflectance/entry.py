@@ -32,23 +32,23 @@ class Parameter:
 
 
 class Disk(NamedTuple):
-    """A disk function d(mu0, mu, phase), which is 1 at mu0 = mu = 1, phase = 0. p: its own parameters."""
+    """A disk function d(mu0, mu, phase), which is 1 at mu0 = mu = 1, phase = 0. Its parameters are p[1], p[2], ..."""
 
     parameters: tuple[Parameter, ...]
     function: Compiled
     """(p, mu0, mu, phase) -> d and its derivatives by mu0, mu, phase."""
     by_parameters: Compiled
-    """(p, mu0, mu, phase, factor, out) -> d; out: factor times the derivatives of d by p."""
+    """(p, mu0, mu, phase, factor, out) -> d; out[0], out[1], ...: factor times the derivatives of d by p[1], p[2], ..."""
 
 
 class Phase(NamedTuple):
-    """A phase function Lambda(phase), which is 1 at phase 0. p: its own parameters."""
+    """A phase function Lambda(phase), which is 1 at phase 0. Its parameters are p[at], p[at + 1], ..."""
 
     parameters: tuple[Parameter, ...]
     function: Compiled
-    """(p, phase) -> Lambda and its derivative by phase."""
+    """(p, at, phase) -> Lambda and its derivative by phase."""
     by_parameters: Compiled
-    """(p, phase, out) -> Lambda; out: the derivatives of Lambda by p."""
+    """(p, at, phase, out) -> Lambda; out[at - 1], out[at], ...: its derivatives by p[at], p[at + 1], ..."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,8 @@ class Model:
     """A reflectance model: rho(mu0, mu, phase) with I/F = normal albedo * rho, so that rho(1, 1, 0) = 1.
 
     `of_factors` makes one of a disk function and a phase function. The compiled functions are called where mu0 > 0 and
-    mu > 0 only. Their p holds the parameters, and what `constants` adds behind these.
+    mu > 0 only. Their p is `Reflectance.packed`: p[0] the model's number, then its parameters p[1], p[2], ..., then what
+    `constants` adds.
     """
 
     name: str
@@ -96,24 +97,24 @@ class Model:
 
 def of_factors(disk: Disk, phase: Phase, **others: Any) -> Model:
     """The model rho = Lambda(phase) d(mu0, mu, phase). others: further fields of `Model`."""
-    count = len(disk.parameters)
+    count, at = len(disk.parameters), len(disk.parameters) + 1
     d_function, d_by_parameters = disk.function, disk.by_parameters
     lambda_function, lambda_by_parameters = phase.function, phase.by_parameters
 
-    @njit
+    @njit(forceinline=True)
     def function(p, mu0, mu, phase):
-        d, d_mu0, d_mu, d_phase = d_function(p[:count], mu0, mu, phase)
-        value, slope = lambda_function(p[count:], phase)
+        d, d_mu0, d_mu, d_phase = d_function(p, mu0, mu, phase)
+        value, slope = lambda_function(p, at, phase)
         return value * d, value * d_mu0, value * d_mu, value * d_phase + slope * d
 
-    @njit
+    @njit(forceinline=True)
     def value(p, mu0, mu, phase):
-        return lambda_function(p[count:], phase)[0] * d_function(p[:count], mu0, mu, phase)[0]
+        return lambda_function(p, at, phase)[0] * d_function(p, mu0, mu, phase)[0]
 
-    @njit
+    @njit(forceinline=True)
     def by_parameters(p, mu0, mu, phase, out):
-        value = lambda_by_parameters(p[count:], phase, out[count:])
-        d = d_by_parameters(p[:count], mu0, mu, phase, value, out[:count])
+        value = lambda_by_parameters(p, at, phase, out)
+        d = d_by_parameters(p, mu0, mu, phase, value, out)
         for i in range(count, out.size):
             out[i] *= d
 

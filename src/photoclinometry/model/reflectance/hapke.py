@@ -240,25 +240,25 @@ def _overhead(values: Sequence[float]) -> tuple[float, ...]:
 
 @njit(cache=True)
 def _rho(p, mu0, mu, phase):
-    """rho and its derivatives by mu0, mu, phase. p: the parameters and `_overhead`."""
-    overhead = p[6]
-    value, by_mu0, by_mu, by_phase = by_angles(mu0, mu, phase, p[0], p[1], p[2], p[3], p[4], p[5])
+    """rho and its derivatives by mu0, mu, phase. p: `Model`'s, with `_overhead` from p[7] on."""
+    overhead = p[7]
+    value, by_mu0, by_mu, by_phase = by_angles(mu0, mu, phase, p[1], p[2], p[3], p[4], p[5], p[6])
     return value / overhead, by_mu0 / overhead, by_mu / overhead, by_phase / overhead
 
 
 @njit(cache=True)
 def _rho_alone(p, mu0, mu, phase):
     """rho, in a quarter of the time."""
-    return radiance(mu0, mu, phase, p[0], p[1], p[2], p[3], p[4], p[5]) / p[6]
+    return radiance(mu0, mu, phase, p[1], p[2], p[3], p[4], p[5], p[6]) / p[7]
 
 
 @njit(cache=True)
 def _rho_by_parameters(p, mu0, mu, phase, out):
     """out (6,): derivatives of rho by the parameters."""
-    overhead = p[6]
-    value, by_parameter = by_parameters(mu0, mu, phase, p[0], p[1], p[2], p[3], p[4], p[5])
+    overhead = p[7]
+    value, by_parameter = by_parameters(mu0, mu, phase, p[1], p[2], p[3], p[4], p[5], p[6])
     for i in range(6):
-        out[i] = (by_parameter[i] - value / overhead * p[7 + i]) / overhead
+        out[i] = (by_parameter[i] - value / overhead * p[8 + i]) / overhead
 
 
 HAPKE = Model(

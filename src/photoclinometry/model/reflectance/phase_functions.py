@@ -12,14 +12,14 @@ LN_PER_MAGNITUDE = 0.4 * math.log(10.0)
 """A magnitude is a factor of 10^0.4 in brightness."""
 
 
-@njit(cache=True)
-def constant(p, phase):
+@njit(cache=True, forceinline=True)
+def constant(p, at, phase):
     """Lambda = 1."""
     return 1.0, 0.0
 
 
-@njit(cache=True)
-def constant_by_parameters(p, phase, out):
+@njit(cache=True, forceinline=True)
+def constant_by_parameters(p, at, phase, out):
     """Lambda; there are no parameters."""
     return 1.0
 
@@ -27,26 +27,26 @@ def constant_by_parameters(p, phase, out):
 NO_PHASE_FUNCTION = Phase((), constant, constant_by_parameters)
 
 
-@njit(cache=True)
-def polynomial(c, phase):
+@njit(cache=True, forceinline=True)
+def polynomial(p, at, phase):
     """Lambda = 1 + c_1 phase + c_2 phase^2 + ...                              (paper Eq. 20)"""
     value, slope = 0.0, 0.0
-    for i in range(c.size - 1, -1, -1):  # Horner's scheme, c_0 = 1
+    for i in range(p.size - 1, at - 1, -1):  # Horner's scheme, c_0 = 1
         slope = slope * phase + value
-        value = value * phase + c[i]
+        value = value * phase + p[i]
     slope = slope * phase + value
     value = value * phase + 1.0
     return value, slope
 
 
-@njit(cache=True)
-def polynomial_by_parameters(c, phase, out):
+@njit(cache=True, forceinline=True)
+def polynomial_by_parameters(p, at, phase, out):
     """Lambda; out: its derivatives phase, phase^2, ..."""
     value, power = 1.0, 1.0
-    for i in range(c.size):
+    for i in range(at, p.size):
         power *= phase
-        value += c[i] * power
-        out[i] = power
+        value += p[i] * power
+        out[i - 1] = power
     return value
 
 
@@ -57,20 +57,20 @@ POLYNOMIAL = Phase(
 )
 
 
-@njit(cache=True)
-def magnitudes(p, phase):
+@njit(cache=True, forceinline=True)
+def magnitudes(p, at, phase):
     """Lambda = 10^(-0.4 (beta phase + gamma phase^2 + delta phase^3)); positive at every phase."""
-    beta, gamma, delta = p[0], p[1], p[2]
+    beta, gamma, delta = p[at], p[at + 1], p[at + 2]
     value = math.exp(-LN_PER_MAGNITUDE * phase * (beta + phase * (gamma + phase * delta)))
     return value, -LN_PER_MAGNITUDE * value * (beta + phase * (2.0 * gamma + phase * 3.0 * delta))
 
 
-@njit(cache=True)
-def magnitudes_by_parameters(p, phase, out):
+@njit(cache=True, forceinline=True)
+def magnitudes_by_parameters(p, at, phase, out):
     """Lambda; out: its derivatives by beta, gamma, delta."""
-    value = magnitudes(p, phase)[0]
+    value = magnitudes(p, at, phase)[0]
     power = -LN_PER_MAGNITUDE * value
-    for i in range(3):
+    for i in range(at - 1, at + 2):
         power *= phase
         out[i] = power
     return value

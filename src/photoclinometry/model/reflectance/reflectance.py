@@ -131,8 +131,8 @@ class Reflectance:
         if factor is None:
             half = np.cos(0.5 * phase)
             return self(half, half, phase)
-        own = self.parameters[len(self.model.parameters) - len(factor.parameters) :]
-        return np.array([factor.function(own, angle)[0] for angle in phase.ravel()]).reshape(phase.shape)
+        packed, at = self.packed, len(self.model.parameters) - len(factor.parameters) + 1
+        return np.array([factor.function(packed, at, angle)[0] for angle in phase.ravel()]).reshape(phase.shape)
 
     @property
     def _parameters(self) -> tuple[Parameter, ...]:

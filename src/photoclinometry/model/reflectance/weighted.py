@@ -15,14 +15,14 @@ W1 = Parameter(name="w1", unit="1/rad", about="change of the weight g with phase
 def weighted(function: Compiled, parameters: tuple[Parameter, Parameter] = (W0, W1)) -> Disk:
     """A disk function of a weight g. function: (mu0, mu, phase, w0, w1) -> d, its derivatives by mu0, mu, phase, g."""
 
-    @njit
+    @njit(forceinline=True)
     def disk(p, mu0, mu, phase):
-        d, d_mu0, d_mu, d_phase, _ = function(mu0, mu, phase, p[0], p[1])
+        d, d_mu0, d_mu, d_phase, _ = function(mu0, mu, phase, p[1], p[2])
         return d, d_mu0, d_mu, d_phase
 
-    @njit
+    @njit(forceinline=True)
     def by_parameters(p, mu0, mu, phase, factor, out):
-        d, _, _, _, by_weight = function(mu0, mu, phase, p[0], p[1])
+        d, _, _, _, by_weight = function(mu0, mu, phase, p[1], p[2])
         out[0] = factor * by_weight
         out[1] = factor * by_weight * phase
         return d
@@ -33,12 +33,12 @@ def weighted(function: Compiled, parameters: tuple[Parameter, Parameter] = (W0, 
 def fixed(function: Compiled, w0: float = 0.0, w1: float = 0.0) -> Disk:
     """As `weighted`, of a weight that is not estimated."""
 
-    @njit
+    @njit(forceinline=True)
     def disk(p, mu0, mu, phase):
         d, d_mu0, d_mu, d_phase, _ = function(mu0, mu, phase, w0, w1)
         return d, d_mu0, d_mu, d_phase
 
-    @njit
+    @njit(forceinline=True)
     def by_parameters(p, mu0, mu, phase, factor, out):
         return function(mu0, mu, phase, w0, w1)[0]
 
