@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+import photoclinometry.model.kernel_cache  # noqa: F401
 from photoclinometry.model.errors import InputError
 
 _WIDEST_SPHERE = 0.9

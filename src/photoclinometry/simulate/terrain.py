@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+import photoclinometry.model.kernel_cache  # noqa: F401
+
 SATURATION = 1.54
 """N(> D) D^2 of craters packed as closely as they can be (Gault 1970, Radio Science 5, 273-291)."""
 _PROFILE_REACH = 3.5

@@ -7,6 +7,7 @@ rho = Lambda(phase) d(mu0, mu, phase), of a phase function and a disk function. 
 renderer, the simulator and the joint estimate call the compiled functions of the same entry.
 """
 
+import photoclinometry.model.kernel_cache  # noqa: F401 - before anything below is compiled
 from photoclinometry.model.reflectance.angles import (
     DEG,
     PHASE_FLOOR,

@@ -38,7 +38,7 @@ class Disk(NamedTuple):
     function: Compiled
     """(p, mu0, mu, phase) -> d and its derivatives by mu0, mu, phase."""
     by_parameters: Compiled
-    """(p, mu0, mu, phase, factor, out) -> d; out[0], out[1], ...: factor times the derivatives of d by p[1], p[2], ..."""
+    """(p, mu0, mu, phase, factor, out) -> d; out[0], out[1], ...: factor times its derivatives by p[1], p[2], ..."""
 
 
 class Phase(NamedTuple):
@@ -56,8 +56,8 @@ class Model:
     """A reflectance model: rho(mu0, mu, phase) with I/F = normal albedo * rho, so that rho(1, 1, 0) = 1.
 
     `of_factors` makes one of a disk function and a phase function. The compiled functions are called where mu0 > 0 and
-    mu > 0 only. Their p is `Reflectance.packed`: p[0] the model's number, then its parameters p[1], p[2], ..., then what
-    `constants` adds.
+    mu > 0 only. Their p is `Reflectance.packed`: p[0] is the model's number, p[1], p[2], ... are its parameters, and
+    behind these stands what `constants` adds.
     """
 
     name: str
