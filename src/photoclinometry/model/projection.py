@@ -55,13 +55,6 @@ def project_point(r00, r01, r02, r10, r11, r12, r20, r21, r22, d0, d1, d2):
     return inverse, (r00 * d0 + r10 * d1 + r20 * d2) * inverse, (r01 * d0 + r11 * d1 + r21 * d2) * inverse
 
 
-@njit(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
-def project_point(r00, r01, r02, r10, r11, r12, r20, r21, r22, d0, d1, d2):
-    """1 / z, x / z and y / z in the camera's frame of an offset d in B from its centre; r: body_from_cam (Eq. 10)."""
-    inverse = 1.0 / (r02 * d0 + r12 * d1 + r22 * d2)
-    return inverse, (r00 * d0 + r10 * d1 + r20 * d2) * inverse, (r01 * d0 + r11 * d1 + r21 * d2) * inverse
-
-
 def keypoint_residuals(scene: Scene) -> np.ndarray:
     """Predicted minus measured keypoints (N, 2) [px]."""
     out, pose = np.empty_like(scene.tracks.keypoint), scene.views.body_from_cam
