@@ -7,7 +7,6 @@ from typing import Annotated
 
 import tyro
 
-from photoclinometry.cli.folders import read_run
 from photoclinometry.output.export.options import ExportOptions
 
 
@@ -30,9 +29,10 @@ def export(
     """
     from rich.console import Console
 
+    import photoclinometry as pcm
     from photoclinometry.output.export import export_scene
 
-    exported = export_scene(read_run(run), out, options)
+    exported = export_scene(pcm.read_scene(run), out, options)
     console = Console(stderr=True, soft_wrap=True)
     for name, about in exported["files"].items():
         console.print(f"{name}: {about}", highlight=False, markup=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.cli.folders import read_run
+from photoclinometry.io.run_files import read_run
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import BODY_FIXED
 

@@ -47,6 +47,11 @@ class RunResult:
     left_out: dict[str, str]
     """Names of views that the map was made without, and why."""
 
+    @property
+    def folder(self) -> Path:
+        """The run folder."""
+        return self.report.parent.parent
+
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
