@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.io import site_display
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.table import Table
 from photoclinometry.io.toml_file import read_toml
@@ -84,6 +85,12 @@ class Site:
     def pose_priors(self) -> dict[str, PosePrior]:
         """By the names of the views that have one."""
         return {view.name: view.pose_prior for view in self.views if view.pose_prior is not None}
+
+    def __repr__(self) -> str:
+        return site_display.site_line(self)
+
+    def _repr_html_(self) -> str:
+        return site_display.site_card(self)
 
 
 def read_site(path: Path | str) -> Site:

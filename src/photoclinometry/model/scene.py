@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 
+from photoclinometry.model import display
 from photoclinometry.model.compressed_rows import row_of_entry, row_starts
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
@@ -74,6 +75,10 @@ class Image:
     valid: np.ndarray
     """(height, width) bool: finite, not saturated, not flagged."""
 
+    def __repr__(self) -> str:
+        height, width = self.valid.shape
+        return f"<Image {self.name!r}: {width} x {height} pixels, {100.0 * self.valid.mean():.4g} % valid>"
+
 
 VIEW_ARRAYS = ("sun", "scale", "bias", "sun_measured", "sun_sigma")
 """What `Views` has one row of for each view, beside its name, camera and pose."""
@@ -101,6 +106,9 @@ class Views:
 
     def __len__(self) -> int:
         return len(self.name)
+
+    def __repr__(self) -> str:
+        return f"<Views: {len(self)}, {', '.join(self.name[:3])}{', ...' if len(self) > 3 else ''}>"
 
     @property
     def intrinsics(self) -> np.ndarray:
@@ -154,6 +162,9 @@ class Landmarks:
     def __len__(self) -> int:
         return len(self.albedo)
 
+    def __repr__(self) -> str:
+        return f"<Landmarks: {len(self)}>"
+
     def __getitem__(self, index: np.ndarray | slice) -> Landmarks:
         """The landmarks at `index`, in that order, or where a mask (J,) is true."""
         return Landmarks(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
@@ -178,6 +189,9 @@ class Tracks:
 
     def __len__(self) -> int:
         return len(self.view)
+
+    def __repr__(self) -> str:
+        return f"<Tracks: {len(self)} observations of {len(self.start) - 1} landmarks>"
 
     @property
     def landmark(self) -> np.ndarray:
@@ -314,6 +328,12 @@ class Scene:
         out = np.full((*self.region.grid_shape, *np.shape(values)[1:]), fill, float)
         out[self.cells] = values
         return out
+
+    def __repr__(self) -> str:
+        return display.scene_line(self)
+
+    def _repr_html_(self) -> str:
+        return display.scene_card(self)
 
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
         return replace(self, views=views, landmarks=landmarks)
