@@ -37,7 +37,7 @@ from photoclinometry.simulate.site import SimulationOptions, simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.surface.relief import local_frame, sun_from_angles
 
-Options = TypeVar("Options")
+Options = TypeVar("Options", SimulationOptions, RunOptions, AdjustOptions, ExportOptions)
 
 
 def read_site(path: str | Path) -> Site:
@@ -372,15 +372,14 @@ def _reference(reference: Scene | str | Path, cameras: str | Path | None) -> Ref
 
 def _changed(options: Options, changes: Mapping[str, Any]) -> Options:
     """The options with some fields replaced. Raises InputError for fields and choices that there are not."""
-    assert is_dataclass(options)
     known = [f.name for f in fields(options)]
     for name in changes:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
             raise InputError(f"{type(options).__name__} has no option {name!r}; the nearest is {near!r}")
-    options = replace(options, **changes)
-    _check_choices(options)
-    return options
+    changed = replace(options, **changes)
+    _check_choices(changed)
+    return changed
 
 
 def _check_choices(options: Any) -> None:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from photoclinometry.ingest.options import IngestOptions
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from photoclinometry.ingest.ingest import IngestResult
 
 
 def ingest(
@@ -46,7 +51,7 @@ def ingest(
     print(result.site)
 
 
-def _say_sources(console, result) -> None:
+def _say_sources(console: Console, result: IngestResult) -> None:
     """One line for each image: what it is, and where its camera, Sun and pose are from."""
     for e in result.exposures:
         height, width = e.image.valid.shape

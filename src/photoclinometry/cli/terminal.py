@@ -6,12 +6,16 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
 from photoclinometry.pipeline.products import Progress, RunResult
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 
 @contextmanager
-def progress_bars(console) -> Iterator[Progress]:
+def progress_bars(console: Console) -> Iterator[Progress]:
     """A bar on the console for everything whose progress is told."""
     from rich import progress as bar
 
@@ -32,7 +36,7 @@ def progress_bars(console) -> Iterator[Progress]:
         yield progress
 
 
-def say_result(console, result: RunResult) -> None:
+def say_result(console: Console, result: RunResult) -> None:
     """What was mapped and what is wanting, on the console; the report's page on standard output."""
     for name, reason in result.left_out.items():
         console.print(f"left out: {name}: {reason}", highlight=False, markup=False)
@@ -47,10 +51,10 @@ def say_result(console, result: RunResult) -> None:
 class log_to:
     """While open, the package's log goes to OUT/log (all of it) and to the terminal (stages, warnings)."""
 
-    def __init__(self, out: Path, console):
+    def __init__(self, out: Path, console: Console):
         self.out, self.console = Path(out), console
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         from photoclinometry.model.errors import RunFolderError
         from photoclinometry.pipeline.run_folder import open_run
 
@@ -71,9 +75,9 @@ class log_to:
             self.logger.addHandler(handler)
         return self
 
-    def __exit__(self, *exception):
-        if exception[0] is not None:
-            self.logger.error("stopped: %s: %s", exception[0].__name__, exception[1])
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        if kind is not None:
+            self.logger.error("stopped: %s: %s", kind.__name__, error)
         for handler in self.handlers:
             self.logger.removeHandler(handler)
             handler.close()
@@ -81,7 +85,7 @@ class log_to:
 
 
 class _Terminal(logging.Handler):
-    def __init__(self, console):
+    def __init__(self, console: Console):
         super().__init__()
         self.console = console
 

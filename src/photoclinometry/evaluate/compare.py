@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from photoclinometry.io.meshes.ply import PlyMap
     from photoclinometry.simulate.truth import Truth
 
+Errors = dict[str, np.ndarray]
+"""(J,) by name, units at the end of the name; NaN where there is nothing to compare with."""
+
 
 @dataclass(frozen=True)
 class Comparison:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,7 @@ def completeness(scene: Scene, lit: np.ndarray) -> float:
     return float(has[lit].mean()) if lit.any() else float("nan")
 
 
-def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict]:
+def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict[str, Any]]:
     """One row per view: name, keypoints, residuals, brightness residual [% of its mean], scale, bias, PSNR, sigmas.
 
     images: the views' images in any order; without them, or without a reflectance model, there is no PSNR.
@@ -106,7 +107,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     for k, name in enumerate(views.name):
         seen = tracks.view == k
         lit = seen & tracks.lit
-        row: dict = {"name": name, "keypoints": int(seen.sum()), "lit_keypoints": int(lit.sum())}
+        row: dict[str, Any] = {"name": name, "keypoints": int(seen.sum()), "lit_keypoints": int(lit.sum())}
         if seen.any():
             row["keypoint_rms_px"] = _rms(pixel_residual[seen])
         if residual is not None:
@@ -130,7 +131,7 @@ def held_out_table(scene: Scene, held_out: Views, images: Sequence[Image] | None
     faces = landmark_faces(scene)
     rows = []
     for k, name in enumerate(held_out.name):
-        row: dict = {"name": name, "held_out": True}
+        row: dict[str, Any] = {"name": name, "held_out": True}
         if scene.reflectance is not None:
             row |= {"scale": float(held_out.scale[k]), "bias": float(held_out.bias[k])}
             if name in by_name:
@@ -144,8 +145,8 @@ def evaluate_scene(
     scene: Scene,
     images: Sequence[Image] | None = None,
     *,
-    per_view: Sequence[Mapping] | None = None,
-    held_out: Sequence[Mapping] = (),
+    per_view: Sequence[Mapping[str, Any]] | None = None,
+    held_out: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, float]:
     """The figures of a scene that need no truth.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -229,7 +230,7 @@ def _label_geometry(instrument_from_j2000: np.ndarray, sun: np.ndarray) -> Geome
     )
 
 
-def _real(value) -> float | None:
+def _real(value: Any) -> float | None:
     value = getattr(value, "value", value)
     try:
         number = float(value)

@@ -8,6 +8,7 @@ kernels and in the sources of ISIS's cameras.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,7 @@ def keywords_of_label(label: Block) -> Keywords:
     """The keywords that spiceinit stored in an ISIS cube."""
     held = label.block("NAIFKEYWORDS") or Block("")
 
-    def get(name: str) -> tuple | None:
+    def get(name: str) -> tuple[Any, ...] | None:
         value = held.get(name.upper())
         if value is None:
             return None
@@ -159,7 +160,7 @@ def _powers(k: tuple[float, ...], pitch: float) -> tuple[float, ...]:
     return k0, 0.0, k1, 0.0, k2
 
 
-def _opencv(numbers: Numbers, plain: Detector):
+def _opencv(numbers: Numbers, plain: Detector) -> tuple[BrownConrady, tuple[float, float]] | None:
     k, p = numbers("OPENCV_OD_K", 6), numbers("OPENCV_OD_P", 2)
     focal, center = numbers("OPENCV_OD_F", 2), numbers("OPENCV_OD_C", 2)
     if k is None or p is None or focal is None or center is None:

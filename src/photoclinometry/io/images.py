@@ -206,7 +206,7 @@ def _read_fits(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
     raise ImageError(f"{path}: has no image with two axes (found: {found}); extract one plane")
 
 
-def _fits_values(raw: np.ndarray, header) -> tuple[np.ndarray, np.ndarray]:
+def _fits_values(raw: np.ndarray, header: Any) -> tuple[np.ndarray, np.ndarray]:
     valid = _unsaturated(raw)
     if raw.dtype.kind in "ui" and "BLANK" in header:
         valid &= raw != header["BLANK"]

@@ -12,6 +12,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import ArrayLike
 
 from photoclinometry import __version__
 from photoclinometry.io.hdf5 import new_hdf5
@@ -137,7 +138,7 @@ class _Writer:
         brightness = "I/F" if scene.brightness == "iof" else "DN"
         self.units = {_LENGTH: scene.unit or "unit of length of B", _BRIGHTNESS: brightness}
 
-    def __call__(self, name: str, values, about: tuple[str, str, str]) -> None:
+    def __call__(self, name: str, values: ArrayLike, about: tuple[str, str, str]) -> None:
         values = np.asarray(values)
         if values.dtype.kind == "U":
             values = np.char.encode(values, "utf-8")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import SupportsIndex
 
 import numpy as np
 
@@ -31,7 +33,7 @@ class Rigid:
         """(a_from_b @ b_from_c) is a_from_c."""
         return Rigid(self.rotation @ other.rotation, self(other.translation))
 
-    def __getitem__(self, index) -> Rigid:
+    def __getitem__(self, index: SupportsIndex | slice | Sequence[int] | np.ndarray) -> Rigid:
         return Rigid(self.rotation[index], self.translation[index])
 
     def __len__(self) -> int:

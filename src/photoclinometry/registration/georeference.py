@@ -79,7 +79,9 @@ class Georeference:
         return float(np.sqrt(self.covariance[6, 6]))
 
 
-def deviation(position: np.ndarray, rotation: np.ndarray, position_sigma, rotation_sigma) -> np.ndarray:
+def deviation(
+    position: np.ndarray, rotation: np.ndarray, position_sigma: float | np.ndarray, rotation_sigma: float | np.ndarray
+) -> np.ndarray:
     """(n,) residuals (n, 3) of positions and of attitudes in their sigmas (n,), root mean square over the six."""
     squares = np.sum(position**2, -1) / position_sigma**2 + np.sum(rotation**2, -1) / rotation_sigma**2
     return np.sqrt(squares / RESIDUALS)
@@ -121,13 +123,14 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     distance = camera_distance(scene)
     names = tuple(scene.views.name[k] for k in seen)
     poses, known = scene.views.body_from_cam[seen], [priors[name] for name in names]
-    used = np.ones(len(seen), bool)
+    used, fit = np.ones(len(seen), bool), None
     for _ in range(_ITERATIONS):
         fit = fit_to_priors(poses, known, distance, names, used)
         agree = _agree(fit)
         if agree.sum() < MIN_PRIORS or (agree == used).all():
             return replace(fit, used=agree)
         used = agree
+    assert fit is not None
     return fit
 
 

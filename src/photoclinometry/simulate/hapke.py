@@ -57,7 +57,7 @@ class Hapke:
     def _shared(self) -> tuple[float, float, float, float, float]:
         return self.b, self.c, self.surge, self.surge_width, math.radians(self.roughness_deg)
 
-    def from_single_scattering(self, w: ArrayLike, mu0: ArrayLike, mu: ArrayLike, phase: ArrayLike):
+    def from_single_scattering(self, w: ArrayLike, mu0: ArrayLike, mu: ArrayLike, phase: ArrayLike) -> np.ndarray:
         """I/F for single-scattering albedo w, cosines mu0 and mu, phase [rad]; arrays of a common shape."""
         w, mu0, mu, phase = np.broadcast_arrays(*(np.asarray(x, float) for x in (w, mu0, mu, phase)))
         out = np.empty(w.size)
@@ -80,7 +80,7 @@ class Hapke:
             )
         return np.interp(found, table, w)
 
-    def radiance_factor(self, albedo: np.ndarray, mu0, mu, phase) -> np.ndarray:
+    def radiance_factor(self, albedo: np.ndarray, mu0: ArrayLike, mu: ArrayLike, phase: ArrayLike) -> np.ndarray:
         """I/F for normal albedo, cosines mu0 and mu, phase [rad]; arrays of a common shape."""
         return self.from_single_scattering(self.single_scattering_albedo(albedo), mu0, mu, phase)
 

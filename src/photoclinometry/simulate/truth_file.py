@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,7 @@ def read_truth(path: Path | str) -> Truth:
         raise InputError(f"{path}: cannot be read as a truth file ({error}); simulate it again") from error
 
 
-def _truth(file) -> Truth:
+def _truth(file: Any) -> Truth:
     group = file["views"]
     cameras = tuple(
         Camera(model, width, height, tuple(params))

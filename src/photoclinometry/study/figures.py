@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from photoclinometry.evaluate.compare import Comparison
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
@@ -46,7 +47,9 @@ def draw_errors(path: Path, found: Comparison) -> Path:
     """Errors of albedo, normals and surface against the truth, side by side (Fig. 8)."""
     scene = found.aligned
     distance = scene.grid(found.errors["surface_distance_m"])
-    shown: list[tuple] = [("Normal error", "degrees", scene.grid(found.errors["normal_error_deg"]), "magma", None)]
+    normal = scene.grid(found.errors["normal_error_deg"])
+    shown: list[tuple[str, str, np.ndarray, str, tuple[float, float] | None]]
+    shown = [("Normal error", "degrees", normal, "magma", None)]
     shown.append(("Distance to the true surface", "m", distance, "RdBu_r", symmetric_limits(distance, 98.0)))
     if "albedo_error_percent" in found.errors:
         shown.insert(0, ("Albedo error", "%", scene.grid(found.errors["albedo_error_percent"]), "magma", None))
@@ -100,7 +103,9 @@ def draw_heights(path: Path, without: Record, with_it: Record) -> Path:
         return save(figure, path)
 
 
-def _draw_scan(figure, top: float, truth: np.ndarray, records, errors, row: int) -> None:
+def _draw_scan(
+    figure: Figure, top: float, truth: np.ndarray, records: Sequence[Record], errors: Sequence[np.ndarray], row: int
+) -> None:
     """Heights and their errors along a row, below `top` inches of the figure's upper edge."""
     width, full = figure.get_size_inches()
     along = np.arange(truth.shape[1]) * float(records[1].arrays["spacing"]) / 1000.0
@@ -155,7 +160,7 @@ def draw_scales(path: Path, records: Sequence[Record], body: str) -> Path:
         return save(figure, path)
 
 
-def _expected_scale(record: Record, body: str):
+def _expected_scale(record: Record, body: str) -> tuple[Callable[[np.ndarray], np.ndarray], str]:
     """What scales should follow as a function of phase [rad], and its name."""
     ground = record.cell.simulation.reflectance
     if ground in COUNTERPART:

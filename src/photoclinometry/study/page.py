@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from photoclinometry import __version__
 from photoclinometry.evaluate.tables import json_numbers
@@ -53,7 +54,9 @@ def _about(options: StudyOptions, records: Sequence[Record]) -> str:
     return " ".join(part for part in parts if part)
 
 
-def _pictures(folder: Path, out: Path, options: StudyOptions, records: Sequence[Record], group) -> list[str]:
+def _pictures(
+    folder: Path, out: Path, options: StudyOptions, records: Sequence[Record], group: tuple[str, str, str]
+) -> list[str]:
     """Draws, or copies, one group's pictures into `folder`; their lines of Markdown. Of several seeds, the first's."""
     stem, text = "-".join(group), label(options, group)
     lines = []
@@ -78,7 +81,7 @@ def _pictures(folder: Path, out: Path, options: StudyOptions, records: Sequence[
     return lines
 
 
-def _as_dict(record: Record) -> dict:
+def _as_dict(record: Record) -> dict[str, Any]:
     cell = record.cell
     s = cell.simulation
     about = {"preset": s.preset, "lighting": s.lighting, "surface": cell.surface, "seed": s.seed, "model": cell.model}

@@ -136,7 +136,7 @@ def _ascii_columns(rows: list[bytes], element: _Element) -> Columns:
     return {p.name: _column(p, lengths[p.name], values[p.name]) for p in element.properties}
 
 
-def _column(p: _Property, lengths: list[int], values: list) -> np.ndarray | Lists:
+def _column(p: _Property, lengths: list[int], values: list[float]) -> np.ndarray | Lists:
     with np.errstate(invalid="ignore"):
         column = np.array(values, np.float64).astype(p.type)
     return (np.array(lengths, np.int64), column) if p.count_type else column
@@ -193,7 +193,7 @@ def _equal_rows(data: bytes, at: int, element: _Element, order: str) -> tuple[Co
 
 
 def _ragged_rows(data: bytes, at: int, element: _Element, order: str) -> tuple[Columns, int]:
-    values: dict[str, list] = {p.name: [] for p in element.properties}
+    values: dict[str, list[float]] = {p.name: [] for p in element.properties}
     lengths: dict[str, list[int]] = {p.name: [] for p in element.properties}
     for _ in range(element.count):
         for p in element.properties:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -146,7 +147,7 @@ class _Bytes:
         )
         self.data = read_bytes(path, remedy=remedy)
 
-    def unpack(self, form: str) -> tuple:
+    def unpack(self, form: str) -> tuple[Any, ...]:
         form = "<" + form
         return struct.unpack(form, self.take(struct.calcsize(form)))
 
@@ -192,7 +193,7 @@ def _read_cameras(data: _Bytes) -> dict[int, Camera | str]:
     return cameras
 
 
-def _read_images(data: _Bytes, cameras: dict[int, Camera | str]) -> list[tuple]:
+def _read_images(data: _Bytes, cameras: dict[int, Camera | str]) -> list[tuple[str, list[float], list[float], Camera]]:
     """(name, wxyz, translation, camera) of each image, in the file's order."""
     images = []
     for _ in range(data.unpack("Q")[0]):

@@ -20,6 +20,9 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera
 
+_Point = tuple[str, tuple[float, ...]]
+"""A landmark's name and its numbers."""
+
 PIXEL_OFFSET = 0.5
 """SUMFILE coordinate minus this package's: the first pixel's centre is 1 there and 0.5 here [px]."""
 _MAX_BYTES = 1 << 24
@@ -219,9 +222,9 @@ def _check(path: Path, value: dict[str, tuple[float, ...]]) -> None:
         raise InputError(f"{path}: K-MATRIX {k} puts the focal plane on a line; get it again")
 
 
-def _points(path: Path, lines: list[str], at: int) -> tuple[list, list]:
+def _points(path: Path, lines: list[str], at: int) -> tuple[list[_Point], list[_Point]]:
     """(name, numbers) of the landmarks and of the limb points."""
-    sections: dict[str, list] = {"LANDMARKS": [], "LIMB FITS": []}
+    sections: dict[str, list[_Point]] = {"LANDMARKS": [], "LIMB FITS": []}
     count = {"LANDMARKS": 2, "LIMB FITS": 3}
     section = ""
     for number, line in enumerate(lines[at:], start=at + 1):

@@ -112,7 +112,7 @@ def read_images(path: Path, cameras: dict[int, Camera]) -> list[ImageLines]:
         raise fault(path, header[0], "the line of this image's keypoints is missing; get the file again")
     _check_count(path, "images", len(images))
     for what, values in (("number", [i.id for i in images]), ("name", [i.name for i in images])):
-        seen: set = set()
+        seen: set[int | str] = set()
         for image, value in zip(images, values, strict=True):
             if value in seen:
                 raise fault(

@@ -93,7 +93,7 @@ def geographic(globe: Globe, position: np.ndarray) -> np.ndarray:
     a, c = globe.radii_m
     x, y, z = np.asarray(position, float).T
     across = np.hypot(x, y)
-    reduced = np.arctan2(a * z, c * across)
+    latitude = reduced = np.arctan2(a * z, c * across)
     for _ in range(_LATITUDE_STEPS):
         sine, cosine = np.sin(reduced), np.cos(reduced)
         latitude = np.arctan2(z + (a * a - c * c) / c * sine**3, across - (a * a - c * c) / a * cosine**3)

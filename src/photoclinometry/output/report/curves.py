@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from photoclinometry.photometry.render import render_view
 RENDERINGS = 6
 
 
-def choose_views(scene: Scene, rows: Sequence[Mapping], count: int = RENDERINGS) -> list[int]:
+def choose_views(scene: Scene, rows: Sequence[Mapping[str, Any]], count: int = RENDERINGS) -> list[int]:
     """View indices from the best to the worst PSNR, evenly spaced: neither flattering nor alarming."""
     quality = {row["name"]: row["psnr_db"] for row in rows if "psnr_db" in row}
     known = [k for k, name in enumerate(scene.views.name) if name in quality]
@@ -64,7 +65,7 @@ def draw_rendering(path: Path, scene: Scene, view: int, image: Image) -> Path:
 
 
 def draw_renderings(
-    folder: Path, scene: Scene, images: Mapping[str, Image], rows: Sequence[Mapping]
+    folder: Path, scene: Scene, images: Mapping[str, Image], rows: Sequence[Mapping[str, Any]]
 ) -> list[tuple[str, str]]:
     """Up to RENDERINGS views as files: (file name, caption) of each, best PSNR first."""
     figures = []

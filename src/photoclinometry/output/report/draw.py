@@ -5,12 +5,15 @@ Figures are made without pyplot, so that nothing global is touched and no displa
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 
 from photoclinometry.model.scene import Region
@@ -34,7 +37,9 @@ def save(figure: Figure, path: Path) -> Path:
     return path
 
 
-def panels(rows: int, cols: int, width: float, aspect: float, gap: tuple[float, float], margin: tuple[float, ...]):
+def panels(
+    rows: int, cols: int, width: float, aspect: float, gap: tuple[float, float], margin: tuple[float, ...]
+) -> tuple[Figure, np.ndarray]:
     """A figure and its axes (rows, cols), every panel `width` wide and width x aspect high, all in inches.
 
     gap: across and down between panels; margin: left, right, bottom, top. Placed by hand, since matplotlib's
@@ -58,17 +63,17 @@ def one_panel(aspect: float) -> tuple[Figure, Axes]:
     return figure, axes[0, 0]
 
 
-def style():
+def style() -> AbstractContextManager[None]:
     """The report's matplotlib settings, as a context."""
     return matplotlib.rc_context(STYLE)
 
 
-def colour_map(name: str):
+def colour_map(name: str) -> Colormap:
     """A matplotlib colour map whose missing values are grey."""
     return matplotlib.colormaps[name].with_extremes(bad=MISSING)
 
 
-def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False):
+def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False) -> tuple[float, float]:
     """Percentiles of the finite values, so that single outliers do not flatten a picture; (0, 1) without any."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
@@ -78,7 +83,7 @@ def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bo
     return bottom, float(top) if top > bottom else bottom + max(abs(bottom) * 1e-3, 1e-12)
 
 
-def symmetric_limits(values: np.ndarray, high: float = 99.0):
+def symmetric_limits(values: np.ndarray, high: float = 99.0) -> tuple[float, float]:
     """Limits (-x, x) around zero, x a percentile of the finite values' sizes."""
     top = limits(np.abs(values), high=high, zero=True)[1]
     return -top, top
@@ -92,7 +97,14 @@ def region_extent(region: Region) -> tuple[float, float, float, float]:
 
 
 def show_map(
-    axes: Axes, values: np.ndarray, region: Region, title: str, *, label: str = "", cmap: str = "gray", clim=None
+    axes: Axes,
+    values: np.ndarray,
+    region: Region,
+    title: str,
+    *,
+    label: str = "",
+    cmap: str = "gray",
+    clim: tuple[float, float] | None = None,
 ) -> None:
     """One map (h, w) on the region's grid with its colour bar; an RGB image (h, w, 3) goes without a bar."""
     axes.set_title(title)
@@ -108,7 +120,7 @@ def show_map(
     add_bar(axes, drawn, values, label)
 
 
-def add_bar(axes: Axes, drawn, values: np.ndarray, label: str) -> None:
+def add_bar(axes: Axes, drawn: ScalarMappable, values: np.ndarray, label: str) -> None:
     """A colour bar as high as the axes, with arrows where values lie beyond it."""
     finite = values[np.isfinite(values)]
     low, high = drawn.get_clim()

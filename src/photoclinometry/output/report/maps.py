@@ -34,7 +34,13 @@ RELIGHT_ELEVATIONS_DEG = (60.0, 30.0, 12.0)
 
 
 def draw_one(
-    path: Path, values: np.ndarray, region: Region, title: str, label: str = "", cmap: str = "gray", clim=None
+    path: Path,
+    values: np.ndarray,
+    region: Region,
+    title: str,
+    label: str = "",
+    cmap: str = "gray",
+    clim: tuple[float, float] | None = None,
 ) -> Path:
     """One map as one file."""
     with style():

@@ -72,7 +72,18 @@ def write_report(
     return folder / "index.html"
 
 
-def _sections(work, scene, images, rows, stages, rounds, pose_priors, convergence, errors, unit):
+def _sections(
+    work: Path,
+    scene: Scene,
+    images: Sequence[Image],
+    rows: Sequence[Mapping[str, Any]],
+    stages: Sequence[Mapping[str, Any]],
+    rounds: Sequence[Mapping[str, float]],
+    pose_priors: Sequence[Mapping[str, Any]],
+    convergence: Sequence[Mapping[str, float]],
+    errors: Mapping[str, np.ndarray],
+    unit: str | None,
+) -> list[tuple[str, str, str]]:
     """The page's sections in order, drawing their figures into `work`."""
     by_name = {image.name: image for image in images}
     reference = by_name.get(scene.views.name[scene.reference])
