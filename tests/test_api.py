@@ -8,6 +8,7 @@ import sys
 import typing
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,7 +67,7 @@ def test_checkers_see_the_names_that_users_get():
     """The imports under TYPE_CHECKING name `__all__`, each from where it comes at run time."""
     tree = ast.parse(Path(pcm.__file__).read_text(encoding="utf-8"))
     guarded = next(node for node in tree.body if isinstance(node, ast.If))
-    seen = {a.name: n.module for n in guarded.body if isinstance(n, ast.ImportFrom) for a in n.names}
+    seen = {a.name: str(n.module) for n in guarded.body if isinstance(n, ast.ImportFrom) for a in n.names}
     assert sorted(seen) == sorted(pcm.__all__)
     for name, module in seen.items():
         assert getattr(sys.modules[module], name) is getattr(pcm, name)
@@ -181,7 +182,9 @@ def test_render_is_the_view_under_any_sun():
     overhead = pcm.render(scene, view="002", sun=scene.views.sun[2] * 0 + [0, 0, 1])
     np.testing.assert_array_equal(relit.brightness, overhead.brightness)
     assert pcm.render(scene, geometry="reference").valid.shape == (16, 16)
-    for wrong in ({"geometry": "map"}, {"sun": [1.0, 0.0]}, {"sun_azimuth_deg": 10.0}, {"view": "9"}):
+    mistakes: list[dict[str, Any]]
+    mistakes = [{"geometry": "map"}, {"sun": [1.0, 0.0]}, {"sun_azimuth_deg": 10.0}, {"view": "9"}]
+    for wrong in mistakes:
         with pytest.raises(pcm.InputError):
             pcm.render(scene, **wrong)
 

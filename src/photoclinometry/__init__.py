@@ -93,12 +93,14 @@ _MODULE = {
 """Where each public name is defined; those not listed are functions of `api`."""
 
 
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_MODULE.get(name, 'api')}"), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # checkers would take any name for one of this package
+
+    def __getattr__(name: str) -> Any:
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{__name__}.{_MODULE.get(name, 'api')}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions
+from photoclinometry.adjust import Adjustment, AdjustOptions, Iteration
 from photoclinometry.adjust import adjust as _adjust
 from photoclinometry.evaluate.evaluation import Evaluation, evaluate_map
 from photoclinometry.io import run_files, scene_file
@@ -146,7 +146,7 @@ def adjust(
     scene: Scene,
     *,
     options: AdjustOptions | None = None,
-    progress: Callable[[Any], None] | None = None,
+    progress: Callable[[Iteration], None] | None = None,
     **changes: Any,
 ) -> Adjustment:
     """Estimate poses, Suns, exposures, positions, normals and albedos of a scene together.
@@ -156,7 +156,7 @@ def adjust(
     Args:
         scene: The start of the estimate, with its tracks.
         options: Noise, priors and losses.
-        progress: Called after every step with what the solver notes about it.
+        progress: Called after every step with its cost, damping and time.
         **changes: Fields of `AdjustOptions`, such as smooth_sigma_rad=0.1.
 
     Returns:

@@ -22,11 +22,11 @@ from photoclinometry.adjust import (
     adjust,
 )
 from photoclinometry.io.options import write_options
-from photoclinometry.model.display import card, named, scene_caption, scene_picture, scene_table
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Scene, Views
+from photoclinometry.pipeline import result_display
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
 from photoclinometry.pipeline.run_folder import RunFolder
 
@@ -54,23 +54,10 @@ class RunResult:
         return self.report.parent.parent
 
     def __repr__(self) -> str:
-        scene, about = self.scene, self.table()
-        counts = f"{len(scene.views)} views, {len(scene.landmarks)} landmarks"
-        parts = [f"{key} {about[key]}" for key in ("mean PSNR", "estimate", "views left out") if key in about]
-        return f"<RunResult {named(scene.name, scene.body)}: {'; '.join([counts, *parts])}; {self.folder}>"
+        return result_display.result_line(self)
 
     def _repr_html_(self) -> str:
-        scene = self.scene
-        title = f"RunResult {named(scene.name, scene.body)}"
-        return card(title, scene_table(scene) | self.table(), lambda: scene_picture(scene), scene_caption(scene))
-
-    def table(self) -> dict[str, str]:
-        """How the run went, in words and numbers."""
-        psnr = self.metrics.get("psnr_mean_db")
-        quality = {} if psnr is None else {"mean PSNR": f"{psnr:.1f} dB"}
-        state = "converged" if self.adjustment.converged else f"not converged: {self.adjustment.message}"
-        left_out = {"views left out": ", ".join(self.left_out)} if self.left_out else {}
-        return {**quality, "estimate": state, **left_out, "report": str(self.report)}
+        return result_display.result_card(self)
 
 
 @dataclass(frozen=True, kw_only=True)
