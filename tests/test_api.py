@@ -191,9 +191,9 @@ def test_render_is_the_view_under_any_sun():
 
 def test_evaluate_a_result_its_folder_and_its_scene(mapped):
     """The same figures from each; those of images only where a site is known."""
-    kinds = (mapped.result, str(mapped.run), mapped.result.scene)
-    of_result, of_folder, of_scene = (pcm.evaluate(kind, truth=mapped.truth) for kind in kinds)
-    assert of_result.metrics == of_folder.metrics
+    kinds = (mapped.result, str(mapped.run), mapped.run / "scene.h5", mapped.result.scene)
+    of_result, of_folder, of_file, of_scene = (pcm.evaluate(kind, truth=mapped.truth) for kind in kinds)
+    assert of_result.metrics == of_folder.metrics == of_file.metrics
     assert of_result.metrics["surface_distance_mean_gsd"] < 0.2
     assert of_result.metrics["psnr_mean_db"] == pytest.approx(mapped.result.metrics["psnr_mean_db"])
     assert "psnr_mean_db" not in of_scene.metrics

@@ -7,11 +7,10 @@ field (`reflectance="mcewen"`), or both: single fields then replace those of the
 from __future__ import annotations
 
 import difflib
-import types
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from photoclinometry.io.models.colmap import read_colmap
 from photoclinometry.io.reference import Reference, read_reference, scene_as_reference
 from photoclinometry.io.site import Site
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.option_fields import changed
 from photoclinometry.model.reflectance import DISK_FUNCTIONS, Reflectance, published
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.output.export import ExportOptions, export_scene
@@ -36,8 +36,6 @@ from photoclinometry.pipeline.run import run as _run
 from photoclinometry.simulate.site import SimulationOptions, simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.surface.relief import local_frame, sun_from_angles
-
-Options = TypeVar("Options", SimulationOptions, RunOptions, AdjustOptions, ExportOptions)
 
 
 def read_site(path: str | Path) -> Site:
@@ -81,7 +79,7 @@ def simulate(
     if isinstance(options, str):
         options = SimulationOptions(preset=options)
     report = None if progress is None else lambda done, total, what: progress(what, done, total)
-    return simulate_site(_changed(options, changes), out, report, overwrite)
+    return simulate_site(changed(options, changes), out, report, overwrite)
 
 
 def run(
@@ -110,7 +108,7 @@ def run(
         InputError: The site or an option is wrong.
         ReconstructionError: The images do not determine a map.
     """
-    return _run(Path(site), Path(out), _changed(options or RunOptions(), changes), progress)
+    return _run(Path(site), Path(out), changed(options or RunOptions(), changes), progress)
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -166,7 +164,7 @@ def adjust(
         InputError: An option is wrong.
         ReconstructionError: Too little is left to estimate anything from.
     """
-    return _adjust(scene, _changed(options or AdjustOptions(), changes), progress=progress)
+    return _adjust(scene, changed(options or AdjustOptions(), changes), progress=progress)
 
 
 def render(
@@ -218,7 +216,7 @@ def evaluate(
     """Measure a map: photometric error, PSNR and completeness, and how far it is from the truth or another map.
 
     Args:
-        scene: The result of `run`, the folder of a finished run, or a scene by itself.
+        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene by itself.
         truth: truth.h5 of a simulated site: compares surface, normals, albedos, poses, Suns and keypoints.
         reference: Another map of the place: a scene, the folder of another run or its scene.h5, a PLY file (mesh or
             points), or a GeoTIFF of heights (needs the extra `geo`).
@@ -280,7 +278,7 @@ def export(
     """
     if products:
         changes["products"] = (products,) if isinstance(products, str) else tuple(products)
-    return export_scene(scene, Path(out), _changed(options or ExportOptions(), changes))["files"]
+    return export_scene(scene, Path(out), changed(options or ExportOptions(), changes))["files"]
 
 
 def reflectance_models() -> tuple[str, ...]:
@@ -344,11 +342,11 @@ def _sun_direction(
 
 
 def _folder(scene: RunResult | Scene | str | Path) -> Path | None:
-    """The run folder of a map; None of a scene by itself, and of a scene.h5."""
+    """The run folder of a map; None of a scene by itself."""
     if isinstance(scene, Scene):
         return None
     path = scene.folder if isinstance(scene, RunResult) else Path(scene)
-    return path if path.is_dir() else None
+    return path.parent if path.is_file() else path
 
 
 def _images(scene: Scene, folder: Path | None, site: str | Path | None) -> tuple[list[Image] | None, Views | None]:
@@ -368,38 +366,3 @@ def _reference(reference: Scene | str | Path, cameras: str | Path | None) -> Ref
         return found
     names, _, poses, _ = read_colmap(Path(cameras))
     return replace(found, names=names, body_from_cam=poses)
-
-
-def _changed(options: Options, changes: Mapping[str, Any]) -> Options:
-    """The options with some fields replaced. Raises InputError for fields and choices that there are not."""
-    known = [f.name for f in fields(options)]
-    for name in changes:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)[0]
-            raise InputError(f"{type(options).__name__} has no option {name!r}; the nearest is {near!r}")
-    changed = replace(options, **changes)
-    _check_choices(changed)
-    return changed
-
-
-def _check_choices(options: Any) -> None:
-    """Raises InputError where a field holds none of the words that its type allows; nested options included."""
-    hints = get_type_hints(type(options))
-    for name in (f.name for f in fields(options)):
-        value, allowed = getattr(options, name), _choices(hints[name])
-        if is_dataclass(value):
-            _check_choices(value)
-        for word in value if isinstance(value, tuple) else (value,):
-            if allowed and isinstance(word, str) and word not in allowed:
-                raise InputError(f"{name}={word!r}: must be one of {', '.join(map(repr, allowed))}")
-
-
-def _choices(hint: Any) -> tuple[str, ...]:
-    """The words that a type hint allows, also as members of a union or elements of a tuple; none: any."""
-    if get_origin(hint) is Literal:
-        return get_args(hint)
-    if get_origin(hint) in (Union, types.UnionType, tuple):
-        parts = [part for part in get_args(hint) if part not in (types.NoneType, Ellipsis)]
-        found = [_choices(part) for part in parts]
-        return tuple(word for words in found for word in words) if all(found) else ()
-    return ()
