@@ -26,7 +26,7 @@ from photoclinometry.io.reference import Reference, read_reference, scene_as_ref
 from photoclinometry.io.site import Site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.option_fields import changed
-from photoclinometry.model.reflectance import DISK_FUNCTIONS, Reflectance, published
+from photoclinometry.model.reflectance import MODELS, Reflectance, published
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.photometry.render import render_reference, render_view
@@ -287,7 +287,7 @@ def reflectance_models() -> tuple[str, ...]:
     Returns:
         The names that `reflectance` and `RunOptions.reflectance` take.
     """
-    return tuple(DISK_FUNCTIONS)
+    return tuple(MODELS)
 
 
 def reflectance(name: str, *, body: str | None = None) -> Reflectance:

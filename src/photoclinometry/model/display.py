@@ -62,7 +62,7 @@ def scene_table(scene: Scene) -> dict[str, str]:
         "observations": f"{len(scene.tracks)}",
         "map": f"{cols} x {rows} pixels of {reference}",
         "GSD": f"{scene.gsd:.3g} {scene.unit or '(own unit)'}" if len(scene.landmarks) else "unknown",
-        "reflectance": "geometry alone" if scene.reflectance is None else scene.reflectance.disk,
+        "reflectance": "geometry alone" if scene.reflectance is None else scene.reflectance.name,
         "brightness": BRIGHTNESS_UNITS.get(scene.brightness, scene.brightness),
         "frame": f"{scene.frame} frame",
         "sigmas": ", ".join(scene.uncertainty) or "none",
