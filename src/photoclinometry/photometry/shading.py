@@ -178,7 +178,7 @@ def _step(packed, j, observed, lighting, start, normal, albedo):
     """
     n = normal[j]
     one, two = _tangents(n)
-    information, gradient = _brightness_information(packed, j, observed, lighting, start, n, albedo[j])
+    information, gradient = _brightness_information(packed, j, observed, lighting, start, (n, one, two), albedo[j])
     by_normal, by_albedo = 1.0 / NORMAL_SIGMA_RAD**2, 1.0 / ALBEDO_SIGMA**2
     before = start.normal[j]
     gradient += np.array(
@@ -198,10 +198,13 @@ def _step(packed, j, observed, lighting, start, normal, albedo):
     return length
 
 
-@njit(cache=True)
-def _brightness_information(packed, j, observed, lighting, start, normal, albedo):
-    """Normal equations (3, 3) and negative gradient (3,) of landmark j's lit brightness, weighted by Huber's loss."""
-    one, two = _tangents(normal)
+@njit(cache=True, inline="always")
+def _brightness_information(packed, j, observed, lighting, start, frame, albedo):
+    """Normal equations (3, 3) and negative gradient (3,) of landmark j's lit brightness, weighted by Huber's loss.
+
+    frame: the normal and two tangents, (3,) each.
+    """
+    normal, one, two = frame
     information, gradient = np.zeros((3, 3)), np.zeros(3)
     row, towards = np.empty(3), np.empty(3)
     for i in range(observed.start[j], observed.start[j + 1]):

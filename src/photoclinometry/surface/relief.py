@@ -104,8 +104,10 @@ def _march(point, towards, intrinsics, ground, around, depths, step):
     free = np.ones(point.shape[0], np.bool_)
     fx, fy, cx, cy = intrinsics
     nearest, farthest = depths
-    height, width = ground.depth.shape
-    bottom, right = around.stride * (around.depth.shape[0] - 1), around.stride * (around.depth.shape[1] - 1)
+    map_depth, map_stride, around_depth, around_stride = ground.depth, ground.stride, around.depth, around.stride
+    first_row, first_col = ground.row, ground.col
+    height, width = map_depth.shape
+    bottom, right = around_stride * (around_depth.shape[0] - 1), around_stride * (around_depth.shape[1] - 1)
     for j in prange(point.shape[0]):
         travelled = FIRST_STEP * step
         while True:
@@ -117,11 +119,11 @@ def _march(point, towards, intrinsics, ground, around, depths, step):
                 break
             # Array position of the pixel: the centre of pixel [row, col] is at (col + 0.5, row + 0.5).
             col, row = fx * x / z + cx - 0.5, fy * y / z + cy - 0.5
-            map_row, map_col = (row - ground.row) / ground.stride, (col - ground.col) / ground.stride
+            map_row, map_col = (row - first_row) / map_stride, (col - first_col) / map_stride
             if 0.0 <= map_row < height - 1 and 0.0 <= map_col < width - 1:
-                surface = _depth_at(ground.depth, map_row, map_col)
+                surface = _depth_at(map_depth, map_row, map_col)
             elif 0.0 <= row < bottom and 0.0 <= col < right:
-                surface = _depth_at(around.depth, row / around.stride, col / around.stride)
+                surface = _depth_at(around_depth, row / around_stride, col / around_stride)
             else:
                 break
             if z > surface:  # behind the ground; False where the depth is unknown (NaN)
