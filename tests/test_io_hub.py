@@ -200,7 +200,7 @@ def test_the_command_lists_and_fetches(server, tmp_path, capsys):
     assert phomo("fetch", "cornelia", "--out", tmp_path / "data", "--endpoint", server.endpoint) == 0
     said = capsys.readouterr()
     assert said.out.strip() == str(tmp_path / "data")
-    assert f"4 files, 0.2 MB, checked; 4 fetched now, from {NAME} at {COMMIT}" in said.err
+    assert f"4 files, 0.2 MB, verified; 4 fetched now, from {NAME} at {COMMIT}" in said.err
     assert phomo("fetch", "nowhere", "--out", tmp_path / "no", "--endpoint", server.endpoint) == 2
     assert "it has ahuna, cornelia" in capsys.readouterr().err
     server.files.clear()

@@ -1,4 +1,4 @@
-"""`phomo render`: the map as a camera sees it, under its own Sun or any other."""
+"""`phomo render`: an image of the map, under the Sun of a view or any other."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Literal
 import numpy as np
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import Image
 
 PNG_PEAK = 65534.0
-"""The greatest brightness in a 16-bit PNG; 65535 would read as saturated."""
+"""Number of the greatest brightness in a 16-bit PNG; 65535 marks saturated pixels."""
 
 
 def render(
@@ -25,7 +24,7 @@ def render(
     geometry: Literal["camera", "reference"] = "camera",
     cast_shadows: bool = False,
 ) -> Path:
-    """Render a map: any of its views, or the same ground under another Sun.
+    """Render a map: one of its views, or the same ground under another Sun.
 
     Args:
         run: Folder of a finished run.
@@ -36,7 +35,7 @@ def render(
         sun_azimuth_deg: Sun's azimuth, clockwise from up in the reference image, along the map's mean plane.
         sun_elevation_deg: Sun's elevation above the map's mean plane; goes with the azimuth.
         geometry: "camera" draws the view's whole image; "reference" the map's own grid of reference pixels.
-        cast_shadows: Also darken what lies in the shadow of other ground of the map.
+        cast_shadows: Also draw the shadows that the map's ground casts.
     """
     from rich.console import Console
 
@@ -63,11 +62,12 @@ def render(
 
 
 def check_suffix(out: Path) -> None:
+    """Raises InputError unless the suffix is that of PNG or FITS."""
     if out.suffix.lower() not in (".png", ".fits", ".fit"):
         raise InputError(f"{out}: cannot write {out.suffix or 'a file without suffix'}; use .fits or .png")
 
 
-def write_rendering(out: Path, image: Image) -> float:
+def write_rendering(out: Path, image: np.ndarray, mask: np.ndarray) -> float:
     """Writes FITS or PNG by suffix (see `render`); returns the greatest brightness."""
     from photoclinometry.io.images import write_fits, write_png
 

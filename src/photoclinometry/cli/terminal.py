@@ -1,4 +1,4 @@
-"""What a long command shows while it works: progress bars, and the package's log."""
+"""The terminal output of long commands: progress bars, log and result."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def progress_bars(console: Console) -> Iterator[Progress]:
-    """A bar on the console for everything whose progress is told."""
+def progress_bars(console) -> Iterator[Progress]:
+    """A progress bar on the console for every kind of work that is reported."""
     from rich import progress as bar
 
     columns = (
@@ -36,8 +36,8 @@ def progress_bars(console: Console) -> Iterator[Progress]:
         yield progress
 
 
-def say_result(console: Console, result: RunResult) -> None:
-    """What was mapped and what is wanting, on the console; the report's page on standard output."""
+def say_result(console, result: RunResult) -> None:
+    """The size of the map and its shortcomings on the console; the report's path on standard output."""
     for name, reason in result.left_out.items():
         console.print(f"left out: {name}: {reason}", highlight=False, markup=False)
     psnr = result.metrics.get("psnr_mean_db")
@@ -49,7 +49,7 @@ def say_result(console: Console, result: RunResult) -> None:
 
 
 class log_to:
-    """While open, the package's log goes to OUT/log (all of it) and to the terminal (stages, warnings)."""
+    """Context in which the package's log goes to OUT/log (everything) and to the terminal (stages, warnings)."""
 
     def __init__(self, out: Path, console: Console):
         self.out, self.console = Path(out), console

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.io.rasters.cog import Band, write_cog
+from photoclinometry.io.rasters.cog import Band, RasterPlace, write_cog
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import Scene
@@ -24,18 +24,19 @@ from photoclinometry.photometry.render import landmark_faces
 
 @dataclass(frozen=True, kw_only=True)
 class Map:
-    """One file's content."""
+    """The content of one file."""
 
     name: str
-    """Of the file, without suffix."""
+    """Name of the file, without suffix."""
     bands: tuple[Band, ...]
     values: np.ndarray
-    """(h, w, n)."""
+    """(h, w, n), NaN where there is no ground."""
     about: str
+    """Description for people."""
 
 
 def possible_maps(framed: Framed) -> tuple[MapProduct, ...]:
-    """The maps that the scene has something for."""
+    """The maps that the content of the scene allows."""
     shape: tuple[MapProduct, ...] = ("dtm", "normals", "slope")
     light: tuple[MapProduct, ...] = ("albedo", "reflectance") if framed.scene.reflectance is not None else ()
     stated = {"position", "normal", "albedo"} & set(framed.scene.uncertainty)
@@ -43,7 +44,7 @@ def possible_maps(framed: Framed) -> tuple[MapProduct, ...]:
 
 
 def write_maps(folder: Path, framed: Framed, products: Sequence[MapProduct], options: ExportOptions) -> dict[str, str]:
-    """The maps as `folder`/NAME.tif; what is in each, by file name. Raises InputError and RunFolderError."""
+    """Writes the maps as `folder`/NAME.tif; returns descriptions by file name. Raises InputError and RunFolderError."""
     plane = map_plane(framed, options)
     pixel = _three_digits(framed.scene.spacing) if options.resolution is None else options.resolution
     grid = grid_around(plane.place[:, :2], pixel)
@@ -55,9 +56,7 @@ def write_maps(folder: Path, framed: Framed, products: Sequence[MapProduct], opt
             drawn.values,
             np.asarray(np.isfinite(drawn.values).all(-1)),
             drawn.bands,
-            corner=grid.corner,
-            pixel=grid.pixel,
-            crs=plane.crs,
+            place=RasterPlace(corner=grid.corner, pixel=grid.pixel, crs=plane.crs),
             about=about | {"PRODUCT": drawn.about},
         )
         unit_name = framed.unit or "the scene's unit"
@@ -123,7 +122,7 @@ def _sigmas(framed: Framed, up: np.ndarray) -> list[Layer]:
 def _orientation(
     normal: np.ndarray, up: np.ndarray, north: np.ndarray, axes: Sequence[str], products: Sequence[MapProduct]
 ) -> list[Map]:
-    """Maps of normals and slopes from normals and verticals (h, w, 3), NaN where there is none. axes: their names."""
+    """Maps of normals and slopes from normals and verticals (h, w, 3), NaN in gaps. axes: names of the components."""
     east = unit(np.cross(north, up))
     parts = np.stack([np.sum(normal * axis, -1) for axis in (east, np.cross(up, east), up)], -1)
     maps = []

@@ -1,6 +1,6 @@
-"""How figures look: sizes, colours, bars and scales, in one place.
+"""The layout and style of figures: sizes, colours, colour bars, limits.
 
-Figures are made without pyplot, so that nothing global is touched and no display is needed.
+Figures are made without pyplot, so that no global state changes and no display is needed.
 """
 
 from __future__ import annotations
@@ -12,15 +12,16 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 
 from photoclinometry.model.scene import Region
 
 MISSING = (0.66, 0.71, 0.77)
-"""Pixels without a value: a bluish grey, so that nobody takes it for a brightness."""
+"""Colour of pixels without a value: a bluish grey, which is not mistaken for a brightness."""
 DPI = 130
+"""Resolution of figures [px/inch]."""
+_ASPECT = (0.3, 2.0)
+"""Range of a panel's height over its width; maps beyond it are drawn with margins."""
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
@@ -33,6 +34,7 @@ STYLE: dict[Any, Any] = {
 
 
 def save(figure: Figure, path: Path) -> Path:
+    """Writes the figure; returns its path."""
     figure.savefig(path, dpi=DPI)
     return path
 
@@ -42,11 +44,11 @@ def panels(
 ) -> tuple[Figure, np.ndarray]:
     """A figure and its axes (rows, cols), every panel `width` wide and width x aspect high, all in inches.
 
-    gap: across and down between panels; margin: left, right, bottom, top. Placed by hand, since matplotlib's
-    own layout draws everything twice. Drawing should happen inside `style()`.
+    gap: across and down between panels; margin: left, right, bottom, top. Placed by hand, since matplotlib's layout
+    engines draw everything twice. Draw inside `style()`.
     """
     left, right, bottom, top = margin
-    height = width * float(np.clip(aspect, 0.3, 2.0))
+    height = width * float(np.clip(aspect, *_ASPECT))
     full_width = left + right + cols * width + (cols - 1) * gap[0]
     full_height = bottom + top + rows * height + (rows - 1) * gap[1]
     figure = Figure(figsize=(full_width, full_height))
@@ -68,13 +70,13 @@ def style() -> AbstractContextManager[None]:
     return matplotlib.rc_context(STYLE)
 
 
-def colour_map(name: str) -> Colormap:
-    """A matplotlib colour map whose missing values are grey."""
+def colour_map(name: str):
+    """A matplotlib colour map that shows missing values in MISSING."""
     return matplotlib.colormaps[name].with_extremes(bad=MISSING)
 
 
-def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False) -> tuple[float, float]:
-    """Percentiles of the finite values, so that single outliers do not flatten a picture; (0, 1) without any."""
+def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False):
+    """Percentiles of the finite values, which single outliers do not change; (0, 1) if there are none."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return 0.0, 1.0
@@ -83,14 +85,14 @@ def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bo
     return bottom, float(top) if top > bottom else bottom + max(abs(bottom) * 1e-3, 1e-12)
 
 
-def symmetric_limits(values: np.ndarray, high: float = 99.0) -> tuple[float, float]:
-    """Limits (-x, x) around zero, x a percentile of the finite values' sizes."""
+def symmetric_limits(values: np.ndarray, high: float = 99.0):
+    """Limits (-x, x) around zero; x is a percentile of the absolute finite values."""
     top = limits(np.abs(values), high=high, zero=True)[1]
     return -top, top
 
 
 def region_extent(region: Region) -> tuple[float, float, float, float]:
-    """imshow's extent (left, right, bottom, top) of the map's grid, so that axes count reference pixels."""
+    """The extent (left, right, bottom, top) of the map's grid for imshow, in reference pixels."""
     rows, cols = region.grid_shape
     left, top = region.col + 0.5 * (1 - region.stride), region.row + 0.5 * (1 - region.stride)
     return left, left + region.stride * cols, top + region.stride * rows, top
@@ -106,7 +108,7 @@ def show_map(
     cmap: str = "gray",
     clim: tuple[float, float] | None = None,
 ) -> None:
-    """One map (h, w) on the region's grid with its colour bar; an RGB image (h, w, 3) goes without a bar."""
+    """A map (h, w) on the region's grid with its colour bar, or an RGB image (h, w, 3) without one."""
     axes.set_title(title)
     axes.set_xlabel("reference column [px]")
     axes.set_ylabel("reference row [px]")
@@ -120,8 +122,8 @@ def show_map(
     add_bar(axes, drawn, values, label)
 
 
-def add_bar(axes: Axes, drawn: ScalarMappable, values: np.ndarray, label: str) -> None:
-    """A colour bar as high as the axes, with arrows where values lie beyond it."""
+def add_bar(axes: Axes, drawn, values: np.ndarray, label: str) -> None:
+    """A colour bar as high as the axes, with arrows if values lie beyond its limits."""
     finite = values[np.isfinite(values)]
     low, high = drawn.get_clim()
     under, over = (finite < low).any(), (finite > high).any()

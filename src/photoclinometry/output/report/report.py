@@ -1,4 +1,4 @@
-"""From a scene and what happened during its run to a folder that one opens in a browser."""
+"""The report of a run as a folder for the browser: maps, renderings, figures and options."""
 
 from __future__ import annotations
 
@@ -87,29 +87,29 @@ def _sections(
     """The page's sections in order, drawing their figures into `work`."""
     by_name = {image.name: image for image in images}
     reference = by_name.get(scene.views.name[scene.reference])
-    sections = [("Map", "On the pixels of the reference image.", page.figures(draw_maps(work, scene, reference, unit)))]
+    sections = [("Map", "On the grid of the reference image.", page.figures(draw_maps(work, scene, reference, unit)))]
     found = draw_values(work, scene, errors, "difference")
     if found:
         sections.append(("Differences", "Against the reference, after alignment.", page.figures(found)))
     found = draw_values(work, scene, landmark_sigmas(scene), "uncertainty")
     if found:
-        note = "One standard deviation, of what measurements and smoothness determine; not of what the models miss."
+        note = "One standard deviation by measurement noise and smoothness; errors of the models are not included."
         if scene.frame == BODY_FIXED:
-            note += " That of the whole map's place on the body, by the pose priors, is in that of position and height."
+            note += " Position and height include the uncertainty of the map's place on the body, from the pose priors."
         sections.append(("Uncertainty", note, page.figures(found)))
     if scene.reflectance is not None:
         found = draw_renderings(work, scene, by_name, rows)
         if found:
-            note = "From the best to the worst PSNR. The shadows that the relief casts are drawn."
+            note = "From the best to the worst PSNR, with cast shadows."
             sections.append(("Renderings", note, page.figures(found, "grid wide")))
         draw_relit(work / "relit.png", scene)
-        caption = "Azimuth counts clockwise from up in the image, elevation from the mean plane; shadows are cast."
+        caption = "Azimuth is clockwise from up in the image, elevation is above the mean plane; with cast shadows."
         sections.append(("Relit", "", page.figures([("relit.png", caption)], "grid wide")))
     if rounds:
         note = "Each round renders the map under every view's Sun, matches that, and adjusts again."
         sections.append(("Rounds", note, page.mapping_table(rounds)))
     if pose_priors:
-        note = "How far the map's cameras are from what was known of them. Red: left out, as it contradicts the images."
+        note = "Distance of the map's cameras from their priors. Red: left out, since it contradicts the images."
         sections.append(("Pose priors", note, page.mapping_table(pose_priors)))
     if convergence:
         draw_convergence(work / "convergence.png", convergence)
