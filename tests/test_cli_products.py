@@ -78,7 +78,7 @@ def test_render_relights_on_the_reference_grid_as_png(place, tmp_path):
         (("--out", "a.jpg"), "use .fits or .png"),
         (("--out", "a.png", "--view", "007"), "nearest: images/00"),
         (("--out", "a.png", "--sun-azimuth-deg", "10"), "go together"),
-        (("--out", "a.png", "--sun", "0", "0", "0"), "no direction"),
+        (("--out", "a.png", "--sun", "0", "0", "0"), "not a direction"),
         (("--out", "a.png", "--sun-azimuth-deg", "10", "--sun-elevation-deg", "-5"), "above 0"),
     ],
 )

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Image
 
 PNG_PEAK = 65534.0
 """Number of the greatest brightness in a 16-bit PNG; 65535 marks saturated pixels."""
@@ -67,7 +68,7 @@ def check_suffix(out: Path) -> None:
         raise InputError(f"{out}: cannot write {out.suffix or 'a file without suffix'}; use .fits or .png")
 
 
-def write_rendering(out: Path, image: np.ndarray, mask: np.ndarray) -> float:
+def write_rendering(out: Path, image: Image) -> float:
     """Writes FITS or PNG by suffix (see `render`); returns the greatest brightness."""
     from photoclinometry.io.images import write_fits, write_png
 

@@ -62,7 +62,7 @@ def resample(grid: MapGrid, xyz: np.ndarray, values: np.ndarray, faces: np.ndarr
 def resample_heights(
     grid: MapGrid, xyz: np.ndarray, gradient: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Heights (h, w) at the grid's pixel centres, as `resample`, but with the slopes at the vertices as well.
+    """Heights (h, w) at the grid's pixel centres, as `resample`, using the slopes of the ground at the vertices too.
 
     gradient: (J, 2) of the height by x and y. With weights w_i of the corners, the height at p of a triangle is
     sum w_i (h_i + g_i . (p - p_i) / 2): half the slopes of the tangent planes are added. That is exact for quadratic
