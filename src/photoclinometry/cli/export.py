@@ -7,6 +7,7 @@ from typing import Annotated
 
 import tyro
 
+from photoclinometry.output.export.formats import FORMATS
 from photoclinometry.output.export.options import ExportOptions
 
 
@@ -21,6 +22,8 @@ def export(
     A map made from images alone is in a frame and a unit of its own, which no reference system describes: its GeoTIFFs
     are maps of its mean plane, in metres where --unit-m says so. Say where on the body it lies (--transform, or
     --body-fixed), and they are maps of the body.
+
+    Formats: {formats}.
 
     Args:
         run: Folder of a finished run.
@@ -38,3 +41,7 @@ def export(
         console.print(f"{name}: {about}", highlight=False, markup=False)
     console.print(f"frame: {exported['frame']}", highlight=False, markup=False)
     print(out)
+
+
+_FORMATS = "; ".join(f"{product.name}: {product.about}" for product in FORMATS.values())
+export.__doc__ = (export.__doc__ or "").replace("{formats}", _FORMATS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +14,11 @@ from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, unit
 from photoclinometry.model.scene import BODY_FIXED, Scene
-from photoclinometry.output.export.options import ExportOptions
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.registration.georeference import georeferenced
+
+if TYPE_CHECKING:
+    from photoclinometry.output.export.options import ExportOptions
 
 _RADIUS_RANGE = (0.3, 3.0)
 """Range of the landmarks' distance from the centre, in radii of the globe: bodies like Eros are that elongated."""

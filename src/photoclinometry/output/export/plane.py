@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,8 +13,10 @@ from photoclinometry.io.rasters.globe import geographic, name_of, need_rasterio
 from photoclinometry.io.rasters.projection import local_crs, site_projection
 from photoclinometry.model.geometry import tangent_basis
 from photoclinometry.output.export.frame import Framed
-from photoclinometry.output.export.options import ExportOptions
 from photoclinometry.surface.relief import local_frame
+
+if TYPE_CHECKING:
+    from photoclinometry.output.export.options import ExportOptions
 
 _STEEPEST_DEG = 70.0
 """Slope to which gradients of heights are limited: normals of steeper ground are too uncertain to interpolate with."""
