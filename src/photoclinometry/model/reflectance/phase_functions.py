@@ -6,6 +6,7 @@ import math
 
 from numba import njit
 
+from photoclinometry.model.reflectance.angles import DEG
 from photoclinometry.model.reflectance.entry import Parameter, Phase
 
 LN_PER_MAGNITUDE = 0.4 * math.log(10.0)
@@ -76,7 +77,6 @@ def magnitudes_by_parameters(p, at, phase, out):
     return value
 
 
-PER_DEG = 180.0 / math.pi
 MAGNITUDES = Phase(
     (
         # 0.04 mag/deg at zero: slopes of asteroids are 0.02 (bright) to 0.05 mag/deg (dark).
@@ -84,10 +84,10 @@ MAGNITUDES = Phase(
             name="beta",
             unit="mag/rad",
             about="linear slope of the phase function",
-            default=0.04 * PER_DEG,
+            default=0.04 * DEG,
             lower=0.0,
-            upper=0.2 * PER_DEG,
-            prior_sigma=0.01 * PER_DEG,
+            upper=0.2 * DEG,
+            prior_sigma=0.01 * DEG,
         ),
         # The sigmas bend the phase function by 0.2 magnitudes at 60 degrees.
         Parameter(name="gamma", unit="mag/rad^2", about="its bend", default=0.0, prior_sigma=0.2),
