@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from photoclinometry.output.export import ExportOptions
     from photoclinometry.pipeline.products import RunResult
     from photoclinometry.pipeline.run import RunOptions
-    from photoclinometry.simulate.site import SimulationOptions
+    from photoclinometry.simulate.options import SimulationOptions
 
 __version__ = "0.1.0"
 
@@ -87,7 +87,7 @@ _MODULE = {
     "RunOptions": "pipeline.run",
     "RunResult": "pipeline.products",
     "Scene": "model.scene",
-    "SimulationOptions": "simulate.site",
+    "SimulationOptions": "simulate.options",
     "Site": "io.site",
 }
 """Where each public name is defined; those not listed are functions of `api`."""

@@ -33,7 +33,8 @@ from photoclinometry.photometry.render import render_reference, render_view
 from photoclinometry.pipeline.products import Progress, RunResult
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.pipeline.run import run as _run
-from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.surface.relief import local_frame, sun_from_angles
 

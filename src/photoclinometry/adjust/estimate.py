@@ -135,7 +135,7 @@ def _reweighted(setup: Setup, estimate: Estimate, progress: Callable[[Iteration]
     history: list[Iteration] = []
     lit = gate(scene, estimate, options)
     noise = starting_noise(setup, lit)
-    final, moves, graph = options.max_rounds == 1, None, None
+    final, moves, graph, solution = options.max_rounds == 1, None, None, None
     for number in range(1, options.max_rounds + 1):
         graph = None  # its measurements are let go of before the next one's are made
         graph = FactorGraph(
@@ -155,6 +155,7 @@ def _reweighted(setup: Setup, estimate: Estimate, progress: Callable[[Iteration]
         final = bool(alike) or number == options.max_rounds - 1
         lit, noise = new_lit, new_noise
     assert graph is not None
+    assert solution is not None
     return _Fit(_scene_at(setup, graph, estimate), graph.smoothness, solution, lit, noise, tuple(history))
 
 

@@ -204,7 +204,7 @@ def _alignment_metrics(
     }
 
 
-def _albedo_metrics(scene: Scene, reference: np.ndarray, name: str) -> tuple[dict, dict]:
+def _albedo_metrics(scene: Scene, reference: np.ndarray, name: str) -> tuple[Errors, dict[str, float]]:
     """Eq. 38 [%] after the best common factor; of calibrated scenes also without a factor (`_absolute`)."""
     albedo = scene.landmarks.albedo
     factor = albedo_factor(albedo, reference)
@@ -215,7 +215,9 @@ def _albedo_metrics(scene: Scene, reference: np.ndarray, name: str) -> tuple[dic
     return errors, metrics | _spreads(errors)
 
 
-def _photometry_metrics(scene: Scene, true_views: Views, albedo: np.ndarray, at_point: np.ndarray) -> tuple[dict, dict]:
+def _photometry_metrics(
+    scene: Scene, true_views: Views, albedo: np.ndarray, at_point: np.ndarray
+) -> tuple[Errors, dict[str, float]]:
     """Errors and figures of albedos, scales, biases. albedo, at_point: (J,) true, averaged over the pixel and not."""
     errors, metrics = _albedo_metrics(scene, albedo, "albedo_error")
     found, extra = _albedo_metrics(scene, at_point, "albedo_error_at_point")

@@ -121,7 +121,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     return rows
 
 
-def held_out_table(scene: Scene, held_out: Views, images: Sequence[Image] | None = None) -> list[dict]:
+def held_out_table(scene: Scene, held_out: Views, images: Sequence[Image] | None = None) -> list[dict[str, Any]]:
     """One row per view held out of the scene: name, held_out, scale, bias, PSNR (Eq. 40).
 
     held_out: views with poses in the scene's frame; images: theirs, among others and in any order.

@@ -15,8 +15,12 @@ _LARGEST_AU = 1000.0
 """Distances below are in astronomical units, distances above in kilometres."""
 _FARTHEST_KM = 1e12
 """Larger distances are damage: 6,700 astronomical units."""
-_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "millisec": 1e-3, "msec": 1e-3}
-_SECONDS |= {"millisecond": 1e-3, "milliseconds": 1e-3, "microsec": 1e-6, "us": 1e-6}
+_SECONDS = {
+    **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millisec", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "microsec"), 1e-6),
+}
+"""Units of durations in labels, in seconds."""
 _MISSING = ("N/A", "NULL", "UNK", "NONE", "")
 
 

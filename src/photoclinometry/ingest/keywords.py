@@ -28,7 +28,7 @@ _CORRECTED_RADIUS = 0.5
 _OCAMS_TERMS = 5
 """OCAMS gives five terms of OD_K, k_0 ... k_4; other cameras give at most three."""
 
-Keywords = Callable[[str], tuple | None]
+Keywords = Callable[[str], tuple[Any, ...] | None]
 """The values of a keyword by its name; None if there is no such keyword."""
 
 

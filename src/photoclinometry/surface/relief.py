@@ -29,7 +29,7 @@ def mean_plane(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     Least squares reweighted by 1 / (1 + (d / s)^2), s the median distance, so that spikes do not tilt it.
     """
-    weight = np.ones(len(position))
+    weight, center, normal = np.ones(len(position)), position.mean(0), np.zeros(3)
     for _ in range(PLANE_REWEIGHTINGS):
         center = weight @ position / weight.sum()
         offset = position - center

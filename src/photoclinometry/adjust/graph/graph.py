@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numba
 import numpy as np
@@ -50,7 +49,7 @@ class FactorGraph:
         nobody = build_neighbours(np.zeros((marks, 0), int), np.zeros((marks, 0), bool))
         self.smoothness = smoothness[0] if smoothness else Smoothness(nobody, 1.0)
         compiled = (Keypoints, Brightness, Smoothness)
-        self.general = tuple(cast(FactorGroup, group) for group in groups if not isinstance(group, compiled))
+        self.general = tuple(group for group in groups if not isinstance(group, compiled))
 
     @property
     def cost_names(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.io.atomic import atomic_path
-from photoclinometry.io.meshes.ply_elements import read_elements
+from photoclinometry.io.meshes.ply_elements import Columns, read_elements
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Scene
 
@@ -116,7 +116,7 @@ def _vertices(scene: Scene) -> np.ndarray:
     return table
 
 
-def _columns(path: Path, vertex: dict, names: tuple[str, ...]) -> np.ndarray | None:
+def _columns(path: Path, vertex: Columns, names: tuple[str, ...]) -> np.ndarray | None:
     """(n, len(names)) float64, or None if the file lacks one of them."""
     if not all(name in vertex for name in names):
         return None

@@ -73,7 +73,7 @@ class PointLines(NamedTuple):
     """(J + 1,) int64: observations of point j are start[j]:start[j + 1]."""
     image_id: np.ndarray
     """(N,) int64."""
-    index: np.ndarray
+    keypoint_index: np.ndarray
     """(N,) int64 POINT2D_IDX: index among the image's keypoints."""
 
 
@@ -214,16 +214,19 @@ def keypoint_rows(path: Path, points: PointLines, images: Sequence[ImageLines]) 
     for o in np.flatnonzero(numbers[image] != points.image_id)[:1]:
         raise error(o, f"names image {points.image_id[o]}, which images.txt does not hold")
     count = np.array([len(i.xy) for i in images])
-    for o in np.flatnonzero((points.index < 0) | (points.index >= count[image]))[:1]:
-        what = f"names keypoint {points.index[o]} of image {points.image_id[o]}, which has {count[image[o]]} (from 0)"
+    for o in np.flatnonzero((points.keypoint_index < 0) | (points.keypoint_index >= count[image]))[:1]:
+        index, holder = points.keypoint_index[o], points.image_id[o]
+        what = f"names keypoint {index} of image {holder}, which has {count[image[o]]} (from 0)"
         raise error(o, what + " in images.txt")
     twice = _repeated(point * len(images) + image)
     if twice is not None:
         raise error(twice, f"names image {points.image_id[twice]} twice; keep one of its keypoints")
-    row = (np.cumsum(count) - count)[image] + points.index
+    row = (np.cumsum(count) - count)[image] + points.keypoint_index
     twice = _repeated(row)
     if twice is not None:
-        what = f"names keypoint {points.index[twice]} of image {points.image_id[twice]}, as an earlier track does"
+        what = (
+            f"names keypoint {points.keypoint_index[twice]} of image {points.image_id[twice]}, as an earlier track does"
+        )
         raise error(twice, what)
     return image, row
 

@@ -30,7 +30,7 @@ _TICKS = 12
 """Most labels on the axis of iterations."""
 
 
-def choose_views(scene: Scene, rows: Sequence[Mapping], count: int = RENDERINGS) -> list[int]:
+def choose_views(scene: Scene, rows: Sequence[Mapping[str, Any]], count: int = RENDERINGS) -> list[int]:
     """View indices evenly spaced from the best to the worst PSNR, so that the choice is typical."""
     quality = {row["name"]: row["psnr_db"] for row in rows if "psnr_db" in row}
     known = [k for k, name in enumerate(scene.views.name) if name in quality]
