@@ -12,7 +12,7 @@ from scenes import synthetic_images, synthetic_scene, thinned, with_landmarks
 
 
 def holed(size, hole, stride=1):
-    """A scene, the same without the landmarks of a square of pixels in its middle, and which these are."""
+    """A scene, the same without the landmarks of a square in its middle, and (J,) bool: the landmarks left out."""
     scene = thinned(synthetic_scene(size=size, views=7), stride)
     row, col = stride * np.array(scene.cells)
     low, high = (size - hole) // 2, (size + hole) // 2

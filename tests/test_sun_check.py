@@ -61,7 +61,7 @@ def test_a_blur_takes_the_mean_of_what_is_valid():
 
 
 def test_albedos_and_gains_are_those_of_the_majority():
-    """Five views, two of which show nonsense: the others' product of albedo and gain, exactly."""
+    """Five views, two of them with random brightness: the product of albedo and gain is that of the others."""
     rng = np.random.default_rng(0)
     albedo, gain = rng.uniform(0.1, 0.5, 200), rng.uniform(0.5, 2.0, 5)
     landmark, view = np.repeat(np.arange(200), 5), np.tile(np.arange(5), 200)
@@ -76,7 +76,7 @@ def test_albedos_and_gains_are_those_of_the_majority():
 
 
 def test_views_out_of_use_do_not_change_the_ground():
-    """The wrong Sun of a view out of use changes nothing; in use it bends the ground by degrees."""
+    """The wrong Sun of a view out of use changes nothing; in use it turns normals by degrees."""
     scene = synthetic_scene(size=24, views=8, brightness_noise=0.01)
     sun = scene.views.sun.copy()
     sun[2] = so3_exp(np.array([1.5, 0.0, 0.0])) @ sun[2]
