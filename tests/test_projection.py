@@ -45,4 +45,4 @@ def test_the_compiled_statement_is_the_plain_one(views):
 
 
 def test_a_point_behind_the_camera_has_a_negative_inverse_depth():
-    assert project_point(*np.eye(3).ravel(), 0.0, 0.0, -2.0)[0] == -0.5
+    assert project_point(*np.eye(3).ravel(), *np.array([0.0, 0.0, -2.0]))[0] == -0.5
