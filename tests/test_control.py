@@ -1,0 +1,99 @@
+"""Ground control points place a map, take part in its estimate, and are compared with it."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.adjust import adjust
+from photoclinometry.model.control import ControlPixel, ControlPoint
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Similarity, so3_exp
+from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.pipeline.control import (
+    check_control,
+    control_metrics,
+    control_table,
+    ground_control,
+    place_by_control,
+    warn_of_contradictions,
+)
+from photoclinometry.registration.alignment import transform_scene
+from scenes import synthetic_scene
+from test_adjust_estimate import INDEPENDENT, start_of
+
+OWN_FROM_BODY = Similarity(1.0 / 60.0, so3_exp(np.array([0.3, -0.2, 1.0])), np.array([5.0, -3.0, 2.0]))
+
+
+@pytest.fixture(scope="module")
+def known():
+    """A scene in metres with four control points on its ground, measured in every view to a tenth of a pixel."""
+    scene = synthetic_scene(size=16, views=6, keypoint_noise_px=0.3, brightness_noise=0.01)
+    rng = np.random.default_rng(1)
+    points = []
+    for n, j in enumerate((0, 15, 240, 130)):
+        position = scene.landmarks.position[j]
+        pixels = []
+        for k, view in enumerate(scene.views.name):
+            x, y = scene.views.project(k, position[None])[0] + 0.1 * rng.normal(size=2)
+            pixels.append(ControlPixel(view, float(x), float(y), 0.1))
+        points.append(ControlPoint(name=f"P{n}", position=position, sigma=np.full(3, 1.0), pixels=tuple(pixels)))
+    return scene, tuple(points)
+
+
+def test_a_scene_in_a_frame_of_its_own_is_placed(known):
+    scene, points = known
+    placed = place_by_control(transform_scene(OWN_FROM_BODY, scene), points)
+    assert placed is not None
+    assert placed.frame == BODY_FIXED
+    off = np.linalg.norm(placed.landmarks.position - scene.landmarks.position, axis=1)
+    assert off.max() < 0.5 * scene.gsd
+
+
+def test_the_estimate_takes_frame_and_scale_from_control(known):
+    """From a start off by 20 m, without gauge or pose priors: the map is in place to a tenth of a pixel, in metres."""
+    scene, points = known
+    control = ground_control(points, scene.views)
+    found = adjust(start_of(scene), INDEPENDENT, control=control)
+    assert found.converged
+    off = np.median(found.scene.landmarks.position - scene.landmarks.position, axis=0)
+    assert np.linalg.norm(off) < 0.1 * scene.gsd
+    rows = control_table(points, found.control, found.scene.views)
+    assert [row["name"] for row in rows] == ["P0", "P1", "P2", "P3"]
+    assert control_metrics(rows)["control_point_off_rms_sigmas"] < 2.0
+    sigma = np.sqrt(np.einsum("jaa->ja", found.scene.uncertainty["position"])).max()
+    assert np.isfinite(sigma)
+
+
+def test_a_wrong_point_is_named(known, caplog):
+    scene, points = known
+    wrong = replace(points[1], position=points[1].position + [300.0, 0.0, 0.0])
+    points = (points[0], wrong, *points[2:])
+    found = adjust(start_of(scene), INDEPENDENT, control=ground_control(points, scene.views))
+    with caplog.at_level(logging.WARNING):
+        warn_of_contradictions(control_table(points, found.control, found.scene.views))
+    assert any("P1" in record.message for record in caplog.records)
+
+
+def test_too_few_points_and_points_on_a_line_do_not_place(known, caplog):
+    scene, points = known
+    with caplog.at_level(logging.WARNING):
+        assert place_by_control(scene, points[:2]) is None
+        middle = 0.5 * (points[0].position + points[1].position)
+        line = (*points[:2], replace(points[2], position=middle))
+        assert place_by_control(scene, line) is None
+    assert "at least 3" in caplog.text
+    assert "on a line" in caplog.text
+
+
+def test_views_that_the_site_lacks_are_refused_and_unregistered_ones_left_out(known):
+    scene, points = known
+    stranger = replace(points[0], pixels=(ControlPixel("images/999.fits", 1.0, 2.0, 1.0),))
+    with pytest.raises(InputError, match=r"images/999\.fits"):
+        check_control([stranger], scene.views.name)
+    check_control(points, scene.views.name)
+    assert ground_control([stranger], scene.views) is None
+    control = ground_control([stranger, points[1]], scene.views)
+    assert control is not None
+    assert control.name == ("P1",)
