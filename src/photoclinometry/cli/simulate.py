@@ -17,7 +17,7 @@ class Simulate:
     """Simulate a site: images with shadows, optics and noise, site.toml, and truth.h5."""
 
     out: Path
-    """Folder for the site; must be empty or new."""
+    """Folder for the site; new or empty."""
     overwrite: bool = False
     """Replace a simulated site in that folder."""
     options: Annotated[SimulationOptions, tyro.conf.arg(name="")] = field(default_factory=SimulationOptions)
@@ -26,7 +26,7 @@ class Simulate:
 def simulate(arguments: Annotated[Simulate, tyro.conf.arg(name="")]) -> Path:
     """Simulate a site: images with shadows, optics and noise, site.toml, and truth.h5.
 
-    Prints where the site is.
+    Prints the path of its site.toml.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

@@ -33,7 +33,7 @@ class IngestOptions:
     lines: Literal["label", "down", "up"] = "label"
     """Order of the image's lines, for labels without it or with a wrong one: up if the first belongs at the bottom."""
     undistorted: bool = False
-    """The images have no distortion (any more)."""
+    """The images are free of distortion, or were corrected for it."""
     pose_priors: bool = True
     """Write known poses into site.toml as priors."""
     sun_sigma_deg: float = 0.05

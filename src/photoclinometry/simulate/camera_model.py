@@ -42,13 +42,13 @@ class Detector:
     read_noise_e: float = 20.0
     """Standard deviation of the read noise [electrons]."""
     bits: int = 14
-    """Depth of the digitiser."""
+    """Bits of the digitiser, 8 to 16."""
     exposure_level: float = 0.6
-    """Share of the full well that an image's 99th percentile reaches, on average ..."""
+    """Share of the full well that the 99th percentile of an image's brightness reaches, on average."""
     exposure_spread: float = 0.15
-    """... multiplied by a factor per image, uniform within 1 -+ this."""
+    """Relative variation of the exposure between images: a factor per image, uniform within 1 -+ this."""
     offset_dn: tuple[float, float] = (100.0, 300.0)
-    """Range of the offset, drawn per image [DN]."""
+    """Range of the offset (DN without light), which differs between images [DN]."""
     hot_pixels: float = 0.0
     """Share of the pixels with a random extra charge, the same in every image."""
     cosmic_rays: float = 0.0

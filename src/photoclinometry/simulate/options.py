@@ -39,9 +39,9 @@ class SimulationOptions:
     seed: int = 0
     """Seed of all random numbers."""
     views: int | None = None
-    """Number of images, 3 or more."""
+    """Number of images, 3 or more; by default the preset's."""
     image_size: int | None = None
-    """Width and height of the images [px]."""
+    """Width and height of the images [px]; by default the preset's."""
     image_height: int | None = None
     """Height of the images [px]; by default the width."""
     intrinsics: tuple[float, float, float, float] | None = None
@@ -58,7 +58,7 @@ class SimulationOptions:
     gsd: float | None = None
     """Ground sample distance of all images of ground from a file [m]; by default the preset's finest."""
     region_size: int | None = None
-    """Width and height of the region to map [px]."""
+    """Width and height of the region to map [px]; by default the preset's, or half the image."""
     supersampling: int = 2
     """Rays per pixel, along each side."""
     reflectance: ModelName = "lunar-lambert"
@@ -66,7 +66,7 @@ class SimulationOptions:
     brightness: str = "iof"
     """iof (calibrated, FITS) or dn (16-bit PNG; gain and offset differ between images)."""
     max_emission_deg: float = 25.0
-    """Greatest emission angle of the boresights on level ground."""
+    """Greatest emission angle of the boresights on level ground [degrees]."""
     pointing_jitter_px: float = 15.0
     """Standard deviation by which boresights miss the site's centre [px]."""
     sun_sigma_deg: float = 0.0573
