@@ -4,6 +4,7 @@ import json
 import logging
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -93,10 +94,16 @@ def test_our_own_mistakes_keep_their_traceback(site, tmp_path, fails):
         phomo("run", site, "--out", tmp_path / "run")
 
 
-def test_simulate_writes_a_site_once(tmp_path, capsys):
-    arguments = ("simulate", "--out", tmp_path / "s", "--views", 3, "--image-size", 48, "--detector.no-noise")
+def test_simulate_writes_a_site_once_with_the_options_given(tmp_path, capsys):
+    chosen = ("--lighting", "strong", "--seed", 2, "--detector.no-noise", "--detector.psf-sigma-px", 0.8)
+    arguments = ("simulate", "--out", tmp_path / "s", "--views", 3, "--image-size", 48, *chosen)
     assert phomo(*arguments) == 0
-    assert "truth.h5" in capsys.readouterr().err
+    printed = capsys.readouterr().err
+    assert str(tmp_path / "s" / "site.toml") in printed
+    assert "truth.h5" in printed
+    options = tomllib.loads((tmp_path / "s" / "simulation.toml").read_text())
+    assert (options["lighting"], options["seed"]) == ("strong", 2)
+    assert (options["detector"]["noise"], options["detector"]["psf_sigma_px"]) == (False, 0.8)
     assert phomo("info", tmp_path / "s") == 0
     assert "3 views" in capsys.readouterr().out
     assert phomo(*arguments) == 2

@@ -1,7 +1,5 @@
 """Ground from a file: the surface simulated is the one given, whatever its frame and unit, or it is refused."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -201,17 +199,3 @@ def test_a_site_of_given_ground(tmp_path):
     again = simulate_site(options, tmp_path / "again").parent
     for file in sorted((tmp_path / "site").rglob("*.*")):
         assert file.read_bytes() == (again / file.relative_to(tmp_path / "site")).read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"gsd": 10.0}, "go with --surface"),
-        ({"surface_center": (0.0, 0.0)}, "go with --surface"),
-        ({"surface_unit": "ft"}, "surface_unit"),
-        ({"surface": "a.obj", "gsd": -1.0}, "gsd must be positive"),
-    ],
-)
-def test_impossible_options_are_refused(change, message):
-    with pytest.raises(InputError, match=message):
-        replace(SimulationOptions(), **change)

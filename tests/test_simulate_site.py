@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -259,6 +260,11 @@ def test_a_failed_simulation_leaves_nothing_behind(tmp_path):
         ({"image_height": 8}, "32 px"),
         ({"intrinsics": (-1.0, 2000.0, 32.0, 32.0)}, "focal length must be positive"),
         ({"intrinsics": (32.0, 32.0, 2000.0, 2000.0)}, "order of intrinsics is fx fy cx cy"),
+        ({"gsd": 10.0}, "go with --surface"),
+        ({"surface_center": (0.0, 0.0)}, "go with --surface"),
+        ({"surface_unit": "ft"}, "surface_unit"),
+        ({"surface": Path("a.obj"), "gsd": -1.0}, "gsd must be positive"),
+        ({"max_emission_deg": 70.0}, "0 to 60"),
     ],
 )
 def test_impossible_options_are_refused(change, message):

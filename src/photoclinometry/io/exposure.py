@@ -26,10 +26,16 @@ _LEAST_AREA = 0.005
 """Least share of the image that the sky covers; smaller dark pieces on the edge are shadows."""
 _RIM_SHARE = 0.3
 """A gentle valley has about as many pixels on its rim as inside, the sky's limb fewer than this share."""
+_LEAST_RIM_PX, _RIM_WIDTH = 5.0, 0.5
+"""Width of the rim around a piece: at least this [px], and this share of the root of its area."""
+_CORE_PX = 5
+"""Kernel that takes away the edge of a piece, which is blurred by the optics [px]."""
 _PLATEAU_SPREAD = 1.5
 """Spread over the noise of neighbouring pixels: 1 for white noise, several for texture."""
 _PLATEAU_CONTRAST = 0.005
 """A spread below this share of the contrast is flat whatever its texture (compression, rounding)."""
+_CLIP_PERCENT = (0.1, 99.9)
+"""Percentiles to which brightness is clipped, so that hot and dead pixels are no signal."""
 _BLOCK = 8
 """Side of the blocks whose means show a signal that noise hides in single pixels [px]."""
 _BLOCK_SIGMAS = 12.0
@@ -83,12 +89,12 @@ def _is_plateau(image: Image, inside: np.ndarray, top: float, tolerance: float, 
     """
     import cv2
 
-    reach = max(5.0, 0.5 * np.sqrt(inside.sum()))
+    reach = max(_LEAST_RIM_PX, _RIM_WIDTH * np.sqrt(inside.sum()))
     near = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3) < reach
     rim = near & ~inside & image.valid & (image.brightness > top) & (image.brightness <= top + 2.0 * tolerance)
     if rim.sum() > _RIM_SHARE * inside.sum():
         return False
-    core = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)) == 1
+    core = cv2.erode(inside.astype(np.uint8), np.ones((_CORE_PX, _CORE_PX), np.uint8)) == 1
     pair = core[:, 1:] & core[:, :-1]
     if pair.sum() < _FEWEST_SAMPLES:
         return False
@@ -105,7 +111,7 @@ def shows_nothing(image: Image) -> bool:
     seen = image.brightness[image.valid]
     if seen.min() == seen.max():
         return True
-    low, high = np.percentile(seen, [0.1, 99.9])
+    low, high = np.percentile(seen, _CLIP_PERCENT)
     clipped = np.where(image.valid, np.clip(image.brightness, low, high), np.median(seen))
     height, width = (n // _BLOCK * _BLOCK for n in clipped.shape)
     if height * width == 0:

@@ -22,6 +22,10 @@ _EXPOSED_PERCENTILE = 99.0
 """The brightness that sets the exposure; the brightest hundredth may saturate."""
 _LEAST_BRIGHT = 1e-6
 """I/F that a dark image is exposed for, so that its exposure stays finite."""
+_HOT_CHARGE, _RAY_CHARGE = (0.1, 1.2), (0.05, 0.8)
+"""Range of the charge of a hot pixel, and of a pixel hit by a cosmic ray [full wells]."""
+_RAY_LENGTH_PX = 4.0
+"""Mean length of a cosmic ray's track beyond its first pixel [px]."""
 _SATURATED_UINT16 = 65535
 """Mark of a saturated pixel in a 16-bit image; other pixels are below."""
 
@@ -178,7 +182,7 @@ def hot_pixel_charge(shape: tuple[int, int], detector: Detector, rng: np.random.
     if detector.hot_pixels == 0:
         return None
     hot = rng.random(shape) < detector.hot_pixels
-    return hot * rng.uniform(0.1, 1.2, shape) * detector.full_well_e
+    return hot * rng.uniform(*_HOT_CHARGE, shape) * detector.full_well_e
 
 
 def _cosmic_rays(shape: tuple[int, ...], detector: Detector, rng: np.random.Generator) -> np.ndarray:
@@ -186,8 +190,8 @@ def _cosmic_rays(shape: tuple[int, ...], detector: Detector, rng: np.random.Gene
     charge = np.zeros(shape)
     for _ in range(rng.poisson(detector.cosmic_rays) if detector.cosmic_rays else 0):
         start, angle = rng.uniform(0, 1, 2) * shape, rng.uniform(0, np.pi)
-        steps = np.arange(0.0, rng.exponential(4.0) + 1.0, 0.5)[:, None]
+        steps = np.arange(0.0, rng.exponential(_RAY_LENGTH_PX) + 1.0, 0.5)[:, None]
         at = np.round(start + steps * [np.sin(angle), np.cos(angle)]).astype(int)
         at = at[(at >= 0).all(1) & (at < shape).all(1)]
-        charge[at[:, 0], at[:, 1]] = rng.uniform(0.05, 0.8) * detector.full_well_e
+        charge[at[:, 0], at[:, 1]] = rng.uniform(*_RAY_CHARGE) * detector.full_well_e
     return charge

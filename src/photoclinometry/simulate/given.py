@@ -36,6 +36,8 @@ _NEAR_ORIGIN = 0.25
 """An origin nearer to the site than this share of the mesh's extent is not the centre of a body."""
 _DOWNWARD = -0.5
 """z of a normal that certainly points down."""
+_HINT_GSD = 0.95
+"""Share of the largest possible ground sample distance that an error suggests."""
 _HINT_SHARE = 0.05
 """Ground that covers less than this share of the images is probably in kilometres."""
 
@@ -248,6 +250,6 @@ def _check_cover(path: Path, missing: np.ndarray, grid: Grid, gsd: float, unit_n
     raise InputError(
         f"{path}: has ground without gaps only within {whole:.4g} m of the site, in x and y, and images of {gsd:.4g} "
         f"m per pixel need {grid.half_extent:.4g} m; {unit_hint}choose --gsd "
-        f"{0.95 * gsd * whole / grid.half_extent:.2g}, smaller images (--image-size) or another --surface-center, or "
-        "fill the gaps"
+        f"{_HINT_GSD * gsd * whole / grid.half_extent:.2g}, smaller images (--image-size) or another --surface-center, "
+        "or fill the gaps"
     )

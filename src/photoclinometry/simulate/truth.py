@@ -20,6 +20,12 @@ _SUPERSAMPLING = 4
 """Rays per pixel, along each side, that averages are taken over."""
 _ON_SURFACE = 0.1
 """Distance from the surface along the line of sight at which points count as on it [samples of the surface]."""
+_FARTHEST = 12
+"""Farthest samples around a point's vertical foot among which the nearest is sought [samples]."""
+_MAX_STEPS, _MAX_HALVINGS = 40, 12
+"""Bounds on the Gauss-Newton steps to the nearest point, and on the halvings of a step; few are needed."""
+_STILL = 1e-9
+"""Last step to the nearest point [samples]."""
 _WHOLE = 1.0 - 1e-9
 """Mean of a mask that is True everywhere, up to rounding."""
 
@@ -157,14 +163,14 @@ def _nearest(height, frame, points, distance, foot):
         pu, pv, pz = (points[n, 0] - frame[0]) / spacing, (points[n, 1] - frame[1]) / spacing, points[n, 2]
         u, v = min(max(pu, 0.0), cols - 1.0), min(max(pv, 0.0), rows - 1.0)
         best = _distance2(height, spacing, u, v, pu, pv, pz)
-        reach = min(int(math.sqrt(best) / spacing) + 1, 12)
+        reach = min(int(math.sqrt(best) / spacing) + 1, _FARTHEST)
         ju, iv = int(u + 0.5), int(v + 0.5)
         for i in range(max(iv - reach, 0), min(iv + reach + 1, rows)):
             for j in range(max(ju - reach, 0), min(ju + reach + 1, cols)):
                 d = ((j - pu) ** 2 + (i - pv) ** 2) * spacing * spacing + (height[i, j] - pz) ** 2
                 if d < best:
                     best, u, v = d, float(j), float(i)
-        for _ in range(40):
+        for _ in range(_MAX_STEPS):
             z, z_u, z_v = height_and_slopes(height, u, v)
             z_u, z_v = z_u / spacing, z_v / spacing
             x, y, dz = (pu - u) * spacing, (pv - v) * spacing, pz - z
@@ -174,12 +180,12 @@ def _nearest(height, frame, points, distance, foot):
             step_u = (c * right_u - b * right_v) / (det * spacing)
             step_v = (a * right_v - b * right_u) / (det * spacing)
             scale, moved = 1.0, False
-            for _ in range(12):
+            for _ in range(_MAX_HALVINGS):
                 u1 = min(max(u + scale * step_u, 0.0), cols - 1.0)
                 v1 = min(max(v + scale * step_v, 0.0), rows - 1.0)
                 d = _distance2(height, spacing, u1, v1, pu, pv, pz)
                 if d < best:
-                    moved = abs(u1 - u) + abs(v1 - v) > 1e-9
+                    moved = abs(u1 - u) + abs(v1 - v) > _STILL
                     best, u, v = d, u1, v1
                     break
                 scale *= 0.5

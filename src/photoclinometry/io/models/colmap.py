@@ -28,6 +28,8 @@ _MODELS = {0: ("SIMPLE_PINHOLE", 3), 1: ("PINHOLE", 4)}
 _MODEL_IDS = {name: number for number, (name, _) in _MODELS.items()}
 _PARAMETERS_OF_OTHERS = {2: 4, 3: 5, 4: 8, 5: 8, 6: 12, 7: 5, 8: 4, 9: 5, 10: 12}
 """Count of parameters of the models with distortion, to skip them."""
+_WHITE_PERCENT = 99.0
+"""Percentile of the albedo that is coloured white; single bright points would darken all others."""
 _UNIT_TOLERANCE = 1e-3
 """A quaternion farther from unit length is damage."""
 _POINT2D = np.dtype([("xy", "<f8", 2), ("point", "<i8")])
@@ -131,8 +133,8 @@ def reprojection_rms_px(scene: Scene) -> np.ndarray:
 
 
 def grey_levels(albedo: np.ndarray) -> np.ndarray:
-    """(J,) uint8: 0 for albedo 0, 255 for the 99th percentile and above (single bright points would darken all)."""
-    top = float(np.nanpercentile(albedo, 99)) if len(albedo) else 1.0
+    """(J,) uint8: 0 for albedo 0, 255 for the 99th percentile and above."""
+    top = float(np.nanpercentile(albedo, _WHITE_PERCENT)) if len(albedo) else 1.0
     return np.clip(np.nan_to_num(255.0 * albedo / (top if top > 0 else 1.0)), 0, 255).astype(np.uint8)
 
 

@@ -88,8 +88,8 @@ def sumfile_of_view(
 ) -> SumFile:
     """The SUMFILE of a view: body_from_cam in km, sun (3,) towards the Sun in B.
 
-    A SUMFILE gives the focal length in mm and pixels per mm; only their product matters. pixel_mm: the pitch of a
-    sample to write.
+    A SUMFILE gives the focal length in mm and pixels per mm; only their product matters. pixel_mm: pitch of a sample,
+    by default 10 microns.
     """
     focal, pitch = camera.focal_px, 1.0 / pixel_mm
     rotation = body_from_cam.rotation

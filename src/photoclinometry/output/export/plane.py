@@ -22,6 +22,8 @@ _STEEPEST_DEG = 70.0
 """Slope to which gradients of heights are limited: normals of steeper ground are too uncertain to interpolate with."""
 _STEP_GSD = 0.01
 """Step of the numerical derivative of the projection [ground samples]."""
+_TINY = 1e-300
+"""Keeps a division by a zero gradient finite."""
 _UPRIGHT = 1e-9
 """Ratio of a tangent plane's area on the map to the largest, below which the ground is vertical."""
 
@@ -87,4 +89,4 @@ def height_gradient(
     rise = np.stack([z1 * y2 - z2 * y1, x1 * z2 - x2 * z1], -1)
     gradient = np.where(upright[:, None], 0.0, rise / np.where(upright, 1.0, area)[:, None])
     steepness = np.linalg.norm(gradient, axis=-1, keepdims=True)
-    return gradient * np.minimum(1.0, math.tan(math.radians(_STEEPEST_DEG)) / np.maximum(steepness, 1e-300))
+    return gradient * np.minimum(1.0, math.tan(math.radians(_STEEPEST_DEG)) / np.maximum(steepness, _TINY))
