@@ -157,11 +157,11 @@ def test_both_binary_forms_are_read(tmp_path, order, polygons, triangles):
         ("float y", "float x", "two of the same name"),
         ("float y", "half y", "header line not understood: 'property half y'"),
         ("float z", "float w", "no vertices with x, y, z"),
-        ("0.5 0.5 1 255", "0.5 0.5 255", "a vertex row does not hold"),
+        ("0.5 0.5 1 255", "0.5 0.5 255", "a vertex row does not agree"),
         ("0.5 0.5 1 255", "0.5 nan 1 255", "not finite"),
         ("3 0 1 4", "3 0 1 5", "faces refer to vertices that do not exist"),
-        ("3 0 1 4", "9 0 1 4", "a face row does not hold"),
-        ("3 0 1 4", "3 0 x 4", "a face row does not hold"),
+        ("3 0 1 4", "9 0 1 4", "a face row does not agree"),
+        ("3 0 1 4", "3 0 x 4", "a face row does not agree"),
     ],
 )
 def test_malformed_files_are_refused_in_words(tmp_path, old, new, found):

@@ -97,7 +97,7 @@ def test_another_run_brings_its_own_poses(tmp_path):
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 def test_files_that_are_no_map_are_refused(tmp_path):
     (tmp_path / "map.obj").write_text("v 0 0 0")
-    with pytest.raises(InputError, match="is no map to compare with"):
+    with pytest.raises(InputError, match="is not a map to compare with"):
         read_reference(tmp_path / "map.obj")
     (tmp_path / "map.tif").write_text("no picture")
     with pytest.raises(InputError, match="cannot be read as a GeoTIFF"):

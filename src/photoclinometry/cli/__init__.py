@@ -1,4 +1,4 @@
-"""The command `phomo`. A command parses, calls one library function, and says where its result is.
+"""The command `phomo`. A command parses, calls one library function, and prints the path of its result.
 
 Exit codes: 0 success; 1 the images do not determine a result, or data cannot be fetched; 2 misuse; 130 interrupted; 141
 the reader of the output has closed it (`phomo ... | head`).

@@ -9,7 +9,7 @@ from photoclinometry.model.scene import Image
 _MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
 _FEWEST_PIXELS = 100
-"""Images with fewer valid pixels are too small to tell sky from ground."""
+"""Images with fewer valid pixels are too small to distinguish sky from ground."""
 _DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.1, 99.0
 """Their distance is the contrast of an image; single hot and dead pixels lie beyond them."""
 _EDGE_PX = 2
@@ -35,7 +35,7 @@ _PLATEAU_SPREAD = 1.5
 _PLATEAU_CONTRAST = 0.005
 """A spread below this share of the contrast is flat whatever its texture (compression, rounding)."""
 _CLIP_PERCENT = (0.1, 99.9)
-"""Percentiles to which brightness is clipped, so that hot and dead pixels are no signal."""
+"""Percentiles to which brightness is clipped, so that hot and dead pixels do not count as signal."""
 _BLOCK = 8
 """Side of the blocks whose means show a signal that noise hides in single pixels [px]."""
 _BLOCK_SIGMAS = 12.0

@@ -43,7 +43,7 @@ def read_limited(path: Path, what: str, limit: int) -> bytes:
     """As `read_bytes`, whole, of a kind of file that is never larger than `limit` bytes. Raises InputError."""
     data = read_bytes(path, what, limit=limit + 1)
     if len(data) > limit:
-        raise InputError(f"{path}: is larger than {limit >> 20} MiB, so it is no {what}; check the path")
+        raise InputError(f"{path}: is larger than {limit >> 20} MiB, so it is not a {what}; check the path")
     return data
 
 

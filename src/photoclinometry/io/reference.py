@@ -36,7 +36,9 @@ def read_reference(path: Path | str) -> Reference:
         from photoclinometry.io.scene_file import read_scene
 
         return scene_as_reference(read_scene(path / "scene.h5" if path.is_dir() else path))
-    raise InputError(f"{path}: is no map to compare with; give a .ply, a GeoTIFF (.tif), a run folder or its scene.h5")
+    raise InputError(
+        f"{path}: is not a map to compare with; give a .ply, a GeoTIFF (.tif), a run folder or its scene.h5"
+    )
 
 
 def scene_as_reference(scene: Scene) -> Reference:

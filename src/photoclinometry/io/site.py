@@ -1,7 +1,7 @@
 """`site.toml`: the images of a site, their cameras, Sun directions, pose priors, and the region to map.
 
 Angles are in degrees in the file (names end in `_deg`) and in radians here. Every mistake is a SiteError that names
-the file, the view, the key and the value found, and tells what to write instead.
+the file, the view, the key and the value found, with what to write instead.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera
 
 MIN_VIEWS = 3
-"""Fewest views of a site: a landmark needs a third one before a wrong match can be told from a right one."""
+"""Fewest views of a site: with two views of a landmark a wrong match cannot be detected."""
 DEFAULT_SUN_SIGMA_RAD = 1e-3
 """Standard deviation [rad] of Suns without `sun_sigma_deg`: 0.057 degrees, the paper's value."""
 _UNIT_TOLERANCE = 1e-3

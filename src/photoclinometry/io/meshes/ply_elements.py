@@ -37,7 +37,7 @@ class _Property:
     name: str
     type: str
     count_type: str | None = None
-    """The type of a list's length; None if the property is no list."""
+    """The type of a list's length; None if the property is not a list."""
 
 
 @dataclass
@@ -109,7 +109,7 @@ def _read_ascii(body: bytes, elements: list[_Element]) -> dict[str, Columns]:
         try:
             out[element.name] = _ascii_columns(rows, element)
         except (ValueError, IndexError, OverflowError) as error:
-            raise _Malformed(f"a {element.name} row does not hold what the header says: {error}") from error
+            raise _Malformed(f"a {element.name} row does not agree with the header: {error}") from error
         at += element.count
     return out
 

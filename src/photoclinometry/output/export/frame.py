@@ -24,8 +24,8 @@ _RADIUS_RANGE = (0.3, 3.0)
 """Range of the landmarks' distance from the centre, in radii of the globe: bodies like Eros are that elongated."""
 
 _NOT_BODY_FIXED = (
-    "the pose priors of its site are not body-fixed, or the body is another; --unit-m 1 exports the map in metres, on "
-    "no known place of a body"
+    "the pose priors of its site are not body-fixed, or the body is another; --unit-m 1 exports the map in metres, "
+    "at an unknown place on the body"
 )
 
 
@@ -51,7 +51,7 @@ class Framed:
         if self.globe is not None:
             axes = "origin in the body's centre, z to the north pole, x to longitude 0"
             return f"body-fixed, {axes}, in metres; {self.how}"
-        return f"the scene's own, on no known place of a body, in {'metres' if self.metric else 'its own unit'}"
+        return f"that of the scene, at an unknown place on the body, in {'metres' if self.metric else 'its own unit'}"
 
 
 def framed(scene: Scene, options: ExportOptions) -> Framed:
@@ -120,7 +120,7 @@ def _scaling(unit_m: float) -> Similarity:
     return Similarity(float(unit_m), np.eye(3), np.zeros(3))
 
 
-def _check_on_body(scene: Scene, globe: Globe, cure: str) -> None:
+def _check_on_body(scene: Scene, globe: Globe, remedy: str) -> None:
     """Raises InputError unless the landmarks lie about a radius from the centre with normals that point outwards."""
     position, normal = scene.landmarks.position, scene.landmarks.normal
     distance = float(np.median(np.linalg.norm(position, axis=-1)))
@@ -128,10 +128,10 @@ def _check_on_body(scene: Scene, globe: Globe, cure: str) -> None:
     if not low <= distance <= high:
         raise InputError(
             f"the landmarks of scene {scene.name!r} would be {distance:.4g} m from the centre of {globe.name}, whose "
-            f"radius is {globe.radii_m[0]:.4g} m: this is not the body-fixed frame, or the unit is wrong; {cure}"
+            f"radius is {globe.radii_m[0]:.4g} m: this is not the body-fixed frame, or the unit is wrong; {remedy}"
         )
     if np.median(np.sum(unit(position) * normal, axis=-1)) <= 0:
         raise InputError(
             f"the normals of scene {scene.name!r} would point into {globe.name}: this is not the body-fixed frame; "
-            f"{cure}"
+            f"{remedy}"
         )
