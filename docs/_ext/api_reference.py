@@ -1,0 +1,83 @@
+"""One page for each package, generated from the docstrings of its modules.
+
+Docstrings here are plain text: paragraphs, indented blocks that are shown as they are, `code` between single backticks.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src" / "photoclinometry"
+FOLDER = Path(__file__).parents[1] / "reference" / "modules"
+
+
+def packages() -> list[tuple[str, str]]:
+    """Packages in the order of DESIGN.md's table, with what each holds."""
+    layout = (ROOT / "DESIGN.md").read_text(encoding="utf-8").split("## Layout\n")[1].split("\n## ")[0]
+    return re.findall(r"^\| `(\w+)` \| (.*?) \|$", layout, flags=re.MULTILINE)
+
+
+def write_pages(app: Any = None) -> None:
+    """Writes reference/modules/, which is not kept in the repository."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    found = packages()
+    lines = ["# Modules", "", "In the order in which they may import each other: from the one that knows no other down.", ""]
+    lines += [f"- [`{name}`]({name}.md): {holds}" for name, holds in found]
+    pages = {"index": "\n".join([*lines, "", "```{toctree}", ":hidden:", "", *(name for name, _ in found), "```", ""])}
+    for name, holds in found:
+        pages[name] = "\n".join([f"# `{name}`", "", f"{holds[0].upper()}{holds[1:]}.", "", *_modules(name)])
+    for name, text in pages.items():
+        file = FOLDER / f"{name}.md"
+        if not file.is_file() or file.read_text(encoding="utf-8") != text:
+            file.write_text(text, encoding="utf-8")
+
+
+def _modules(package: str) -> list[str]:
+    lines = []
+    for file in sorted((SOURCE / package).rglob("*.py")):
+        if file.name == "__init__.py" or file.name == "__main__.py":
+            continue
+        dotted = ".".join(file.relative_to(SOURCE.parent).with_suffix("").parts)
+        lines += [f"## `{dotted.removeprefix('photoclinometry.')}`", "", "```{eval-rst}"]
+        lines += [f".. automodule:: {dotted}", "   :members:", "   :show-inheritance:", "```", ""]
+    return lines
+
+
+def as_rst(lines: list[str]) -> list[str]:
+    """A plain docstring as reStructuredText that shows it as it is: no mark in it is taken for markup."""
+    out: list[str] = []
+    block = False
+    for line in lines:
+        indented = line.startswith("    ")
+        if indented and not block:
+            out += ["", "::", ""]
+        block = indented or (block and not line.strip())
+        out.append(line if indented or not line.strip() else _inline(line))
+        if not indented and line.strip():
+            block = False
+    return out
+
+
+def _inline(line: str) -> str:
+    parts = re.split(r"(`[^`]+`)", line)
+    marked = (f"``{p.strip('`').strip()}``" if p.startswith("`") and p.strip("`").strip() else _escaped(p) for p in parts)
+    text = "".join(marked)
+    lead = re.match(r"([-*+] )?", text).group()  # type: ignore[union-attr]
+    return lead + text[len(lead) :]
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\*`|_])", r"\\\1", text)
+
+
+def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    lines[:] = as_rst(lines)
+
+
+def setup(app: Any) -> dict[str, bool]:
+    app.connect("builder-inited", write_pages)
+    app.connect("autodoc-process-docstring", process, priority=900)
+    return {"parallel_read_safe": True}
