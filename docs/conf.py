@@ -17,17 +17,20 @@ html_title = "photoclinometry"
 
 extensions = [
     "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
     "sphinx.ext.mathjax",
     "myst_parser",
     "sphinx_gallery.gen_gallery",
     "cli_reference",
+    "root_pages",
+    "tutorial",
     "api_reference",
 ]
 exclude_patterns = ["_ext"]
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["tables.css"]
-html_theme_options = {"source_repository": "", "navigation_with_keys": True}
+html_theme_options = {"navigation_with_keys": True}
 html_copy_source = False
 
 myst_enable_extensions = ["deflist", "fieldlist"]
@@ -36,6 +39,7 @@ myst_heading_anchors = 4
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
+napoleon_numpy_docstring = False
 
 sphinx_gallery_conf = {
     "examples_dirs": str(HERE.parent / "examples"),

@@ -54,19 +54,21 @@ def as_rst(lines: list[str]) -> list[str]:
         indented = line.startswith("    ")
         if indented and not block:
             out += ["", "::", ""]
+        elif block and line.strip() and not indented:
+            out.append("")
         block = indented or (block and not line.strip())
         out.append(line if indented or not line.strip() else _inline(line))
-        if not indented and line.strip():
-            block = False
     return out
 
 
 def _inline(line: str) -> str:
+    """A line of text: `code` as code, a hyphen that begins a list stays, other marks are escaped."""
     parts = re.split(r"(`[^`]+`)", line)
-    marked = (f"``{p.strip('`').strip()}``" if p.startswith("`") and p.strip("`").strip() else _escaped(p) for p in parts)
-    text = "".join(marked)
-    lead = re.match(r"([-*+] )?", text).group()  # type: ignore[union-attr]
-    return lead + text[len(lead) :]
+    return "".join(_code(p) if p.startswith("`") and p.strip("` ") else _escaped(p) for p in parts)
+
+
+def _code(text: str) -> str:
+    return f"``{text.strip('`').strip()}``"
 
 
 def _escaped(text: str) -> str:
@@ -74,7 +76,11 @@ def _escaped(text: str) -> str:
 
 
 def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    lines[:] = as_rst(lines)
+    """Docstrings with sections (Args, Returns, Raises) are field lists by now; all others are plain text."""
+    if any(re.match(r":(param|returns?|raises|rtype)\b", line) for line in lines):
+        lines[:] = [re.sub(r"(?<![`:\w])`([^`]+)`(?!`)", r"``\1``", line) for line in lines]
+    else:
+        lines[:] = as_rst(lines)
 
 
 def setup(app: Any) -> dict[str, bool]:
