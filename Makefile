@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint types check bench bench-full bench-update clean
+.PHONY: demo docs test lint types check bench bench-full bench-update clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -28,6 +28,14 @@ check: lint types
 
 test: check
 	$(BIN)/python -m pytest
+
+$(VENV)/.docs: $(READY)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	@touch $@
+
+docs: $(VENV)/.docs  ## minutes: the pages, with every example and the tutorial run; warnings are errors
+	MPLBACKEND=agg $(BIN)/python -m sphinx -W --keep-going -b html docs build/docs
+	@echo pages: build/docs/index.html
 
 bench: $(READY)  ## minutes: accuracy, CPU seconds and memory against benchmarks/baselines/small.json
 	$(BIN)/python benchmarks/bench.py

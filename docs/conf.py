@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
+logging.getLogger("photoclinometry").setLevel(logging.WARNING)  # examples run here
 
 import photoclinometry  # noqa: E402
 
@@ -17,7 +19,6 @@ html_title = "photoclinometry"
 
 extensions = [
     "sphinx.ext.autodoc",
-    "sphinx.ext.napoleon",
     "sphinx.ext.mathjax",
     "myst_parser",
     "sphinx_gallery.gen_gallery",
@@ -39,7 +40,9 @@ myst_heading_anchors = 4
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
-napoleon_numpy_docstring = False
+# Public classes are documented twice, by their public name and in their module; attributes share names.
+suppress_warnings = ["ref.python"]
+smartquotes = False
 
 sphinx_gallery_conf = {
     "examples_dirs": str(HERE.parent / "examples"),

@@ -27,7 +27,7 @@ for view in pcm.read_site(site).views[:3]:
 # A landmark is observed in six views unless told otherwise; of nine views, five are enough.
 result = pcm.run(site, folder / "run", densify=DensifyOptions(min_views=5))
 scene = result.scene
-print(len(scene.landmarks), "landmarks in", len(scene.views), "views;", result.metrics["psnr_mean_db"].round(1), "dB")
+print(f"{len(scene.landmarks)} landmarks in {len(scene.views)} views; PSNR {result.metrics['psnr_mean_db']:.1f} dB")
 
 # %%
 # A scene holds arrays: positions (J, 3), normals (J, 3), albedos (J,), and the pixel of the reference image that each

@@ -20,8 +20,8 @@ path = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_siz
 site = pcm.read_site(path)
 
 # %%
-# A site with some of the views is another ``site.toml`` beside the same images. Of nine views, a landmark must be seen in
-# five; of five views, in four (``min_views``; the default is six).
+# A site with some of the views is another ``site.toml`` beside the same images. Of nine views, a landmark must be seen
+# in five; of five views, in four (``min_views``; the default is six).
 fewer = path.with_name("site-5.toml")
 write_site(fewer, replace(site, views=site.views[:5], path=fewer))
 results = {

@@ -46,8 +46,8 @@ ax.set(xlabel="step", ylabel="cost")
 ax.legend()
 
 # %%
-# The normals are back, from ten degrees to about one. They are not exactly those of the run: its last estimate takes
-# brightness by image gradients, this one takes it at the keypoints.
+# The normals are back: eleven degrees off before, half a degree after. They are not exactly those of the run: its last
+# estimate takes brightness by image gradients, this one takes it at the keypoints.
 for name, candidate in (("spoilt", spoilt), ("estimated", found.scene)):
     cosine = (candidate.landmarks.normal * landmarks.normal).sum(1)
     print(f"{name:10} normals differ by {np.degrees(np.arccos(cosine.clip(-1, 1))).mean():.2f} degrees in the mean")

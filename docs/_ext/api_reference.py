@@ -9,6 +9,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from sphinx.ext.napoleon import Config, GoogleDocstring
+
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "photoclinometry"
 FOLDER = Path(__file__).parents[1] / "reference" / "modules"
@@ -24,7 +26,7 @@ def write_pages(app: Any = None) -> None:
     """Writes reference/modules/, which is not kept in the repository."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     found = packages()
-    lines = ["# Modules", "", "In the order in which they may import each other: from the one that knows no other down.", ""]
+    lines = ["# Modules", "", "By package, from the one that imports no other down.", ""]
     lines += [f"- [`{name}`]({name}.md): {holds}" for name, holds in found]
     pages = {"index": "\n".join([*lines, "", "```{toctree}", ":hidden:", "", *(name for name, _ in found), "```", ""])}
     for name, holds in found:
@@ -76,11 +78,12 @@ def _escaped(text: str) -> str:
 
 
 def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Docstrings with sections (Args, Returns, Raises) are field lists by now; all others are plain text."""
-    if any(re.match(r":(param|returns?|raises|rtype)\b", line) for line in lines):
-        lines[:] = [re.sub(r"(?<![`:\w])`([^`]+)`(?!`)", r"``\1``", line) for line in lines]
-    else:
+    """Docstrings with sections (Args, Returns, Raises) become field lists; all others are plain text."""
+    if "Args:" not in lines and "Raises:" not in lines:
         lines[:] = as_rst(lines)
+        return
+    sections = GoogleDocstring(lines, Config(napoleon_numpy_docstring=False), app, what, name, obj, options)
+    lines[:] = [re.sub(r"(?<![`:\w])`([^`]+)`(?!`)", r"``\1``", line) for line in sections.lines()]
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -38,7 +38,7 @@ def page(name: str, command: Callable[..., Any]) -> str:
         actions = [action for action in group._group_actions if action.dest != "help"]
         if not actions:
             continue
-        lines += [f"## {(group.title or 'options').capitalize()}", ""]
+        lines += [f"## {_heading(group.title or 'options')}", ""]
         if group.description:
             lines += [_escaped(group.description), ""]
         for action in actions:
@@ -46,11 +46,18 @@ def page(name: str, command: Callable[..., Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _heading(title: str) -> str:
+    """A heading for a group of options: nested ones share a prefix."""
+    plain = {"options": "Options", "positional arguments": "Arguments"}
+    return plain.get(title) or f"`--{title.removesuffix(' options')}`"
+
+
 def _definition(action: Any) -> list[str]:
     """An option as an item of a definition list."""
     values = re.sub(r"\{None\}\|", "", str(action.metavar or ""))
     names = [f"{option} {values}".strip() for option in action.option_strings] or [values]
-    text, default = re.fullmatch(r"(.*?)\s*(?:\((required|default: .*)\))?", action.help or "", flags=re.DOTALL).groups()
+    parts = re.fullmatch(r"(.*?)\s*(?:\((required|default: .*)\))?", action.help or "", flags=re.DOTALL)
+    text, default = parts.groups() if parts else ("", None)
     about = " ".join(_escaped(text).split())
     closing = {None: "", "required": " *Required.*"}.get(default, f" Default: `{(default or '')[9:] or 'none'}`.")
     return [", ".join(f"`{each}`" for each in names), f": {about}{closing}", ""]

@@ -1,4 +1,4 @@
-"""README, DESIGN and CONTRIBUTING as pages: links between them and the pages in docs/ work here as they do in the repository."""
+"""README, DESIGN and CONTRIBUTING as pages, with links to and from the pages in docs/."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def from_root(text: str) -> str:
     """Links of a file in the repository's root as links of a page in about/."""
     for name, page in PAGES.items():
         text = text.replace(f"]({name}.md", f"]({page}.md")
-    text = text.replace("](docs/tutorial/generated", "](../tutorial/generated").replace("](examples)", "](../gallery/index.rst)")
+    text = text.replace("](examples)", "](../gallery/index.rst)")
     text = re.sub(r"\]\(docs/([^)#]*/)?(\w+)\)", r"](../\1\2/index.md)", text)
     text = text.replace("](docs/", "](../")
     return re.sub(r"\[([^\]]*)\]\((?:LICENSE|CITATION\.cff)\)", r"\1", text)
@@ -35,9 +35,8 @@ def from_root(text: str) -> str:
 def to_about(app: Any, name: str, content: list[str]) -> None:
     """Links of a page to a file in the repository's root lead to its page."""
     names = "|".join(PAGES)
-    content[0] = re.sub(
-        rf"\]\(((?:\.\./)*)\.\./({names})\.md", lambda m: f"]({m[1]}about/{PAGES[m[2]]}.md", content[0]
-    )
+    link = rf"\]\(((?:\.\./)*)\.\./({names})\.md"
+    content[0] = re.sub(link, lambda m: f"]({m[1]}about/{PAGES[m[2]]}.md", content[0])
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -29,9 +30,11 @@ def run(app: Any) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     GENERATED.mkdir(exist_ok=True)
+    wide = os.environ | {"COLUMNS": "110"}
     start = "import sys; from photoclinometry.cli import main; main(sys.argv[1:])"
     for arguments in commands():
-        done = subprocess.run([sys.executable, "-c", start, *arguments], cwd=folder, capture_output=True, text=True)
+        command = [sys.executable, "-c", start, *arguments]
+        done = subprocess.run(command, cwd=folder, env=wide, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"the tutorial's command `phomo {' '.join(arguments)}` failed:\n{done.stderr}")
         (GENERATED / f"{arguments[0]}.txt").write_text(done.stdout or done.stderr, encoding="utf-8")

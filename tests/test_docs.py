@@ -1,0 +1,157 @@
+"""Commands in the documentation parse, links resolve, named files exist, examples compile."""
+
+import functools
+import importlib
+import pkgutil
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+import photoclinometry.cli
+
+ROOT = Path(__file__).parents[1]
+ROOT_PAGES = [ROOT / name for name in ("README.md", "DESIGN.md", "CONTRIBUTING.md")]
+GENERATED = ("about", "gallery", "generated", "cli", "modules")
+PAGES = ROOT_PAGES + [
+    page
+    for page in sorted((ROOT / "docs").rglob("*.md"))
+    if not set(page.relative_to(ROOT / "docs").parent.parts) & set(GENERATED)
+]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def code_blocks(page: Path) -> list[str]:
+    """Indented and fenced blocks of a page, as they are."""
+    text = page.read_text(encoding="utf-8")
+    fenced = re.findall(r"^```\w*\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+    indented = re.findall(r"(?:^    .*\n|^\n)+", text, flags=re.MULTILINE)
+    return fenced + [re.sub(r"^    ", "", block, flags=re.MULTILINE) for block in indented]
+
+
+def commands_of(page: Path) -> list[str]:
+    """Lines of code blocks that call `phomo`, continued lines joined, comments taken off."""
+    lines = "\n".join(code_blocks(page)).replace("\\\n", " ").splitlines()
+    return [line.split(" #")[0].strip() for line in lines if line.startswith("phomo ")]
+
+
+def phomo_commands() -> dict:
+    """The commands of `phomo` by name, as functions that parse as these do and do nothing."""
+
+    def idle(command):
+        return functools.wraps(command)(lambda *args, **kwargs: None)
+
+    modules = [module.name for module in pkgutil.iter_modules(photoclinometry.cli.__path__)]
+    found = {name: getattr(importlib.import_module(f"photoclinometry.cli.{name}"), name, None) for name in modules}
+    return {name: idle(command) for name, command in found.items() if callable(command)}
+
+
+COMMANDS = sorted({(name_of(page), command) for page in PAGES for command in commands_of(page)})
+
+
+def test_there_are_commands_to_check():
+    assert len(COMMANDS) > 50
+
+
+@pytest.mark.parametrize("page", sorted({page for page, _ in COMMANDS}))
+def test_commands_in_the_pages_parse(page):
+    """Options exist and have values that they take. What stands for something (NAME, ...) is left as it is."""
+    import tyro
+
+    for command in (command for where, command in COMMANDS if where == page):
+        if "..." in command or "COMMAND" in command or "[--" in command:
+            continue
+        arguments = shlex.split(command)[1:]
+        try:
+            tyro.extras.subcommand_cli_from_dict(phomo_commands(), prog="phomo", args=arguments)
+        except SystemExit as stop:
+            pytest.fail(f"{page}: `{command}` is refused with exit code {stop.code}")
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as GitHub and MyST make them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    titles = re.findall(r"^#+ (.*)$", text, flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.replace("`", "")).lower().replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_between_pages_resolve(page):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(
+        r"\]\(([^)\s]+)\)", re.sub(r"^```.*?^```|^    .*$", "", text, flags=re.MULTILINE | re.DOTALL)
+    ):
+        if re.match(r"https?:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        if set(path.split("/")) & {"gallery", "cli", "modules"}:
+            continue  # made by `make docs`, which checks these links
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), f"{name_of(page)}: {target} is not there"
+        if anchor:
+            assert anchor in anchors(file), f"{name_of(page)}: {target} has no such heading"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_files_that_pages_name_exist(page):
+    """`package/file.py` in backticks is a file of the package, of the tests, or of the benchmarks."""
+    named = re.findall(r"`(?:python )?([\w/]+/\w+\.py)\b", page.read_text(encoding="utf-8"))
+    missing = [n for n in named if not ((ROOT / n).is_file() or (ROOT / "src" / "photoclinometry" / n).is_file())]
+    assert missing == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_tests_that_pages_name_exist(page):
+    named = set(re.findall(r"`(test_\w+)`", page.read_text(encoding="utf-8")))
+    suite = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "tests").glob("test_*.py"))
+    assert {name for name in named if f"def {name}(" not in suite} == set()
+
+
+def test_every_page_is_in_a_table_of_contents():
+    listed = set()
+    for index in (ROOT / "docs").rglob("*.md"):
+        for tree in re.findall(
+            r"^```\{toctree\}\n(.*?)^```", index.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+        ):
+            entries = [line for line in tree.splitlines() if line and not line.startswith(":")]
+            listed |= {(index.parent / f"{entry}.md").resolve() for entry in entries}
+    assert set(PAGES) - set(ROOT_PAGES) - listed == {ROOT / "docs" / "index.md"}
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=name_of)
+def test_examples_compile_and_tell_a_story(example):
+    """`make docs` runs them."""
+    text = example.read_text(encoding="utf-8")
+    compile(text, str(example), "exec")
+    title, underline, *_ = text.removeprefix('"""\n').splitlines()
+    assert underline == "=" * len(title)
+    assert len(text.splitlines()) <= 80
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_python_in_the_pages_compiles(page):
+    for block in re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL):
+        compile(block, name_of(page), "exec")
+
+
+def test_site_toml_in_the_pages_is_read(tmp_path):
+    """Every whole site.toml of the pages is one."""
+    from photoclinometry.io.site import read_site
+
+    blocks = [block for page in PAGES for block in re.findall(r"^```toml\n(.*?)^```", page.read_text(), re.M | re.S)]
+    sites = [block for block in blocks if "[[views]]" in block]
+    assert len(sites) >= 2
+    for number, site in enumerate(sites):
+        file = tmp_path / f"{number}.toml"
+        file.write_text(site, encoding="utf-8")
+        assert len(read_site(file).views) >= 3
+
+
+def test_readme_and_design_are_short():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 200
+    assert len((ROOT / "DESIGN.md").read_text(encoding="utf-8").split()) <= 2500
