@@ -294,7 +294,7 @@ def test_real_images_match_along_their_epipolar_lines():
 
 
 def test_the_matcher_of_the_docs_finds_a_displacement():
-    page = (Path(__file__).parents[1] / "docs" / "matching.md").read_text()
+    page = (Path(__file__).parents[1] / "docs" / "howto" / "own-matcher.md").read_text()
     names: dict = {}
     exec(page.split("```python\n")[1].split("```")[0], names)
     request, true = displaced()
