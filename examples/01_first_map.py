@@ -2,8 +2,8 @@
 A first map
 ===========
 
-Nine images of a small crater field on Vesta become a map: camera poses, 4,000 landmarks, and at each landmark a normal
-and an albedo. The images are simulated here, with cast shadows, optics and noise. Nothing of the truth is used.
+Nine images of a crater on Vesta become a map of a part of its wall: camera poses, 4,000 landmarks, and at each landmark
+a normal and an albedo. The images are simulated here, with cast shadows, optics and noise. The truth is not used.
 """
 
 # %%

@@ -29,7 +29,7 @@ drawn = pcm.render(scene, view=name)
 print(name, drawn.brightness.shape, f"{drawn.valid.mean():.1%} of the image is mapped")
 
 # %%
-# Then from four sides, 20 degrees above the horizon. Azimuths count clockwise from up in the reference image. Cast
+# Then from four sides, 40 degrees above the horizon. Azimuths count clockwise from up in the reference image. Cast
 # shadows are those of the map's own ground. Above: as it would look. Below: with the same albedo everywhere, which
 # shows the relief alone.
 even = np.full(len(scene.landmarks), np.median(scene.landmarks.albedo))
@@ -37,6 +37,6 @@ relief = replace(scene, landmarks=replace(scene.landmarks, albedo=even))
 fig, axes = plt.subplots(2, 4, figsize=(11, 6), layout="constrained")
 for row, ground in zip(axes, (scene, relief), strict=True):
     for ax, azimuth in zip(row, (0, 90, 180, 270), strict=True):
-        lit = pcm.render(ground, sun_azimuth_deg=azimuth, sun_elevation_deg=20, geometry="reference", cast_shadows=True)
-        ax.imshow(np.where(lit.valid, lit.brightness, np.nan), cmap="gray", vmin=0, vmax=0.25)
+        lit = pcm.render(ground, sun_azimuth_deg=azimuth, sun_elevation_deg=40, geometry="reference", cast_shadows=True)
+        ax.imshow(np.where(lit.valid, lit.brightness, np.nan), cmap="gray", vmin=0, vmax=0.3)
         ax.set(title=f"Sun from {azimuth}°", xticks=[], yticks=[])

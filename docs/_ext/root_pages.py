@@ -33,10 +33,12 @@ def from_root(text: str) -> str:
 
 
 def to_about(app: Any, name: str, content: list[str]) -> None:
-    """Links of a page to a file in the repository's root lead to its page."""
+    """Links of a page to a file in the repository's root, or to an example, lead to its page."""
     names = "|".join(PAGES)
     link = rf"\]\(((?:\.\./)*)\.\./({names})\.md"
-    content[0] = re.sub(link, lambda m: f"]({m[1]}about/{PAGES[m[2]]}.md", content[0])
+    text = re.sub(link, lambda m: f"]({m[1]}about/{PAGES[m[2]]}.md", content[0])
+    text = re.sub(r"\]\(((?:\.\./)*)\.\./examples/(\w+)\.py\)", r"](\1gallery/\2.rst)", text)
+    content[0] = re.sub(r"\]\(((?:\.\./)*)\.\./examples\)", r"](\1gallery/index.rst)", text)
 
 
 def setup(app: Any) -> dict[str, bool]:
