@@ -30,7 +30,8 @@ extensions = [
 exclude_patterns = ["_ext"]
 html_theme = "furo"
 html_static_path = ["_static"]
-html_css_files = ["tables.css"]
+html_css_files = ["pages.css"]
+html_show_copyright = False
 html_theme_options = {"navigation_with_keys": True}
 html_copy_source = False
 

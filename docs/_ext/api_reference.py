@@ -44,7 +44,7 @@ def _modules(package: str) -> list[str]:
             continue
         dotted = ".".join(file.relative_to(SOURCE.parent).with_suffix("").parts)
         lines += [f"## `{dotted.removeprefix('photoclinometry.')}`", "", "```{eval-rst}"]
-        lines += [f".. automodule:: {dotted}", "   :members:", "   :show-inheritance:", "```", ""]
+        lines += [f".. automodule:: {dotted}", "   :members:", "```", ""]
     return lines
 
 
@@ -83,7 +83,10 @@ def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[
         lines[:] = as_rst(lines)
         return
     sections = GoogleDocstring(lines, Config(napoleon_numpy_docstring=False), app, what, name, obj, options)
-    lines[:] = [re.sub(r"(?<![`:\w])`([^`]+)`(?!`)", r"``\1``", line) for line in sections.lines()]
+    text = "\n".join(sections.lines())
+    # "Returns: The scene: every value" is a sentence here; napoleon takes what precedes a colon for a type.
+    text = re.sub(r":returns: (.*?)\n:rtype: (.*)$", r":returns: \2: \1", text, flags=re.MULTILINE | re.DOTALL)
+    lines[:] = re.sub(r"(?<![`:\w])`([^`]+)`(?!`)", r"``\1``", text).split("\n")
 
 
 def setup(app: Any) -> dict[str, bool]:
