@@ -85,7 +85,7 @@ def process(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[
     sections = GoogleDocstring(lines, Config(napoleon_numpy_docstring=False), app, what, name, obj, options)
     text = "\n".join(sections.lines())
     # "Returns: The scene: every value" is a sentence here; napoleon takes what precedes a colon for a type.
-    text = re.sub(r":returns: (.*?)\n:rtype: (.*)$", r":returns: \2: \1", text, flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r":returns: (.*?)\n:rtype: ([^\n]*)$", r":returns: \2: \1", text, flags=re.MULTILINE | re.DOTALL)
     lines[:] = re.sub(r"(?<![`:\w])`([^`]+)`(?!`)", r"``\1``", text).split("\n")
 
 
