@@ -39,10 +39,10 @@ other = pcm.run(site, folder / "run-mcewen", densify=DensifyOptions(min_views=5)
 # %%
 # Where scales are free, the disk function alone has to be right, and here it nearly is. On ground that follows neither
 # model, normals suffer most: the explanation of matching has measured cases.
-for result in (matched, other):
+for name, result in (("lunar-lambert", matched), ("mcewen", other)):
     m = pcm.evaluate(result, truth=site.with_name("truth.h5"), images=False).metrics
     print(
-        f"{result.scene.reflectance.disk:14} normals {m['normal_error_mean_deg']:.2f}°"
+        f"{name:14} normals {m['normal_error_mean_deg']:.2f}°"
         f"  albedo {m['albedo_error_mean_percent']:.2f} %  surface {m['surface_distance_mean_gsd']:.3f} GSD"
     )
 

@@ -7,8 +7,8 @@ With H = J^T J at the minimum, c the views' local coordinates and l the landmark
 
 Exact for small maps. In larger ones smoothness couples too many landmarks, and three things are approximated: S leaves
 out the links between patches of landmarks, which makes the views a little less certain than they are; X_j takes the
-neighbours to move as the landmark does; (H_ll^-1)_jj is inverted in windows (`windows.py`). docs/explanation/estimate.md states
-what that costs in accuracy.
+neighbours to move as the landmark does; (H_ll^-1)_jj is inverted in windows (`windows.py`).
+docs/explanation/estimate.md states what that costs in accuracy.
 
 What the estimate takes for a measurement's sigma need not be the sigma of its error: sigmas are enlarged for errors
 that neighbours share (`noise.py`), and smoothness holds of no ground. `ErrorModel` says what the errors are.
