@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from photoclinometry.pipeline.products import Progress, RunResult
+from photoclinometry.model.progress import Progress
+from photoclinometry.pipeline.products import RunResult
 
 
 @contextmanager

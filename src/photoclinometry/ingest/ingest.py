@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -42,12 +43,12 @@ def ingest(
     files: Sequence[Path],
     out: Path,
     options: IngestOptions = IngestOptions(),  # noqa: B008
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> IngestResult:
     """Make a site of image files (PDS3, PDS4, ISIS, FITS, PNG, TIFF) in the folder `out`, new or empty.
 
-    progress: called with (files read, files in all, name). Lengths in site.toml are metres, poses in the frame that is
-    fixed to the body. Raises InputError that says, file by file, what is wrong or missing.
+    progress: called with the name, files read, files in all. Lengths in site.toml are metres, poses in the body-fixed
+    frame. Raises InputError that says, file by file, what is wrong or missing.
     """
     check_out(out)
     if not files:
@@ -73,7 +74,7 @@ def check_out(out: Path) -> None:
 
 
 def _read_all(
-    files: Sequence[Path], options: IngestOptions, beside: Help, progress: Callable[[int, int, str], None] | None
+    files: Sequence[Path], options: IngestOptions, beside: Help, progress: Progress | None
 ) -> tuple[list[Exposure], list[str]]:
     """All exposures, each once, and what is wrong with the other files."""
     exposures: list[Exposure] = []
@@ -89,7 +90,7 @@ def _read_all(
                 exposures.append(exposure)
             seen.add(exposure.data.resolve())
         if progress is not None:
-            progress(number, len(files), Path(path).name)
+            progress(Path(path).name, number, len(files))
     return exposures, refused
 
 

@@ -17,12 +17,10 @@ from typing import Any
 from photoclinometry import __version__
 from photoclinometry.io.atomic import unwritable
 from photoclinometry.model.errors import FetchError, InputError
+from photoclinometry.model.progress import Progress
 
 AUTHORS_DATA = "travisdriver/phomo-data"
 """Images and models of Driver et al. (2025): huggingface.co/datasets/travisdriver/phomo-data."""
-
-Progress = Callable[[str, int, int], None]
-"""What, bytes that are there, bytes in all."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import os
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from photoclinometry.io.table import Table
 from photoclinometry.model.errors import ImageError, InputError, SiteError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera, Image
 
 MIN_VIEWS = 3
@@ -106,10 +106,10 @@ def write_site(path: Path | str, site: Site) -> None:
     write_text(path, tomli_w.dumps(_as_dict(site)))
 
 
-def load_images(site: Site, progress: Callable[[int, int], None] | None = None) -> list[Image]:
+def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
     """The images of all views, each checked, named as its view; `valid` leaves out dark sky.
 
-    progress: called with (images read, images in all) after each. Raises ImageError for images that are
+    progress: called with "images", images read and images in all after each. Raises ImageError for images that are
     missing, unreadable, of another size than their camera, empty, dark, or the same as another.
     """
     missing = [str(view.image) for view in site.views if not view.image.exists()]
@@ -132,7 +132,7 @@ def load_images(site: Site, progress: Callable[[int, int], None] | None = None) 
         seen[content] = view.name
         images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
         if progress is not None:
-            progress(number, len(site.views))
+            progress("images", number, len(site.views))
     return images
 
 

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.database import DATABASE
-from photoclinometry.sfm.options import Progress, SfmOptions
+from photoclinometry.sfm.options import SfmOptions
 
 
 @contextmanager

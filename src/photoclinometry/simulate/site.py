@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -28,6 +27,7 @@ from photoclinometry.model.geometry import Rigid, Similarity, so3_exp
 from photoclinometry.model.pose_prior import (
     PosePrior,
 )
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Camera, Views
 from photoclinometry.simulate.camera_model import Detector, expose, hot_pixel_charge, pixel_average
 from photoclinometry.simulate.given import METRES, given_relief
@@ -48,9 +48,6 @@ from photoclinometry.simulate.truth import Truth
 from photoclinometry.simulate.truth_file import write_truth
 
 log = logging.getLogger(__name__)
-
-Progress = Callable[[int, int, str], None]
-"""Called with (done, total, what)."""
 
 OPTIONS_FILE = "simulation.toml"
 """Marks a folder as written by `simulate_site`."""
@@ -150,10 +147,10 @@ def simulate_site(
     """
     out_folder = Path(out_folder)
     check_output_folder(out_folder, overwrite)
-    report = progress or (lambda done, total, what: None)
+    report = progress or no_progress
     preset = _preset(options)
     cameras, views = draw_views(options, preset)
-    report(0, len(cameras), "terrain")
+    report("terrain", 0, len(cameras))
     surface, frame = _surface(options, preset, cameras[0])
     raycaster = Raycaster(surface)
     photometry = named_photometry(options.reflectance, preset.body)
@@ -162,7 +159,7 @@ def simulate_site(
         (folder / "images").mkdir(parents=True)
         scale, bias = np.ones(len(views)), np.zeros(len(views))
         for k, name in enumerate(views.name):
-            report(k, len(views), "images")
+            report("images", k, len(views))
             image = _radiance_image(raycaster, views, k, photometry, options)
             exposure = expose(image, options.detector, _stream(options, _EXPOSURE, k), hot)
             if options.brightness == "iof":
@@ -170,7 +167,7 @@ def simulate_site(
             else:
                 write_png(folder / name, exposure.uint16)
                 scale[k], bias[k] = exposure.gain, exposure.offset
-        report(len(views), len(views), "truth")
+        report("truth", len(views), len(views))
         views = replace(views, scale=scale, bias=bias)
         truth = Truth(
             name=_name(options),
