@@ -7,7 +7,7 @@ import numpy as np
 from photoclinometry.adjust import AdjustOptions, ImageSlopes, adjust, companions
 from photoclinometry.adjust.companions import COPY_STEP, with_companions
 from photoclinometry.model.geometry import align_similarity, so3_log
-from photoclinometry.pipeline.direct_refinement import image_slopes
+from photoclinometry.pipeline.direct_refinement import image_gradients
 from scenes import synthetic_images, synthetic_scene
 from test_adjust_estimate import anchors_around
 
@@ -73,7 +73,7 @@ def test_copies_hold_the_poses_where_brightness_is_not_quite_the_models(monkeypa
     options = AdjustOptions(uncertainty=False)
 
     def error():
-        start, slopes = image_slopes(true, images)
+        start, slopes = image_gradients(true, images)
         return rotation_error(adjust(start, options, slopes=slopes).scene, true)
 
     held = error()

@@ -1,68 +1,105 @@
-"""The joint estimates of a run: in the map's own frame, or in that of its pose priors."""
+"""The joint estimates of a run: in the frame that the images alone give, or in that of the pose priors."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, ImageSlopes, PosePriors
+from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, ImageSlopes, Iteration, PosePriors, adjust
 from photoclinometry.matching.densify import triangulate_tracks
 from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import OWN, Scene, Views
-from photoclinometry.pipeline.pose_priors import adjust_with_priors, place_by_priors
-from photoclinometry.pipeline.products import Progress, adjusted
+from photoclinometry.model.scene import BODY_FIXED, Scene, Views
+from photoclinometry.pipeline.pose_priors import estimate_with_priors, place_by_priors
 from photoclinometry.registration.alignment import align_views
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimator:
-    """Makes one estimate after another of the same views (`rounds.adjust_in_rounds`)."""
+class Step:
+    """How one of several estimates of the same views differs from the others."""
+
+    keypoint_sigma_factor: float = 1.0
+    """On the keypoints' standard deviations, besides `AdjustOptions.keypoint_slack`."""
+    rough: bool = False
+    """Whether it ends early and without uncertainties. What it leaves is matched again, and what it has not settled are
+    the slow motions of the whole map."""
+    gradients: ImageSlopes | None = None
+    """Of the images where the start's brightness was taken; that then follows the landmarks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointEstimate:
+    """What all joint estimates of a run are given, besides their start."""
 
     options: AdjustOptions
-    anchors: Anchors
-    """Sparse landmarks, in the frame of `views`."""
-    views: Views
-    """As the sparse stage left them."""
-    reflectance: Reflectance | None
+    reflectance: Reflectance | None = None
     """As it is known beforehand; None of geometry alone."""
-    priors: Mapping[str, PosePrior]
+    tie_points: Anchors | None = None
+    """Sparse tie points, in the frame of `sparse_views`."""
+    sparse_views: Views | None = None
+    """All views of the site, as the sparse stage left them; needed with tie points and pose priors."""
+    pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
     """By name of view; none, or enough to determine a frame."""
-    progress: Progress
 
-    def __call__(self, start: Scene, slack: float, last: bool, slopes: ImageSlopes | None = None) -> Adjustment:
-        """The scene adjusted from `start`, keypoints held `slack` times looser; uncertainties if it is the last.
+    def __call__(self, start: Scene, step: Step, progress: Progress = no_progress) -> Adjustment:
+        """The scene estimated from `start`: with the pose priors once it is in their frame, without them before.
 
-        slopes: of the images where the brightness of `start` was taken, which then follows the landmarks.
-
-        Estimates before the last end early: what they leave is matched again, and what they have not settled are the
-        slow motions of the whole map. The first one is free of priors: it places the scene in their frame, in which
-        later ones use them.
+        Without them it is estimated in its own frame. Where there are priors, the result of a rough step is then placed
+        in their frame, and the result of a last step is estimated once more, with them. Where the priors turn out
+        not to determine a frame, the log says so, and the scene stays as it is.
         """
-        options = replace(self.options, keypoint_slack=slack * self.options.keypoint_slack)
-        if not last:
-            options = replace(options, uncertainty=False, solver=options.solver.roughly())
+        if not self.pose_priors:
+            return self._adjusted(start, step, progress)
 
-        def adjust(scene: Scene, known: PosePriors | None = None) -> Adjustment:
-            anchors = self._anchors_for(scene)
-            return adjusted(scene, options, self.progress, anchors, known, self.reflectance, slopes)
+        def with_priors(scene: Scene, priors: PosePriors) -> Adjustment:
+            return self._adjusted(scene, step, progress, priors)
 
-        if not self.priors:
-            return adjust(start)
-        if start.frame != OWN:
-            return adjust_with_priors(start, self.priors, adjust) or adjust(start)
-        alone = adjust(start)
-        if last:
-            return adjust_with_priors(alone.scene, self.priors, adjust) or alone
-        placed = place_by_priors(alone.scene, self.priors)
+        if in_prior_frame(start):
+            return estimate_with_priors(start, self.pose_priors, with_priors) or self._adjusted(start, step, progress)
+        alone = self._adjusted(start, step, progress)
+        if not step.rough:
+            return estimate_with_priors(alone.scene, self.pose_priors, with_priors) or alone
+        placed = place_by_priors(alone.scene, self.pose_priors)
         return alone if placed is None else replace(alone, scene=placed.scene)
 
-    def _anchors_for(self, scene: Scene) -> Anchors:
-        """The anchors in the scene's frame, where its own poses see them."""
-        if scene.frame == OWN:
-            return self.anchors
-        found = triangulate_tracks(self.anchors.tracks, scene.views)
-        roughly = align_views(self.views, scene)(self.anchors.position)
-        return replace(self.anchors, position=np.where(np.isfinite(found), found, roughly))
+    def _adjusted(self, start: Scene, step: Step, progress: Progress, priors: PosePriors | None = None) -> Adjustment:
+        """The one call of `adjust`, with its iterations reported."""
+        options = replace(self.options, keypoint_slack=step.keypoint_sigma_factor * self.options.keypoint_slack)
+        if step.rough:
+            options = replace(options, uncertainty=False, solver=options.solver.roughly())
+        count = 0
+
+        def report(_: Iteration) -> None:
+            nonlocal count
+            count += 1
+            progress("adjust", count, 0)
+
+        return adjust(
+            start,
+            options,
+            anchors=self._tie_points_for(start),
+            pose_priors=priors,
+            reflectance=self.reflectance,
+            slopes=step.gradients,
+            progress=report,
+        )
+
+    def _tie_points_for(self, scene: Scene) -> Anchors | None:
+        """The tie points in the scene's frame, where its own poses see them."""
+        if self.tie_points is None or not in_prior_frame(scene):
+            return self.tie_points
+        assert self.sparse_views is not None
+        found = triangulate_tracks(self.tie_points.tracks, scene.views)
+        roughly = align_views(self.sparse_views, scene)(self.tie_points.position)
+        return replace(self.tie_points, position=np.where(np.isfinite(found), found, roughly))
+
+
+def in_prior_frame(scene: Scene) -> bool:
+    """Whether an earlier estimate has placed the scene in the frame of the pose priors."""
+    return scene.frame == BODY_FIXED
