@@ -76,4 +76,4 @@ class RunOptions:
         """The options of a matcher: the field of its name where it has one, else those in its entry."""
         default = matcher_entry(name).options
         own = getattr(self, name, None)
-        return own if type(own) is type(default) else default
+        return own if isinstance(own, type(default)) else default
