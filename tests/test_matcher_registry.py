@@ -7,12 +7,13 @@ import pytest
 
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.evaluate.compare import evaluate_against_truth
+from photoclinometry.io.site import read_site
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions, crop, follow, normalise, resample
 from photoclinometry.matching.interface import region_matches
-from photoclinometry.matching.registry import MATCHERS, MatcherEntry
+from photoclinometry.matching.registry import MATCHERS, MatcherEntry, matcher_entry
 from photoclinometry.matching.roma import RomaOptions
 from photoclinometry.model.errors import InputError
-from photoclinometry.pipeline.choices import first_matcher, keyed_first_matcher, keyed_relit_matcher
+from photoclinometry.pipeline.choices import choose, first_matcher, keyed_matcher
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.pipeline.run_folder import adopt_stages
@@ -80,26 +81,29 @@ def test_options_of_a_matcher_are_those_of_the_run_or_of_its_entry(toy):
     assert options.of_matcher("toy") == 15
 
 
-def test_an_entry_says_what_relighting_iterations_use(toy, monkeypatch):
+def test_an_entry_says_what_relighting_iterations_use(toy, monkeypatch, mapped):
     entry = MatcherEntry(options=15, make=ToyMatcher, precision="not measured", relit_with="flow")
-    options = RunOptions(matcher="toy", flow=FlowOptions(patch_px=16))
-    assert keyed_relit_matcher(options).value == ToyMatcher(15)
+    site, options = read_site(mapped.site), RunOptions(matcher="toy", flow=FlowOptions(patch_px=16))
+    assert choose(site, options).relit_matcher.value == ToyMatcher(15)
     monkeypatch.setitem(MATCHERS, "toy", entry)
-    assert keyed_relit_matcher(options).value == FlowMatcher(FlowOptions(patch_px=16))
+    assert choose(site, options).matcher.value == ToyMatcher(15)
+    assert choose(site, options).relit_matcher.value == FlowMatcher(FlowOptions(patch_px=16))
     assert MATCHERS["roma"].relit_with == "flow"
 
 
 def test_a_key_tells_the_matcher_its_options_and_its_code(toy, monkeypatch):
     options = RunOptions(matcher="toy")
-    keys = [keyed_first_matcher(options).key, keyed_first_matcher(RunOptions()).key]
+    keys = [keyed_matcher(name, options).key for name in ("toy", "flow")]
     other = MatcherEntry(options=21, make=ToyMatcher, precision="not measured")
     monkeypatch.setitem(MATCHERS, "toy", other)
-    keys.append(keyed_first_matcher(options).key)
+    keys.append(keyed_matcher("toy", options).key)
     monkeypatch.setattr("photoclinometry.pipeline.choices._code_of", lambda make: "changed")
-    keys.append(keyed_first_matcher(options).key)
+    keys.append(keyed_matcher("toy", options).key)
     assert len(set(keys)) == 4
 
 
 def test_names_that_are_not_in_the_table_are_refused():
-    with pytest.raises(InputError, match=r"no matcher 'rmoa'; known: flow, roma; nearest: roma"):
+    with pytest.raises(InputError, match=r"no matcher 'rmoa'; known: relight, flow, roma"):
         RunOptions(matcher="rmoa")
+    with pytest.raises(InputError, match=r"no matcher 'rmoa'; known: flow, roma; nearest: roma"):
+        matcher_entry("rmoa")

@@ -1,4 +1,4 @@
-"""What the options mean for a site: its reflectance model, and its matchers."""
+"""What the options mean for a site: its reflectance model, its matchers, and which views are held out."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ import hashlib
 import inspect
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from photoclinometry.evaluate.held_out import held_out_mask
+from photoclinometry.io.site import Site
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
 from photoclinometry.model.reflectance import Reflectance, has_published, published
@@ -16,6 +21,36 @@ from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.stage import Keyed, digest
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices:
+    """What a run works with."""
+
+    reflectance: Reflectance | None
+    """None of geometry alone."""
+    matcher: Keyed[Matcher]
+    """Of the first map."""
+    relit_matcher: Keyed[Matcher]
+    """Of what shows the same light: the reference relit, and views held out, with the finished map."""
+    held_out: np.ndarray
+    """(K,) bool."""
+    max_iterations: int
+    """Relighting iterations at most."""
+
+
+def choose(site: Site, options: RunOptions) -> Choices:
+    """What the options mean for a site. Raises InputError where they do not fit it, or a matcher lacks something."""
+    reference = site.region.reference if site.region else None
+    reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
+    name = options.matcher_name
+    return Choices(
+        reflectance=reflectance,
+        matcher=keyed_matcher(name, options),
+        relit_matcher=keyed_matcher(matcher_entry(name).relit_with or name, options),
+        held_out=held_out_mask([view.name for view in site.views], options.hold_out, reference),
+        max_iterations=0 if reflectance is None else options.max_iterations,
+    )
 
 
 def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:
@@ -36,18 +71,8 @@ def first_matcher(options: RunOptions) -> Matcher:
     return matcher_entry(options.matcher_name).make(options.of_matcher(options.matcher_name))
 
 
-def keyed_first_matcher(options: RunOptions) -> Keyed[Matcher]:
-    """As `first_matcher`, with a key of all that its matches depend on."""
-    return _keyed_matcher(options.matcher_name, options)
-
-
-def keyed_relit_matcher(options: RunOptions) -> Keyed[Matcher]:
-    """The matcher of what shows the same light: the reference relit, and views that were held out with their map."""
-    name = options.matcher_name
-    return _keyed_matcher(matcher_entry(name).relit_with or name, options)
-
-
-def _keyed_matcher(name: str, options: RunOptions) -> Keyed[Matcher]:
+def keyed_matcher(name: str, options: RunOptions) -> Keyed[Matcher]:
+    """A matcher by name, with a key of all that its matches depend on. Raises InputError."""
     entry, chosen = matcher_entry(name), options.of_matcher(name)
     matcher = entry.make(chosen)
     log.info("matcher: %s (%s)", name, entry.precision)

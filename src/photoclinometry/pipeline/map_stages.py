@@ -147,18 +147,54 @@ class PlaceHeldOutViews(Stage[Resected]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Relighting:
-    """What all relighting iterations are given."""
+class Relit:
+    """Where relighting iterations end."""
 
+    start: Keyed[Iterate]
+    """Of the last estimate."""
+    before: Keyed[Iterate] | None = None
+    """The map that it was matched with; None where there were no iterations."""
+    figures: tuple[IterationFigures, ...] = ()
+    """Of all maps before the last estimate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapStages:
+    """The stages from the initial scene to the finished map, in order: `first_map`, `relight`, `last_estimate`."""
+
+    folder: RunFolder
     estimate: JointEstimate
     posed: PosedImages
     matcher: Keyed[Matcher]
+    """Of the relighting iterations."""
     densify: DensifyOptions
     options: RelightOptions
     max_iterations: int
 
-    def after(self, before: Keyed[Iterate]) -> RelightingIteration:
-        """The iteration that follows a map."""
+    def first_map(self, scene: Keyed[Scene]) -> Keyed[Iterate]:
+        """A rough estimate, to be relit; the scene as it is, where it is not."""
+        if not self.max_iterations:
+            return Keyed(Iterate(scene=scene.value, is_start_of_last=True), scene.key)
+        return self.folder.done(FirstEstimate(estimate=self.estimate, start=scene))
+
+    def relight(self, first: Keyed[Iterate]) -> Relit:
+        """Relighting iterations, until the matches stay where they are."""
+        before, latest, figures = None, first, []
+        while not latest.value.is_start_of_last:
+            figures.append(latest.value.figures)
+            before = latest
+            latest = self.folder.done(self._iteration_after(before))
+        return Relit(start=latest, before=before, figures=tuple(figures))
+
+    def last_estimate(self, relit: Relit) -> Keyed[FinishedMap]:
+        """The estimate of the finished map."""
+        direct = self.options.direct and relit.before is not None
+        stage = LastEstimate(
+            estimate=self.estimate, start=relit.start, before=relit.before, posed=self.posed, direct=direct
+        )
+        return self.folder.done(stage)
+
+    def _iteration_after(self, before: Keyed[Iterate]) -> RelightingIteration:
         number = before.value.number + 1
         return RelightingIteration(
             number=number,
@@ -171,29 +207,3 @@ class Relighting:
             settled_px=self.options.settled_px,
             must_end=number == self.max_iterations,
         )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Relit:
-    """Where relighting iterations end."""
-
-    start: Keyed[Iterate]
-    """Of the last estimate."""
-    before: Keyed[Iterate] | None
-    """The map that it was matched with; None where there were no iterations."""
-    figures: tuple[IterationFigures, ...]
-    """Of all maps before the last estimate."""
-
-
-def relight(folder: RunFolder, scene: Keyed[Scene], given: Relighting) -> Relit:
-    """The first estimate and the relighting iterations, until the matches stay where they are."""
-    if not given.max_iterations:
-        start = Keyed(Iterate(scene=scene.value, is_start_of_last=True), scene.key)
-        return Relit(start=start, before=None, figures=())
-    before, figures = None, []
-    latest = folder.done(FirstEstimate(estimate=given.estimate, start=scene))
-    while not latest.value.is_start_of_last:
-        figures.append(latest.value.figures)
-        before = latest
-        latest = folder.done(given.after(before))
-    return Relit(start=latest, before=before, figures=tuple(figures))

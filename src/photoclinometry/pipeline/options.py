@@ -8,8 +8,9 @@ from typing import Any, Literal
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.flow import FlowOptions
-from photoclinometry.matching.registry import matcher_entry
+from photoclinometry.matching.registry import MATCHERS, matcher_entry
 from photoclinometry.matching.roma import RomaOptions
+from photoclinometry.model.errors import InputError
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.region import RegionOptions
 
@@ -60,7 +61,9 @@ class RunOptions:
     adjust: AdjustOptions = field(default_factory=AdjustOptions)
 
     def __post_init__(self):
-        matcher_entry(self.matcher_name)
+        known = ("relight", *MATCHERS)
+        if self.matcher not in known:
+            raise InputError(f"no matcher {self.matcher!r}; known: {', '.join(known)}")
 
     @property
     def matcher_name(self) -> str:

@@ -76,15 +76,14 @@ def _decoded(kind: Any, plain: Any, name: str, arrays: Mapping[str, np.ndarray])
     if typing.get_origin(kind) in (types.UnionType, typing.Union):  # X | None
         (kind,) = (choice for choice in typing.get_args(kind) if choice is not types.NoneType)
     arguments = typing.get_args(kind)
-    if is_dataclass(kind):
-        stated = typing.get_type_hints(kind)
-        return kind(
-            **{f.name: _decoded(stated[f.name], plain[f.name], f"{name}.{f.name}", arrays) for f in fields(kind)}
-        )
     if typing.get_origin(kind) is dict:
         return {key: _decoded(arguments[1], item, f"{name}.{key}", arrays) for key, item in plain.items()}
     if typing.get_origin(kind) is tuple:
         kinds = arguments[:1] * len(plain) if arguments[-1] is Ellipsis else arguments
         pairs = enumerate(zip(kinds, plain, strict=True))
         return tuple(_decoded(one, item, f"{name}.{n}", arrays) for n, (one, item) in pairs)
-    return kind(plain)
+    if not is_dataclass(kind):
+        return kind(plain)
+    stated = typing.get_type_hints(kind)
+    parts = {part: _decoded(stated[part], item, f"{name}.{part}", arrays) for part, item in plain.items()}
+    return typing.cast(Any, kind)(**parts)

@@ -7,21 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.evaluate.held_out import held_out_mask, held_out_views
+from photoclinometry.evaluate.held_out import held_out_views
 from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.site import read_site
-from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Views
-from photoclinometry.pipeline.choices import (
-    choose_reflectance,
-    first_matcher,
-    keyed_first_matcher,
-    keyed_relit_matcher,
-)
+from photoclinometry.pipeline.choices import Choices, choose, choose_reflectance, first_matcher
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.joint_estimate import JointEstimate
-from photoclinometry.pipeline.map_stages import FinishedMap, LastEstimate, PlaceHeldOutViews, Relighting, relight
+from photoclinometry.pipeline.map_stages import FinishedMap, MapStages, PlaceHeldOutViews
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
@@ -47,10 +41,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     """
     options = options or RunOptions()
     site = read_site(site_file)
-    chosen = site.region.reference if site.region else None
-    held_out = held_out_mask([view.name for view in site.views], options.hold_out, chosen)
-    reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
-    matcher, relit_matcher = keyed_first_matcher(options), keyed_relit_matcher(options)
+    choices = choose(site, options)
     folder = open_run(out, progress or no_progress)
     config = {"site": str(Path(site_file).resolve()), **asdict(options)}
     folder.write_config(config)
@@ -58,71 +49,54 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
     inputs = read_inputs(folder, site)
     sparse = folder.done(SparseReconstruction(inputs=inputs, options=options.sfm))
     posed = PosedImages(inputs=inputs, sparse=sparse)
-    used = choose_views(folder, posed, held_out, reflectance if options.check_views else None)
-    check_reference(site, used.left_out)
-    place = folder.done(ChooseRegion(posed=used.posed, request=site.region, options=options.region))
-    dense = folder.done(
-        MatchDensely(
-            posed=used.posed,
-            place=place,
-            matcher=matcher,
-            passes=options.match_rounds,
-            densify=options.densify,
-        )
-    )
-    scene = folder.done(InitialScene(posed=used.posed, place=place, dense=dense, reflectance=reflectance))
-    estimate = JointEstimate(
-        options=options.adjust,
-        reflectance=reflectance,
-        tie_points=tie_points_from(used.posed),
-        sparse_views=posed.views,
-        pose_priors=usable_priors(site.pose_priors, scene.value) if options.pose_priors else {},
-    )
-    iterations = Relighting(
-        estimate=estimate,
-        posed=used.posed,
-        matcher=relit_matcher,
-        densify=options.densify,
+    checked_with = choices.reflectance if options.check_views else None
+    used, left_out = choose_views(folder, posed, choices.held_out, checked_with)
+    check_reference(site, left_out)
+    place = folder.done(ChooseRegion(posed=used, request=site.region, options=options.region))
+    passes, densify = options.match_rounds, options.densify
+    dense = folder.done(MatchDensely(posed=used, place=place, matcher=choices.matcher, passes=passes, densify=densify))
+    scene = folder.done(InitialScene(posed=used, place=place, dense=dense, reflectance=choices.reflectance))
+    maps = MapStages(
+        folder=folder,
+        estimate=JointEstimate(
+            options=options.adjust,
+            reflectance=choices.reflectance,
+            tie_points=tie_points_from(used),
+            sparse_views=posed.views,
+            pose_priors=usable_priors(site.pose_priors, scene.value) if options.pose_priors else {},
+        ),
+        posed=used,
+        matcher=choices.relit_matcher,
+        densify=densify,
         options=options.relight,
-        max_iterations=0 if reflectance is None else options.max_iterations,
+        max_iterations=choices.max_iterations,
     )
-    relit = relight(folder, scene, iterations)
-    finished = folder.done(
-        LastEstimate(
-            estimate=estimate,
-            start=relit.start,
-            before=relit.before,
-            posed=used.posed,
-            direct=options.relight.direct and relit.before is not None,
-        )
-    )
+    first = maps.first_map(scene)
+    relit = maps.relight(first)
+    finished = maps.last_estimate(relit)
     summary = RunSummary(
         adjustment=finished.value.adjustment,
         images=inputs.value.images,
         config=config,
-        left_out=used.left_out,
+        left_out=left_out,
         brought_in={posed.views.name[k]: how for k, how in sparse.value.how_brought_in().items()},
-        held_out=_place_held_out(folder, finished, posed, held_out, relit_matcher),
+        held_out=_place_held_out(folder, finished, posed, choices),
         iterations=(*relit.figures, finished.value.figures),
-        pose_priors=estimate.pose_priors,
+        pose_priors=maps.estimate.pose_priors,
     )
     return write_products(folder, summary)
 
 
 def _place_held_out(
-    folder: RunFolder,
-    finished: Keyed[FinishedMap],
-    posed: PosedImages,
-    held_out: np.ndarray,
-    matcher: Keyed[Matcher],
+    folder: RunFolder, finished: Keyed[FinishedMap], posed: PosedImages, choices: Choices
 ) -> Views | None:
-    """The views held out (K,), placed in the map's frame, kept in held_out.json, too; None where there are none."""
+    """The views held out, placed in the map's frame, kept in held_out.json, too; None where there are none."""
     file = folder.path / held_out_file.NAME
-    registered = np.flatnonzero(held_out & posed.sparse.value.registered)
+    registered = np.flatnonzero(choices.held_out & posed.sparse.value.registered)
     if not len(registered):
         file.unlink(missing_ok=True)
         return None
-    stage = PlaceHeldOutViews(finished=finished, posed=posed, held_out=registered, matcher=matcher)
+    stage = PlaceHeldOutViews(finished=finished, posed=posed, held_out=registered, matcher=choices.relit_matcher)
     views = held_out_views(posed.views, folder.done(stage).value)
     held_out_file.write_held_out(file, views)
     return views

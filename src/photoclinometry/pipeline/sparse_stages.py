@@ -70,16 +70,6 @@ class PosedImages:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UsedViews:
-    """The views that the map is made of."""
-
-    posed: PosedImages
-    """In which only these count as registered."""
-    left_out: dict[str, str]
-    """Names of the others but for those held out, and why they are left out."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class SparseReconstruction(Stage[SparseModel]):
     """Poses and sparse points of all views."""
 
@@ -135,10 +125,11 @@ def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
 
 def choose_views(
     folder: RunFolder, posed: PosedImages, held_out: np.ndarray, reflectance: Reflectance | None
-) -> UsedViews:
-    """Without views that did not register, are held out (K,), or contradict the others.
+) -> tuple[PosedImages, dict[str, str]]:
+    """The views that the map is made of, and names of the others but for those held out, with why they are left out.
 
-    reflectance: None where views are not checked.
+    Left out are views that did not register, or that contradict the others. held_out: (K,) bool. reflectance: None
+    where views are not checked.
     """
     names = posed.views.name
     left_out = {names[k]: reason for k, reason in posed.sparse.value.why_unregistered().items()}
@@ -147,7 +138,7 @@ def choose_views(
         found = folder.done(InconsistentViews(posed=used, reflectance=reflectance)).value
         left_out |= {names[k]: str(found.reason[k]) for k in np.flatnonzero(found.left_out)}
         used = posed.without(held_out | found.left_out)
-    return UsedViews(posed=used, left_out=left_out)
+    return used, left_out
 
 
 def check_reference(site: Site, left_out: dict[str, str]) -> None:
