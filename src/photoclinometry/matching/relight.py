@@ -1,12 +1,13 @@
-"""The matcher of later rounds: the reference as it would look under each view's own Sun, matched by optical flow.
+"""The matcher of relighting iterations: any matcher, against the reference as it would look under each view's own Sun.
 
-Once there is a map, what a view should show is known but for small errors of geometry. The reference image times
-the ratio of modelled brightness, under the view's Sun and from its camera over the reference's own, is such a
-picture, and as sharp as the reference image. Optical flow (`flow.py`), or any other matcher, then meets two pictures
-that differ by geometry and noise, no longer by light. Where the reference itself is in shadow the model alone is drawn.
+Once there is a map, what a view should show is known but for small errors of geometry. The reference image times the
+ratio of modelled brightness, under the view's Sun and from its camera over the reference's own, is such a picture, and
+as sharp as the reference image. The matcher then meets two pictures that differ by geometry and noise, no longer by
+light. Where the reference itself is in shadow the model alone is drawn.
 
-On a Hapke-simulated site, Sun moved by 13 to 40 degrees, keypoint errors against truth after one round are (median /
-90th percentile) 0.22 / 0.51 px for flow on the images, 0.12 / 0.28 drawing the model alone, 0.10 / 0.25 with the ratio.
+On a Hapke-simulated site, Sun moved by 13 to 40 degrees, keypoint errors against truth after one iteration are (median
+/ 90th percentile) 0.22 / 0.51 px for flow on the images, 0.12 / 0.28 drawing the model alone, 0.10 / 0.25 with the
+ratio.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def on_padded(picture: np.ndarray, mask: np.ndarray, request: MatchRequest) -> t
 def fill_from(picture: np.ndarray, known: np.ndarray, other: np.ndarray, window: float) -> np.ndarray:
     """The picture (h, w) where it is known, elsewhere the `other`, with the level and contrast of the picture around.
 
-    So what is not known says "as predicted", and has no edges that would say so more loudly.
+    Masked pixels are filled from the target, so that they add no flow, and their edges none either.
     window: standard deviation [px] of the Gaussian in which levels are compared.
     """
     import cv2
