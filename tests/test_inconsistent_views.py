@@ -11,7 +11,7 @@ from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.model.reflectance import published
 from photoclinometry.photometry.inconsistent_views import contradicting, find_misfits
 from scenes import synthetic_images, synthetic_scene
-from test_witnesses import sparse_of
+from test_sun_check import sparse_of
 
 
 @pytest.fixture(scope="module")

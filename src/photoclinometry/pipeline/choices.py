@@ -44,6 +44,7 @@ def choose(site: Site, options: RunOptions) -> Choices:
     reference = site.region.reference if site.region else None
     reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
     name = options.matcher_name
+    log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
     return Choices(
         reflectance=reflectance,
         matcher=keyed_matcher(name, options),
@@ -74,9 +75,7 @@ def first_matcher(options: RunOptions) -> Matcher:
 def keyed_matcher(name: str, options: RunOptions) -> Keyed[Matcher]:
     """A matcher by name, with a key of all that its matches depend on. Raises InputError."""
     entry, chosen = matcher_entry(name), options.of_matcher(name)
-    matcher = entry.make(chosen)
-    log.info("matcher: %s (%s)", name, entry.precision)
-    return Keyed(matcher, digest(name, entry.fingerprint(chosen), _code_of(entry.make)))
+    return Keyed(entry.make(chosen), digest(name, entry.fingerprint(chosen), _code_of(entry.make)))
 
 
 def _code_of(make: Callable[..., Any]) -> str:

@@ -180,6 +180,7 @@ class MapStages:
     def relight(self, first: Keyed[Iterate]) -> Relit:
         """Relighting iterations, until the matches stay where they are."""
         before, latest, figures = None, first, []
+        del first  # of all maps, the latest two are held in memory
         while not latest.value.is_start_of_last:
             figures.append(latest.value.figures)
             before = latest

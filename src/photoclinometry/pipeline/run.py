@@ -71,8 +71,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         options=options.relight,
         max_iterations=choices.max_iterations,
     )
-    first = maps.first_map(scene)
-    relit = maps.relight(first)
+    relit = maps.relight(maps.first_map(scene))
     finished = maps.last_estimate(relit)
     summary = RunSummary(
         adjustment=finished.value.adjustment,
