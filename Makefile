@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint check bench bench-full bench-update clean
+.PHONY: demo test lint types check bench bench-full bench-update clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -21,10 +21,12 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-check: lint  ## types too; pyright fetches its own checker from the npm registry
-	$(BIN)/pyright --pythonpath $(BIN)/python
+types: $(READY)  ## the checker is a wheel that brings its own Node.js: nothing is fetched from npm
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
-test: lint
+check: lint types
+
+test: check
 	$(BIN)/python -m pytest
 
 bench: $(READY)  ## minutes: accuracy, CPU seconds and memory against benchmarks/baselines/small.json

@@ -2,11 +2,11 @@
 
     python benchmarks/against_gtsam.py [side] [views]
 
-GTSAM (`pip install gtsam`) is given the residuals of `adjust/factors.py` as custom factors over its own Pose3, Unit3
-and vectors. A pose is cam_from_body with the body's origin in the pivot, so that Pose3's steps are orbits, as ours; as
-body_from_cam, the paper's, GTSAM stops with "indeterminate linear system" where the map is small. Printed: how far
-the costs, the variables and their sigmas are apart, and the CPU seconds of each. GTSAM's are mostly those of calling
-Python once for every factor, so the script says what one of its linear solves takes, too.
+GTSAM (`pip install gtsam`) is given the residuals of `adjust/graph/factors.py` as custom factors over its own Pose3,
+Unit3 and vectors. A pose is cam_from_body with the body's origin in the pivot, so that Pose3's steps are orbits, as
+ours; as body_from_cam, the paper's, GTSAM stops with "indeterminate linear system" where the map is small.
+Printed: how far the costs, the variables and their sigmas are apart, and the CPU seconds of each. GTSAM's are mostly
+those of calling Python once for every factor, so the script prints the time of one of its linear solves, too.
 """
 
 from __future__ import annotations
@@ -18,15 +18,17 @@ import gtsam
 import numpy as np
 
 from matched import matched_problem
-from photoclinometry.adjust import SolverOptions, factors
-from photoclinometry.adjust.covariance import Marginals, marginals
-from photoclinometry.adjust.problem import Problem
-from photoclinometry.adjust.solver import minimize
-from photoclinometry.adjust.uncertainty import linearised
-from photoclinometry.adjust.variables import Estimate
+from photoclinometry.adjust import SolverOptions
+from photoclinometry.adjust.covariance.marginals import Marginals, marginals
+from photoclinometry.adjust.covariance.uncertainty import linearised
+from photoclinometry.adjust.graph import factors
+from photoclinometry.adjust.graph.graph import FactorGraph
+from photoclinometry.adjust.graph.priors import Exposures, Gauge
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.solve.solver import minimize
 from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
 from photoclinometry.model.scene import Scene
-from uncertainty import BRIGHTNESS_SIGMA, problem_of
+from uncertainty import BRIGHTNESS_SIGMA, graph_of
 
 KEYPOINT_SIGMA = 0.3
 TIGHT = SolverOptions(
@@ -41,10 +43,10 @@ TIGHT = SolverOptions(
 
 @dataclass
 class Ours:
-    """Our problem, its minimum and its covariances."""
+    """Our graph, its minimum and its covariances."""
 
     scene: Scene
-    problem: Problem
+    graph: FactorGraph
     estimate: Estimate
     cost: float
     found: Marginals
@@ -53,14 +55,14 @@ class Ours:
 
 def solve(start: Scene) -> Ours:
     """At rounding's precision, for comparison; and timed as `adjust` solves by default."""
-    problem, weights = problem_of(start)
+    graph = graph_of(start)
     first = Estimate(start.views, start.landmarks, np.median(start.landmarks.position, axis=0))
-    spent = {"estimate": cpu(lambda: minimize(problem, first, step_limit=0.5 * start.gsd))[1]}
-    solution = minimize(problem, first, TIGHT, step_limit=0.5 * start.gsd)
+    spent = {"estimate": cpu(lambda: minimize(graph, first, step_limit=0.5 * start.gsd))[1]}
+    solution = minimize(graph, first, TIGHT, step_limit=0.5 * start.gsd)
     at_minimum = start.with_estimate(solution.estimate.views, solution.estimate.landmarks)
-    at, _ = linearised(at_minimum, first.pivot, problem, weights)
+    at = linearised(graph, solution.estimate)
     found, spent["covariances"] = cpu(lambda: marginals(at))
-    return Ours(at_minimum, problem, solution.estimate, sum(solution.cost.values()), found, spent)
+    return Ours(at_minimum, graph, solution.estimate, sum(solution.cost.values()), found, spent)
 
 
 def cpu(work):
@@ -159,28 +161,25 @@ def custom(keys, size: int, work) -> gtsam.CustomFactor:
     return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(size), keys, error)
 
 
-def graph_of(ours: Ours) -> gtsam.NonlinearFactorGraph:
-    """Every factor and prior of our problem."""
-    scene, problem, pivot = ours.scene, ours.problem, ours.estimate.pivot
-    graph, tracks, priors = gtsam.NonlinearFactorGraph(), scene.tracks, problem.priors
+def gtsam_graph(ours: Ours) -> gtsam.NonlinearFactorGraph:
+    """Every factor and prior of our graph."""
+    scene, pivot, smoothness = ours.scene, ours.estimate.pivot, ours.graph.smoothness
+    graph, tracks = gtsam.NonlinearFactorGraph(), scene.tracks
+    (gauge,) = (group for group in ours.graph.groups if isinstance(group, Gauge))
+    (exposures,) = (group for group in ours.graph.groups if isinstance(group, Exposures))
     intrinsics = scene.views.intrinsics
     for i, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
         graph.push_back(_projection(intrinsics[k], tracks.keypoint[i], pivot, int(j), int(k)))
         graph.push_back(_photometric(scene.reflectance.packed, tracks.brightness[i], pivot, int(j), int(k)))
-    for j, q in zip(problem.neighbours.source, problem.neighbours.target, strict=True):
-        graph.push_back(_smoothness(problem.smooth_sigma, int(j), int(q)))
+    for j, q in zip(smoothness.neighbours.source, smoothness.neighbours.target, strict=True):
+        graph.push_back(_smoothness(smoothness.sigma, int(j), int(q)))
     for k in range(len(scene.views)):
         graph.push_back(_sun(scene.views.sun_measured[k], scene.views.sun_sigma[k], pivot, k))
-        sigma = np.array([priors.scale[k], priors.bias[k]])
-        model = gtsam.noiseModel.Diagonal.Sigmas(sigma)
-        graph.push_back(
-            gtsam.PriorFactorVector(gain_key(k), np.array([priors.views.scale[k], priors.views.bias[k]]), model)
-        )
-        if np.isfinite(priors.pose_rotation[k]):
-            graph.push_back(_pose_prior(priors, pivot, k))
-    for j in np.flatnonzero(np.isfinite(priors.position)):
-        model = gtsam.noiseModel.Isotropic.Sigma(3, priors.position[j])
-        graph.push_back(gtsam.PriorFactorPoint3(point_key(int(j)), priors.landmarks.position[j], model))
+        model = gtsam.noiseModel.Diagonal.Sigmas(np.array([exposures.scale_sigma[k], exposures.bias_sigma[k]]))
+        graph.push_back(gtsam.PriorFactorVector(gain_key(k), np.array([1.0, 0.0]), model))
+    graph.push_back(_gauge(gauge, pivot))
+    model = gtsam.noiseModel.Isotropic.Sigma(3, gauge.position_sigma)
+    graph.push_back(gtsam.PriorFactorPoint3(point_key(gauge.landmark), gauge.position, model))
     return graph
 
 
@@ -229,8 +228,9 @@ def _sun(measured, sigma, pivot, k):
     return custom([pose_key(k), sun_key(k)], 2, work)
 
 
-def _pose_prior(priors, pivot, k):
-    start, sigma = priors.views.body_from_cam[k], np.repeat([priors.pose_rotation[k], priors.pose_translation[k]], 3)
+def _gauge(gauge, pivot):
+    k, start = gauge.view, gauge.body_from_cam
+    sigma = np.repeat([gauge.rotation_sigma, gauge.center_sigma], 3)
 
     def work(values):
         rotation, center = pose_of(values, k, pivot)
@@ -280,7 +280,7 @@ def compare(side: int, views: int, *, from_start: bool = True) -> dict[str, floa
     """What the docstring promises, as numbers. from_start: GTSAM begins where we did, not where we ended."""
     start, _ = matched_problem(side, views)
     ours = solve(start)
-    graph, first = graph_of(ours), values_of(start if from_start else ours.scene, ours.estimate.pivot)
+    graph, first = gtsam_graph(ours), values_of(start if from_start else ours.scene, ours.estimate.pivot)
     values, seconds = cpu(lambda: minimise(graph, first))
     values = polish(graph, values)
     (cameras, landmarks), inverting = cpu(lambda: covariances(graph, values, ours.scene))

@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.cli.folders import read_run, run_images
 from photoclinometry.evaluate.evaluate import held_out_table, view_psnr
 from photoclinometry.io import held_out as held_out_file
+from photoclinometry.io.run_files import read_run, run_images
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.scene import Image, Region, Scene, Surroundings, Views

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.pipeline.run import RunOptions
-from photoclinometry.simulate.site import SimulationOptions
+from photoclinometry.simulate.options import SimulationOptions
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,7 +56,7 @@ def main(sites: int = 50, fewest: int = 10) -> None:
         best = min(final_cost(found), *(final_cost(adjust(scene, TIGHT)) for scene in (start, truth)))
         above = final_cost(found) / best - 1.0
         within += above <= 1e-4
-        model = start.reflectance.disk if start.reflectance else "none"
+        model = start.reflectance.name if start.reflectance else "none"
         steps = sum(step.cg_iterations > 0 for step in found.log)
         print(
             f"{seed:3d} {model:13s} {start.brightness} {len(start.views):2d} views: {above:.1e} above, {steps} steps, "

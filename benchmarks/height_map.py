@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.cli.folders import read_run
 from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.rasters.geotiff import read_dtm_mesh
 from photoclinometry.io.rasters.globe import find_globe
+from photoclinometry.io.run_files import read_run
 from photoclinometry.model.geometry import Similarity, align_similarity, unit
 from photoclinometry.output.export import ExportOptions
 from photoclinometry.output.export.frame import Framed

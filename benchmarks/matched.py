@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance, published
+from photoclinometry.model.reflectance import Reflectance, published
 from photoclinometry.model.scene import Camera, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import initial_albedo, normals_from_neighbours
 from photoclinometry.photometry.predict import shading
@@ -200,10 +200,8 @@ def _start(truth: Scene, noise: Noise, rng: np.random.Generator) -> Scene:
     normal = normals_from_neighbours(position, poses.translation)
     tracks, reflectance = truth.tracks, truth.reflectance
     assert reflectance is not None
-    free = truth.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
-    albedo, scale, _ = initial_albedo(
-        position, normal, tracks.start, tracks.view, tracks.brightness, tracks.lit, registered, reflectance, 0, free
-    )
+    free = truth.brightness == "dn" or not reflectance.predicts_absolute_brightness
+    albedo, scale, _ = initial_albedo(position, normal, tracks, registered, reflectance, 0, free)
     landmarks = replace(truth.landmarks, position=position, normal=normal, albedo=albedo)
     return truth.with_estimate(replace(registered, scale=scale), landmarks)
 

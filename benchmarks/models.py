@@ -12,14 +12,15 @@ from dataclasses import replace
 
 from matched import OPTIONS, matched_problem, rms_errors
 from photoclinometry.adjust import adjust
-from photoclinometry.model.reflectance import DISK_FUNCTIONS, HAS_PHASE_FUNCTION, published
+from photoclinometry.model.reflectance import MODELS, starting_model
 
 
 def main(side: int = 100, views: int = 29) -> None:
-    for disk in DISK_FUNCTIONS:
+    for disk, model in MODELS.items():
         for brightness in ("iof", "dn"):
-            for sigma in (0.0, 0.05) if disk in HAS_PHASE_FUNCTION else (0.0,):
-                start, truth = matched_problem(side, views, reflectance=published(disk, "vesta"), brightness=brightness)
+            for sigma in (0.0, 0.05) if model.parameters else (0.0,):
+                chosen = starting_model(disk, "vesta")
+                start, truth = matched_problem(side, views, reflectance=chosen, brightness=brightness)
                 found = adjust(start, replace(OPTIONS, reflectance_sigma=sigma, uncertainty=False))
                 print(
                     f"{disk:14} {brightness:4} {'estimated' if sigma else 'held':10} {found.message}; "

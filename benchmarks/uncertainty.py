@@ -16,16 +16,16 @@ import scipy.sparse as sparse
 from scipy.sparse.linalg import splu
 
 from matched import matched_problem
-from photoclinometry.adjust import AdjustOptions, covariance
-from photoclinometry.adjust.companions import with_companions
-from photoclinometry.adjust.covariance import Linearised, marginals
-from photoclinometry.adjust.estimate import BALANCED_CORRELATION_PX, _pairs
-from photoclinometry.adjust.known import priors_of
-from photoclinometry.adjust.layout import build_layout, lay_out, morton_order
+from photoclinometry.adjust import AdjustOptions
+from photoclinometry.adjust.covariance import marginals as covariance
+from photoclinometry.adjust.covariance.marginals import Linearised, marginals
+from photoclinometry.adjust.covariance.uncertainty import linearised, loosely_held
+from photoclinometry.adjust.graph.graph import FactorGraph
+from photoclinometry.adjust.graph.layout import morton_order
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.groups import factor_groups, setup_of, smoothness_group
 from photoclinometry.adjust.noise import Noise
-from photoclinometry.adjust.problem import Problem
-from photoclinometry.adjust.uncertainty import linearised, loosely_held
-from photoclinometry.adjust.weights import Weights, weighted, weights_of
+from photoclinometry.adjust.tie_points import with_tie_points
 from photoclinometry.model.scene import Scene
 
 BRIGHTNESS_SIGMA = 0.0015
@@ -39,28 +39,20 @@ VIEW_KINDS = {
 LANDMARK_KINDS = {"position": slice(0, 3), "normal": slice(3, 5), "albedo": slice(5, 6)}
 
 
-def problem_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.0) -> tuple[Problem, Weights]:
-    """The problem that `adjust` solves for a matched scene, least squares, errors shared by squares of these sides."""
+def graph_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.0) -> FactorGraph:
+    """The graph that `adjust` minimises for a matched scene, least squares, errors shared by squares of these sides."""
     options = AdjustOptions(keypoint_loss=np.inf, brightness_loss=np.inf, reflectance_sigma=0.0)
     noise = Noise(
         keypoint_factor=1.0,
         keypoint_correlation_px=keypoint_px,
-        anchor_factor=1.0,
+        sparse_keypoint_factor=1.0,
         brightness_sigma=BRIGHTNESS_SIGMA,
         brightness_correlation_px=brightness_px,
     )
-    count = len(scene.landmarks)
-    lit = np.ones(len(scene.tracks), bool)
-    _, _, roles = with_companions(scene, None, None)
-    layout, place = build_layout(scene.tracks, len(scene.views))
-    weights = weights_of(scene, options, lit, roles, noise)
-    measured = weighted(lay_out(scene.tracks, place, layout.places), weights, place)
-    pairs = _pairs(scene.landmarks.position, count, options.smooth_neighbours)
-    smooth = options.smooth_sigma_rad * max(1.0, brightness_px / BALANCED_CORRELATION_PX)
-    problem = Problem(
-        layout, measured, pairs, priors_of(scene, options, count, None), scene.reflectance, smooth_sigma=smooth
-    )
-    return problem, weights
+    scene, _, members = with_tie_points(scene, None)
+    setup = setup_of(scene, members, options, scene.reflectance)
+    smoothness = smoothness_group(setup, scene.landmarks.position, noise)
+    return FactorGraph(factor_groups(setup, np.ones(len(scene.tracks), bool), noise, smoothness))
 
 
 def at_truth(side: int, views: int, keypoint_px: float, brightness_px: float) -> Linearised:
@@ -69,9 +61,8 @@ def at_truth(side: int, views: int, keypoint_px: float, brightness_px: float) ->
     order = morton_order(truth.landmarks.pixel)
     tracks, _ = truth.tracks.of_landmarks(order)
     scene = Scene(**{**vars(truth), "landmarks": truth.landmarks[order], "tracks": tracks})
-    problem, weights = problem_of(scene, keypoint_px, brightness_px)
-    at, _ = linearised(scene, np.median(scene.landmarks.position, axis=0), problem, weights)
-    return loosely_held(at)
+    start = Estimate(scene.views, scene.landmarks, np.median(scene.landmarks.position, axis=0))
+    return loosely_held(linearised(graph_of(scene, keypoint_px, brightness_px), start))
 
 
 def exact(at: Linearised, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from photoclinometry.io.images import write_png
+from photoclinometry.model.geometry import Rigid, so3_exp, unit
+from photoclinometry.model.scene import Camera
+
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 FORMATS = SHARED / "formats"
 SPICE = SHARED / "spice"
@@ -119,3 +123,46 @@ def write_pds4(path, pixels, *, data_type, data, extra="", special=""):
     )
     data.write_bytes(b"\0" * 16 + pixels.tobytes())
     return path
+
+
+CAMERA = Camera("PINHOLE", 60, 40, (3000.0, 3000.0, 30.5, 19.5))
+POSE = Rigid(so3_exp(np.array([0.2, -0.1, 0.4])), np.array([1.0, -2.0, -8.0]))
+SUN = unit(np.array([1.0, -0.5, 0.3]))
+
+
+def plain_images(folder, count=3):
+    """16-bit PNG files of `texture`, named after a time."""
+    folder.mkdir(exist_ok=True)
+    paths = []
+    for k in range(count):
+        paths.append(folder / f"2019030{k + 1}T101500.png")
+        write_png(paths[-1], (texture(seed=k) * 1e6).astype(np.uint16))
+    return paths
+
+
+def suns_of(folder, paths, sigma=""):
+    """A table with the same Sun for every image."""
+    table = folder / "suns.csv"
+    rows = "".join(f"{p.name},{0.6},{0.0},{-0.8},{sigma}\n" for p in paths)
+    table.write_text("image,sun_x,sun_y,sun_z,sun_sigma_deg\n" + rows)
+    return table
+
+
+MAPCAM = """Group = Instrument
+  SpacecraftName = OSIRIS-REX
+  InstrumentId = MapCam
+  TargetName = Bennu
+End_Group
+Group = BandBin
+  FilterName = PAN
+End_Group
+Group = Kernels
+  NaifFrameCode = -64361
+End_Group
+"""
+
+
+def mapcam_cube(path, **changes):
+    """A cube of MapCam, 5 km from the body's centre, under a Sun of 10^8 km."""
+    tables = geometry_tables([1, 0, 0, 0], [0.0, 0.0, -5.0], [1, 0, 0, 0], [0.6e8, 0.0, -0.8e8])
+    return write_cube(path, **({"pixels": texture((1024, 1024)), "groups": MAPCAM, "tables": tables} | changes))

@@ -10,7 +10,8 @@ import numba
 
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.products import RunResult
-from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import simulate_site
 
 SITE = SimulationOptions(image_size=192, views=6, region_size=32)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid, unit
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance, photometric_angles, published
+from photoclinometry.model.reflectance import Reflectance, photometric_angles, published
 from photoclinometry.model.scene import Camera, Image, Landmarks, Region, Scene, Tracks, Views
 
 GSD = 60.0
@@ -111,7 +111,7 @@ def synthetic_scene(
     body_from_cam = Rigid(np.stack([p.rotation for p in poses]), centers)
     sun = from_zenith(np.deg2rad(rng.uniform(20, 50, views)), rng.permutation(azimuth) + rng.uniform(-0.3, 0.3, views))
 
-    calibrated = reflectance is None or reflectance.disk in HAS_PHASE_FUNCTION
+    calibrated = reflectance is None or reflectance.predicts_absolute_brightness
     all_views = Views(
         name=tuple(f"images/{k:03d}.fits" for k in range(views)),
         cameras=(camera,) * views,

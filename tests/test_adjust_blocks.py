@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from photoclinometry.adjust.blocks import apply_blocks, invert_blocks
+from photoclinometry.adjust.solve.blocks import apply_blocks, invert_blocks
 
 RNG = np.random.default_rng(4)
 

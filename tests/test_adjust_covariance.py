@@ -5,45 +5,44 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from graphs import BRIGHTNESS_SIGMA, KEYPOINT_SIGMA, graph_of, residuals_of, some_tracks_missing
 from jacobians import numerical_jacobian
-from photoclinometry.adjust.covariance import ErrorModel, marginals, with_parameters
-from photoclinometry.adjust.solver import minimize, parameter_response
-from photoclinometry.adjust.uncertainty import linearised
-from photoclinometry.adjust.variables import Estimate
-from photoclinometry.adjust.weights import Weights
+from photoclinometry.adjust.covariance.marginals import ErrorModel, marginals, with_parameters
+from photoclinometry.adjust.covariance.uncertainty import linearised
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.solve.solver import minimize, parameter_response
 from scenes import synthetic_scene
-from test_adjust_factors import problem_of, some_tracks_missing
-from test_adjust_solver import TIGHT, residuals_of
+from test_adjust_graph import Ranges
+from test_adjust_solver import TIGHT
 
 PIVOT = np.array([10.0, -20.0, 5.0])
 
 
 def at_truth(scene, factor=1.0, links=True):
-    """The scene linearised where it is, with the sigmas of `problem_of` times `factor`."""
-    problem, brightness_weight, index, present = problem_of(scene)
-    count, landmarks = len(scene.tracks), len(scene.landmarks)
-    weights = Weights(np.full(count, 2.0 / factor), brightness_weight / factor, np.full(landmarks, np.inf), np.inf)
-    at, _ = linearised(scene, PIVOT, problem, weights)
+    """The scene linearised where it is, with the sigmas of `graph_of` times `factor`, and what it was built of."""
+    built = graph_of(scene, keypoint_sigma=KEYPOINT_SIGMA * factor, brightness_sigma=BRIGHTNESS_SIGMA * factor)
+    at = linearised(built.graph, Estimate(scene.views, scene.landmarks, PIVOT))
     if not links:
         none = np.zeros(0, np.int64)
-        start = np.zeros(landmarks + 1, np.int64)
+        start = np.zeros(len(scene.landmarks) + 1, np.int64)
         at = replace(at, links=at.links._replace(
             start=start, target=none, source=none, incoming_start=start, incoming=none, rows=np.zeros((0, 5))
         ))  # fmt: skip
-    return at, problem, index, present
+    return at, built
 
 
-def dense_covariance(scene, problem, index, present):
+def dense_covariance(scene, built, extra=()):
     """Inverse of J^T J, J by differences of the residuals in plain NumPy, and the number of the views' coordinates."""
-    jacobian, views = dense_jacobian_of(scene, problem, index, present)
+    jacobian, views = dense_jacobian_of(scene, built)
+    jacobian = np.vstack([jacobian, *extra])
     information = jacobian.T @ jacobian
     scale = np.sqrt(np.diag(information))
     return np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale), views
 
 
-def dense_jacobian_of(scene, problem, index, present):
+def dense_jacobian_of(scene, built):
     estimate = Estimate(scene.views, scene.landmarks, PIVOT)
-    residuals = residuals_of(scene, problem, index, present)
+    residuals = residuals_of(scene, built)
     views = 10 * len(scene.views)
     size = views + 6 * len(scene.landmarks)
     steps = np.r_[np.tile([1e-6] * 3 + [1e-1] * 3 + [1e-4] * 4, len(scene.views)),
@@ -62,9 +61,13 @@ def small():
 
 def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
     """Every block to a ten-thousandth of its sigmas."""
-    at, problem, index, present = at_truth(small)
-    expected, views = dense_covariance(small, problem, index, present)
-    found = marginals(at)
+    at, built = at_truth(small)
+    expected, views = dense_covariance(small, built)
+    assert_equal_marginals(marginals(at), expected, views)
+
+
+def assert_equal_marginals(found, expected, views):
+    """Every block to a ten-thousandth of its sigmas."""
     size = np.sqrt(np.diag(expected)[:views])
     np.testing.assert_allclose(
         found.camera / np.outer(size, size), expected[:views, :views] / np.outer(size, size), atol=1e-4
@@ -78,21 +81,21 @@ def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
 def test_parameters_that_are_estimated_make_all_else_less_certain():
     """Marginals given the parameters, plus the response to them, are the dense inverse with the parameters in it."""
     scene = some_tracks_missing(synthetic_scene(size=5, views=5))
-    at, problem, index, present = at_truth(scene)
-    problem.priors = replace(problem.priors, reflectance=0.1)
+    at, built = at_truth(scene)
+    graph = graph_of(scene, reflectance_sigma=0.1).graph
     count = len(scene.reflectance.parameters)
     estimate = replace(Estimate(scene.views, scene.landmarks, PIVOT), parameters=np.zeros(count))
-    solution = minimize(problem, estimate, TIGHT)
-    response = parameter_response(problem, solution, TIGHT)
-    others, _ = dense_covariance(scene, problem, index, present)
+    solution = minimize(graph, estimate, TIGHT)
+    response = parameter_response(graph, solution, TIGHT)
+    others, _ = dense_covariance(scene, built)
     reflectance = scene.reflectance
 
     def residuals(change):
         changed = replace(scene, reflectance=reflectance.with_parameters(reflectance.parameters * (1 + change)))
-        return residuals_of(changed, problem, index, present)(estimate)
+        return residuals_of(changed, built)(estimate)
 
     by_parameter = numerical_jacobian(residuals, count, 1e-4)
-    by_others = dense_jacobian_of(scene, problem, index, present)[0]
+    by_others = dense_jacobian_of(scene, built)[0]
     follow = -others @ (by_others.T @ by_parameter)
     left = by_parameter.T @ by_parameter + by_parameter.T @ by_others @ follow + np.eye(count) / 0.1**2
     expected = np.linalg.inv(left)
@@ -107,11 +110,10 @@ def test_parameters_that_are_estimated_make_all_else_less_certain():
 
 def held_by_gauge(scene, size=1.0):
     """The scene with no pose known but the first: 1e-4 rad and 10 m; and a landmark to 100 m; all times `size`."""
-    at, problem, *_ = at_truth(scene)
     first = np.r_[1.0, np.full(len(scene.views) - 1, np.inf)]
-    problem.priors = replace(problem.priors, pose_rotation=1e-4 * size * first, pose_translation=10.0 * size * first)
-    prior, _ = problem.of_cameras(Estimate(scene.views, scene.landmarks, PIVOT))
-    return replace(at, camera_prior=prior, prior=1e-4 * at.prior / size**2)
+    graph = graph_of(scene, pose_sigma=size * first).graph
+    at = linearised(graph, Estimate(scene.views, scene.landmarks, PIVOT))
+    return replace(at, prior=1e-4 * at.prior / size**2)
 
 
 @pytest.fixture(scope="module")
@@ -137,8 +139,8 @@ def test_the_map_frame_does_not_depend_on_what_holds_the_map(larger):
 
 def test_half_the_noise_half_the_sigma(small):
     """Of all that measurements alone determine: the landmarks, once priors and smoothness say nothing."""
-    at, *_ = at_truth(small, links=False)
-    finer, *_ = at_truth(small, factor=0.5, links=False)
+    at, _ = at_truth(small, links=False)
+    finer, _ = at_truth(small, factor=0.5, links=False)
     free = {"camera_prior": 1e-12 * at.camera_prior}
     coarse, fine = (
         marginals(replace(at, **free)),
@@ -150,7 +152,7 @@ def test_half_the_noise_half_the_sigma(small):
 def test_twice_the_views_divide_variances_given_the_views_by_two():
     """Every view there twice: what each landmark knows of itself doubles, smoothness apart."""
     scene = synthetic_scene(size=6, views=4)
-    at, *_ = at_truth(scene, links=False)
+    at, _ = at_truth(scene, links=False)
     observed = at.observed
     twice = observed._replace(
         start=2 * observed.start,
@@ -185,7 +187,7 @@ def test_larger_patches_come_nearer(larger):
 
 
 def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_in_it(small):
-    at, *_ = at_truth(small)
+    at, _ = at_truth(small)
     known = replace(at, camera_prior=1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape))
     plain = marginals(known).landmark
     priors, *parts = [
@@ -200,7 +202,7 @@ def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_
 
 def test_errors_that_all_neighbours_share_are_not_smoothed_away():
     """Common keypoint errors give depths the sigma of a single landmark, however stiff the smoothness between them."""
-    at, *_ = at_truth(synthetic_scene(size=8, views=6))
+    at, _ = at_truth(synthetic_scene(size=8, views=6))
     known = replace(at, camera_prior=1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape))
     only_keypoints = {"brightness": 0.0, "smoothness": 0.0}
     alone = marginals(known, ErrorModel(keypoint=1.0, **only_keypoints)).landmark
@@ -210,10 +212,32 @@ def test_errors_that_all_neighbours_share_are_not_smoothed_away():
 
 def test_what_nothing_measures_is_infinitely_uncertain_and_leaves_the_rest_alone():
     """A landmark whose brightness never counts: no albedo, no normal without smoothness, a position by keypoints."""
-    at, *_ = at_truth(synthetic_scene(size=3, views=4), links=False)
+    at, _ = at_truth(synthetic_scene(size=3, views=4), links=False)
     dark = at.observed.brightness_weight.copy()
     dark[at.observed.start[3] : at.observed.start[4]] = 0.0
     found = marginals(replace(at, observed=at.observed._replace(brightness_weight=dark))).landmark
     assert np.isinf(np.diag(found[3])).tolist() == [False, False, False, True, True, True]
     assert np.isfinite(np.delete(found, 3, axis=0)).all()
     assert np.linalg.eigvalsh(found[3, :3, :3])[0] > 0
+
+
+@pytest.mark.parametrize("exact", [1000, 0], ids=["exact", "patches"])
+def test_general_factors_of_a_landmark_and_a_view_count(small, exact):
+    """Two measured ranges: the marginals are the dense inverse with their rows in it."""
+    ranges = Ranges(np.array([1, 2]), np.array([2, 7]), np.array([5e5, 6e5]), 3.0)
+    estimate = Estimate(small.views, small.landmarks, PIVOT)
+    built = graph_of(small, others=[ranges])
+    (rows,) = ranges.rows(estimate)
+    dense = np.zeros((2, 30 + 54))
+    for n in range(2):
+        view, landmark = rows.touches
+        dense[n, 10 * view.index[n] :][:10] = view.jacobian[n, 0]
+        dense[n, 30 + 6 * landmark.index[n] :][:6] = landmark.jacobian[n, 0]
+    expected, views = dense_covariance(small, built, [dense])
+    found = marginals(linearised(built.graph, estimate), exact=exact, patch=9)
+    if exact:
+        assert_equal_marginals(found, expected, views)
+    else:
+        np.testing.assert_allclose(np.diag(found.camera), np.diag(expected)[:views], rtol=1e-3)
+    without, _ = dense_covariance(small, graph_of(small))
+    assert np.max(np.diag(without)[:views] / np.diag(expected)[:views]) > 1.5, "the ranges matter"

@@ -8,8 +8,8 @@ import pytest
 from convergence import DEFAULT as CONVERGENCE
 from convergence import final_cost, random_start
 from matched import OPTIONS, Noise, matched_problem
-from photoclinometry.adjust import AdjustOptions, Anchors, PosePriors, adjust
-from photoclinometry.adjust.variables import Estimate
+from photoclinometry.adjust import AdjustOptions, PosePriors, TiePoints, adjust
+from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_log
 from photoclinometry.model.reflectance import published
@@ -94,7 +94,7 @@ def anchors_around(scene, count=150):
         brightness=np.zeros(count * views),
         lit=np.zeros(count * views, bool),
     )
-    return Anchors(position=position, tracks=tracks)
+    return TiePoints(position=position, tracks=tracks)
 
 
 def test_anchors_hold_the_poses_and_leave_the_map_its_own_landmarks(noisy):
@@ -105,7 +105,7 @@ def test_anchors_hold_the_poses_and_leave_the_map_its_own_landmarks(noisy):
         return np.linalg.norm(turn - turn.mean(0), axis=1).mean()
 
     start = start_of(noisy)
-    without, held = adjust(start), adjust(start, anchors=anchors_around(noisy))
+    without, held = adjust(start), adjust(start, tie_points=anchors_around(noisy))
     assert len(held.scene.landmarks) == len(noisy.landmarks)
     assert len(held.lit) == len(noisy.tracks)
     np.testing.assert_array_equal(held.scene.landmarks.pixel, noisy.landmarks.pixel)
@@ -176,8 +176,8 @@ def test_a_wrong_phase_function_is_found_and_not_taken_by_the_scales(slope, rest
     """Scales that are right: held as loosely as calibration states them they take what the phase function lacks, and
     brightness 10 degrees beyond the phases mapped is predicted at least twice as badly."""
     start, truth = matched_problem(40, 12, noise=Noise(scale=0.0))
-    first, *others = truth.reflectance.phase_coefficients
-    bent = replace(truth.reflectance, phase_coefficients=(slope * first, *(rest * c for c in others)))
+    w0, w1, first, *others = truth.reflectance.values
+    bent = truth.reflectance.with_parameters([w0, w1, slope * first, *(rest * c for c in others)])
     start = replace(start, reflectance=bent)
     phase = angle_between(truth.views.sun, truth.views.body_from_cam.translation)
 
@@ -265,7 +265,7 @@ def test_suns_do_not_follow_what_brightness_errs_by_all_over_a_view():
         adjustment = adjust(scene, replace(INDEPENDENT, uncertainty=False, **options), pose_priors=known)
         suns = angle_between(adjustment.scene.views.sun, truth.views.sun)
         normals = angle_between(adjustment.scene.landmarks.normal, truth.landmarks.normal)
-        return np.sqrt(np.mean(suns**2)), np.mean(normals), adjustment.noise.view_factor
+        return np.sqrt(np.mean(suns**2)), np.mean(normals), adjustment.noise.view_prior_factor
 
     loose_sun, loose_normal, _ = found(wrong)
     sun, normal, factor = found(wrong, brightness_correlation_px=None)

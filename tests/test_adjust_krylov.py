@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photoclinometry.adjust.krylov import conjugate_gradients
+from photoclinometry.adjust.solve.krylov import conjugate_gradients
 
 
 @pytest.fixture

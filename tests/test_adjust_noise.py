@@ -11,7 +11,7 @@ from photoclinometry.adjust.noise import (
     keypoint_factor,
     robust_sigma,
     scale_scatter,
-    view_factor,
+    view_prior_factor,
 )
 from photoclinometry.model.projection import (
     keypoint_residuals,
@@ -81,7 +81,7 @@ def test_noise_that_hardly_changed_is_close():
     noise = Noise(
         keypoint_factor=0.5,
         keypoint_correlation_px=20.0,
-        anchor_factor=1.0,
+        sparse_keypoint_factor=1.0,
         brightness_sigma=0.0,
         brightness_correlation_px=3.0,
     )
@@ -90,7 +90,7 @@ def test_noise_that_hardly_changed_is_close():
     assert noise.close_to(noise)
     assert replace(noise, keypoint_correlation_px=23.0, keypoint_factor=0.54).close_to(noise)
     assert not replace(noise, keypoint_correlation_px=25.0).close_to(noise)
-    assert not replace(noise, anchor_factor=1.2).close_to(noise)
+    assert not replace(noise, sparse_keypoint_factor=1.2).close_to(noise)
     assert not replace(noise, scale_scatter=0.002).close_to(noise)
     assert not noise.close_to(replace(noise, scale_scatter=0.002))
 
@@ -100,12 +100,12 @@ def test_views_follow_chance_and_are_held_against_more():
     a sigma."""
     rng = np.random.default_rng(0)
     offsets = rng.normal(size=100)
-    assert view_factor(offsets, 1.0) == 1.0
-    assert view_factor(0.5 * offsets, 2.0) == pytest.approx(2.0 * np.sqrt(0.5 * np.sqrt(np.mean(offsets**2))))
-    factor = view_factor(4.0 * offsets, 1.5)
+    assert view_prior_factor(offsets, 1.0) == 1.0
+    assert view_prior_factor(0.5 * offsets, 2.0) == pytest.approx(2.0 * np.sqrt(0.5 * np.sqrt(np.mean(offsets**2))))
+    factor = view_prior_factor(4.0 * offsets, 1.5)
     then = 4.0 * offsets * (1.5 / factor) ** 2
     assert np.sqrt(np.mean(then**2)) == pytest.approx(1.0)
-    assert view_factor(1e6 * offsets, 1.0) == 5.0
+    assert view_prior_factor(1e6 * offsets, 1.0) == 5.0
 
 
 def test_scales_scatter_by_their_distance_from_one_and_by_a_thousandth_at_least():

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.adjust import AdjustOptions, Noise, PosePriors, adjust
-from photoclinometry.adjust.covariance import Marginals
-from photoclinometry.adjust.uncertainty import error_model, scene_uncertainty
-from photoclinometry.adjust.variables import Estimate
+from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
+from photoclinometry.adjust.covariance.marginals import Marginals
+from photoclinometry.adjust.covariance.uncertainty import error_model, scene_uncertainty
+from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.evaluate.sigma_calibration import sigma_metrics
 from photoclinometry.evaluate.sigmas import size
 from photoclinometry.model.geometry import so3_log
@@ -51,7 +51,7 @@ def test_landmarks_of_fewer_views_are_less_certain_and_keep_their_places(adjuste
 
 def test_geometry_alone_states_what_it_estimates_and_anchors_are_left_out(adjusted):
     true, _ = adjusted
-    found = adjust(replace(start_of(true), reflectance=None), INDEPENDENT, anchors=anchors_around(true)).scene
+    found = adjust(replace(start_of(true), reflectance=None), INDEPENDENT, tie_points=anchors_around(true)).scene
     assert {name: value.shape for name, value in found.uncertainty.items()} == {
         "position": (256, 3, 3),
         "rotation": (8, 3, 3),
@@ -109,14 +109,7 @@ def test_an_error_that_n_share_has_a_nth_of_the_variance_it_is_weighed_with():
     """Side 1: independent. Side 2: a quarter, 3 / 24 of it common. Side 10: a hundredth, all of it common."""
 
     def model(side, smoothness=(1.0, 1.0)):
-        noise = Noise(
-            keypoint_factor=1.0,
-            keypoint_correlation_px=side,
-            anchor_factor=1.0,
-            brightness_sigma=1.0,
-            brightness_correlation_px=1.0,
-        )
-        return error_model(noise, np.array(smoothness))
+        return error_model(side, 1.0, np.array(smoothness))
 
     assert (model(1.0).keypoint, model(1.0).keypoint_common) == (1.0, 0.0)
     assert (model(2.0).keypoint, model(2.0).keypoint_common) == pytest.approx((0.25, 3 / 24))

@@ -1,4 +1,4 @@
-"""Every mistake in what a person gives is answered by name: the file, the view, the key, and the cure."""
+"""Every mistake in what a person gives is answered by name: the file, the view, the key, and the remedy."""
 
 import shutil
 from pathlib import Path
@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from photoclinometry.io.images import read_image, write_fits, write_png
-from photoclinometry.io.site import load_images, read_site
+from photoclinometry.io.site import read_site
+from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import ImageError, InputError, SiteError
 from sites import SIZE, picture, view_text, write_small_site
 
@@ -51,16 +52,20 @@ MISTAKES = {
     "reference unknown": (
         'reference = "images/1.fits"',
         'reference = "images/1.fit"',
-        ("region: reference", "none of the views", "did you mean 'images/1.fits'?"),
+        ("region: reference", "not the image of any view", "did you mean 'images/1.fits'?"),
     ),
-    "centre without reference": ('reference = "images/1.fits"', "", ("region: center_px", "needs `reference`")),
+    "centre without reference": ('reference = "images/1.fits"', "", ("region: center_px", "give `reference`, too")),
     "region outside": ("[30.0, 32.0]", "[10, 32]", ("center_px", "outside images/1.fits", "x -10 to 30", "64 x 64")),
     "region too large": ("[40, 20]", "[40, 66]", ("center_px", "y -1 to 65", "shrink")),
     "stride of nothing": ("[40, 20]", "[40, 20]\nstride = 0", ("region: stride", "positive whole number", "found 0")),
     "negative stride": ("[40, 20]", "[40, 20]\nstride = -2", ("region: stride", "positive whole number")),
     "half a stride": ("[40, 20]", "[40, 20]\nstride = 1.5", ("region: stride", "positive whole number")),
     "a list of strides": ("[40, 20]", "[40, 20]\nstride = [2, 2]", ("region: stride", "positive whole number")),
-    "stride as wide as the region": ("[40, 20]", "[40, 20]\nstride = 20", ("region: stride", "single row", "lessen")),
+    "stride as wide as the region": (
+        "[40, 20]",
+        "[40, 20]\nstride = 20",
+        ("region: stride", "single row", "smaller stride"),
+    ),
     "region of nothing": ("[40, 20]", "[40, 0]", ("region: size_px", "positive whole numbers")),
     "image twice": ("images/2.fits", "images/../images/0.fits", ("views", "images/0.fits", "same file", "remove")),
     "image not text": ('"images/0.fits"', "7", ("views[0]: image", "text in quotes", "7")),
@@ -100,7 +105,7 @@ def test_fewer_than_three_views_are_refused(path):
 
 
 def test_a_site_file_that_is_none_is_refused(tmp_path):
-    with pytest.raises(SiteError, match=r"no\.toml: there is no such file; give the path of a site\.toml"):
+    with pytest.raises(SiteError, match=r"no\.toml: there is no such file; give a site\.toml"):
         read_site(tmp_path / "no.toml")
     with pytest.raises(SiteError, match=r"cannot be read: Is a directory; give a site\.toml"):
         read_site(tmp_path)
@@ -120,7 +125,7 @@ def test_missing_images_are_all_named_before_any_is_read(path):
     ("content", "said"),
     [
         (b"", "is an empty file; fetch or export it again"),
-        (b"GIF89a....", "is no FITS, PNG or TIFF image .* convert it"),
+        (b"GIF89a....", "is not a FITS, PNG or TIFF image .* convert it"),
         (b"II+\0....", "is a BigTIFF; convert it"),
         (b"SIMPLE  =                    T", "is damaged .* fetch or export it again"),
         (b"\x89PNG\r\n\x1a\n", "is damaged .*ends after 8 bytes"),

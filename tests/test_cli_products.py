@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 import tyro
 
+from photoclinometry.api import view_index
 from photoclinometry.cli.evaluate import evaluate
-from photoclinometry.cli.folders import site_path, view_index
 from photoclinometry.cli.info import info
 from photoclinometry.cli.render import render
 from photoclinometry.io.images import read_image, write_fits
 from photoclinometry.io.meshes.ply import write_ply
 from photoclinometry.io.models.colmap import write_colmap
+from photoclinometry.io.run_files import site_path
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.site import Site, SiteView, write_site
@@ -77,7 +78,7 @@ def test_render_relights_on_the_reference_grid_as_png(place, tmp_path):
         (("--out", "a.jpg"), "use .fits or .png"),
         (("--out", "a.png", "--view", "007"), "nearest: images/00"),
         (("--out", "a.png", "--sun-azimuth-deg", "10"), "go together"),
-        (("--out", "a.png", "--sun", "0", "0", "0"), "no direction"),
+        (("--out", "a.png", "--sun", "0", "0", "0"), "not a direction"),
         (("--out", "a.png", "--sun-azimuth-deg", "10", "--sun-elevation-deg", "-5"), "above 0"),
     ],
 )

@@ -1,21 +1,12 @@
-"""Landmarks from matches: exact matches give exact points; wrong ones are found out."""
-
-from dataclasses import replace
+"""Landmarks from matches: exact matches give exact points; wrong ones are dropped."""
 
 import numpy as np
 import pytest
 
 from photoclinometry.matching import Matches
-from photoclinometry.matching.densify import (
-    DensifyOptions,
-    densify,
-    fundamental_matrix,
-    sampson_error,
-    triangulate,
-    triangulate_tracks,
-)
+from photoclinometry.matching.densify import DensifyOptions, densify
+from photoclinometry.matching.epipolar import fundamental_matrix
 from photoclinometry.model.errors import ReconstructionError
-from photoclinometry.model.geometry import Rigid
 from scenes import synthetic_scene
 
 VIEWS, SIZE = 6, 20
@@ -78,7 +69,7 @@ def test_matches_off_their_epipolar_line_are_dropped(scene):
 
 
 def test_matches_astray_along_their_line_are_dropped_by_reprojection(scene):
-    """The epipolar check cannot see them; the other views outvote them."""
+    """Such matches pass the epipolar check; the other views' rays contradict them."""
     matches = exact_matches(scene)
     pose, camera = scene.views.body_from_cam, scene.views.cameras
     rays = camera[0].ray_in_cam(scene.region.pixel_centers())
@@ -108,56 +99,3 @@ def test_the_reference_observes_its_pixel_centre(scene):
     dense = run(scene, exact_matches(scene, 0.1))
     own = dense.keypoint[dense.view == 0]
     np.testing.assert_array_equal(own, dense.pixel[:, ::-1] + 0.5)
-
-
-def test_true_correspondences_satisfy_the_epipolar_constraint(scene):
-    pose, camera = scene.views.body_from_cam, scene.views.cameras
-    xy = scene.tracks.keypoint.reshape(-1, VIEWS, 2)
-    for view in range(1, VIEWS):
-        fundamental = fundamental_matrix(camera[0], pose[0], camera[view], pose[view])
-        assert sampson_error(fundamental, xy[:, 0], xy[:, view]).max() < 1e-12
-
-
-def test_sampson_error_of_a_rectified_pair_is_half_the_squared_row_difference():
-    """Two equal cameras side by side: the epipolar lines are the rows, each image takes half the correction."""
-    camera = synthetic_scene(size=4).views.cameras[0]
-    left = Rigid(np.eye(3), np.zeros(3))
-    right = Rigid(np.eye(3), np.array([1.0, 0.0, 0.0]))
-    fundamental = fundamental_matrix(camera, left, camera, right)
-    error = sampson_error(fundamental, np.array([[10.0, 20.0]]), np.array([[14.0, 20.6]]))
-    np.testing.assert_allclose(error, 0.6**2 / 2)
-
-
-def test_triangulation_agrees_with_the_textbook_transform(scene):
-    """The compiled solution against the singular vector of the stacked homogeneous system."""
-    cam_from_body = scene.views.body_from_cam.inverse()
-    noisy = scene.tracks.keypoint.reshape(-1, VIEWS, 2) + np.random.default_rng(0).normal(
-        scale=0.05, size=(SIZE * SIZE, VIEWS, 2)
-    )
-    intrinsics = scene.views.intrinsics
-    for xy in noisy[::37]:
-        point = np.zeros(3)
-        used = np.ones(VIEWS, bool)
-        assert triangulate(
-            xy, np.ones(VIEWS), used, cam_from_body.rotation.copy(), cam_from_body.translation, intrinsics, point
-        )
-        rows = []
-        for k in range(VIEWS):
-            matrix = np.column_stack([cam_from_body.rotation[k], cam_from_body.translation[k] / scene.gsd])
-            x, y = (xy[k] - intrinsics[k, 2:]) / intrinsics[k, :2]
-            rows += [x * matrix[2] - matrix[0], y * matrix[2] - matrix[1]]
-        solution = np.linalg.svd(np.array(rows))[2][-1]
-        expected = scene.gsd * solution[:3] / solution[3]
-        assert np.linalg.norm(point - expected) < 0.05 * scene.gsd
-
-
-def test_exact_tracks_are_triangulated_exactly():
-    true = synthetic_scene(size=10)
-    found = triangulate_tracks(true.tracks, true.views)
-    np.testing.assert_allclose(found, true.landmarks.position, atol=1e-6 * np.abs(true.landmarks.position).max())
-
-
-def test_a_point_seen_once_has_no_place():
-    true = synthetic_scene(size=4)
-    once = replace(true.tracks, start=np.arange(len(true.tracks) + 1))
-    assert np.isnan(triangulate_tracks(once, true.views)).all()

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.adjust import AdjustOptions, ImageSlopes
+from photoclinometry.adjust import AdjustOptions, ImageGradients
 from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.scene import Image
 from photoclinometry.pipeline.direct_refinement import MIN_LIT, has_strayed, image_gradients, put_back, refine_directly
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
 from photoclinometry.registration.alignment import transform_scene
-from photoclinometry.surface.sampling import sample_image, sample_slope
+from photoclinometry.surface.sampling import sample_gradient, sample_image
 from scenes import synthetic_images, synthetic_scene, thinned
 
 QUICK = AdjustOptions(uncertainty=False)
@@ -90,7 +90,7 @@ def test_gradients_of_a_ramp_are_the_ramps():
     rows, cols = np.indices((30, 40))
     image = Image("ramp", (0.3 + 0.02 * cols - 0.005 * rows).astype(np.float32), np.ones((30, 40), bool))
     xy = np.random.default_rng(0).uniform(10, 20, (50, 2))
-    np.testing.assert_allclose(sample_slope(image, xy), np.tile([0.02, -0.005], (50, 1)), atol=1e-6)
+    np.testing.assert_allclose(sample_gradient(image, xy), np.tile([0.02, -0.005], (50, 1)), atol=1e-6)
 
 
 def test_landmarks_in_few_lit_views_are_left_to_their_matches(true):
@@ -127,7 +127,7 @@ def test_passes_take_the_images_anew_and_the_last_one_is_told_so(true):
     asked = []
 
     def record(start, step):
-        assert isinstance(step.gradients, ImageSlopes)
+        assert isinstance(step.gradients, ImageGradients)
         asked.append(step.rough)
         return estimate(start, step)
 

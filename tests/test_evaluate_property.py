@@ -14,7 +14,7 @@ from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, sphere_st
 from photoclinometry.model.scene import Scene
 from photoclinometry.registration.alignment import transform_scene
 from scenes import GSD, bumpy_surface, synthetic_scene
-from test_evaluate import on_bumps, truth_of
+from truths import on_bumps, truth_of
 
 QUICK = settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 

@@ -16,6 +16,7 @@ from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.similarity import write_similarity
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.output.export import ExportOptions, export_scene
+from photoclinometry.output.export.formats import FORMATS, Format
 from photoclinometry.output.export.meshes import albedo_texture, srgb
 from photoclinometry.output.export.sumfiles import sumfile_names
 from photoclinometry.photometry.render import landmark_faces
@@ -230,11 +231,42 @@ def test_an_export_that_fails_half_way_leaves_what_was_there(tmp_path, monkeypat
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("photoclinometry.output.export.export.write_tables", full)
+    monkeypatch.setattr("photoclinometry.output.export.formats.write_tables", full)
     with pytest.raises(RunFolderError, match="No space left"):
         export_scene(scene, out, ExportOptions(products=("obj", "csv")))
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_format_is_one_entry(tmp_path, monkeypatch):
+    """Registered in six lines, it is written with all others, listed, and asked for by name."""
+
+    def count(folder, framed, products, options):
+        (folder / "count.txt").write_text(str(len(framed.scene.landmarks)))
+        return {"count.txt": "number of landmarks"}
+
+    monkeypatch.setitem(FORMATS, "count", Format(name="count", about="number of landmarks", write=count))
+    export_scene(synthetic_scene(size=8, views=3), tmp_path / "out", ExportOptions(products=("count",)))
+    assert (tmp_path / "out" / "count.txt").read_text() == "64"
+    with pytest.raises(InputError, match=r"no export format 'dem'; known: dtm, .*, csv, count"):
+        export_scene(synthetic_scene(size=8, views=3), tmp_path / "no", ExportOptions(products=("dem",)))
+
+
+def test_a_format_whose_extra_is_not_installed_names_it(tmp_path, monkeypatch):
+    def write(*_):
+        raise ModuleNotFoundError("No module named 'pancakes'", name="pancakes")
+
+    monkeypatch.setitem(FORMATS, "stack", Format(name="stack", about="-", write=write, extra="breakfast"))
+    with pytest.raises(InputError, match=r"stack needs pancakes: pip install 'photoclinometry\[breakfast\]'"):
+        export_scene(synthetic_scene(size=8, views=3), tmp_path / "out", ExportOptions(products=("stack",)))
+
+
+def test_the_help_lists_every_format(capsys):
+    assert phomo("export", "--help") == 0
+    said = capsys.readouterr().out
+    for product in FORMATS.values():
+        assert product.name in said
+    assert "GeoTIFF of slopes" in said
 
 
 def test_the_command_exports_a_run_and_says_what_and_where(place, tmp_path, capsys):

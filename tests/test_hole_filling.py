@@ -1,18 +1,18 @@
-"""Holes of a map: guessed within reach, where the ground about is, and closed by the next matches."""
+"""Holes of a map: filled within reach with the ground around them, and closed by the next matches."""
 
 import numpy as np
 import pytest
 
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.flow import FlowMatcher
-from photoclinometry.matching.hole_filling import with_provisional
+from photoclinometry.matching.hole_filling import fill_holes
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.pipeline.relighting import rematch
 from scenes import synthetic_images, synthetic_scene, thinned, with_landmarks
 
 
 def holed(size, hole, stride=1):
-    """A scene, the same without the landmarks of a square of pixels in its middle, and which these are."""
+    """A scene, the same without the landmarks of a square in its middle, and (J,) bool: the landmarks left out."""
     scene = thinned(synthetic_scene(size=size, views=7), stride)
     row, col = stride * np.array(scene.cells)
     low, high = (size - hole) // 2, (size + hole) // 2
@@ -21,10 +21,10 @@ def holed(size, hole, stride=1):
 
 
 @pytest.mark.parametrize("stride", [1, 2])
-def test_holes_are_filled_with_the_ground_about(stride):
+def test_holes_are_filled_with_the_ground_around_them(stride):
     whole, without, _ = holed(40, 8, stride)
     known = len(without.landmarks)
-    filled = with_provisional(without)
+    filled = fill_holes(without)
     assert len(filled.landmarks) == len(whole.landmarks)
     np.testing.assert_array_equal(filled.landmarks.position[:known], without.landmarks.position)
     np.testing.assert_array_equal(filled.tracks.start[known:], len(without.tracks))
@@ -35,9 +35,9 @@ def test_holes_are_filled_with_the_ground_about(stride):
     assert np.degrees(angle_between(new.normal, true.normal).max()) < 20.0
 
 
-def test_nothing_is_guessed_far_from_landmarks():
+def test_holes_are_not_filled_far_from_landmarks():
     _, without, _ = holed(40, 20)
-    filled = with_provisional(without, reach_px=4.0)
+    filled = fill_holes(without, reach_px=4.0)
     missing = ~np.isfinite(filled.grid(filled.landmarks.albedo))
     assert missing.sum() == 12 * 12
     assert missing[14:26, 14:26].all()
@@ -46,12 +46,12 @@ def test_nothing_is_guessed_far_from_landmarks():
 def test_small_holes_are_left():
     """Of 5 x 5 pixels; one of 8 x 8 (above) is filled."""
     _, without, _ = holed(41, 5)
-    assert with_provisional(without) is without
+    assert fill_holes(without) is without
 
 
 def test_a_whole_map_stays_as_it_is():
     scene = synthetic_scene(size=20)
-    assert with_provisional(scene) is scene
+    assert fill_holes(scene) is scene
 
 
 def test_the_next_matches_close_a_hole():

@@ -1,4 +1,4 @@
-"""Views that contradict the others are named and left out; sound ones are not, nor is anybody by a guess."""
+"""Views that contradict the others are named and left out; sound ones are kept, and undecided ones too."""
 
 import logging
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.model.reflectance import published
-from photoclinometry.photometry.inconsistent_views import contradicting, find_misfits
+from photoclinometry.photometry.inconsistent_views import find_inconsistent_views, inconsistent_views
 from scenes import synthetic_images, synthetic_scene
 from test_sun_check import sparse_of
 
@@ -42,20 +42,20 @@ def only(scene, count):
 
 @pytest.mark.parametrize("reflectance", [published("lunar-lambert", "vesta"), published("mcewen")], ids=["iof", "dn"])
 def test_sound_views_are_kept(reflectance):
-    assert contradicting(synthetic_scene(size=20, views=7, reflectance=reflectance, brightness_noise=0.02)) == []
+    assert inconsistent_views(synthetic_scene(size=20, views=7, reflectance=reflectance, brightness_noise=0.02)) == []
 
 
 @pytest.mark.parametrize("degrees", [10, 30, 90, 180])
-def test_a_view_of_a_wrong_sun_is_left_out_and_no_other(scene, degrees):
-    ((view, why),) = contradicting(turned(scene, 3, degrees))
+def test_a_view_with_a_wrong_sun_is_left_out_and_no_other(scene, degrees):
+    ((view, why),) = inconsistent_views(turned(scene, 3, degrees))
     assert view == 3
     assert f"its Sun is {degrees} degrees off" in why
 
 
-def test_a_sun_within_what_is_known_of_it_is_right(scene):
-    """Ten degrees off and known to ten: nothing is wrong."""
+def test_a_sun_within_its_stated_sigma_is_right(scene):
+    """Ten degrees off at a sigma of ten degrees: nothing is wrong."""
     off = turned(scene, 3, 10)
-    assert contradicting(replace(off, views=replace(off.views, sun_sigma=np.full(8, np.radians(10.0))))) == []
+    assert inconsistent_views(replace(off, views=replace(off.views, sun_sigma=np.full(8, np.radians(10.0))))) == []
 
 
 def with_other_ground(scene, views):
@@ -69,53 +69,53 @@ def with_other_ground(scene, views):
 
 @pytest.mark.parametrize("view", [1, 6])
 def test_a_view_of_other_ground_is_left_out(scene, view):
-    ((found, why),) = contradicting(with_other_ground(scene, [view]))
+    ((found, why),) = inconsistent_views(with_other_ground(scene, [view]))
     assert found == view
     assert "shows another place" in why
 
 
 def test_another_reflectance_model_is_no_reason(scene):
     """Ground of Lunar-Lambert taken for McEwen's."""
-    assert contradicting(replace(scene, reflectance=published("mcewen"))) == []
+    assert inconsistent_views(replace(scene, reflectance=published("mcewen"))) == []
 
 
 @pytest.mark.parametrize("count", [3, 4])
-def test_few_views_do_not_outvote_each_other(scene, caplog, count):
+def test_of_few_views_none_is_left_out(scene, caplog, count):
     with caplog.at_level(logging.WARNING):
-        assert contradicting(turned(only(scene, count), 1, 90)) == []
+        assert inconsistent_views(turned(only(scene, count), 1, 90)) == []
     assert f"{count} views do not tell which is wrong" in caplog.text
 
 
-def test_six_views_do(scene):
-    assert [view for view, _ in contradicting(turned(only(scene, 6), 1, 90))] == [1]
+def test_of_six_views_the_wrong_one_is_left_out(scene):
+    assert [view for view, _ in inconsistent_views(turned(only(scene, 6), 1, 90))] == [1]
 
 
-def test_what_cannot_be_decided_is_said_and_not_guessed(scene, caplog):
-    """Two views of eight that bear each other out, against a slight majority that they bend."""
+def test_an_undecided_contradiction_is_warned_of_and_all_views_are_kept(scene, caplog):
+    """Two views of eight agree with each other against the rest, whose ground they distort."""
     with caplog.at_level(logging.WARNING):
-        assert contradicting(with_other_ground(scene, [1, 6])) == []
+        assert inconsistent_views(with_other_ground(scene, [1, 6])) == []
     assert "do not tell which is wrong; all of these are kept" in caplog.text
 
 
-def test_suns_of_all_views_the_wrong_way_round_are_a_misunderstanding():
+def test_reversed_suns_of_all_views_are_refused_with_the_convention():
     scene = synthetic_scene(size=20)
     images, flipped = synthetic_images(scene), replace(scene.views, sun=-scene.views.sun)
     with pytest.raises(InputError, match=r"lights 0 % .* in 6 of 6 views; `sun` points from the body"):
-        find_misfits(sparse_of(scene), images, flipped, scene.reflectance, "iof")
+        find_inconsistent_views(sparse_of(scene), images, flipped, scene.reflectance, "iof")
 
 
-def test_misfits_are_counted_among_all_views():
+def test_inconsistent_views_are_numbered_among_all_views():
     """View 1 is not registered; the wrong one keeps its number."""
     scene = turned(synthetic_scene(size=30, views=8), 4, 90)
     images = synthetic_images(synthetic_scene(size=30, views=8))
     registered = np.arange(8) != 1
-    found = find_misfits(sparse_of(scene, registered), images, scene.views, scene.reflectance, "iof")
+    found = find_inconsistent_views(sparse_of(scene, registered), images, scene.views, scene.reflectance, "iof")
     assert np.flatnonzero(found.left_out).tolist() == [4]
     assert "degrees off" in found.reason[4]
     assert not "".join(np.delete(found.reason, 4))
 
 
-def test_too_few_points_judge_nobody():
+def test_with_too_few_points_no_view_is_left_out():
     scene = turned(synthetic_scene(size=7), 2, 90)
-    found = find_misfits(sparse_of(scene), synthetic_images(scene), scene.views, scene.reflectance, "iof")
+    found = find_inconsistent_views(sparse_of(scene), synthetic_images(scene), scene.views, scene.reflectance, "iof")
     assert not found.left_out.any()

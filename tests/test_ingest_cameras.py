@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from archives import FORMATS, SPICE, needs_formats, needs_spice
-from photoclinometry.ingest.cameras import CAMERAS, camera_named, code_for, detector_for, fitted, known_camera
-from photoclinometry.ingest.detector import seen_pixels, turned_about, upright
+from photoclinometry.ingest.cameras import CAMERAS, camera_named, known_camera
+from photoclinometry.ingest.detector import fitted, seen_pixels, turned_about, upright
 from photoclinometry.ingest.facts import Facts, read_facts
 from photoclinometry.ingest.keywords import detector_from_keywords, keywords_of_label
 from photoclinometry.io.archives.archive import read_product
@@ -23,7 +23,7 @@ def assert_same(one, other):
 
 
 def in_cube_order(camera, filter_name=None):
-    detector = detector_for(camera, filter_name)
+    detector = camera.with_filter(filter_name)
     return turned_about(detector, lines=True, samples=False) if camera.cube_lines_turned else detector
 
 
@@ -43,7 +43,9 @@ def test_the_table_says_what_the_kernels_say(folder, name, filters):
     camera = CAMERAS[name]
     with loaded_kernels([SPICE / folder]) as kernels:
         for filter_name in filters:
-            found = detector_from_keywords(kernels.keyword, code_for(camera, filter_name), filter_name, (1024, 1024))
+            found = detector_from_keywords(
+                kernels.keyword, camera.code_with_filter(filter_name), filter_name, (1024, 1024)
+            )
             assert_same(in_cube_order(camera, filter_name), found)
 
 
@@ -111,7 +113,7 @@ def test_fields_of_view_are_those_that_the_missions_print(name):
 
 
 def test_binned_images_see_as_wide_as_whole_ones():
-    whole = detector_for(CAMERAS["orex-mapcam"], "PAN")
+    whole = CAMERAS["orex-mapcam"].with_filter("PAN")
     half = fitted(whole, 512, 512)
     np.testing.assert_allclose(seen_pixels(half, GRID / 2) * 2, seen_pixels(whole, GRID), atol=1e-9)
 
@@ -141,8 +143,8 @@ def test_cameras_are_known_by_what_labels_call_them():
 
 def test_filters_go_by_any_of_their_names():
     camera = CAMERAS["dawn-fc2"]
-    assert code_for(camera, "6") == code_for(camera, "NIR_F6") == -203126
-    assert detector_for(camera, "F8").focal_mm == 150.38
+    assert camera.code_with_filter("6") == camera.code_with_filter("NIR_F6") == -203126
+    assert camera.with_filter("F8").focal_mm == 150.38
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from photoclinometry.ingest.detector import (
     upright,
     windowed,
 )
-from photoclinometry.ingest.distortion import BrownConrady, Mirrored, Radial, Undoing
+from photoclinometry.ingest.distortion import BrownConrady, InverseRadial, Mirrored, Radial
 from photoclinometry.ingest.undistort import undistorted
 from photoclinometry.io.archives.product import Window
 from photoclinometry.model.errors import InputError
@@ -29,7 +29,7 @@ MOUNTS = [
 DISTORTIONS = [
     None,
     Radial((1e-3, -2e-3, 3e-3), (0.1, -0.2)),
-    Undoing((1e-2, 0.0, 2.8e-3)),
+    InverseRadial((1e-2, 0.0, 2.8e-3)),
     BrownConrady(20.0, (-0.3, 0.2, -0.1, 0.0, 0.01, 0.0), (1e-3, -2e-3), (1.001, 0.999)),
 ]
 
@@ -105,14 +105,14 @@ def test_opencv_s_distortion_is_opencv_s():
 
 
 def test_a_distortion_written_the_other_way_is_inverted():
-    model = Undoing((1e-3, 0.0, 2.8e-5), (0.2, 0.1))
+    model = InverseRadial((1e-3, 0.0, 2.8e-5), (0.2, 0.1))
     seen = np.random.default_rng(0).uniform(-6, 6, (100, 2))
     np.testing.assert_allclose(model.distort(model.undistort(seen)), seen, atol=1e-8)
 
 
 def test_a_distortion_without_inverse_is_refused():
     with pytest.raises(InputError, match="cannot be inverted"):
-        Undoing((0.0, 0.0, 0.5)).distort(np.array([[6.0, 6.0]]))
+        InverseRadial((0.0, 0.0, 0.5)).distort(np.array([[6.0, 6.0]]))
 
 
 def test_mirroring_twice_is_nothing():

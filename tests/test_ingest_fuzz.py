@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from archives import geometry_tables, texture, write_cube, write_pds3, write_pds4
-from photoclinometry.ingest.exposure import Help, read_exposure
+from photoclinometry.ingest.exposure import AuxiliaryData, read_exposure
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.archives.archive import read_product
 from photoclinometry.io.images import write_fits, write_png
@@ -51,7 +51,7 @@ def make_png(folder):
 
 def read_view(path):
     """The whole way to a view, with all that can be asked of a label."""
-    return read_exposure(path, IngestOptions(pinhole=(500.0, 500.0, 30.0, 20.0)), Help())
+    return read_exposure(path, IngestOptions(pinhole=(500.0, 500.0, 30.0, 20.0)), AuxiliaryData())
 
 
 READERS = {

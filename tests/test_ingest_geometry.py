@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from archives import FORMATS, SPICE, geometry_tables, needs_formats, needs_spice, texture, write_cube
-from photoclinometry.ingest.cameras import code_for, known_camera
-from photoclinometry.ingest.exposure import Help, read_exposure
+from photoclinometry.ingest.cameras import known_camera
+from photoclinometry.ingest.exposure import AuxiliaryData, read_exposure
 from photoclinometry.ingest.facts import Facts, read_facts
 from photoclinometry.ingest.geometry import (
     exposure_time,
@@ -53,7 +53,7 @@ def test_spice_gives_the_published_pose_and_sun(folder, label, by_folder):
     camera = known_camera(facts)
     with loaded_kernels([folder] if by_folder else [folder / k for k in expected["kernel_load_order"]]) as kernels:
         time = exposure_time(kernels, facts, camera.spacecraft_code, camera.delay_s)
-        code = code_for(camera, facts.filter)
+        code = camera.code_with_filter(facts.filter)
         geometry = geometry_from_kernels(kernels, facts, camera.spacecraft_code, code, facts.target, camera.delay_s)
     assert time == pytest.approx(expected["ephemeris_time"]["value"], abs=1e-6)
     pose = geometry.instrument_from_body
@@ -90,7 +90,7 @@ def test_isis_tables_give_what_spice_gives(tmp_path, folder):
     )
     camera = known_camera(facts)
     with loaded_kernels([folder]) as kernels:
-        code = code_for(camera, facts.filter)
+        code = camera.code_with_filter(facts.filter)
         by_spice = geometry_from_kernels(kernels, facts, camera.spacecraft_code, code, facts.target, camera.delay_s)
     a, b = geometry.instrument_from_body, by_spice.instrument_from_body
     assert np.linalg.norm(a.inverse().translation - b.inverse().translation) < 1e-3
@@ -194,7 +194,7 @@ def direction_of_shadows(image, reach=12):
 )
 def test_shadows_fall_away_from_the_sun(path):
     """An image that is mirrored, or a frame that is turned by a quarter, would show. Measured: 2 to 16 degrees."""
-    exposure = read_exposure(FORMATS / path, IngestOptions(), Help())
+    exposure = read_exposure(FORMATS / path, IngestOptions(), AuxiliaryData())
     shadows = direction_of_shadows(exposure.image)
     assert np.degrees(np.arccos(shadows @ -unit(exposure.sun[:2]))) < 20.0
 
@@ -208,20 +208,23 @@ def cube(tmp_path, **changes):
     ("changes", "message"),
     [
         ({"SunPosition": ({"ET": [1.0]}, "")}, "table SunPosition has ET, expected J2000X"),
-        ({"SunPosition": ({"J2000X": [0.0], "J2000Y": [0.0], "J2000Z": [0.0]}, "")}, "SunPosition holds no numbers"),
+        (
+            {"SunPosition": ({"J2000X": [0.0], "J2000Y": [0.0], "J2000Z": [0.0]}, "")},
+            "SunPosition holds no valid numbers",
+        ),
         (
             {"InstrumentPosition": ({k: [1.0, 2.0] for k in ("J2000X", "J2000Y", "J2000Z")}, "")},
             "InstrumentPosition has 2 records, as line scanners do",
         ),
         (
             {"BodyRotation": ({f"J2000Q{k}": [0.5] for k in range(4)}, "  ConstantRotation = (1, 2, 3)\n")},
-            "ConstantRotation of table BodyRotation is no rotation",
+            "ConstantRotation of table BodyRotation is not a rotation",
         ),
         (
             {"BodyRotation": ({f"J2000Q{k}": [0.5] for k in range(4)}, f"  ConstantRotation = ({'x, ' * 8}x)\n")},
-            "ConstantRotation of table BodyRotation is no rotation",
+            "ConstantRotation of table BodyRotation is not a rotation",
         ),
-        ({"BodyRotation": ({f"J2000Q{k}": [1.0] for k in range(4)}, "")}, "is no unit quaternion"),
+        ({"BodyRotation": ({f"J2000Q{k}": [1.0] for k in range(4)}, "")}, "is not a unit quaternion"),
     ],
 )
 def test_tables_that_hold_no_geometry_are_refused(tmp_path, changes, message):
@@ -240,7 +243,7 @@ def test_images_that_kernels_do_not_cover_are_said_so():
     """Ten days later there is neither attitude nor position."""
     folder = SPICE / "osiris_rex_mapcam_bennu"
     facts = Facts(clock="3/0605882742.23115", exposure_s=0.01)
-    with loaded_kernels([folder]) as kernels, pytest.raises(InputError, match="SPICE does not tell"):
+    with loaded_kernels([folder]) as kernels, pytest.raises(InputError, match="SPICE does not give"):
         geometry_from_kernels(kernels, facts, -64, -64361, "bennu", 0.0)
     with (
         loaded_kernels([folder]) as kernels,

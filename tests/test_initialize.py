@@ -40,7 +40,7 @@ def test_normals_need_three_points():
         normals_from_neighbours(np.zeros((2, 3)), np.zeros((1, 3)))
 
 
-def test_neighbours_of_a_grid_are_the_four_beside():
+def test_neighbours_on_a_grid_are_the_four_adjacent_points():
     y, x = np.indices((12, 12))
     near, keep = neighbours(np.stack([x, y, 0 * x], -1).reshape(-1, 3).astype(float))
     middle = 5 * 12 + 5
@@ -79,7 +79,7 @@ def test_brightness_at_exact_keypoints_is_that_of_the_model():
 
 
 def test_a_finer_image_is_smoothed_to_the_landmarks_spacing():
-    """Stripes of three pixels are relief below a map of three pixels a landmark: its brightness is their mean."""
+    """A map of three pixels per landmark does not resolve stripes of three pixels: its brightness is their mean."""
     col = np.indices((90, 90))[1]
     image = Image("fine", (0.2 + 0.1 * np.cos(2 * np.pi * col / 3.0)).astype(np.float32), np.ones((90, 90), bool))
     xy = np.random.default_rng(0).uniform(20.0, 70.0, (200, 2))
@@ -105,9 +105,9 @@ def test_spacing_is_the_ratio_of_resolutions():
 
 
 def initial(scene, **options):
-    t, l = scene.tracks, scene.landmarks
+    landmarks = scene.landmarks
     return initial_albedo(
-        l.position, l.normal, t.start, t.view, t.brightness, t.lit, scene.views, scene.reflectance, 0, **options
+        landmarks.position, landmarks.normal, scene.tracks, scene.views, scene.reflectance, 0, **options
     )
 
 
@@ -127,7 +127,7 @@ def test_scales_of_uncalibrated_views_are_found_relative_to_the_reference():
     np.testing.assert_allclose(albedo, scene.landmarks.albedo * scene.views.scale[0], rtol=1e-9)
 
 
-def test_a_landmark_without_light_gets_the_median_albedo_and_says_so():
+def test_a_landmark_without_light_gets_the_median_albedo_and_is_marked_unknown():
     scene = synthetic_scene(size=20)
     lit = scene.tracks.lit.copy()
     lit[: scene.tracks.start[1]] = False

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photoclinometry.io.rasters.cog import BLOCK, Band, write_cog
+from photoclinometry.io.rasters.cog import BLOCK, Band, RasterPlace, write_cog
 from photoclinometry.io.rasters.globe import iau_crs, name_of, semi_axes
 from photoclinometry.io.rasters.projection import local_crs
 from photoclinometry.model.errors import RunFolderError
@@ -19,7 +19,8 @@ def picture(height=2 * BLOCK + 10, width=BLOCK + 3):
 
 
 def write(path, values, valid, crs=None):
-    write_cog(path, values, valid, BANDS, corner=(-500.0, 800.0), pixel=2.5, crs=crs, about={"SCENE": "bumps"})
+    place = RasterPlace(corner=(-500.0, 800.0), pixel=2.5, crs=crs)
+    write_cog(path, values, valid, BANDS, place=place, about={"SCENE": "bumps"})
     return path
 
 

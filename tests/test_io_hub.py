@@ -147,7 +147,7 @@ def test_content_with_another_checksum_is_refused(server, tmp_path, path):
 @pytest.mark.parametrize("path", ["../outside.txt", "/etc/outside.txt", "images/../../outside.txt", "a\\..\\b"])
 def test_names_that_lead_out_of_the_folder_are_refused(server, path):
     server.published[path] = b"x"
-    with pytest.raises(FetchError, match="outside of the folder"):
+    with pytest.raises(FetchError, match="outside of the output folder"):
         list_files(endpoint=server.endpoint)
 
 
@@ -200,9 +200,9 @@ def test_the_command_lists_and_fetches(server, tmp_path, capsys):
     assert phomo("fetch", "cornelia", "--out", tmp_path / "data", "--endpoint", server.endpoint) == 0
     said = capsys.readouterr()
     assert said.out.strip() == str(tmp_path / "data")
-    assert f"4 files, 0.2 MB, checked; 4 fetched now, from {NAME} at {COMMIT}" in said.err
+    assert f"4 files, 0.2 MB, verified; 4 fetched now, from {NAME} at {COMMIT}" in said.err
     assert phomo("fetch", "nowhere", "--out", tmp_path / "no", "--endpoint", server.endpoint) == 2
     assert "it has ahuna, cornelia" in capsys.readouterr().err
     server.files.clear()
     assert phomo("fetch", "ahuna", "--out", tmp_path / "data", "--endpoint", server.endpoint) == 1
-    assert "cannot be had" in capsys.readouterr().err
+    assert "cannot be fetched" in capsys.readouterr().err

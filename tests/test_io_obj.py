@@ -22,12 +22,12 @@ def test_corners_are_read_in_every_notation_and_polygons_become_fans(tmp_path, f
     [
         (SQUARE, "4 vertices, 0 faces"),
         ("f 1 2 3\n", "0 vertices"),
-        (SQUARE + "f 1 2 5\n", "vertices that are not there"),
+        (SQUARE + "f 1 2 5\n", "vertices that do not exist"),
         (SQUARE + "f 0 1 2\n", "count from 1"),
-        (SQUARE + "f 1 2 x\n", "no whole OBJ"),
-        (SQUARE + "v 1 2\nf 1 2 3\n", "no whole OBJ"),
+        (SQUARE + "f 1 2 x\n", "not a complete OBJ"),
+        (SQUARE + "v 1 2\nf 1 2 3\n", "not a complete OBJ"),
         (SQUARE + "v nan 0 0\nf 1 2 3\n", "not finite"),
-        ("\x00\x01 something else", "is no OBJ mesh"),
+        ("\x00\x01 something else", "is not an OBJ mesh"),
     ],
 )
 def test_what_is_no_mesh_is_refused(tmp_path, text, message):

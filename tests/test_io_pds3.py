@@ -157,7 +157,7 @@ def test_a_label_must_agree_with_the_fits_file_that_it_describes(tmp_path):
     (tmp_path / "a.lbl").write_bytes(lines + rest)
     np.testing.assert_array_equal(read_pds3(tmp_path / "a.lbl").image.brightness, texture())
     (tmp_path / "a.lbl").write_bytes(lines.replace(b"LINES = 40", b"LINES = 30") + rest)
-    with pytest.raises(ImageError, match=r"says 30 lines of 60 samples, but a\.fit holds 40 of 60"):
+    with pytest.raises(ImageError, match=r"gives 30 lines of 60 samples, but a\.fit holds 40 of 60"):
         read_pds3(tmp_path / "a.lbl")
 
 

@@ -55,8 +55,8 @@ def test_a_real_file_is_read_as_its_fits_says():
         ("a.dat", "b.dat", r"b\.dat, which is not beside it"),
         ("a.dat", "../../etc/passwd", "passwd, which is not beside it"),
         ("Array_2D_Image", "Array_9D_Image", "describes no two-axis image"),
-        ("</File_Area_Observational>", "", "no whole XML"),
-        ('encoding="UTF-8"', 'encoding="klingon"', "no whole XML"),
+        ("</File_Area_Observational>", "", "not complete XML"),
+        ('encoding="UTF-8"', 'encoding="klingon"', "not complete XML"),
         ("<Product", "<!DOCTYPE a><Product", "document type"),
     ],
 )
@@ -72,7 +72,7 @@ def test_damaged_labels_are_refused(tmp_path, old, new, message):
 def test_a_label_that_is_not_utf8_is_refused(tmp_path):
     path = write_pds4(tmp_path / "bad.xml", texture(), data_type="IEEE754LSBSingle", data=tmp_path / "a.dat")
     path.write_bytes(path.read_bytes().replace(b"<Observation_Area>", b"<Observation_Area>\xff\xfe"))
-    with pytest.raises(ImageError, match=r"bad\.xml: the label is no whole XML"):
+    with pytest.raises(ImageError, match=r"bad\.xml: the label is not complete XML"):
         read_pds4(path)
 
 

@@ -159,7 +159,7 @@ def test_both_binary_forms_are_read(tmp_path, order, polygons, triangles):
         ("float z", "float w", "no vertices with x, y, z"),
         ("0.5 0.5 1 255", "0.5 0.5 255", "a vertex row does not hold"),
         ("0.5 0.5 1 255", "0.5 nan 1 255", "not finite"),
-        ("3 0 1 4", "3 0 1 5", "faces name vertices that are not there"),
+        ("3 0 1 4", "3 0 1 5", "faces refer to vertices that do not exist"),
         ("3 0 1 4", "9 0 1 4", "a face row does not hold"),
         ("3 0 1 4", "3 0 x 4", "a face row does not hold"),
     ],
@@ -181,7 +181,7 @@ def test_binary_cut_short_anywhere_is_refused(tmp_path, polygons):
     whole = binary("<", polygons)
     for size in range(len(whole)):
         (tmp_path / "a.ply").write_bytes(whole[:size])
-        with pytest.raises(InputError, match=r"a\.ply: is no whole PLY"):
+        with pytest.raises(InputError, match=r"a\.ply: is not a complete PLY"):
             read_ply(tmp_path / "a.ply")
 
 

@@ -106,7 +106,7 @@ def test_maps_across_longitude_180_are_not_torn():
         ("equirectangular", [0, 10], [60, 88], None, "latitude 88.0.*polar-stereographic"),
         ("equirectangular", [0, 120, 240], [0, 0, 0], None, "around the body"),
         ("polar-stereographic", [0, 10], [-3, 10], None, "crosses the equator"),
-        ("orthographic", [0, 10], [0, 10], (200.0, 91.0), "no longitude and latitude"),
+        ("orthographic", [0, 10], [0, 10], (200.0, 91.0), "not a longitude and latitude"),
         ("orthographic", [0, 10], [0, 10], (170.0, 0.0), "2 of 2 landmarks lie on the far side"),
     ],
 )

@@ -58,7 +58,7 @@ def test_what_follows_the_end_is_not_looked_at():
         (b"A = 1\nB 2\nEND\n", "2: after 'B' there is no '='"),
         (b"A = = 1\nEND", "expected a value"),
         (b"OBJECT = IMAGE\nA = 1\nEND\n", "IMAGE is not ended"),
-        (b"END_OBJECT = IMAGE\nEND\n", "END_OBJECT ends nothing"),
+        (b"END_OBJECT = IMAGE\nEND\n", "END_OBJECT without a beginning"),
         (b'A = "open\nEND\n', "is not understood"),
         (b"A = (1, 2\nEND\n", "a list is not closed"),
         (b"A = " + b"(" * 1000, "nested more than"),

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.cli.evaluate import against_map
+from photoclinometry import evaluate
 from photoclinometry.io.rasters.geotiff import read_dtm_mesh
 from photoclinometry.io.reference import read_reference
 from photoclinometry.io.scene_file import write_scene
@@ -72,7 +72,7 @@ def test_a_run_is_compared_with_a_terrain_model(tmp_path):
     axis = np.arange(-1500.0, 1500.0, 30.0) + 15.0
     x, y = np.meshgrid(axis, axis[::-1])
     path = write_dtm(tmp_path / "dtm.tif", bumpy_surface().height(np.stack([x, y], -1)), -1500.0, 1500.0, 30.0)
-    metrics = against_map(scene, path, None, "m").metrics
+    metrics = evaluate(scene, reference=path).metrics
     assert metrics["overlap_percent"] == 100.0
     assert metrics["surface_distance_rms_gsd"] < 0.02
     assert metrics["normal_error_rms_deg"] < 4.0
@@ -87,7 +87,7 @@ def test_another_run_brings_its_own_poses(tmp_path):
     (tmp_path / "run").mkdir()
     write_scene(tmp_path / "run" / "scene.h5", other)
     for path in (tmp_path / "run", tmp_path / "run" / "scene.h5"):
-        metrics = against_map(scene, path, None, "m").metrics
+        metrics = evaluate(scene, reference=path).metrics
         assert metrics["surface_distance_rms_gsd"] < 1e-4
         assert metrics["camera_position_error_rms_m"] < 1e-6
         assert metrics["albedo_error_absolute_p90_percent"] == pytest.approx(100 * 0.05 / 1.05)
@@ -97,7 +97,7 @@ def test_another_run_brings_its_own_poses(tmp_path):
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 def test_files_that_are_no_map_are_refused(tmp_path):
     (tmp_path / "map.obj").write_text("v 0 0 0")
-    with pytest.raises(InputError, match="no map to compare with"):
+    with pytest.raises(InputError, match="is no map to compare with"):
         read_reference(tmp_path / "map.obj")
     (tmp_path / "map.tif").write_text("no picture")
     with pytest.raises(InputError, match="cannot be read as a GeoTIFF"):

@@ -105,7 +105,7 @@ def test_the_stride_comes_back_and_files_that_do_not_know_of_it_have_every_pixel
 def test_surroundings_of_another_image_contradict_the_scene(tmp_path, scene):
     path = tmp_path / "scene.h5"
     write_scene(path, replace(scene, surroundings=Surroundings(depth=np.ones((5, 5)), stride=4)))
-    with pytest.raises(RunFolderError, match="surroundings are not of the reference image"):
+    with pytest.raises(RunFolderError, match="surroundings have not the size of the reference image"):
         read_scene(path)
 
 
@@ -145,11 +145,11 @@ def test_other_files_are_refused(tmp_path, scene):
     with pytest.raises(RunFolderError, match="there is no such file"):
         read_scene(path)
     path.write_text("not HDF5")
-    with pytest.raises(RunFolderError, match=r"other\.h5: is no scene file"):
+    with pytest.raises(RunFolderError, match=r"other\.h5: is not a scene file"):
         read_scene(path)
     with h5py.File(path, "w") as file:
         file["x"] = 1
-    with pytest.raises(RunFolderError, match="no photoclinometry scene"):
+    with pytest.raises(RunFolderError, match="not a photoclinometry scene"):
         read_scene(path)
 
 

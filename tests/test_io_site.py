@@ -9,11 +9,10 @@ import pytest
 from photoclinometry.io.site import (
     RegionRequest,
     Site,
-    input_fingerprint,
-    load_images,
     read_site,
     write_site,
 )
+from photoclinometry.io.site_images import input_fingerprint, load_images
 from photoclinometry.model.geometry import Rigid, so3_exp
 from photoclinometry.model.pose_prior import (
     PosePrior,

@@ -69,8 +69,8 @@ def test_a_folder_s_meta_kernel_is_taken_alone(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.tpc", b"hello\n", "is no SPICE kernel"),
-        ("a.bsp", b"\0" * 2000, "is no SPICE kernel"),
+        ("a.tpc", b"hello\n", "is not a SPICE kernel"),
+        ("a.bsp", b"\0" * 2000, "is not a SPICE kernel"),
         ("a.bsp", b"DAF/SPK " + b"\0" * 2000, "SPICE cannot load"),
         ("a.tpc", b"KPL/PCK\n\\begindata\nA = B = C\n", "SPICE cannot load"),
     ],
@@ -101,9 +101,9 @@ def test_missing_kernels_and_empty_folders_are_named(tmp_path):
 def test_what_kernels_do_not_tell_is_said(tmp_path):
     kernel(tmp_path / "a.tpc", "1 2 3")
     with spice.loaded_kernels([tmp_path]) as kernels:
-        with pytest.raises(InputError, match=r"does not tell the time of '2020-01-01'.*NOLEAPSECONDS"):
+        with pytest.raises(InputError, match=r"does not give the time of '2020-01-01'.*NOLEAPSECONDS"):
             kernels.time_of_utc("2020-01-01")
-        with pytest.raises(InputError, match="does not tell where SUN is"):
+        with pytest.raises(InputError, match="does not give the position of SUN"):
             kernels.position("SUN", 0.0, "J2000", "NONE", "EARTH")
         with pytest.raises(InputError, match=r"knows no body 'nibiru'.*--body"):
             kernels.body_code("nibiru")
@@ -135,7 +135,7 @@ def test_a_damaged_kernel_that_crashes_spice_is_refused(tmp_path):
         spice.loaded_kernels(files) as kernels,
         pytest.raises(
             InputError,
-            match=r"SPICE broke down when asked for where SUN is.*20190303T100344S990_map_iofL2pan_V001_0.bsp",
+            match=r"SPICE broke down when asked for the position of SUN.*20190303T100344S990_map_iofL2pan_V001_0.bsp",
         ),
     ):
         kernels.position("SUN", 604882849.433, "IAU_BENNU", "LT+S", "2101955")

@@ -17,7 +17,8 @@ from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.sfm import SfmOptions
-from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 
 pytestmark = pytest.mark.usefixtures("no_figures")

@@ -270,7 +270,7 @@ def test_real_images_match_along_their_epipolar_lines():
     import cv2
     import pycolmap
 
-    from photoclinometry.matching.densify import fundamental_matrix, sampson_error
+    from photoclinometry.matching.epipolar import fundamental_matrix, sampson_error
 
     folder = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022"
     if not folder.exists():

@@ -1,4 +1,4 @@
-"""Relighting: light that moves displaces nothing, geometry is still found, shadows and hidden ground do not match."""
+"""Relighting: moved light causes no displacement, geometry is found, shadows and hidden ground do not match."""
 
 from dataclasses import replace
 
@@ -76,7 +76,7 @@ def test_gain_and_bias_of_both_images_do_not_matter(bumps):
     np.testing.assert_allclose(second.position, first.position, atol=0.02)
 
 
-def test_what_the_map_shades_or_hides_is_not_matched(bumps):
+def test_ground_that_the_map_shades_or_hides_is_not_matched(bumps):
     """The Sun of view 1 is put 8 degrees above the horizon: half of the ground lies in cast shadow."""
     scene, images = bumps
     sun = scene.views.sun.copy()
@@ -122,7 +122,7 @@ def test_a_view_that_the_scene_does_not_hold_is_refused(bumps):
         RelightMatcher(scene).match(replace(request, target=replace(images[1], name="stranger")))
 
 
-def test_depth_at_landmarks_is_theirs_and_filled_beside_them(bumps):
+def test_depth_is_exact_at_landmarks_and_filled_between_them(bumps):
     scene, _ = bumps
     pose = scene.views.body_from_cam[0]
     kept = np.arange(len(scene.landmarks)) % 7 != 0

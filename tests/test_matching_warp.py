@@ -1,4 +1,4 @@
-"""A network's dense warps as matches: exact for affine warps, and what is kept."""
+"""A network's dense warps as matches: exact for affine warps; which matches are kept."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +37,7 @@ def affine_network(grid, linear=LINEAR, shift=SHIFT, back_off=(0.0, 0.0), certai
 
 
 def still(**options):
-    """A request whose prediction is a shift by 20 px, and a matcher that says it is right."""
+    """A request whose prediction is a shift by 20 px, and a matcher that confirms it."""
     matcher = WarpMatcher(affine_network((40, 30), np.eye(2), np.zeros(2)), WarpOptions(**options))
     return displaced(amplitude=0.0)[0], matcher
 
@@ -78,20 +78,20 @@ def test_the_standard_deviation_is_half_a_cell_in_target_pixels_and_the_round_tr
 
 
 @pytest.mark.parametrize(("off", "kept"), [(0.95, True), (1.05, False)])
-def test_what_does_not_come_back_is_dropped(off, kept):
+def test_matches_with_a_long_round_trip_are_dropped(off, kept):
     request, _ = displaced(amplitude=0.0)
     network = affine_network((40, 30), np.eye(2), np.zeros(2), back_off=(off, 0.0))
     assert WarpMatcher(network, WarpOptions(max_round_trip_px=1.0)).match(request).valid.all() == kept
 
 
-def test_what_is_too_uncertain_is_dropped():
+def test_matches_of_low_certainty_are_dropped():
     request, matcher = still(min_certainty=0.95)
     assert not matcher.match(request).valid.any()
     request, matcher = still(min_certainty=0.85)
     assert matcher.match(request).valid.all()
 
 
-def test_what_lands_on_masked_or_unpredicted_pixels_is_dropped_and_nothing_else():
+def test_only_matches_on_masked_or_unpredicted_pixels_are_dropped():
     request, matcher = still()
     mask = request.target.valid.copy()
     mask[100:110, 100:120] = False  # the region's pixels [30:40, 30:50]

@@ -172,10 +172,10 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
         patch.setattr(products, "_tables", killed)
         with pytest.raises(KeyboardInterrupt):
             run(mapped.site, folder, RunOptions(reflectance="akimov"))
-    assert read_scene(folder / "scene.h5").reflectance.disk == "akimov"
+    assert read_scene(folder / "scene.h5").reflectance.name == "akimov"
     run(mapped.site, folder)
     assert resumed(folder) == ["sparse", "region", "dense"]
-    assert read_scene(folder / "scene.h5").reflectance.disk == "lunar-lambert"
+    assert read_scene(folder / "scene.h5").reflectance.name == "lunar-lambert"
 
 
 @pytest.mark.parametrize("damage", [None, b"", b"\x89HDF nothing"])
@@ -214,10 +214,10 @@ def test_geometry_alone_leaves_photometry_out(mapped, tmp_path):
 
 def test_auto_takes_lunar_lambert_for_calibrated_images_of_a_known_body_only():
     assert choose_reflectance("none", "iof", "vesta") is None
-    assert choose_reflectance("auto", "iof", "vesta").disk == "lunar-lambert"
-    assert choose_reflectance("auto", "dn", "vesta").disk == "mcewen"
-    assert choose_reflectance("auto", "iof", None).disk == "mcewen"
-    assert choose_reflectance("minnaert", "iof", "vesta").disk == "minnaert"
+    assert choose_reflectance("auto", "iof", "vesta").name == "lunar-lambert"
+    assert choose_reflectance("auto", "dn", "vesta").name == "mcewen"
+    assert choose_reflectance("auto", "iof", None).name == "mcewen"
+    assert choose_reflectance("minnaert", "iof", "vesta").name == "minnaert"
 
 
 def test_images_of_nothing_alike_do_not_make_a_map(mapped, tmp_path):

@@ -1,4 +1,4 @@
-"""What a scene predicts of its observations, against the plain statements of projection and reflectance."""
+"""Predictions for a scene's observations, against the plain statements of projection and reflectance."""
 
 from dataclasses import replace
 

@@ -109,8 +109,8 @@ def test_coefficients_given_as_the_authors_give_them_equal_the_published_ones(fo
     c0 = 0.301
     given = RefineOptions(
         reflectance="lunar-lambert",
-        phase_weighting=LUNAR_LAMBERT.weight,
-        phase_coefficients=(c0, *(c0 * c for c in LUNAR_LAMBERT.phase_coefficients)),
+        phase_weighting=LUNAR_LAMBERT.values[:2],
+        phase_coefficients=(c0, *(c0 * c for c in LUNAR_LAMBERT.values[2:])),
     )
     start, expected = read_start(folder, given), read_start(folder, OPTIONS)
     assert start.albedo_unit == c0

@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.errors import InputError, ReconstructionError
-from photoclinometry.model.reference_pixels import (
-    pixels_of_landmarks,
-)
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.region import (
@@ -106,13 +103,13 @@ def test_the_default_size_is_cut_to_the_image(scene, sparse, images):
         (Request(reference="nobody.png"), "not a view"),
     ],
 )
-def test_an_impossible_request_says_what_is_wrong(scene, sparse, images, request_, message):
+def test_an_impossible_request_is_refused_with_its_mistake(scene, sparse, images, request_, message):
     with pytest.raises(InputError, match=message):
         choose(scene, sparse, images, request_)
 
 
 def with_finer(scene, sparse, views, factor):
-    """The site with some views taken by a camera of so many times the focal length, and as many more pixels."""
+    """The site with some views taken by a camera of longer focal length and as many times more pixels."""
     camera = scene.views.cameras[0]
     size = round(factor * camera.width)
     finer = Camera("PINHOLE", size, size, tuple(factor * value for value in camera.params))
@@ -124,7 +121,7 @@ def with_finer(scene, sparse, views, factor):
 
 @pytest.mark.parametrize(("finer", "chosen"), [([1, 2, 3], {1, 2, 3}), ([2, 3], {2, 3}), ([3], {0, 1, 2})])
 def test_the_reference_is_as_fine_as_several_views_are(scene, sparse, finer, chosen):
-    """Three times the resolution in three or two of four views is worth mapping at; one view alone has no company."""
+    """The reference is one of two or three (of four) views of three times the resolution, but not a single such one."""
     seen, points = with_finer(scene, sparse, finer, 3)
     even = [np.ones((camera.height, camera.width), np.float32) for camera in seen.views.cameras]
     images = [Image(name, b, b > 0) for name, b in zip(seen.views.name, even, strict=True)]
@@ -162,47 +159,3 @@ def test_a_region_reaches_the_edge_but_not_beyond(scene):
     assert region_around((20.0, 20.0), (40, 40), camera, "a").col == 0
     with pytest.raises(InputError, match="move center_px"):
         region_around((19.0, 20.0), (40, 40), camera, "a")
-
-
-CAMERA = Camera("PINHOLE", 40, 30, (1e3, 1e3, 20.0, 15.0))
-
-
-def test_landmarks_in_the_middle_of_pixels_get_those_pixels():
-    rows, cols = np.divmod(np.random.default_rng(0).permutation(40 * 30)[:500], 40)
-    pixel, region = pixels_of_landmarks(np.stack([cols, rows], -1) + 0.5, CAMERA)
-    np.testing.assert_array_equal(pixel, np.stack([rows, cols], -1))
-    assert (region.row, region.col) == (rows.min(), cols.min())
-    assert (region.height, region.width) == (np.ptp(rows) + 1, np.ptp(cols) + 1)
-
-
-def test_of_landmarks_in_one_pixel_the_nearest_to_its_centre_stays():
-    xy = np.array([[5.9, 7.5], [5.6, 7.5], [5.5, 7.1], [7.0, 20.5]])
-    assert pixels_of_landmarks(xy, CAMERA)[0].tolist() == [[7, 6], [7, 5], [6, 5], [20, 7]]
-
-
-def test_all_landmarks_find_a_pixel_where_there_is_room():
-    """A turned grid, noisy and 1.1 pixels wide: its cells do not fit the pixels, but the pixels suffice."""
-    grid = np.stack(np.meshgrid(np.arange(20), np.arange(20)), -1).reshape(-1, 2) * 1.1
-    grid += np.random.default_rng(0).normal(scale=0.3, size=grid.shape)
-    angle = np.radians(20)
-    xy = grid @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]) + 5
-    xy[:, 0] += 5
-    pixel, region = pixels_of_landmarks(xy, CAMERA)
-    assert len(np.unique(np.floor(xy), axis=0)) < 350
-    assert len(np.unique(pixel, axis=0)) > 390
-    assert np.abs(pixel[:, ::-1] + 0.5 - xy).max() <= 1.5
-    inside = (pixel >= (region.row, region.col)) & (pixel < (region.row + region.height, region.col + region.width))
-    assert inside.all()
-
-
-def test_ten_landmarks_in_one_pixel_share():
-    pixel, _ = pixels_of_landmarks(np.full((10, 2), 9.5), CAMERA)
-    places, count = np.unique(pixel, axis=0, return_counts=True)
-    assert (len(places), count.max()) == (9, 2)
-    assert places[np.argmax(count)].tolist() == [9, 9]
-
-
-@pytest.mark.parametrize("xy", [(-41.0, 5.0), (5.0, 61.0), (np.inf, 0.0), (np.nan, 0.0)])
-def test_landmarks_far_outside_of_the_reference_are_refused(xy):
-    with pytest.raises(InputError, match="1 of 2 landmarks lie far outside"):
-        pixels_of_landmarks(np.array([[5.0, 5.0], xy]), CAMERA)

@@ -1,4 +1,4 @@
-"""Rendering: exact at landmarks, close between them, the nearer hides the farther, shadows fall right."""
+"""Rendering: exact at landmarks, close between them; near surfaces hide far ones; shadows have the right length."""
 
 from dataclasses import replace
 
@@ -53,7 +53,7 @@ def test_rendering_other_views_matches_their_exact_images(scene):
 
 
 def with_coarse_view(scene, view, factor=2):
-    """The scene with one view by a camera of so many times larger pixels."""
+    """The scene with one view by a camera with larger pixels, by a factor."""
     camera = scene.views.cameras[view]
     coarse = Camera("PINHOLE", camera.width // factor, camera.height // factor, tuple(np.divide(camera.params, factor)))
     cameras = tuple(coarse if k == view else c for k, c in enumerate(scene.views.cameras))
@@ -61,7 +61,7 @@ def with_coarse_view(scene, view, factor=2):
 
 
 def speckled(scene, seed=0):
-    """Albedos that differ by a third from landmark to landmark: nothing that half the resolution shows."""
+    """Albedos that differ by a third from landmark to landmark, which half the resolution does not show."""
     albedo = scene.landmarks.albedo * np.random.default_rng(seed).uniform(0.7, 1.3, len(scene.landmarks))
     return replace(scene, landmarks=replace(scene.landmarks, albedo=albedo))
 
@@ -81,7 +81,7 @@ def test_a_coarse_view_averages_over_its_pixels(scene):
     np.testing.assert_array_equal(render_view(coarse, 2)[0], render_view(fine, 2)[0])
 
 
-def test_averages_for_coarse_views_keep_what_is_even_and_leave_out_holes(scene):
+def test_averages_for_coarse_views_keep_constants_and_skip_holes(scene):
     there = np.random.default_rng(0).random(len(scene.landmarks)) > 0.2
     coarse = with_coarse_view(with_landmarks(scene, there), 3, factor=3)
     np.testing.assert_allclose(as_resolved(coarse, 3, np.full(there.sum(), 0.7)), 0.7, rtol=1e-12)
@@ -213,7 +213,7 @@ def _wall(scene: Scene, height: float) -> Scene:
     return replace(scene, landmarks=marks)
 
 
-def test_a_wall_casts_a_shadow_as_long_as_trigonometry_says(scene):
+def test_a_wall_casts_a_shadow_of_the_length_that_trigonometry_gives(scene):
     """Height 5 GSD, Sun 45 degrees high from the right: five pixels to the left lie in shadow."""
     wall = _wall(scene, 5 * 60.0)
     pose = wall.views.body_from_cam[0]

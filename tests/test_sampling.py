@@ -33,7 +33,7 @@ def test_linear_by_hand_and_edges_repeat():
 
 
 def test_brightness_between_pixels_is_that_of_the_optics():
-    """A pattern of six pixels a wave, as a point-spread function of 0.7 px lets through: splines see it to 1 %."""
+    """A wave of six pixels, blurred by a point-spread function of 0.7 px: splines interpolate it to 1 %."""
     col = np.indices((60, 80))[1]
     wave = Image("wave", np.cos((col + 0.5) / 6.0 * 2 * np.pi).astype(np.float32), np.ones((60, 80), bool))
     xy = np.random.default_rng(0).uniform([20.0, 20.0], [60.0, 40.0], (300, 2))
@@ -44,14 +44,14 @@ def test_brightness_between_pixels_is_that_of_the_optics():
     assert np.abs(sample(wave.brightness, xy, order=1) - true).max() > 0.1
 
 
-def test_a_window_of_the_image_gives_what_the_whole_gives():
+def test_a_window_of_the_image_gives_the_same_values_as_the_whole():
     rng = np.random.default_rng(1)
     image = Image("noise", rng.normal(size=(120, 150)).astype(np.float32), np.ones((120, 150), bool))
     xy = rng.uniform([60.0, 50.0], [70.0, 60.0], (50, 2))
     np.testing.assert_allclose(sample_image(image, xy)[0], sample(image.brightness, xy), atol=1e-6)
 
 
-def test_invalid_pixels_spoil_only_what_lies_beside_them():
+def test_invalid_pixels_change_only_positions_beside_them():
     row, col = np.indices((50, 50))
     brightness = (0.1 + 0.002 * col + 0.001 * row).astype(np.float32)
     valid = np.ones((50, 50), bool)

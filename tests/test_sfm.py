@@ -1,4 +1,4 @@
-"""Poses from nothing: recovered from rendered views, checked against real ones, and refused with reasons."""
+"""Poses from images alone: recovered from rendered views, compared with published ones, and refused with reasons."""
 
 import logging
 from dataclasses import replace
@@ -85,7 +85,7 @@ def test_poses_are_recovered_from_images_alone(sparse, one_site):
     assert rotation_errors_deg(sparse.body_from_cam, true).max() < 0.3
 
 
-def test_the_gauge_reads_in_ground_sample_distances(sparse):
+def test_the_unit_of_length_is_a_ground_sample_distance(sparse):
     assert np.abs(np.median(sparse.points, axis=0)).max() < 5.0
     depth = sparse.body_from_cam[0].inverse()(sparse.points)[:, 2]
     assert np.median(depth) / FOCAL_PX == pytest.approx(1.0, abs=0.05)
@@ -113,7 +113,7 @@ def test_points_project_to_their_observations(sparse):
 
 
 def test_one_thread_and_the_same_seed_give_the_same_model_bit_by_bit(one_site, tmp_path):
-    """Several threads add up in any order, and mapping may then end elsewhere along what is weakly determined."""
+    """Several threads add up in varying order, so that weakly determined values vary within their uncertainty."""
     options = replace(OPTIONS, threads=1)
     one, other = (reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path / name, options) for name in "ab")
     np.testing.assert_array_equal(one.points, other.points)
@@ -146,7 +146,7 @@ def test_images_without_overlap_are_refused_with_advice(tmp_path):
         reconstruct_sparse(strangers, [CAMERA] * 4, tmp_path, OPTIONS)
 
 
-def test_two_pairs_of_views_are_told_apart(tmp_path):
+def test_two_separate_pairs_of_views_are_refused_and_listed(tmp_path):
     images = site(count=2, seed=0, prefix="a")[0] + site(count=2, seed=7, prefix="b")[0]
     with pytest.raises(ReconstructionError, match=r"\[a0.fits, a1.fits\]; \[b0.fits, b1.fits\]"):
         reconstruct_sparse(images, [CAMERA] * 4, tmp_path, OPTIONS)
@@ -195,7 +195,8 @@ def test_real_images_of_vesta_agree_with_their_published_poses(mapper, tmp_path)
     """Camera centres within 0.3 km at 3,860 km, relative rotations within 0.015 degrees on average."""
     import pycolmap
 
-    from photoclinometry.io.site import load_images, read_site
+    from photoclinometry.io.site import read_site
+    from photoclinometry.io.site_images import load_images
 
     folder = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022"
     if not folder.exists():

@@ -1,4 +1,4 @@
-"""Which pairs are matched: those that look alike, and no view is lost by it."""
+"""Pairs to match: the most similar views; no view fails to register because of it."""
 
 import logging
 from dataclasses import replace
@@ -17,7 +17,7 @@ LIKENESS = np.array([[0, 9, 8, 1], [9, 0, 2, 7], [8, 2, 0, 0], [1, 7, 0, 0]])
 
 
 def test_each_view_is_matched_with_those_most_like_it():
-    """By one partner each: 0 and 1 choose each other, 2 chooses 0, 3 chooses 1."""
+    """With one partner each: 0 and 1 choose each other, 2 chooses 0, 3 chooses 1."""
     assert promising_pairs(LIKENESS, 1) == [(1, 0), (2, 0), (3, 1)]
     assert promising_pairs(LIKENESS + 99 * np.eye(4, dtype=int), 1) == [(1, 0), (2, 0), (3, 1)]
 
@@ -70,12 +70,12 @@ def test_few_partners_lose_no_view(tmp_path, caplog):
     assert rotation_errors_deg(found.body_from_cam, true).max() < 0.3
 
 
-def test_views_that_are_left_out_are_matched_with_all(tmp_path, caplog):
-    """Two Suns, three views under each: two partners of each are under its own, and nothing links the two threes."""
+def test_views_that_do_not_register_are_matched_with_all(tmp_path, caplog):
+    """Two Suns, three views under each: a view's two partners have its own Sun, and no pair links the two groups."""
     images, _, true = lit_site([20, 22, 24, 42, 44, 46])
     with caplog.at_level(logging.INFO):
         found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path, replace(OPTIONS, partners=2))
     assert "6 of 6 pairs match" in caplog.text
-    assert "3 views are left out, and matched with all others" in caplog.text
+    assert "3 views did not register; they are matched with all others" in caplog.text
     assert found.registered.all()
     assert rotation_errors_deg(found.body_from_cam, true).max() < 0.5

@@ -1,4 +1,4 @@
-"""Keypoints of the relief: the same under any Sun, and what views of opposite light have in common."""
+"""Keypoints of the relief: alike under any Sun, so that views of opposite light match."""
 
 import logging
 from dataclasses import replace
@@ -61,7 +61,7 @@ def correlation(a, b):
 
 @pytest.mark.parametrize(("apart", "brightness", "least"), [(180, -0.99, 0.99), (120, -0.4, 0.35), (90, 0.0, 0.2)])
 def test_the_picture_of_the_relief_hardly_depends_on_the_sun(apart, brightness, least):
-    """Lit from opposite sides brightness is the negative; lit squarely it has nothing in common; the relief has."""
+    """Brightness is reversed by opposite Suns and unrelated under perpendicular ones; the relief's picture is alike."""
     height, azimuths = relief_of(3), (25.0, 25.0 + apart)
     images = [flat_shading(azimuth, height) for azimuth in azimuths]
     suns = [np.array([np.cos(a), np.sin(a), -1.0]) / np.sqrt(2) for a in np.radians(azimuths)]
@@ -71,7 +71,7 @@ def test_the_picture_of_the_relief_hardly_depends_on_the_sun(apart, brightness, 
 
 
 def test_the_picture_is_dark_where_the_ground_is_high():
-    """Of hills along the Sun's direction; of either sign it is the same for all views, as it must be."""
+    """For hills along the Sun's direction. The sign is a convention; it must be the same for all views."""
     hills = np.sin(2 * np.pi * np.arange(300) / 9.0) * np.ones((300, 1))
     for sun in (0.8, -0.8):
         brightness = 1.0 - 0.1 * np.sign(sun) * np.gradient(hills, axis=1)
@@ -84,7 +84,7 @@ def test_a_sun_behind_the_camera_shows_no_relief():
     assert relief_picture(image, np.array([0.05, 0.1, -np.sqrt(1 - 0.0125)])) is None
 
 
-def test_views_of_opposite_light_come_in_by_their_relief(tmp_path, caplog):
+def test_views_of_opposite_light_register_by_their_relief(tmp_path, caplog):
     images, suns, poses = site([20, 25, 30, 200, 205, 210])
     options = replace(OPTIONS, threads=1)
     alone = reconstruct_sparse(images, [CAMERA] * 6, tmp_path / "a", options)
@@ -93,13 +93,13 @@ def test_views_of_opposite_light_come_in_by_their_relief(tmp_path, caplog):
         found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path / "b", options, sun_in_cam=suns)
     assert found.registered.all()
     assert sorted(found.how_brought_in()) == np.flatnonzero(~alone.registered).tolist()
-    assert "came in by keypoints of the relief, which match it with 3 views more" in caplog.text
+    assert "registers by keypoints of the relief, which match it with 3 more views" in caplog.text
     aside = np.arange(6) == next(iter(found.how_brought_in()))
     assert len(without_views(found, aside).how_brought_in()) == 2
     assert rotation_errors_deg(found.body_from_cam, poses).max() < 0.5
 
 
-def test_views_that_match_by_their_brightness_are_left_at_that(tmp_path):
+def test_views_that_match_by_brightness_are_not_matched_again(tmp_path):
     images, suns, _ = site([20, 25, 30, 35])
     options = replace(OPTIONS, threads=1)
     alone = reconstruct_sparse(images, [CAMERA] * 4, tmp_path / "a", options)
@@ -109,7 +109,7 @@ def test_views_that_match_by_their_brightness_are_left_at_that(tmp_path):
     assert told.how_brought_in() == {}
 
 
-def test_relief_does_not_bring_in_another_place(tmp_path):
+def test_relief_does_not_register_another_place(tmp_path):
     images, suns, _ = site([20, 25, 30, 205])
     strangers, their_suns, _ = site([22, 28, 200], seed=7, prefix="b")
     found = reconstruct_sparse(

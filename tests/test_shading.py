@@ -16,7 +16,7 @@ from scenes import LUNAR_LAMBERT, from_zenith, synthetic_images, synthetic_scene
 
 
 def blurred(scene, seed=0):
-    """The scene with normals off by 3 degrees or so and albedos off by 5 percent."""
+    """The scene with normals off by about 3 degrees and albedos off by 5 per cent."""
     rng = np.random.default_rng(seed)
     marks = scene.landmarks
     normal = unit(marks.normal + 0.05 * rng.normal(size=marks.normal.shape))
@@ -57,7 +57,7 @@ def test_landmarks_without_light_stay_and_do_not_touch_others():
 
 
 @pytest.mark.parametrize("views", [1, 2])
-def test_views_too_few_to_determine_normals_are_fitted_as_they_are_known_before(views):
+def test_with_too_few_views_normals_stay_near_their_start(views):
     """Residuals vanish after the first fit; what is not determined stays near its start."""
     scene = synthetic_scene(size=12, views=6, brightness_noise=0.03)
     lit = scene.tracks.view < views
@@ -66,7 +66,7 @@ def test_views_too_few_to_determine_normals_are_fitted_as_they_are_known_before(
     np.testing.assert_allclose(np.linalg.norm(found.landmarks.normal, axis=-1), 1.0)
 
 
-def test_a_shadow_among_the_views_is_tempered():
+def test_one_shadowed_view_moves_normals_by_less_than_two_degrees():
     scene = synthetic_scene(size=12, views=10)
     brightness = scene.tracks.brightness.copy()
     brightness[3::10] *= 0.3

@@ -14,7 +14,7 @@ from photoclinometry.model.scene import BODY_FIXED, OWN
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.surface.relief import local_frame
 from scenes import bumpy_surface, synthetic_scene
-from test_evaluate import on_bumps, truth_of
+from truths import on_bumps, truth_of
 
 OF_LANDMARKS = ("position", "normal", "albedo")
 KINDS = (*OF_LANDMARKS, "rotation", "translation", "sun", "scale", "bias")

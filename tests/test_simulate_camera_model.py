@@ -116,7 +116,7 @@ def test_a_constant_stays_constant():
         ({"offset_dn": (300.0, 100.0)}, "offset_dn"),
         ({"exposure_level": 0.0}, "exposure_level"),
         ({"smear_px": -1.0}, "smear"),
-        ({"smear_px": 100.0}, "64 px is the most"),
+        ({"smear_px": 100.0}, "the limit is 64 px"),
         ({"hot_pixels": 1.5}, "share of the pixels"),
     ],
 )

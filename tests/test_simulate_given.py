@@ -10,7 +10,8 @@ from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.simulate.given import given_relief
-from photoclinometry.simulate.site import SimulationOptions, simulate_site
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.surface import sphere_drop
 from photoclinometry.simulate.terrain import Grid
 from photoclinometry.simulate.truth_file import read_truth
@@ -160,7 +161,7 @@ BAD = {
         {"center": (60.0, 70.0, 0.0)},
         "only within|no ground at the site",
     ),
-    "an overhang": (roof(*FLAT), {}, "no height field: .* % of the ground lies under other ground"),
+    "an overhang": (roof(*FLAT), {}, "not a height field: .* % of the ground lies under other ground"),
     "upside down": ((FLAT[0], FLAT[1][:, ::-1]), {}, "look downwards.*reverse"),
     "closed": (ball(), {}, "closed shape; choose a place"),
     "a centre far away": (FLAT, {"center": (0.0, 0.0, 9e4)}, "9e.04 m from --surface-center"),

@@ -4,17 +4,20 @@ import numpy as np
 import pytest
 
 from photoclinometry.io.images import read_image
-from photoclinometry.io.site import load_images, read_site
+from photoclinometry.io.site import read_site
+from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, so3_log
 from photoclinometry.model.scene import Region
 from photoclinometry.simulate.camera_model import Detector
+from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.presets import PRESETS
 from photoclinometry.simulate.raycast import Raycaster
-from photoclinometry.simulate.site import SimulationOptions, draw_views, pose_priors, simulate_site
+from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.trajectory import looking_at
 from photoclinometry.simulate.truth import nearest_surface, truth_maps, visibility
 from photoclinometry.simulate.truth_file import read_truth, write_truth
+from photoclinometry.simulate.views import draw_views, pose_priors
 
 SMALL = SimulationOptions(views=3, image_size=64, seed=5)
 REGION = Region(row=10, col=12, height=30, width=36)
@@ -226,7 +229,7 @@ def test_folders_with_something_in_them_are_left_alone(site, tmp_path):
     with pytest.raises(InputError, match="--overwrite"):
         simulate_site(SMALL, site.parent)
     (tmp_path / "diary.txt").write_text("dear diary")
-    with pytest.raises(InputError, match="not simulated"):
+    with pytest.raises(InputError, match="holds no simulated site"):
         simulate_site(SMALL, tmp_path, overwrite=True)
     with pytest.raises(InputError, match="is a file"):
         simulate_site(SMALL, tmp_path / "diary.txt")

@@ -5,7 +5,7 @@ from photoclinometry.simulate.albedo import from_log, slope_streaks
 from photoclinometry.simulate.terrain import (
     SATURATION,
     Grid,
-    Marks,
+    Landforms,
     crater_population,
     diffused_profiles,
     fractal_noise,
@@ -19,7 +19,7 @@ GRID = Grid(spacing=10.0, half=100)
 
 
 def one_crater(radius=300.0, profile=1):
-    return Marks(np.zeros((1, 2)), np.array([radius]), np.array([profile]), np.zeros(1), np.zeros((1, 4)))
+    return Landforms(np.zeros((1, 2)), np.array([radius]), np.array([profile]), np.zeros(1), np.zeros((1, 4)))
 
 
 def test_fresh_craters_are_a_fifth_as_deep_as_wide_with_a_raised_rim():

@@ -43,17 +43,17 @@ def site(mapped):
     return path
 
 
-def stand_in(scene, options, slopes=None, pose_priors=None, **_):
+def stand_in(scene, options, gradients=None, pose_priors=None, **_):
     """A joint estimate that stops at once, and whose message tells what it was given."""
     noise = Noise(
         keypoint_factor=1.0,
         keypoint_correlation_px=1.0,
-        anchor_factor=1.0,
+        sparse_keypoint_factor=1.0,
         brightness_sigma=0.001,
         brightness_correlation_px=1.0,
     )
     used = np.zeros(0, bool) if pose_priors is None else np.isfinite(pose_priors.center_sigma)
-    message = f"{options} {'by images' if slopes is not None else 'by matches'}"
+    message = f"{options} {'by images' if gradients is not None else 'by matches'}"
     return Adjustment(scene, True, message, (), noise, scene.tracks.lit, pose_priors_used=used)
 
 

@@ -203,7 +203,7 @@ def test_a_site_without_a_map_does_not_stop_a_study(study, monkeypatch):
 
     monkeypatch.setattr(pipeline, "run", fails)
     text = run_study(SMALL, study).read_text()
-    assert "No map was found of: demo-moderate-matched-0/lunar-lambert, demo-moderate-matched-0/none." in text
+    assert "Runs without a map: demo-moderate-matched-0/lunar-lambert, demo-moderate-matched-0/none." in text
     assert "| demo | – |" in text
 
 

@@ -1,4 +1,4 @@
-"""The coarse map of the sparse points: where they lie, what they show, and what most views say of them."""
+"""The coarse map of the sparse points: projections, blur, albedos by medians, and Suns from the other views."""
 
 from dataclasses import replace
 
@@ -12,8 +12,8 @@ from photoclinometry.photometry.sun_check import (
     MIN_POINTS,
     _albedo_and_gains,
     coarse_scene,
-    ground_of,
-    sun_by_witnesses,
+    ground_from_views,
+    sun_from_other_views,
 )
 from photoclinometry.surface.sampling import blurred
 from scenes import synthetic_images, synthetic_scene
@@ -61,7 +61,7 @@ def test_a_blur_takes_the_mean_of_what_is_valid():
 
 
 def test_albedos_and_gains_are_those_of_the_majority():
-    """Five views, two of which show nonsense: the others' product of albedo and gain, exactly."""
+    """Five views, two of them with random brightness: the product of albedo and gain is that of the others."""
     rng = np.random.default_rng(0)
     albedo, gain = rng.uniform(0.1, 0.5, 200), rng.uniform(0.5, 2.0, 5)
     landmark, view = np.repeat(np.arange(200), 5), np.tile(np.arange(5), 200)
@@ -75,30 +75,30 @@ def test_albedos_and_gains_are_those_of_the_majority():
     np.testing.assert_allclose(gains[:3] / gains[0], gain[:3] / gain[0], rtol=0.15)
 
 
-def test_the_ground_is_told_by_the_views_in_use_alone():
-    """The wrong Sun of a view out of use changes nothing; in use it bends the ground by degrees."""
+def test_views_out_of_use_do_not_change_the_ground():
+    """The wrong Sun of a view out of use changes nothing; in use it turns normals by degrees."""
     scene = synthetic_scene(size=24, views=8, brightness_noise=0.01)
     sun = scene.views.sun.copy()
     sun[2] = so3_exp(np.array([1.5, 0.0, 0.0])) @ sun[2]
     wrong = replace(scene, views=replace(scene.views, sun=sun))
     rest = np.arange(8) != 2
-    found, known = ground_of(wrong, rest)
+    found, known = ground_from_views(wrong, rest)
     assert known.all()
-    np.testing.assert_array_equal(found.landmarks.normal, ground_of(scene, rest)[0].landmarks.normal)
-    bent = ground_of(wrong, np.ones(8, bool))[0]
+    np.testing.assert_array_equal(found.landmarks.normal, ground_from_views(scene, rest)[0].landmarks.normal)
+    bent = ground_from_views(wrong, np.ones(8, bool))[0]
     off, more = (np.median(angle_between(g.landmarks.normal, scene.landmarks.normal)) for g in (found, bent))
     assert np.degrees(off) < 1.0
     assert 2.0 < np.degrees(more) < 6.0
 
 
-def test_a_view_is_no_witness_of_its_own_and_few_points_are_none():
+def test_a_view_takes_no_part_in_its_own_check_and_few_points_give_none():
     scene = synthetic_scene(size=24)
     everyone = np.ones(6, bool)
-    assert sun_by_witnesses(scene, everyone, 1).off == sun_by_witnesses(scene, np.arange(6) != 1, 1).off
-    assert sun_by_witnesses(scene, everyone, 1).off < np.radians(0.5)
+    assert sun_from_other_views(scene, everyone, 1).off == sun_from_other_views(scene, np.arange(6) != 1, 1).off
+    assert sun_from_other_views(scene, everyone, 1).off < np.radians(0.5)
     few = synthetic_scene(size=7)
     assert len(few.landmarks) < MIN_POINTS
-    assert sun_by_witnesses(few, everyone, 1) is None
+    assert sun_from_other_views(few, everyone, 1) is None
 
 
 @pytest.mark.parametrize("views", [4, 8])
@@ -106,5 +106,5 @@ def test_brightness_is_blurred_as_the_planes_blur_the_ground(views):
     """A view's Sun from planes and blurred images of the true ground: within a degree or two."""
     scene = synthetic_scene(size=40, views=views)
     coarse = coarse_scene(sparse_of(scene, every=2), synthetic_images(scene), scene.views, scene.reflectance, "iof")
-    off = [sun_by_witnesses(coarse, np.ones(views, bool), k).off for k in range(views)]
+    off = [sun_from_other_views(coarse, np.ones(views, bool), k).off for k in range(views)]
     assert np.degrees(max(off)) < 3.0

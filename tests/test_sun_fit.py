@@ -1,4 +1,4 @@
-"""The Sun of an image from its own brightness: found exactly, honest about noise, blind to exposure."""
+"""The Sun of an image from its own brightness: exact without noise, with the right sigma, whatever the exposure."""
 
 import numpy as np
 import pytest
@@ -22,8 +22,8 @@ def seen(view, **options):
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.2, np.pi / 2, np.pi])
-def test_the_sun_is_found_from_wherever_it_was_said_to_be(turn):
-    """Whatever the exposure: brightness is doubled."""
+def test_the_sun_is_found_from_any_stated_direction(turn):
+    """Brightness is doubled: the exposure does not matter."""
     ground, brightness, sun, model = seen(2, size=24)
     stated = so3_exp(turn * np.array([0.6, 0.8, 0.0])) @ sun
     fit = fit_sun(ground, 2.0 * brightness, stated, model, bias_sigma=1e-3)
@@ -50,7 +50,7 @@ def test_the_stated_spread_is_that_of_the_errors():
     assert np.mean(squares) == pytest.approx(1.0, abs=3.0 / np.sqrt(25))
 
 
-def test_a_tenth_of_outliers_does_not_matter():
+def test_a_tenth_of_outliers_moves_the_sun_by_less_than_a_degree():
     ground, brightness, sun, model = seen(1, size=24)
     rng = np.random.default_rng(1)
     bad = rng.random(brightness.shape) < 0.1
@@ -58,7 +58,7 @@ def test_a_tenth_of_outliers_does_not_matter():
     assert fit_sun(ground, spoilt, sun, model, bias_sigma=1e-3).off < np.radians(1.0)
 
 
-def test_other_ground_is_explained_by_no_sun():
+def test_no_sun_explains_the_brightness_of_other_ground():
     ground, brightness, sun, model = seen(1, size=24)
     other = seen(1, size=24, seed=1)[1][::-1]
     assert fit_sun(ground, other, sun, model, bias_sigma=1e-3).explained < 0.4

@@ -1,4 +1,4 @@
-"""The ground around a map: found from sparse points, and its shadows on the map as long as trigonometry says."""
+"""The ground around a map: fitted to sparse points, with shadows on the map of the length that trigonometry gives."""
 
 from dataclasses import replace
 
@@ -72,8 +72,8 @@ def test_the_surface_passes_through_sparse_points_and_ends_where_there_are_none(
     assert np.nanstd(off) < 0.4 * np.std(depth / GSD)
 
 
-def test_points_behind_what_the_reference_sees_are_left_out(poses):
-    """As many points of the far side of a small body, seen from behind alone, change nothing."""
+def test_points_hidden_from_the_reference_are_left_out(poses):
+    """Points of the far side of a small body, seen only from behind, change nothing."""
     point, _ = ground(poses[0])
     rng = np.random.default_rng(1)
     here = point[rng.integers(0, 160, 500), rng.integers(0, 200, 500)]
@@ -124,7 +124,7 @@ def level(scene):
     return replace(scene, landmarks=flat)
 
 
-def test_a_wall_beside_the_map_shades_it_as_far_as_trigonometry_says():
+def test_a_wall_beside_the_map_shades_it_as_far_as_trigonometry_gives():
     """A wall 10 GSD high, its top 8 px right of the map, Sun 22 degrees high behind it: 25 px of shadow, 17 of them on
     the map, to a node's width."""
     scene = level(synthetic_scene(size=40, views=2))

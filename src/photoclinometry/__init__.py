@@ -1,3 +1,122 @@
-"""Photoclinometry-from-Motion: poses, dense landmarks, normals and albedo from spacecraft images."""
+"""Photoclinometry-from-Motion: poses, dense landmarks, normals and albedo from spacecraft images.
+
+    import photoclinometry as pcm
+
+    site = pcm.simulate("demo", "site")
+    result = pcm.run(site, "run", reflectance="mcewen")
+    print(pcm.evaluate(result, truth="site/truth.h5"))
+
+The names below are the public interface. They are imported at their first use, so that `import photoclinometry` itself
+takes no time.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from photoclinometry.adjust import Adjustment, AdjustOptions
+    from photoclinometry.api import (
+        adjust,
+        evaluate,
+        export,
+        read_scene,
+        read_site,
+        reflectance,
+        reflectance_models,
+        render,
+        run,
+        simulate,
+        write_scene,
+    )
+    from photoclinometry.evaluate.evaluation import Evaluation
+    from photoclinometry.io.site import Site
+    from photoclinometry.model.errors import InputError, PhotoclinometryError, ReconstructionError
+    from photoclinometry.model.reflectance import Reflectance
+    from photoclinometry.model.scene import Camera, Image, Scene
+    from photoclinometry.output.export import ExportOptions
+    from photoclinometry.pipeline.products import RunResult
+    from photoclinometry.pipeline.run import RunOptions
+    from photoclinometry.simulate.options import SimulationOptions
 
 __version__ = "0.1.0"
+
+__all__ = [
+    "AdjustOptions",
+    "Adjustment",
+    "Camera",
+    "Evaluation",
+    "ExportOptions",
+    "Image",
+    "InputError",
+    "PhotoclinometryError",
+    "ReconstructionError",
+    "Reflectance",
+    "RunOptions",
+    "RunResult",
+    "Scene",
+    "SimulationOptions",
+    "Site",
+    "adjust",
+    "evaluate",
+    "export",
+    "read_scene",
+    "read_site",
+    "reflectance",
+    "reflectance_models",
+    "render",
+    "run",
+    "simulate",
+    "write_scene",
+]
+
+_MODULE = {
+    "AdjustOptions": "adjust",
+    "Adjustment": "adjust",
+    "Camera": "model.scene",
+    "Evaluation": "evaluate.evaluation",
+    "ExportOptions": "output.export",
+    "Image": "model.scene",
+    "InputError": "model.errors",
+    "PhotoclinometryError": "model.errors",
+    "ReconstructionError": "model.errors",
+    "Reflectance": "model.reflectance",
+    "RunOptions": "pipeline.run",
+    "RunResult": "pipeline.products",
+    "Scene": "model.scene",
+    "SimulationOptions": "simulate.options",
+    "Site": "io.site",
+}
+"""Where each public name is defined; those not listed are functions of `api`."""
+
+
+if not TYPE_CHECKING:  # checkers would take any name for one of this package
+
+    def __getattr__(name: str) -> Any:
+        if name not in __all__:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{__name__}.{_MODULE.get(name, 'api')}"), name)
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*(name for name in globals() if name.startswith("__")), *__all__])
+
+
+class _Package(ModuleType):
+    """This package, in which the functions `adjust`, `evaluate` and `simulate` go before the subpackages of that name.
+
+    Importing a subpackage sets it as an attribute of its parent, which would hide the function. The subpackages are
+    reached by `from photoclinometry.adjust import ...`.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in __all__ and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -1,21 +1,22 @@
-"""The joint estimate: one factor graph of keypoints, brightness, Sun directions and smoothness."""
+"""The joint estimate: one factor graph of keypoints, brightness, Sun directions, smoothness and priors."""
 
-from photoclinometry.adjust.companions import Anchors
 from photoclinometry.adjust.estimate import Adjustment, adjust
-from photoclinometry.adjust.known import PosePriors
-from photoclinometry.adjust.layout import ImageSlopes
+from photoclinometry.adjust.graph.observations import ImageGradients
+from photoclinometry.adjust.graph.priors import PosePriors
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
-from photoclinometry.adjust.solver import Iteration, SolverOptions
+from photoclinometry.adjust.solve.solver import Iteration, SolverOptions
+from photoclinometry.adjust.tie_points import GroundControl, TiePoints
 
 __all__ = [
     "AdjustOptions",
     "Adjustment",
-    "Anchors",
-    "ImageSlopes",
+    "GroundControl",
+    "ImageGradients",
     "Iteration",
     "Noise",
     "PosePriors",
     "SolverOptions",
+    "TiePoints",
     "adjust",
 ]

@@ -8,7 +8,7 @@ trusted far too much. So n such observations count as one: each one's standard d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -29,26 +29,19 @@ class Noise:
     """On each keypoint's own standard deviation."""
     keypoint_correlation_px: float
     """Side of the square of reference pixels in which keypoints share an error."""
-    anchor_factor: float
-    """On each anchor keypoint's own standard deviation; their errors are independent."""
+    sparse_keypoint_factor: float
+    """On the standard deviation of each sparse tie point's keypoint; their errors are independent."""
     brightness_sigma: float
     """In the images' brightness; zero without photometry."""
     brightness_correlation_px: float
     """As for keypoints."""
-    view_factor: float = 1.0
-    """Likewise for what brightness errs by all over a view, which no residual shows, as the view's Sun, scale and bias
-    follow it: how many times smaller than stated the standard deviations of these are taken to be."""
+    view_prior_factor: float = 1.0
+    """How many times smaller than stated the standard deviations of Suns, scales and biases are taken to be. It stands
+    for errors of brightness common to a view, which no residual shows, since the view's Sun, scale and bias follow
+    them."""
     scale_scatter: float = np.inf
-    """What scales known by calibration are found to scatter by, however stated; infinite until it is measured, and
-    of scales that are not known."""
-
-    def between_landmarks(self, stride: int) -> Noise:
-        """With correlations counted in landmarks, `stride` pixels apart: square roots of how many share an error."""
-        if stride == 1:
-            return self
-        correlations = (self.keypoint_correlation_px, self.brightness_correlation_px)
-        keypoint, brightness = (max(1.0, side / stride) for side in correlations)
-        return replace(self, keypoint_correlation_px=keypoint, brightness_correlation_px=brightness)
+    """Standard deviation with which calibrated scales are found to scatter, however stated; infinite until it is
+    measured, and for scales that are free."""
 
     def close_to(self, other: Noise) -> bool:
         """Whether no standard deviation differs by more than a tenth, no correlation by more than a fifth."""
@@ -62,7 +55,7 @@ class Noise:
 CHANCE = 1.5
 """Differences from what is known of Suns, scales and biases that are taken to be chance, in standard deviations."""
 
-MAX_VIEW_FACTOR = 5.0
+MAX_VIEW_PRIOR_FACTOR = 5.0
 """More, and what brightness says of Suns would count for nothing."""
 
 MIN_SCALE_SCATTER = 1e-3
@@ -89,7 +82,7 @@ def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> flo
     return max(robust_sigma(residual[lit], parameters=3 * landmarks), floor)
 
 
-def view_factor(offsets: np.ndarray, factor: float) -> float:
+def view_prior_factor(offsets: np.ndarray, factor: float) -> float:
     """The factor under which Suns, scales and biases stay about as far from what is known of them as that allows.
 
     offsets: their differences in stated standard deviations, found under `factor`. Where all of a view's brightness is
@@ -99,7 +92,7 @@ def view_factor(offsets: np.ndarray, factor: float) -> float:
     excess = float(np.sqrt(np.mean(offsets**2)))
     if factor == 1.0 and excess < CHANCE:
         return 1.0
-    return float(np.clip(factor * np.sqrt(excess), 1.0, MAX_VIEW_FACTOR))
+    return float(np.clip(factor * np.sqrt(excess), 1.0, MAX_VIEW_PRIOR_FACTOR))
 
 
 def scale_scatter(scale: np.ndarray, phase: np.ndarray | None = None) -> float:

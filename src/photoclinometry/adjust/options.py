@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from photoclinometry.adjust.solver import SolverOptions
+from photoclinometry.adjust.solve.solver import SolverOptions
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """The command `phomo`. A command parses, calls one library function, and says where its result is.
 
-Exit codes: 0 done, 1 the images do not determine what was asked or data cannot be fetched, 2 misuse, 130 interrupted,
-141 whoever read the output has gone (`phomo ... | head`).
+Exit codes: 0 success; 1 the images do not determine a result, or data cannot be fetched; 2 misuse; 130 interrupted; 141
+the reader of the output has closed it (`phomo ... | head`).
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         finally:
             sys.stdout.flush()
     except BrokenPipeError:
-        # What is still buffered has nowhere to go; written at exit it would be complained about.
+        # Python would report an error when it flushes the rest of the output at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(141) from None
 
 
 def _run(arguments: Sequence[str] | None) -> None:
-    # Threads that wait should sleep, not spin: compiled loops are short, and other programs want the cores too.
+    # Waiting threads should sleep instead of spinning, since compiled loops are short.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     import tyro
 
@@ -65,7 +65,7 @@ def _run(arguments: Sequence[str] | None) -> None:
     except PhotoclinometryError as error:
         _fail(error, 1)
     except KeyboardInterrupt:
-        _fail("interrupted; the same command goes on from the last finished stage", 130)
+        _fail("interrupted; the same command resumes after the last finished stage", 130)
 
 
 def _fail(reason: object, code: int) -> None:

@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from photoclinometry.cli.folders import read_run, run_images, site_path
-from photoclinometry.model.errors import InputError
-from photoclinometry.model.geometry import METRES, Similarity
-from photoclinometry.model.scene import Scene
-
 if TYPE_CHECKING:
-    from photoclinometry.evaluate.compare import Comparison
+    from photoclinometry.evaluate.evaluation import Evaluation
 
 
 def evaluate(
@@ -49,89 +40,26 @@ def evaluate(
         maps: Also draw what differs from the truth or the other map, one picture for each kind of error.
         out: Folder for the files. Default: evaluation/ in the run folder.
     """
-    from photoclinometry.evaluate.tables import json_numbers, markdown
-    from photoclinometry.io.atomic import write_text
-    from photoclinometry.io.similarity import write_similarity
+    import photoclinometry as pcm
+    from photoclinometry.output.evaluation import write_evaluation
 
-    if truth is not None and reference is not None:
-        raise InputError("give --truth or --reference, not both: run the command twice, with two --out folders")
-    if cameras is not None and reference is None:
-        raise InputError("--cameras aligns a run with a map: give --reference too")
-    scene = read_run(run)
-    metrics = image_metrics(scene, run, site_path(run, site) if images else None)
+    found = pcm.evaluate(run, truth=truth, reference=reference, cameras=cameras, unit=unit, site=site, images=images)
     folder = out or run / "evaluation"
-    found = None
-    if truth is not None:
-        found = against_truth(scene, truth)
-    if reference is not None:
-        found = against_map(scene, reference, cameras, unit)
-    if found is not None:
-        metrics |= found.metrics
-        if unit in METRES:
-            to_metres = Similarity(METRES[unit], np.eye(3), np.zeros(3))
-            write_similarity(folder / "reference_from_scene.toml", to_metres @ found.similarity)
-        if maps:
-            draw_differences(folder / "maps", found)
-    write_text(folder / "evaluation.json", json.dumps(json_numbers(metrics), indent=2) + "\n")
-    write_text(folder / "evaluation.md", markdown(metrics, f"Evaluation of {scene.name}"))
-    show(metrics, scene.name, folder)
-    return metrics
+    write_evaluation(folder, found, maps=maps)
+    show(found, folder)
+    return found.metrics
 
 
-def image_metrics(scene: Scene, run: Path, site: Path | None) -> dict[str, float]:
-    """Figures of a run against its images, those held out from it included; without `site` against none."""
-    from photoclinometry.evaluate.evaluate import evaluate_scene, held_out_table
-    from photoclinometry.io.held_out import NAME, read_held_out
-
-    if site is None:
-        return evaluate_scene(scene)
-    held_out = read_held_out(run / NAME)
-    images = run_images(site, scene.views.name + (held_out.name if held_out else ()))
-    used = images[: len(scene.views)]
-    return evaluate_scene(scene, used, held_out=held_out_table(scene, held_out, images) if held_out else ())
-
-
-def against_truth(scene: Scene, truth: Path) -> Comparison:
-    """The comparison with truth.h5."""
-    from photoclinometry.evaluate.compare import evaluate_against_truth
-    from photoclinometry.simulate.truth_file import read_truth
-
-    return evaluate_against_truth(scene, read_truth(truth))
-
-
-def against_map(scene: Scene, reference: Path, cameras: Path | None, unit: str) -> Comparison:
-    """The comparison with another map, aligned by a COLMAP model's poses, or its own, where there are any."""
-    from photoclinometry.evaluate.compare import evaluate_against_map
-    from photoclinometry.io.models.colmap import read_colmap
-    from photoclinometry.io.reference import read_reference
-
-    other = read_reference(reference)
-    names, poses = other.names, other.body_from_cam
-    if cameras is not None:
-        names, _, poses, _ = read_colmap(cameras)
-    return evaluate_against_map(scene, other.surface, names=names, body_from_cam=poses, unit=unit)
-
-
-def draw_differences(folder: Path, found: Comparison) -> None:
-    """A map of every kind of error, as PNG; the folder appears whole. Raises RunFolderError."""
-    from photoclinometry.io.atomic import atomic_path
-    from photoclinometry.output.report.maps import draw_values
-
-    with atomic_path(folder) as work:
-        work.mkdir()
-        draw_values(work, found.aligned, found.errors, "difference")
-
-
-def show(metrics: Mapping[str, float], name: str, folder: Path) -> None:
-    """The metrics as two tables on the terminal, and where they were written."""
+def show(evaluation: Evaluation, folder: Path) -> None:
+    """The figures as two tables on the terminal, and where they were written."""
     from rich.console import Console
     from rich.table import Table
 
     from photoclinometry.evaluate.tables import metric_rows
 
     console = Console()
-    spreads, singles = metric_rows(metrics)
-    table = Table(title=name, title_justify="left")
+    spreads, singles = metric_rows(evaluation.metrics)
+    table = Table(title=evaluation.name, title_justify="left")
     for head in ("quantity", "unit", "mean", "median", "RMS", "90 %"):
         table.add_column(head, justify="left" if head in ("quantity", "unit") else "right")
     for row in spreads:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from photoclinometry.cli.folders import read_run
+from photoclinometry.output.export.formats import FORMATS
 from photoclinometry.output.export.options import ExportOptions
 
 
@@ -23,6 +23,8 @@ def export(
     are maps of its mean plane, in metres where --unit-m says so. Say where on the body it lies (--transform, or
     --body-fixed), and they are maps of the body.
 
+    Formats: {formats}.
+
     Args:
         run: Folder of a finished run.
         out: Folder for the products; new, empty, or an earlier export, which is replaced.
@@ -30,11 +32,16 @@ def export(
     """
     from rich.console import Console
 
+    import photoclinometry as pcm
     from photoclinometry.output.export import export_scene
 
-    exported = export_scene(read_run(run), out, options)
+    exported = export_scene(pcm.read_scene(run), out, options)
     console = Console(stderr=True, soft_wrap=True)
     for name, about in exported["files"].items():
         console.print(f"{name}: {about}", highlight=False, markup=False)
     console.print(f"frame: {exported['frame']}", highlight=False, markup=False)
     print(out)
+
+
+_FORMATS = "; ".join(f"{product.name}: {product.about}" for product in FORMATS.values())
+export.__doc__ = (export.__doc__ or "").replace("{formats}", _FORMATS)

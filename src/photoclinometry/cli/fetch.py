@@ -21,12 +21,12 @@ def fetch(
 ) -> None:
     """Fetch published sites, such as those of the paper's authors, from Hugging Face.
 
-    Without a name, lists the folders that there are. Stopped, the same command goes on where it was; what is there
-    already is checked and stays.
+    Without a name, lists the folders of the data set. If it is interrupted, the same command resumes; files that exist
+    already are verified and kept.
 
     Args:
-        name: Folder of the data set: its path, or its name wherever it occurs (images and models of a site).
-        out: Where the data set's folders go.
+        name: Folder of the data set, by its path, or by its name wherever it occurs (images and models of a site).
+        out: Folder for the data set's folders.
         dataset: OWNER/NAME of a public data set.
         revision: Branch, tag or commit.
         endpoint: Address of another server of the same kind. Default: $HF_ENDPOINT, or huggingface.co.
@@ -46,7 +46,7 @@ def fetch(
         fetched = fetch_files(data, files, out, progress)
     total = sum(file.size for file in files) / 1e6
     console.print(
-        f"{len(files)} files, {total:.1f} MB, checked; {len(fetched)} fetched now, from {dataset} at {data.commit}",
+        f"{len(files)} files, {total:.1f} MB, verified; {len(fetched)} fetched now, from {dataset} at {data.commit}",
         highlight=False,
     )
     print(out)

@@ -1,19 +1,18 @@
-"""`phomo info`: what a site or a run folder holds."""
+"""`phomo info`: the content of a site or of a run folder."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.cli.folders import read_run
+from photoclinometry.io.run_files import read_run
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import BODY_FIXED
 
 
 def info(path: Path, /) -> None:
-    """Say what a site.toml describes, or what a run folder holds.
+    """Show the content of a site.toml, or of a run folder.
 
     Args:
         path: A site.toml, a folder with one, or a run folder.
@@ -30,7 +29,7 @@ def info(path: Path, /) -> None:
 
 
 def show_site(path: Path) -> None:
-    """Name, brightness, region, and a table of the views with what is known of them beforehand."""
+    """Name, brightness, region, and a table of the views with their cameras, Suns and pose priors."""
     from rich.console import Console
     from rich.table import Table
 
@@ -46,22 +45,22 @@ def show_site(path: Path) -> None:
         parts = {"reference": region.reference, "centre [px]": region.center_px, "size [px]": region.size_px}
         if region.stride is not None:
             parts |= {"stride [px]": region.stride}
-        told = ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items())
-        console.print("region: " + told.replace("[", r"\["))
+        listed = ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items())
+        console.print("region: " + listed.replace("[", r"\["))
     table = Table()
     table.add_column("view", no_wrap=True)
-    for head in ("camera", "size [px]", "focal [px]", "Sun off axis [°]", "Sun sigma [°]", "pose", "file"):
+    for head in ("camera", "size [px]", "focal [px]", "phase [°]", "Sun sigma [°]", "pose", "file"):
         table.add_column(head.replace("[", r"\["))
     for view in site.views:
         camera = view.camera
-        # The Sun is given from the body towards it, in C; the body lies along +z, so zero phase is at -z.
-        off_axis = np.degrees(np.arctan2(np.hypot(*view.sun[:2]), -view.sun[2]))
+        # In C the body lies along +z, so the Sun is at -z at zero phase angle.
+        phase = np.degrees(np.arctan2(np.hypot(*view.sun[:2]), -view.sun[2]))
         table.add_row(
             view.name,
             camera.model,
             f"{camera.width} x {camera.height}",
             f"{camera.focal_px[0]:.1f}",
-            f"{off_axis:.1f}",
+            f"{phase:.1f}",
             f"{np.degrees(view.sun_sigma_rad):.3g}",
             "prior" if view.pose_prior is not None else "-",
             "found" if view.image.is_file() else "[red]missing[/red]",
@@ -70,16 +69,17 @@ def show_site(path: Path) -> None:
 
 
 def show_run(run: Path) -> None:
-    """What the scene consists of, its views, and the figures that the run recorded."""
+    """The content of the scene, its views, and the figures that the run recorded."""
     from rich.console import Console
     from rich.table import Table
 
     from photoclinometry.evaluate.sigmas import view_sigmas
     from photoclinometry.evaluate.tables import metric_rows, number, split_unit, words
+    from photoclinometry.io.json_file import read_json
 
     scene = read_run(run)
     console = Console(highlight=False)
-    model = "geometry alone" if scene.reflectance is None else scene.reflectance.disk
+    model = "geometry alone" if scene.reflectance is None else scene.reflectance.name
     console.print(
         f"[bold]{scene.name}[/bold]: {len(scene.landmarks)} landmarks, {len(scene.views)} views, "
         f"{len(scene.tracks)} observations, {model}, brightness {scene.brightness}, body {scene.body}"
@@ -88,9 +88,9 @@ def show_run(run: Path) -> None:
     every = "" if region.stride == 1 else f", a landmark at every {region.stride} of them"
     console.print(
         f"region: {region.width} x {region.height} pixels from column {region.col}, row {region.row} of "
-        f"{scene.views.name[scene.reference]}{every}; one pixel is {scene.gsd:.4g} long on the ground ({unit})"
+        f"{scene.views.name[scene.reference]}{every}; ground sample distance {scene.gsd:.4g} ({unit})"
     )
-    console.print(f"frame: {'body-fixed, by pose priors' if scene.frame == BODY_FIXED else 'its own'}")
+    console.print(f"frame: {'body-fixed, by pose priors' if scene.frame == BODY_FIXED else 'of the images alone'}")
     table = Table()
     table.add_column("view", no_wrap=True)
     sigmas = view_sigmas(scene)
@@ -103,7 +103,7 @@ def show_run(run: Path) -> None:
         table.add_row(name, str(keypoints[k]), *(number(float(value)) for value in values))
     console.print(table)
     if (run / "metrics.json").is_file():
-        metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))["metrics"]
+        metrics = read_json(run / "metrics.json")["metrics"]
         flat = {k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
         spreads, singles = metric_rows(flat)
         figures = Table("figure", "mean", "median", "RMS", "90 %")

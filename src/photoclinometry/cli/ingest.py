@@ -1,13 +1,16 @@
-"""`phomo ingest`: a site from what archives hold."""
+"""`phomo ingest`: a site from archived images."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from photoclinometry.ingest.options import IngestOptions
+
+if TYPE_CHECKING:
+    pass
 
 
 def ingest(
@@ -18,13 +21,13 @@ def ingest(
 ) -> None:
     """Make a site (site.toml and images) of PDS3, PDS4, ISIS, FITS, PNG or TIFF files.
 
-    Labels, SPICE kernels, ISIS's tables, SUMFILEs, a table of known cameras or you say what the cameras were, and where
-    the Sun stood. What is missing is said for each file.
+    Cameras, Suns and poses come from labels, SPICE kernels, ISIS's tables, SUMFILEs, a table of known cameras, or the
+    options. If something is missing, the error lists it for each file.
 
     Args:
         files: Images, or labels of images; a label and its image count once.
         out: Folder for the site; new or empty.
-        options: What the files do not say.
+        options: Facts that the files do not hold.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -42,12 +45,12 @@ def ingest(
         result = library(files, out, options, progress)
     for reason in result.refused:
         console.print(f"left out: {reason}", highlight=False, markup=False)
-    _say_sources(console, result)
+    _print_sources(console, result)
     print(result.site)
 
 
-def _say_sources(console, result) -> None:
-    """One line for each image: what it is, and where its camera, Sun and pose are from."""
+def _print_sources(console, result) -> None:
+    """One line for each image: size, brightness, and the sources of camera, Sun and pose."""
     for e in result.exposures:
         height, width = e.image.valid.shape
         masked = 100.0 * (1.0 - e.image.valid.mean())

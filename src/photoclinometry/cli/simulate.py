@@ -1,4 +1,4 @@
-"""`phomo simulate`: images of a made-up place, with the exact truth behind them."""
+"""`phomo simulate`: images of a simulated place, with the exact truth."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from photoclinometry.simulate.site import SimulationOptions, check_output_folder, simulate_site
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import check_output_folder, simulate_site
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +19,7 @@ class Simulate:
     out: Path
     """Folder for the site; must be empty or new."""
     overwrite: bool = False
-    """Replace a site that was simulated there before."""
+    """Replace a simulated site in that folder."""
     options: Annotated[SimulationOptions, tyro.conf.arg(name="")] = field(default_factory=SimulationOptions)
 
 

@@ -17,13 +17,12 @@ def study(
 ) -> Path:
     """Simulate sites, map each with every model, and write tables and figures against the exact truth.
 
-    Every combination of preset, lighting, surface, seed and model is one run; they are made one at a time. A study
-    that was stopped goes on where it was; called with other options it keeps what it can. Writes study.md, study.json
-    and figures/.
+    Every combination of preset, lighting, surface, seed and model is one run. An interrupted study resumes; with other
+    options, finished runs are kept where possible. Writes study.md, study.json and figures/.
 
     Args:
         out: Folder for the study; new, empty, or that of an earlier one.
-        options: What is simulated and how it is mapped.
+        options: The sites to simulate, and how they are mapped.
     """
     from rich.console import Console
 

@@ -1,4 +1,4 @@
-"""What a long command shows while it works: progress bars, and the package's log."""
+"""The terminal output of long commands: progress bars, log and result."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
 from photoclinometry.model.progress import Progress
 from photoclinometry.pipeline.products import RunResult
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 
 @contextmanager
 def progress_bars(console) -> Iterator[Progress]:
-    """A bar on the console for everything whose progress is told."""
+    """A progress bar on the console for every kind of work that is reported."""
     from rich import progress as bar
 
     columns = (
@@ -34,7 +38,7 @@ def progress_bars(console) -> Iterator[Progress]:
 
 
 def say_result(console, result: RunResult) -> None:
-    """What was mapped and what is wanting, on the console; the report's page on standard output."""
+    """The size of the map and its shortcomings on the console; the report's path on standard output."""
     for name, reason in result.left_out.items():
         console.print(f"left out: {name}: {reason}", highlight=False, markup=False)
     psnr = result.metrics.get("psnr_mean_db")
@@ -46,12 +50,12 @@ def say_result(console, result: RunResult) -> None:
 
 
 class log_to:
-    """While open, the package's log goes to OUT/log (all of it) and to the terminal (stages, warnings)."""
+    """Context in which the package's log goes to OUT/log (everything) and to the terminal (stages, warnings)."""
 
-    def __init__(self, out: Path, console):
+    def __init__(self, out: Path, console: Console):
         self.out, self.console = Path(out), console
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         from photoclinometry.model.errors import RunFolderError
         from photoclinometry.pipeline.run_folder import open_run
 
@@ -72,9 +76,9 @@ class log_to:
             self.logger.addHandler(handler)
         return self
 
-    def __exit__(self, *exception):
-        if exception[0] is not None:
-            self.logger.error("stopped: %s: %s", exception[0].__name__, exception[1])
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
+        if kind is not None:
+            self.logger.error("stopped: %s: %s", kind.__name__, error)
         for handler in self.handlers:
             self.logger.removeHandler(handler)
             handler.close()
@@ -82,7 +86,7 @@ class log_to:
 
 
 class _Terminal(logging.Handler):
-    def __init__(self, console):
+    def __init__(self, console: Console):
         super().__init__()
         self.console = console
 

@@ -1,1 +1,1 @@
-"""A map against its own images, the truth or another map."""
+"""Figures of a map: against its images, the truth of a simulation, or another map."""

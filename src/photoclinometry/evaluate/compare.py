@@ -1,4 +1,4 @@
-"""How far a scene is from the truth of a simulation, or from somebody else's map (Eqs. 36-38)."""
+"""Comparison of a scene with the truth of a simulation, or with another map (Eqs. 36-38)."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ import numpy as np
 
 from photoclinometry.evaluate.evaluate import completeness
 from photoclinometry.evaluate.metrics import albedo_error, albedo_factor, landmark_error, normal_error, spread
+from photoclinometry.evaluate.pose_errors import frame_metrics, pose_metrics
 from photoclinometry.evaluate.sigma_calibration import sigma_metrics
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, Similarity, angle_between, so3_log
 from photoclinometry.model.projection import keypoint_residuals
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION
 from photoclinometry.model.scene import BODY_FIXED, Landmarks, Scene, Views
 from photoclinometry.registration.alignment import (
     Closest,
     align_poses,
     camera_distance,
     refine_on_surface,
-    transform_poses,
     transform_scene,
 )
 from photoclinometry.registration.closest_points import CloudSurface, MeshSurface
@@ -30,35 +29,38 @@ if TYPE_CHECKING:
     from photoclinometry.io.meshes.ply import PlyMap
     from photoclinometry.simulate.truth import Truth
 
+Errors = dict[str, np.ndarray]
+"""(J,) by name, units at the end of the name; NaN where there is nothing to compare with."""
+
 
 @dataclass(frozen=True)
 class Comparison:
-    """The figures, and the scene in the other's frame with the errors of every landmark, to draw maps of."""
+    """The figures of a comparison, and the errors of every landmark, to draw maps of."""
 
     metrics: dict[str, float]
     aligned: Scene
     """The scene in the reference's frame and unit."""
     errors: dict[str, np.ndarray]
-    """(J,) by name, units at the end of the name; NaN where there is nothing to compare with."""
+    """(J,) by name, which ends in the unit; NaN where the reference has no value."""
     similarity: Similarity
-    """reference_from_scene, what brought it there."""
+    """reference_from_scene, the alignment."""
 
 
 def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
     """Compare with the exact surface, poses and Suns of a simulated site. Raises InputError.
 
-    The scene is aligned by its cameras' poses, then to the true surface. Positions are compared three ways:
-    with the nearest point of the surface (`surface_distance`), with the nearest of the true points behind the
-    reference pixels, as if they were somebody's map (Eq. 36, `landmark_error`), and with the true point behind
-    the landmark's own pixel (`position_error`), which also sees the map slide along the ground. Normals and
-    albedos are compared at the landmark's reference pixel, at the point (`_at_point`) and averaged over
-    point-spread function and pixel, which is what images can resolve, at any stride.
+    The scene is aligned by its cameras' poses, then to the true surface. Positions are compared in three ways: with
+    the nearest point of the surface (`surface_distance`); with the nearest of the true points behind the reference
+    pixels, as if these were another map (Eq. 36, `landmark_error`); and with the true point behind the landmark's
+    pixel (`position_error`), which also shows a shift of the map along the ground. Normals and albedos are compared at
+    the landmark's reference pixel: averaged over point-spread function and pixel, the resolution of the images, and at
+    the point (`_at_point`).
     """
     from photoclinometry.simulate.truth import nearest_surface, truth_maps
 
     index = _indices(scene.views.name, truth.views.name)
     if len(index) < len(scene.views):
-        raise InputError(f"the truth knows {len(index)} of the scene's {len(scene.views)} views: another site?")
+        raise InputError(f"the truth has {len(index)} of the scene's {len(scene.views)} views; is it another site's?")
 
     x_min, x_max, y_min, y_max = truth.surface.extent
 
@@ -76,7 +78,7 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
 
 
 def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Closest) -> Comparison:
-    """As `evaluate_against_truth`, from its parts.
+    """As `evaluate_against_truth`, given the truth as views, maps and a function.
 
     true_views: the scene's views in the same order; maps: arrays over the map's grid with the attributes of
     `simulate.truth.TruthMaps`; closest: nearest points of the true surface. Lengths in metres.
@@ -88,7 +90,7 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
     seen = maps.hit[cells]
 
     def at(values: np.ndarray) -> np.ndarray:
-        """A true map (h, w, ...) at the landmarks; NaN where the reference pixel misses the surface."""
+        """A true map (h, w, ...) at the landmarks' reference pixels; NaN where the pixel's ray misses the surface."""
         picked = np.array(values[cells], float)
         picked[~seen] = np.nan
         return picked
@@ -119,7 +121,7 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
     if scene.reflectance is not None:
         found, extra = _photometry_metrics(scene, true_views, true.albedo, at(maps.albedo))
         errors, metrics = errors | found, metrics | extra
-        if scene.brightness == "dn" or scene.reflectance.disk not in HAS_PHASE_FUNCTION:
+        if scene.brightness == "dn" or not scene.reflectance.predicts_absolute_brightness:
             factor = extra["albedo_factor"]
     metrics |= sigma_metrics(scene, true_views, true, factor)
     return Comparison(metrics, aligned, errors, fit.similarity)
@@ -134,19 +136,19 @@ def evaluate_against_map(
     initial: Similarity | None = None,
     unit: str = "m",
 ) -> Comparison:
-    """Compare with somebody else's map, after alignment by camera poses (or `initial`) and to its surface.
+    """Compare with another map, after alignment by camera poses (or `initial`) and to its surface.
 
-    names, body_from_cam: (K') views with poses in the map's frame, matched with the scene's by name (or by
-    file name). Without either, the scene must be in the map's frame and unit roughly. unit: the map's, for
-    the figures' names. Eq. 36 takes the map's point nearest to each landmark, so a coarse map dominates it;
-    the distance to the surface does not suffer from that. Raises InputError.
+    names, body_from_cam: (K') views with poses in the map's frame, matched with the scene's by name (or by file name).
+    Without poses and `initial`, the scene must roughly be in the map's frame and unit. unit: the map's, for the names
+    of the figures. `landmark_error` (Eq. 36) is dominated by the spacing of a coarse map; `surface_distance` is not.
+    Raises InputError.
     """
     by_poses, metrics = initial or Similarity(1.0, np.eye(3), np.zeros(3)), {}
     if names is not None and body_from_cam is not None:
         index = _indices(scene.views.name, names)
         if len(index) < 2:
             raise InputError(
-                f"{len(index)} views have the name of one of the {len(names)} reference poses, 2 are needed: "
+                f"{len(index)} views are among the {len(names)} reference poses by name, 2 are needed: "
                 f"the scene has {scene.views.name[0]}, the reference {names[0] if names else 'none'}"
             )
         ours, theirs = scene.views.body_from_cam[list(index)], body_from_cam[list(index.values())]
@@ -179,44 +181,8 @@ def evaluate_against_map(
     return Comparison(metrics, aligned, errors, fit.similarity)
 
 
-def frame_metrics(true_from_found: Similarity, position: np.ndarray, true: np.ndarray) -> dict[str, float]:
-    """How far off the frame of a body-fixed scene is: attitude and scale by its cameras, place by its landmarks.
-
-    position, true: (J, 3) landmarks as they are, without any alignment, and the truth, NaN where there is none.
-    """
-    return {
-        "frame_offset_m": float(np.linalg.norm(np.nanmedian(position - true, axis=0))),
-        "frame_turn_deg": float(np.degrees(np.linalg.norm(so3_log(true_from_found.rotation)))),
-        "frame_scale_error_percent": 100.0 * (1.0 / true_from_found.scale - 1.0),
-    }
-
-
-def pose_metrics(found: Rigid, true: Rigid, true_from_found: Similarity, unit: str) -> dict[str, float]:
-    """Errors of paired poses (K,): centres and pointing after alignment, relative rotations without any.
-
-    Pointing is the angle between camera axes. A relative rotation is that between two cameras; its error does
-    not depend on the alignment.
-    """
-    moved = transform_poses(true_from_found, found)
-    offset = np.linalg.norm(moved.translation - true.translation, axis=-1)
-    pointing = angle_between(moved.rotation[..., 2], true.rotation[..., 2])
-    i, j = np.triu_indices(len(found), 1)
-
-    def relative(poses: Rigid) -> np.ndarray:
-        return np.einsum("kji,kjl->kil", poses.rotation[i], poses.rotation[j])
-
-    error = so3_log(np.einsum("kji,kjl->kil", relative(found), relative(true)))
-    angle = np.degrees(np.linalg.norm(error, axis=-1))
-    return {
-        **spread(offset, "camera_position_error", unit),
-        **spread(np.degrees(pointing), "camera_pointing_error", "deg"),
-        **spread(angle, "camera_relative_rotation_error", "deg"),
-        "camera_relative_rotation_error_max_deg": float(angle.max()),
-    }
-
-
 def _spreads(errors: dict[str, np.ndarray]) -> dict[str, float]:
-    """`spread` of every entry, the last word of its name being the unit."""
+    """`spread` of every entry; the last word of its name is the unit."""
     metrics: dict[str, float] = {}
     for key, values in errors.items():
         name, _, unit = key.rpartition("_")
@@ -224,7 +190,10 @@ def _spreads(errors: dict[str, np.ndarray]) -> dict[str, float]:
     return metrics
 
 
-def _alignment_metrics(by_poses, by_surface, determined, aligned) -> dict[str, float]:
+def _alignment_metrics(
+    by_poses: Similarity, by_surface: Similarity, determined: int, aligned: Scene
+) -> dict[str, float]:
+    """The alignment by poses, its change by the alignment to the surface, and the ground sample distance."""
     turn = np.linalg.norm(so3_log(by_surface.rotation @ by_poses.rotation.T))
     return {
         "alignment_scale": by_surface.scale,
@@ -235,8 +204,8 @@ def _alignment_metrics(by_poses, by_surface, determined, aligned) -> dict[str, f
     }
 
 
-def _albedo_metrics(scene: Scene, reference: np.ndarray, name: str) -> tuple[dict, dict]:
-    """Eq. 38 [%] after the best common factor; calibrated scenes also as they are (`_absolute`)."""
+def _albedo_metrics(scene: Scene, reference: np.ndarray, name: str) -> tuple[Errors, dict[str, float]]:
+    """Eq. 38 [%] after the best common factor; of calibrated scenes also without a factor (`_absolute`)."""
     albedo = scene.landmarks.albedo
     factor = albedo_factor(albedo, reference)
     errors = {f"{name}_percent": 100.0 * albedo_error(albedo, reference, factor)}
@@ -246,8 +215,10 @@ def _albedo_metrics(scene: Scene, reference: np.ndarray, name: str) -> tuple[dic
     return errors, metrics | _spreads(errors)
 
 
-def _photometry_metrics(scene: Scene, true_views: Views, albedo: np.ndarray, at_point: np.ndarray) -> tuple[dict, dict]:
-    """Errors and figures of albedos (J,), scales and biases, against true albedos at the images' resolution and not."""
+def _photometry_metrics(
+    scene: Scene, true_views: Views, albedo: np.ndarray, at_point: np.ndarray
+) -> tuple[Errors, dict[str, float]]:
+    """Errors and figures of albedos, scales, biases. albedo, at_point: (J,) true, averaged over the pixel and not."""
     errors, metrics = _albedo_metrics(scene, albedo, "albedo_error")
     found, extra = _albedo_metrics(scene, at_point, "albedo_error_at_point")
     factor = metrics["albedo_factor"]  # albedo * factor = truth, so scale / factor = truth
@@ -259,7 +230,7 @@ def _photometry_metrics(scene: Scene, true_views: Views, albedo: np.ndarray, at_
 
 def _keypoint_error(scene: Scene, true_views: Views, true_position: np.ndarray) -> np.ndarray:
     """(N,) distances [px] of keypoints from where the true point of the reference pixel projects; NaN in the
-    reference view itself, where they are exact by construction."""
+    reference view, where they are exact by construction."""
     truth = scene.with_estimate(true_views, replace(scene.landmarks, position=true_position))
     error = np.linalg.norm(keypoint_residuals(truth), axis=-1)
     error[scene.tracks.view == scene.reference] = np.nan
@@ -273,14 +244,14 @@ def _indices(ours: Sequence[str], theirs: Sequence[str]) -> dict[int, int]:
     if found:
         return found
     short = {name.rsplit("/", 1)[-1]: k for k, name in enumerate(theirs)}
-    own = [name.rsplit("/", 1)[-1] for name in ours]
-    if len(short) < len(theirs) or len(set(own)) < len(own):
+    ours_short = [name.rsplit("/", 1)[-1] for name in ours]
+    if len(short) < len(theirs) or len(set(ours_short)) < len(ours_short):
         return {}
-    return {k: short[name] for k, name in enumerate(own) if name in short}
+    return {k: short[name] for k, name in enumerate(ours_short) if name in short}
 
 
 def _vertex_normals(reference: PlyMap) -> np.ndarray | None:
-    """Area-weighted normals (n, 3) of a mesh's vertices, of any length; None for a cloud.
+    """Area-weighted normals (n, 3) of a mesh's vertices, of any length; None for a cloud of points.
 
     Faces turn counter-clockwise seen from outside. NaN at vertices without faces.
     """

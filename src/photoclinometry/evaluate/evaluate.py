@@ -1,13 +1,14 @@
-"""How well a scene explains its own images: Eqs. 39 and 40, keypoint residuals, completeness.
+"""How well a scene explains its images: Eqs. 39 and 40, keypoint residuals, completeness.
 
-Figures are plain numbers in a flat dictionary; each key ends in its unit. `compare.py` measures against
-truth.
+Figures are numbers in a flat dictionary whose keys end in the unit. Comparisons with the truth or another map are in
+`compare.py`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -25,15 +26,16 @@ from photoclinometry.photometry.predict import (
 from photoclinometry.photometry.render import draw_landmarks, landmark_faces, render_view
 
 SHADOW_FRACTION = 0.1
-"""A reference pixel darker than this share of the region's median brightness counts as shadow."""
+"""A reference pixel darker than this share of the region's median brightness is taken for shadow."""
+_LIT_WEIGHT = 0.999
+"""A pixel is lit if all landmarks around it are: interpolation of 0 and 1 stays above this, up to rounding."""
 
 
 def landmark_photometric_error(scene: Scene, *, remove_scale_and_bias: bool = False) -> np.ndarray:
     """Eq. 39 (J,) over the lit observations, dimensionless; NaN without any.
 
-    With `remove_scale_and_bias`, predicted and measured brightness are both taken back to albedo * rho, so
-    that an unknown bias of an uncalibrated image does not flatter or spoil the mean that the error is divided
-    by.
+    With `remove_scale_and_bias`, predicted and measured brightness are both converted to albedo * rho. An unknown
+    bias of an uncalibrated image then does not change the mean by which the error is divided.
     """
     tracks, views = scene.tracks, scene.views
     predicted, measured = observation_brightness(scene), tracks.brightness
@@ -52,9 +54,9 @@ def keypoint_residual_px(scene: Scene) -> np.ndarray:
 def view_psnr(scene: Scene, view: int, image: Image, faces: np.ndarray | None = None) -> dict[str, float]:
     """PSNR (Eq. 40) of a view's rendering against its image, in camera geometry.
 
-    psnr_db: over all valid pixels that the map covers, with the shadows that its relief casts. psnr_lit_db: of those,
-    the pixels between landmarks that were measured lit in this view, so without cast shadows. Brightness 1
-    is the image's greatest valid brightness. NaN where there is no such pixel.
+    psnr_db: over all valid pixels that the map covers, cast shadows included. psnr_lit_db: over those of them between
+    landmarks that are lit in this view, so without cast shadows. The peak is the image's greatest valid brightness.
+    NaN if there is no such pixel.
     """
     faces = landmark_faces(scene) if faces is None else faces
     rendered, mask = render_view(scene, view, faces=faces, cast_shadows=True)
@@ -65,7 +67,7 @@ def view_psnr(scene: Scene, view: int, image: Image, faces: np.ndarray | None = 
     tracks = scene.tracks
     measured = np.zeros(len(scene.landmarks))
     measured[tracks.landmark[(tracks.view == view) & tracks.lit]] = 1.0
-    lit = mask & (draw_landmarks(scene, view, measured, faces)[0] > 0.999)
+    lit = mask & (draw_landmarks(scene, view, measured, faces)[0] > _LIT_WEIGHT)
     brightness = image.brightness.astype(float)
     return {
         "psnr_db": psnr(brightness, rendered, mask, peak),
@@ -76,8 +78,7 @@ def view_psnr(scene: Scene, view: int, image: Image, faces: np.ndarray | None = 
 def lit_region(scene: Scene, image: Image, threshold: float | None = None) -> np.ndarray:
     """(h, w) bool: pixels of the map's grid that are valid and brighter than `threshold` in the reference image.
 
-    threshold: in the image's brightness; default SHADOW_FRACTION of the median over the region's valid
-    pixels.
+    threshold: in the image's unit; default: SHADOW_FRACTION of the median over the region's valid pixels.
     """
     grid = scene.region.grid_slices
     brightness, valid = image.brightness[scene.region.slices][grid], image.valid[scene.region.slices][grid]
@@ -92,10 +93,10 @@ def completeness(scene: Scene, lit: np.ndarray) -> float:
     return float(has[lit].mean()) if lit.any() else float("nan")
 
 
-def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict]:
+def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict[str, Any]]:
     """One row per view: name, keypoints, residuals, brightness residual [% of its mean], scale, bias, PSNR, sigmas.
 
-    images: the views' images in any order; without them, or without a reflectance model, PSNR is left out.
+    images: the views' images in any order; without them, or without a reflectance model, there is no PSNR.
     """
     by_name = _by_name(scene, images)
     tracks, views = scene.tracks, scene.views
@@ -106,7 +107,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     for k, name in enumerate(views.name):
         seen = tracks.view == k
         lit = seen & tracks.lit
-        row: dict = {"name": name, "keypoints": int(seen.sum()), "lit_keypoints": int(lit.sum())}
+        row: dict[str, Any] = {"name": name, "keypoints": int(seen.sum()), "lit_keypoints": int(lit.sum())}
         if seen.any():
             row["keypoint_rms_px"] = _rms(pixel_residual[seen])
         if residual is not None:
@@ -120,17 +121,17 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     return rows
 
 
-def held_out_table(scene: Scene, held_out: Views, images: Sequence[Image] | None = None) -> list[dict]:
-    """One row per view that the scene was not made from: name, held_out, scale, bias, PSNR (Eq. 40).
+def held_out_table(scene: Scene, held_out: Views, images: Sequence[Image] | None = None) -> list[dict[str, Any]]:
+    """One row per view held out of the scene: name, held_out, scale, bias, PSNR (Eq. 40).
 
-    held_out: in the scene's frame. images: any, of which theirs are looked up by name.
+    held_out: views with poses in the scene's frame; images: theirs, among others and in any order.
     """
     joined = replace(scene, views=join_views(scene.views, held_out))
     by_name = _by_name(joined, images)
     faces = landmark_faces(scene)
     rows = []
     for k, name in enumerate(held_out.name):
-        row: dict = {"name": name, "held_out": True}
+        row: dict[str, Any] = {"name": name, "held_out": True}
         if scene.reflectance is not None:
             row |= {"scale": float(held_out.scale[k]), "bias": float(held_out.bias[k])}
             if name in by_name:
@@ -144,13 +145,13 @@ def evaluate_scene(
     scene: Scene,
     images: Sequence[Image] | None = None,
     *,
-    per_view: Sequence[Mapping] | None = None,
-    held_out: Sequence[Mapping] = (),
+    per_view: Sequence[Mapping[str, Any]] | None = None,
+    held_out: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, float]:
-    """The figures of a scene that need no truth (Eqs. 39, 40, and the rest of this file).
+    """The figures of a scene that need no truth.
 
-    per_view: what `view_table(scene, images)` gave, where it is at hand already. held_out: what `held_out_table`
-    gave, for the figures of views that the scene was not made from.
+    per_view: the result of `view_table(scene, images)`, if it was computed already. held_out: the result of
+    `held_out_table`, for the figures of held-out views.
     """
     rows = view_table(scene, images) if per_view is None else per_view
     tracks = scene.tracks

@@ -17,7 +17,6 @@ import numpy as np
 from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION
 from photoclinometry.model.scene import Camera, Image, Scene, Views
 from photoclinometry.photometry.initialize import predicted_ratio, sample_brightness
 from photoclinometry.registration.alignment import align_views, transform_poses
@@ -130,6 +129,7 @@ def _resect_one(scene: Scene, views: Views, k: int, images: Sequence[Image], mat
         region=scene.region,
     )
     depth = landmark_depth(landmarks.position, landmarks.pixel, reference_pose, setup.padded, setup.cameras[0])
+    seen, keypoint, residual = np.zeros(0, int), np.zeros((0, 2)), np.zeros(0)
     for _ in range(2):  # the second time the prediction is good, and what is left to match is small
         setup = replace(setup, body_from_cam=_stacked(reference_pose, pose))
         matches = matcher.match(setup.request(1, depth))
@@ -205,7 +205,7 @@ def _exposure(
     of it is lit.
     """
     model = scene.reflectance
-    if model is None or (scene.brightness == "iof" and model.disk in HAS_PHASE_FUNCTION):
+    if model is None or (scene.brightness == "iof" and model.predicts_absolute_brightness):
         return 1.0, 0.0
     sun = pose.rotation @ views.sun_measured[k]
     alone = replace(views[[k]], body_from_cam=Rigid(pose.rotation[None], pose.translation[None]), sun=sun[None])

@@ -1,6 +1,6 @@
-"""How far a map is from another, and from its images: Eqs. 36-40 as functions of arrays; and how honest sigmas are.
+"""Measures of error as functions of arrays: the paper's Eqs. 36 to 40, and the calibration of standard deviations.
 
-Eqs. 36 to 38 compare maps, Eq. 39 landmarks with the measured brightness, Eq. 40 renderings with images.
+Eqs. 36 to 38 compare maps, Eq. 39 landmarks with measured brightness, Eq. 40 renderings with images.
 """
 
 from __future__ import annotations
@@ -9,11 +9,14 @@ import numpy as np
 
 from photoclinometry.model.geometry import angle_between
 
+_SHARES = ((0.6827, "68"), (0.9545, "95"))
+"""Probability within one and two standard deviations of a normal distribution, and its name in figures."""
+
 
 def spread(values: np.ndarray, name: str, unit: str) -> dict[str, float]:
-    """Mean, median, RMS and 90th percentile of the finite values' sizes, as {name}_mean_{unit} and so on.
+    """Mean, median, RMS and 90th percentile of the absolute finite values, as {name}_mean_{unit} and so on.
 
-    Empty where nothing is finite: a figure that does not exist is left out, never zero.
+    Empty if no value is finite: a figure that does not exist is omitted, never zero.
     """
     finite = np.abs(values[np.isfinite(values)])
     if finite.size == 0:
@@ -29,7 +32,7 @@ def spread(values: np.ndarray, name: str, unit: str) -> dict[str, float]:
 def landmark_error(position: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Distance (n,) of points (n, 3) to the nearest point of a reference map (m, 3) (Eq. 36).
 
-    Between points, so that it is never less than the distance to the surface, and a coarse map makes it larger.
+    It is a distance between points, so never less than that to the surface, and larger for a coarser map.
     """
     from scipy.spatial import KDTree
 
@@ -47,7 +50,7 @@ def albedo_error(albedo: np.ndarray, reference: np.ndarray, factor: float = 1.0)
 
 
 def albedo_factor(albedo: np.ndarray, reference: np.ndarray) -> float:
-    """The one factor that brings relative albedos nearest to the reference: the median of their quotients."""
+    """The factor from relative albedos to the reference: the median of reference / albedo."""
     return float(np.nanmedian(reference / albedo))
 
 
@@ -81,8 +84,8 @@ def psnr(image: np.ndarray, rendered: np.ndarray, mask: np.ndarray, peak: float)
 def normalised_square(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Normalised estimation error squared over its degrees of freedom (n,): e' S^-1 e / d, 1 on average if S is right.
 
-    error: (n, d), or (n,) for d = 1. covariance: what is stated about each error, as (n, d, d) covariances, or as
-    standard deviations, (n, d) along each axis or (n,) the same along all, in the error's unit. NaN where the
+    error: (n, d), or (n,) for d = 1. covariance: that stated for each error, as (n, d, d) covariances, or as
+    standard deviations, (n, d) along each axis or (n,) equal along all, in the error's unit. NaN where the
     covariance is not positive definite, or either is not finite. Raises ValueError for other shapes.
     Bar-Shalom, Li, Kirubarajan (2001), Estimation with Applications to Tracking and Navigation, section 5.4.
     """
@@ -104,11 +107,12 @@ def normalised_square(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def calibration(error: np.ndarray, covariance: np.ndarray, name: str) -> dict[str, float]:
-    """How honest stated uncertainties are; arguments as `normalised_square`. Empty where nothing can be said.
+    """Whether stated uncertainties agree with errors; arguments as `normalised_square`. Empty without usable errors.
 
     {name}_nees: the mean normalised square, 1 if calibrated, above 1 if the errors are larger than stated.
-    {name}_nees_median: the median as a share of the chi-square's own, which outliers do not move. {name}_within_68
-    and _within_95_percent: the share of errors inside the ellipsoids that should hold 68.27 and 95.45 per cent.
+    {name}_nees_median: the median over that of the chi-square distribution, which outliers do not change.
+    {name}_within_68_percent and _within_95_percent: the share of errors inside the ellipsoids that should hold 68.27
+    and 95.45 percent.
     """
     from scipy.stats import chi2
 
@@ -121,7 +125,7 @@ def calibration(error: np.ndarray, covariance: np.ndarray, name: str) -> dict[st
         f"{name}_nees": float(square.mean()),
         f"{name}_nees_median": float(np.median(square) * size / chi2.ppf(0.5, size)),
     }
-    for share, label in ((0.6827, "68"), (0.9545, "95")):
+    for share, label in _SHARES:
         inside = square * size <= chi2.ppf(share, size)
         metrics[f"{name}_within_{label}_percent"] = 100.0 * float(inside.mean())
     return metrics

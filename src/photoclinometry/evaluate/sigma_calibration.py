@@ -1,7 +1,7 @@
-"""Whether the standard deviations that a scene reports are those of its errors.
+"""Comparison of the standard deviations that a scene states with its errors against the truth.
 
-What a scene may report, by the names of `Scene.uncertainty`; each as (n,) alike in all directions, (n, d) along
-each axis, or (n, d, d) covariances:
+The quantities of `Scene.uncertainty`, each as (n,) equal in all directions, (n, d) along each axis, or (n, d, d)
+covariances:
 
     position     d = 3 along B's axes          rotation                d = 3 about C's axes [rad]
     normal, sun  d = 2 in `tangent_basis` of   translation or center   d = 3 along B's axes (camera centres)
@@ -29,14 +29,14 @@ from photoclinometry.surface.relief import local_frame
 
 
 def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, float]:
-    """`metrics.calibration` of everything in `scene.uncertainty` that there is truth for, and of heights over the map's
-    mean plane (`height`): almost all of what positions err by is along the line of sight.
+    """`metrics.calibration` of the quantities in `scene.uncertainty` with known truth, and of heights (`height`).
 
-    true_views: the scene's views, in order; true: the truth behind each landmark, NaN where there is none, both in
-    a frame and unit of their own. The frames are joined by the similarity of least squares between the landmarks,
-    since a scene made from images alone cannot know them; a body-fixed one is taken to be in the truth's frame and unit
-    already, as far as its uncertainties say. albedo_factor: albedo times this is the truth's.
-    Raises InputError for uncertainties of a shape that means nothing.
+    Heights are over the mean plane, since most of the error of positions is along the line of sight.
+
+    true_views: the scene's views, in order; true: the truth behind each landmark, NaN where there is none; both in
+    one frame. A scene made from images alone is aligned with it by least squares over the landmarks. A body-fixed scene
+    is not aligned: the error of its frame belongs to its stated uncertainties. albedo_factor: true albedo over that of
+    the scene. Raises InputError for uncertainties of an invalid shape.
     """
     metrics: dict[str, float] = {}
     if not scene.uncertainty:
@@ -56,7 +56,7 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
 
 
 def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, np.ndarray]:
-    """Estimate minus truth, in the coordinates of the module's table, frame and unit of the scene."""
+    """Estimate minus truth in the coordinates of the module's table, in the frame and unit of the scene."""
     known = np.isfinite(true.position).all(-1)
     scene_from_true = Similarity(1.0, np.eye(3), np.zeros(3))
     if scene.frame != BODY_FIXED:
@@ -81,7 +81,7 @@ def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor
 def tangent_error(direction: np.ndarray, true: np.ndarray) -> np.ndarray:
     """Steps (n, 2) [rad] in `tangent_basis(direction)` from unit vectors (n, 3) to the true ones; NaN stays NaN.
 
-    As long as the angle between the two (the inverse of `sphere_step`).
+    Their length is the angle between the two (the inverse of `sphere_step`).
     """
     across = np.einsum("nij,ni->nj", tangent_basis(direction), true)
     length = np.linalg.norm(across, axis=-1, keepdims=True)

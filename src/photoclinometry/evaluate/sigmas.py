@@ -1,6 +1,6 @@
-"""Stated uncertainties as plain numbers, for tables, maps and files: one standard deviation, units at the end of names.
+"""Stated uncertainties as one standard deviation each, for tables and maps; names end in the unit.
 
-Of directions and positions it is the root of the covariance's trace: the root mean square of the error's length.
+Of directions and positions it is the root of the covariance's trace, the root mean square length of the error.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def along(stated: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def landmark_sigmas(scene: Scene) -> dict[str, np.ndarray]:
-    """(J,) by name, of what the scene states: position and height over the mean plane [GSD], normal [deg], albedo [%].
+    """(J,) by name, if the scene states them: position and height over the mean plane [GSD], normal [deg], albedo [%].
 
     Infinite where nothing was measured.
     """
@@ -44,7 +44,7 @@ def landmark_sigmas(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def view_sigmas(scene: Scene) -> dict[str, np.ndarray]:
-    """(K,) by name, likewise: rotation and Sun [deg], camera centre [GSD], scale [%]."""
+    """(K,) by name, if the scene states them: rotation and Sun [deg], camera centre [GSD], scale [%]."""
     units = {
         "rotation": ("rotation_sigma_deg", np.degrees(1.0)),
         "center": ("center_sigma_gsd", 1.0 / scene.gsd),

@@ -1,4 +1,4 @@
-"""Metrics as tables: flat dictionaries whose keys end in units, read back into rows for people."""
+"""Tables of metrics: from flat dictionaries whose keys end in the unit to rows for people."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import re
 from collections.abc import Mapping, Sequence
 
 STATISTICS = ("mean", "median", "rms", "p90")
+_LARGEST_WHOLE = 1e15
+"""Whole numbers above have more digits than a double keeps; they are shown in scientific notation."""
 _SPREAD = re.compile(rf"(?P<name>.+)_(?P<statistic>{'|'.join(STATISTICS)})_(?P<unit>.+)")
 _UNITS = {
     "percent_of_brightness": "% of brightness",
@@ -23,7 +25,7 @@ _UNITS = {
 
 
 def metric_rows(metrics: Mapping[str, float]) -> tuple[list[tuple[str, ...]], list[tuple[str, str]]]:
-    """Rows (quantity, unit, mean, median, RMS, 90 %) and rows (quantity, value with unit), in given order."""
+    """Rows (quantity, unit, mean, median, RMS, 90 %) and rows (quantity, value with unit), in the given order."""
     spreads: dict[tuple[str, str], dict[str, float]] = {}
     singles = []
     complete = {(m["name"], m["unit"]) for key in metrics if (m := _SPREAD.fullmatch(key)) and m["statistic"] == "rms"}
@@ -42,7 +44,7 @@ def metric_rows(metrics: Mapping[str, float]) -> tuple[list[tuple[str, ...]], li
 
 
 def split_unit(key: str) -> tuple[str, str]:
-    """ "psnr_mean_db" -> ("psnr_mean", "dB"); a key without a known unit comes back whole."""
+    """ "psnr_mean_db" -> ("psnr_mean", "dB"); a key without a known unit is returned unchanged."""
     for unit, shown in _UNITS.items():
         if key.endswith(f"_{unit}"):
             return key.removesuffix(f"_{unit}"), shown
@@ -56,18 +58,18 @@ def words(name: str) -> str:
 
 
 def number(value: float | int | str | None) -> str:
-    """Four significant digits; whole numbers whole; a dash for nothing."""
+    """Four significant digits; whole numbers in full; a dash for None and NaN."""
     if value is None or value != value:
         return "–"
     if isinstance(value, str):
         return value
-    if float(value).is_integer() and abs(value) < 1e15:
+    if float(value).is_integer() and abs(value) < _LARGEST_WHOLE:
         return f"{int(value):,}".replace(",", "\u202f")
     return f"{value:.4g}"
 
 
 def json_numbers(metrics: Mapping[str, float]) -> dict[str, float | None]:
-    """JSON has no infinity and no NaN: such figures become null."""
+    """The metrics for JSON, which has no infinity and no NaN: these become null."""
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in metrics.items()
     }
@@ -85,6 +87,6 @@ def markdown(metrics: Mapping[str, float], title: str) -> str:
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a Markdown table, the first column of words, the others of numbers; an empty line at the end."""
+    """Lines of a Markdown table and an empty line. The first column is aligned left, the others right."""
     shown = [head, ("---", *["---:"] * (len(head) - 1)), *rows]
     return [f"| {' | '.join(row)} |" for row in shown] + [""]

@@ -1,4 +1,4 @@
-"""From what archives hold to a site: images, cameras, Sun directions, pose priors.
+"""From archived images to a site: images, cameras, Sun directions, pose priors.
 
-io/archive.py -> facts (labels) -> detector (intrinsics) -> geometry (Sun, pose) -> upright images -> site.toml
+io/archives -> facts (label) -> optics (detector) -> geometry (Sun, pose) -> upright images -> site.toml
 """

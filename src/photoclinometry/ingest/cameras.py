@@ -1,103 +1,21 @@
-"""A small table of cameras that have looked at small bodies, for images whose labels and kernels do not give them.
+"""Table of cameras of missions to small bodies, for images whose labels and kernels do not give the intrinsics.
 
-Each entry names its source. Samples and lines are those of the archive's files, in the order of the bytes.
+Each entry names its source. Samples and lines are in the order of the bytes of the archive's files.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-from photoclinometry.ingest.detector import Detector, windowed
-from photoclinometry.ingest.distortion import BrownConrady, Radial, Undoing
+from photoclinometry.ingest.detector import Detector
+from photoclinometry.ingest.distortion import BrownConrady, InverseRadial, Radial
 from photoclinometry.ingest.facts import Facts
-from photoclinometry.io.archives.product import Window
+from photoclinometry.ingest.known_camera import KnownCamera
 from photoclinometry.model.errors import InputError
 
 
-@dataclass(frozen=True, kw_only=True)
-class KnownCamera:
-    """One camera; figures that depend on the filter stand in `filters`."""
-
-    name: str
-    detector: Detector
-    """For the files of the archive."""
-    instruments: tuple[str, ...]
-    """How labels call it, in upper case."""
-    spacecraft: tuple[str, ...]
-    """How labels call its spacecraft, in upper case; one of them must be in the label, if it names any."""
-    spacecraft_code: int
-    code: int
-    """NAIF's number of the instrument."""
-    source: str
-    filters: dict[str, Detector] = field(default_factory=dict)
-    """By the filter's name in upper case."""
-    filter_codes: dict[str, int] = field(default_factory=dict)
-    cube_lines_turned: bool = False
-    """Whether ISIS's cubes have the lines of the archive's files in opposite order."""
-    display: tuple[tuple[bool, bool], ...] = ()
-    """What labels may say of (lines up, samples left) in the order of `detector`; what else they say is a mistake."""
-    delay_s: float = 0.0
-    """From the label's clock count to the beginning of the exposure."""
-    raw_lines: int | None = None
-    """Lines of files whose pixels are taller, over the same field of view."""
-    saturation: float | None = None
-    """Lowest raw DN that is saturated, for detectors with fewer bits than their files."""
-
-
-def known_camera(facts: Facts) -> KnownCamera | None:
-    """The table's entry for what a label calls instrument and spacecraft."""
-    instrument, spacecraft = (facts.instrument or "").upper(), (facts.spacecraft or "").upper()
-    for camera in CAMERAS.values():
-        if instrument in camera.instruments and (
-            not spacecraft or any(name in spacecraft for name in camera.spacecraft)
-        ):
-            return camera
-    return None
-
-
-def camera_named(name: str) -> KnownCamera:
-    """The table's entry of a name. Raises InputError that lists the names."""
-    if name not in CAMERAS:
-        raise InputError(f"there is no camera {name!r} in the table; there are {', '.join(CAMERAS)}")
-    return CAMERAS[name]
-
-
-def detector_for(camera: KnownCamera, filter_name: str | None) -> Detector:
-    """The camera's whole detector with that filter, for the files of the archive."""
-    return camera.filters.get(filter_key(filter_name), camera.detector)
-
-
-def fitted(detector: Detector, width: int, height: int, raw_lines: int | None = None) -> Detector:
-    """The detector for an image of width x height: whole, binned by a whole number, or with taller pixels.
-
-    Raises InputError for other sizes, which nothing tells where they lie on the detector.
-    """
-    if (width, height) == (detector.width, detector.height):
-        return detector
-    if (width, height) == (detector.width, raw_lines):
-        return windowed(detector, Window((0.0, 0.0), (1.0, detector.height / height)), width, height)
-    binning = detector.width // width
-    if binning < 1 or (width * binning, height * binning) != (detector.width, detector.height):
-        raise InputError(
-            f"the image is {width} x {height} pixels, but its camera has {detector.width} x {detector.height}, and the "
-            "label does not say which part this is: give the whole image, or the intrinsics with --pinhole"
-        )
-    return windowed(detector, Window((0.0, 0.0), (float(binning), float(binning))), width, height)
-
-
-def filter_key(name: str | None) -> str:
-    """Filters as the table calls them: "NIR_F6" is "6"."""
-    text = (name or "").strip().upper()
-    return text[-1] if text[:-1].endswith("_F") or text[:-1] == "F" else text
-
-
-def code_for(camera: KnownCamera, filter_name: str | None) -> int:
-    """NAIF's number of the camera with that filter."""
-    return camera.filter_codes.get(filter_key(filter_name), camera.code)
-
-
 def _dawn(number: int, distortion: tuple[float, ...]) -> KnownCamera:
-    """FC1 or FC2: 8 filters, each with its focal length and distortion (E1 * 1e6 per mm^2)."""
+    """FC1 or FC2 with 8 filters; distortion: the kernel's E1 of each [1e-6 / mm^2]."""
     focal = (150.07, 150.11, 150.04, 150.12, 150.16, 150.08, 150.06, 150.38)
     base = Detector(
         width=1024,
@@ -136,13 +54,15 @@ _OCAMS = Detector(
     center=(512.0, 512.0),
     axes=((0.0, 1.0), (1.0, 0.0)),
 )
-_NAVCAM_K = ((-0.53766, 0.37526, -0.18368, 0.0, 0.0, 0.0), (2.3432e-4, 9.0875e-4))
-_NFTCAM_K = ((-0.53831, 0.38214, -0.20281, 0.0, 0.0, 0.0), (-6.2239e-4, -1.2388e-4))
+# OpenCV's k1 ... k6, and p1, p2.
+_NAVCAM_TERMS = ((-0.53766, 0.37526, -0.18368, 0.0, 0.0, 0.0), (2.3432e-4, 9.0875e-4))
+_NFTCAM_TERMS = ((-0.53831, 0.38214, -0.20281, 0.0, 0.0, 0.0), (-6.2239e-4, -1.2388e-4))
 
 
 def _ocams_radial(k: tuple[float, ...], center: tuple[float, float]) -> Radial:
-    """Of an addendum's OD_K [mm^-i] and OD_CENTER (sample, line from 1), for a detector whose middle is 512.5."""
-    return Radial(k, ((center[0] - 512.5) * 0.0085, (center[1] - 512.5) * 0.0085))
+    """The distortion of an ISIS addendum: OD_K [mm^-i] and OD_CENTER (sample, line, counted from 1)."""
+    x, y = ((c - 0.5 - middle) * pitch for c, middle, pitch in zip(center, _OCAMS.center, _OCAMS.pitch_mm, strict=True))
+    return Radial(k, (x, y))
 
 
 def _mapcam() -> KnownCamera:
@@ -195,7 +115,16 @@ def _samcam() -> KnownCamera:
     )
 
 
-def _tagcams(name: str, instrument: str, code: int, focal: float, center, focal_px, terms) -> KnownCamera:
+def _tagcams(
+    name: str,
+    instrument: str,
+    code: int,
+    focal: float,
+    center: tuple[float, float],
+    focal_px: tuple[float, float],
+    terms: tuple[tuple[float, ...], tuple[float, float]],
+) -> KnownCamera:
+    """focal: nominal [mm]; center (sample, line, counted from 1), focal_px, terms: those of OpenCV's model."""
     pitch = 0.0022
     stretch = (focal_px[0] * pitch / focal, focal_px[1] * pitch / focal)
     return KnownCamera(
@@ -252,7 +181,7 @@ def _amica() -> KnownCamera:
             pitch_mm=(0.012, 0.012),
             center=(512.0, 512.0),
             axes=((1.0, 0.0), (0.0, 1.0)),
-            distortion=Undoing((0.0, 0.0, 2.8e-5)),
+            distortion=InverseRadial((0.0, 0.0, 2.8e-5)),
         ),
         instruments=("AMICA",),
         spacecraft=("HAYABUSA",),
@@ -264,7 +193,7 @@ def _amica() -> KnownCamera:
 
 
 def _onc(name: str, instrument: str, code: int, focal: float, cubic: float, quintic: float) -> KnownCamera:
-    """cubic, quintic: a3 [px^-2], a5 [px^-4] of R' = R + a3 R^3 + a5 R^5, from measured to corrected radius."""
+    """focal [mm]; cubic, quintic: a3 [px^-2], a5 [px^-4] of R' = R + a3 R^3 + a5 R^5, from measured to ideal radius."""
     pitch = 0.013
     return KnownCamera(
         name=name,
@@ -274,7 +203,7 @@ def _onc(name: str, instrument: str, code: int, focal: float, cubic: float, quin
             focal_mm=focal,
             pitch_mm=(pitch, pitch),
             center=(512.0, 512.0),
-            distortion=Undoing((0.0, 0.0, -cubic / pitch**2, 0.0, -quintic / pitch**4)),
+            distortion=InverseRadial((0.0, 0.0, -cubic / pitch**2, 0.0, -quintic / pitch**4)),
         ),
         instruments=(instrument, instrument.replace("-", "_"), instrument.replace("-", "")),
         spacecraft=("HAYABUSA2", "HAYABUSA-2", "HAYABUSA 2"),
@@ -285,7 +214,10 @@ def _onc(name: str, instrument: str, code: int, focal: float, cubic: float, quin
     )
 
 
-def _rosetta(name, instruments, code, focal, pitch, size, source) -> KnownCamera:
+def _rosetta(
+    name: str, instruments: tuple[str, ...], code: int, focal: float, pitch: float, size: int, source: str
+) -> KnownCamera:
+    """focal, pitch [mm]; size: samples and lines."""
     return KnownCamera(
         name=name,
         detector=Detector(
@@ -308,8 +240,8 @@ CAMERAS = {
         _mapcam(),
         _polycam(),
         _samcam(),
-        _tagcams("orex-navcam", "NAVCAM", -64081, 7.64, (1269.083, 950.747), (3473.26, 3473.321), _NAVCAM_K),
-        _tagcams("orex-nftcam", "NFTCAM", -64082, 7.61, (1310.53, 969.487), (3462.53, 3462.532), _NFTCAM_K),
+        _tagcams("orex-navcam", "NAVCAM", -64081, 7.64, (1269.083, 950.747), (3473.26, 3473.321), _NAVCAM_TERMS),
+        _tagcams("orex-nftcam", "NFTCAM", -64082, 7.61, (1310.53, 969.487), (3462.53, 3462.532), _NFTCAM_TERMS),
         _msi(),
         _amica(),
         _onc("hayabusa2-onc-t", "ONC-T", -37100, 121.1, -9.28e-9, 0.0),
@@ -344,4 +276,22 @@ CAMERAS = {
         ),
     )
 }
-"""By name; `phomo ingest --camera NAME` takes one by hand."""
+"""By name, as for `phomo ingest --camera NAME`."""
+
+
+def known_camera(facts: Facts) -> KnownCamera | None:
+    """The entry for the instrument and spacecraft of a label; None if there is none."""
+    instrument, spacecraft = (facts.instrument or "").upper(), (facts.spacecraft or "").upper()
+    for camera in CAMERAS.values():
+        if instrument in camera.instruments and (
+            not spacecraft or any(name in spacecraft for name in camera.spacecraft)
+        ):
+            return camera
+    return None
+
+
+def camera_named(name: str) -> KnownCamera:
+    """The entry of that name. Raises InputError that lists all names."""
+    if name not in CAMERAS:
+        raise InputError(f"there is no camera {name!r} in the table; known: {', '.join(CAMERAS)}")
+    return CAMERAS[name]

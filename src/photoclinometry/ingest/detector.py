@@ -1,6 +1,6 @@
-"""From a detector as it is mounted to an upright pinhole: axes, mirror images, crops, binning, distortion.
+"""The detector of a camera, and the upright pinhole camera that it amounts to: axes, mirroring, crops, binning.
 
-Pixels are the package's, (0.5, 0.5) in the middle of the first line's first sample, here in the order of the file.
+Pixels are in the order of the file, with (0.5, 0.5) in the middle of the first line's first sample.
 """
 
 from __future__ import annotations
@@ -15,40 +15,42 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Camera
 
 _SKEW_TOLERANCE = 1e-3
+"""Cosine between the axes of a detector up to which they count as perpendicular: 0.5 px in 500 px."""
 BORESIGHT_Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""`Detector.frame` of an instrument whose frame is that of the focal plane."""
 NEGLIGIBLE_PX = 0.01
-"""Displacements below are not worth resampling an image for."""
+"""Distortion below this is ignored: resampling would cost more accuracy [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Detector:
-    """A camera's optics, and how its pixels lie on the focal plane."""
+    """The optics of a camera, and the place of its pixels on the focal plane."""
 
     width: int
     height: int
     focal_mm: float
     pitch_mm: tuple[float, float]
-    """Distance of neighbouring samples, and of neighbouring lines."""
+    """Distance of neighbouring samples, and of neighbouring lines [mm]."""
     center: tuple[float, float]
-    """Pixel of the boresight (the principal point)."""
+    """Pixel coordinates of the boresight (the principal point)."""
     axes: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
-    """Directions (x, y) on the focal plane in which samples and lines grow; unit vectors at right angles."""
+    """Directions (x, y) on the focal plane in which samples and lines increase; perpendicular unit vectors."""
     frame: tuple[tuple[float, float, float], ...] = BORESIGHT_Z
-    """Rows: the focal plane's x and y, and the boresight, in the instrument's frame."""
+    """Rows: the x and y axes of the focal plane, and the boresight, in the instrument's frame."""
     distortion: Distortion | None = None
 
     @property
     def mirrored(self) -> bool:
-        """Whether samples to the right and lines down show the scene as in a mirror."""
+        """Whether the image is mirrored if samples run right and lines run down."""
         return bool(np.linalg.det(self.axes) < 0)
 
 
 def detector_of_matrix(matrix: np.ndarray, **figures) -> Detector:
-    """A detector from (2, 2) pixels per mm: (sample, line) grow by matrix @ (x, y). Raises InputError if skewed."""
+    """A detector with (sample, line) = matrix (2, 2) @ (x, y) [px/mm]. Raises InputError if the axes are skewed."""
     matrix = np.asarray(matrix, float)
     length = np.linalg.norm(matrix, axis=1)
     if not (np.isfinite(matrix).all() and (length > 0).all()):
-        raise InputError(f"pixels per mm {matrix.tolist()} are no numbers or zero; correct the camera")
+        raise InputError(f"pixels per mm {matrix.tolist()} are zero or not finite; correct the camera")
     axes = matrix / length[:, None]
     if abs(axes[0] @ axes[1]) > _SKEW_TOLERANCE:
         raise InputError(f"the detector's axes {axes.tolist()} are not at right angles; correct the camera")
@@ -56,7 +58,7 @@ def detector_of_matrix(matrix: np.ndarray, **figures) -> Detector:
 
 
 def windowed(detector: Detector, window: Window, width: int, height: int) -> Detector:
-    """The detector of an image of width x height that shows a window of it."""
+    """The detector for an image of width x height that shows a window of it."""
     (x0, y0), (dx, dy) = window.start, window.step
     return replace(
         detector,
@@ -67,8 +69,27 @@ def windowed(detector: Detector, window: Window, width: int, height: int) -> Det
     )
 
 
+def fitted(detector: Detector, width: int, height: int, raw_lines: int | None = None) -> Detector:
+    """The detector for an image of width x height: the whole, binned by a whole number, or with taller pixels.
+
+    raw_lines: lines of images with taller pixels. Raises InputError for other sizes, whose place on the detector is
+    unknown.
+    """
+    if (width, height) == (detector.width, detector.height):
+        return detector
+    if (width, height) == (detector.width, raw_lines):
+        return windowed(detector, Window((0.0, 0.0), (1.0, detector.height / height)), width, height)
+    binning = detector.width // width
+    if binning < 1 or (width * binning, height * binning) != (detector.width, detector.height):
+        raise InputError(
+            f"the image is {width} x {height} pixels, but its camera has {detector.width} x {detector.height}, and the "
+            "label does not give the part shown: give the whole image, or the intrinsics with --pinhole"
+        )
+    return windowed(detector, Window((0.0, 0.0), (float(binning), float(binning))), width, height)
+
+
 def turned_about(detector: Detector, *, lines: bool, samples: bool) -> Detector:
-    """The same detector for an image whose lines or samples run the other way."""
+    """The same detector for an image with its lines or samples in reverse order."""
     sample, line = (np.array(axis) for axis in detector.axes)
     x, y = detector.center
     signs = (-1.0 if samples else 1.0, -1.0 if lines else 1.0)
@@ -81,15 +102,15 @@ def turned_about(detector: Detector, *, lines: bool, samples: bool) -> Detector:
 
 
 def upright(detector: Detector) -> tuple[Camera, np.ndarray, bool]:
-    """The pinhole camera, (3, 3) cam_from_instrument, and whether its image's lines run against the file's.
+    """The pinhole camera, (3, 3) cam_from_instrument, and whether the lines of the file must be reversed for it.
 
-    Frame C has x along the samples, y along the lines as they then run, z along the boresight.
+    Frame C has x along the samples, y along the (reversed) lines, z along the boresight.
     """
     flip = detector.mirrored
     straight = turned_about(detector, lines=True, samples=False) if flip else detector
     turn = np.eye(3)
     turn[:2, :2] = straight.axes
-    # Axes that are skew by a hair make no rotation: the nearest one is taken.
+    # The nearest rotation, since published axes are perpendicular only up to rounding.
     u, _, vt = np.linalg.svd(turn @ np.array(detector.frame))
     focal = (detector.focal_mm / detector.pitch_mm[0], detector.focal_mm / detector.pitch_mm[1])
     camera = Camera("PINHOLE", detector.width, detector.height, (*focal, *straight.center))
@@ -97,7 +118,7 @@ def upright(detector: Detector) -> tuple[Camera, np.ndarray, bool]:
 
 
 def seen_pixels(detector: Detector, ideal: np.ndarray) -> np.ndarray:
-    """Pixels (..., 2) of the file where the ideal (pinhole) pixels (..., 2) of the file are seen. Raises InputError."""
+    """Observed pixels (..., 2) of ideal (pinhole) pixels (..., 2), both of the file. Raises InputError."""
     if detector.distortion is None:
         return np.asarray(ideal, float)
     center, pitch = np.array(detector.center), np.array(detector.pitch_mm)
@@ -105,7 +126,7 @@ def seen_pixels(detector: Detector, ideal: np.ndarray) -> np.ndarray:
 
 
 def displacement(detector: Detector) -> tuple[np.ndarray, float]:
-    """(height, width, 2) pixels of the file to look at for each pixel of an undistorted image, and the farthest way."""
+    """(height, width, 2) observed pixel of every pixel of the undistorted image, and the largest displacement [px]."""
     x, y = np.meshgrid(np.arange(detector.width) + 0.5, np.arange(detector.height) + 0.5)
     ideal = np.stack([x, y], -1)
     seen = seen_pixels(detector, ideal)

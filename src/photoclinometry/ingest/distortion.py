@@ -1,7 +1,7 @@
-"""How optics displace points of the focal plane.
+"""Distortion of the focal plane: from the ideal (pinhole) point to the point observed.
 
-All models take points (..., 2) on the focal plane [mm], relative to the principal point, x along a detector's samples
-and y along its lines, and are asked for one thing: where an ideal (pinhole) point is seen.
+Points (..., 2) are on the focal plane [mm], relative to the principal point, x along a detector's samples and y along
+its lines.
 """
 
 from __future__ import annotations
@@ -14,23 +14,27 @@ import numpy as np
 from photoclinometry.model.errors import InputError
 
 _STEPS = 50
+"""Iterations of `InverseRadial.distort`; wide-angle cameras need 16."""
 _TOLERANCE_MM = 1e-9
+"""Last step of that iteration: 1e-7 px of a 10-micron pixel."""
+_DIVERGED = 10.0
+"""The iteration fails once a point is this many times farther out than the ideal points."""
 
 
 class Distortion(Protocol):
-    """Anything that tells where ideal points are seen."""
+    """A distortion model."""
 
     def distort(self, ideal: np.ndarray) -> np.ndarray:
-        """Points (..., 2) [mm] where the ideal points (..., 2) [mm] are seen."""
+        """Observed points (..., 2) [mm] of ideal points (..., 2) [mm]."""
         ...
 
 
 @dataclass(frozen=True)
 class Radial:
-    """seen - ideal = (ideal - center) sum_i k_i r^i, r = |ideal - center| [mm].
+    """observed - ideal = (ideal - center) sum_i k_i r^i, r = |ideal - center| [mm].
 
-    Dawn FC's instrument kernel ("Optical Distortion") has k_2 alone; OCAMS's has
-    k_0 ... k_4 about a centre of its own (ISIS, OsirisRexDistortionMap).
+    Dawn FC's instrument kernel ("Optical Distortion") has k_2 alone; OCAMS's has k_0 ... k_4 about a centre other
+    than the principal point (ISIS, OsirisRexDistortionMap).
     """
 
     coefficients: tuple[float, ...]
@@ -46,43 +50,44 @@ class Radial:
 
 
 @dataclass(frozen=True)
-class Undoing:
-    """A model that is written the other way: ideal - seen = -(seen - center) sum_i k_i r^i, r = |seen - center|.
+class InverseRadial:
+    """A radial model of the correction: ideal - observed = -(observed - center) sum_i k_i r^i, r = |observed - center|.
 
     ISIS's RadialDistortionMap (AMICA: k_2 = 2.8e-5 mm^-2 of Ishiguro et al. 2010, Icarus 207, 714). Inverted by
-    fixed-point iteration, which contracts as long as the displacement changes by less than its distance.
+    fixed-point iteration, which converges where the displacement's derivative is below 1.
     """
 
     coefficients: tuple[float, ...]
+    """k_0, k_1, ... [mm^-i]."""
     center_mm: tuple[float, float] = (0.0, 0.0)
 
-    def undistort(self, seen: np.ndarray) -> np.ndarray:
-        """Ideal points (..., 2) of points seen (..., 2) [mm]."""
-        offset = seen - np.array(self.center_mm)
+    def undistort(self, observed: np.ndarray) -> np.ndarray:
+        """Ideal points (..., 2) of observed points (..., 2) [mm]."""
+        offset = observed - np.array(self.center_mm)
         radius = np.linalg.norm(offset, axis=-1, keepdims=True)
-        return seen - offset * np.polynomial.polynomial.polyval(radius, self.coefficients)
+        return observed - offset * np.polynomial.polynomial.polyval(radius, self.coefficients)
 
     def distort(self, ideal: np.ndarray) -> np.ndarray:
-        """Raises InputError where the coefficients are too wild to be inverted."""
-        seen = np.array(ideal, float)
-        farthest = 10.0 * (1.0 + np.abs(ideal).max(initial=0.0))
+        """Raises InputError if the iteration does not converge."""
+        observed = np.array(ideal, float)
+        farthest = _DIVERGED * (1.0 + np.abs(ideal).max(initial=0.0))
         for _ in range(_STEPS):
-            step = ideal - self.undistort(seen)
-            seen = seen + step
+            step = ideal - self.undistort(observed)
+            observed = observed + step
             if np.abs(step).max(initial=0.0) < _TOLERANCE_MM:
-                return seen
-            if np.abs(seen).max() > farthest:
+                return observed
+            if np.abs(observed).max() > farthest:
                 break
         raise InputError(f"the distortion {self.coefficients} cannot be inverted on this detector; correct the camera")
 
 
 @dataclass(frozen=True)
 class Mirrored:
-    """The same optics for samples or lines that run the other way."""
+    """Another model, for samples or lines in reverse order."""
 
     inner: Distortion
     signs: tuple[float, float]
-    """-1 for the axis that is turned about, else 1."""
+    """-1 for a reversed axis, else 1."""
 
     def distort(self, ideal: np.ndarray) -> np.ndarray:
         signs = np.array(self.signs)
@@ -98,10 +103,11 @@ class BrownConrady:
 
     focal_mm: float
     k: tuple[float, ...]
-    """(6,)."""
+    """k1 ... k6 (6,), radial."""
     p: tuple[float, float]
+    """p1, p2, tangential."""
     stretch: tuple[float, float] = (1.0, 1.0)
-    """fx, fy of the model over its nominal focal length in pixels."""
+    """fx, fy of the model divided by the nominal focal length in pixels."""
 
     def distort(self, ideal: np.ndarray) -> np.ndarray:
         x, y = np.moveaxis(ideal / self.focal_mm, -1, 0)
@@ -109,6 +115,6 @@ class BrownConrady:
         k1, k2, k3, k4, k5, k6 = self.k
         radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
         p1, p2 = self.p
-        seen_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-        seen_y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-        return np.stack([seen_x, seen_y], -1) * self.focal_mm * np.array(self.stretch)
+        observed_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        observed_y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        return np.stack([observed_x, observed_y], -1) * self.focal_mm * np.array(self.stretch)

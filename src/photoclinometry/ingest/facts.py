@@ -1,4 +1,4 @@
-"""What a label says about an exposure, in one vocabulary, whatever the format."""
+"""The facts about an exposure in its label, under the same names for all formats."""
 
 from __future__ import annotations
 
@@ -7,18 +7,26 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from photoclinometry.ingest.radiometry import AU_KM
 from photoclinometry.io.archives.product import Product
 from photoclinometry.io.archives.pvl import Block, Quantity
 
-_AU_KM = 149_597_870.7
-_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "millisec": 1e-3, "msec": 1e-3}
-_SECONDS |= {"millisecond": 1e-3, "milliseconds": 1e-3, "microsec": 1e-6, "us": 1e-6}
-_SILENT = ("N/A", "NULL", "UNK", "NONE", "")
+_LARGEST_AU = 1000.0
+"""Distances below are in astronomical units, distances above in kilometres."""
+_FARTHEST_KM = 1e12
+"""Larger distances are damage: 6,700 astronomical units."""
+_SECONDS = {
+    **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millisec", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "microsec"), 1e-6),
+}
+"""Units of durations in labels, in seconds."""
+_MISSING = ("N/A", "NULL", "UNK", "NONE", "")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """One exposure; None where the label says nothing."""
+    """One exposure; None where the label has no value."""
 
     spacecraft: str | None = None
     instrument: str | None = None
@@ -29,14 +37,14 @@ class Facts:
     """UTC of the exposure's beginning."""
     exposure_s: float | None = None
     clock: str | None = None
-    """The spacecraft clock's reading at the beginning."""
+    """The spacecraft clock at the beginning, as written."""
     unit: str | None = None
-    """"iof", "radiance", or "dn" where the label says so."""
+    """Unit of the pixels: "iof", "radiance" or "dn"."""
     sun_distance_km: float | None = None
     frame_code: int | None = None
-    """NAIF's number of the instrument (ISIS)."""
+    """NAIF identifier of the instrument (ISIS)."""
     scanner: bool = False
-    """Whether the image was swept line by line."""
+    """Whether the camera is a line scanner."""
 
 
 _KEYS = {
@@ -54,7 +62,7 @@ _SCANNERS = ("HRSC", "LROC", "NACL", "NACR", "TC1", "TC2", "CTX", "HIRISE", "MOC
 
 
 def read_facts(product: Product) -> Facts:
-    """The facts of a product's label; all None for a plain image."""
+    """The facts in a product's label; all None for a plain image."""
     label = product.label
     found = {fact: _first(label, keys) for fact, keys in _KEYS.items()}
     instrument = _text(found["instrument"])
@@ -87,7 +95,7 @@ def label_block(label: Block, name: str) -> Block | None:
 def _first(label: Block, keys: tuple[str, ...]) -> Any:
     for key in keys:
         value = label.find(key)
-        if value is not None and str(value).strip().upper() not in _SILENT:
+        if value is not None and str(value).strip().upper() not in _MISSING:
             return value
     return None
 
@@ -102,7 +110,7 @@ def _text(value: Any) -> str | None:
 
 
 def _body(name: str | None) -> str | None:
-    """Without number and brackets: "1 CERES", "(433) Eros", "101955 BENNU (1999 RQ36)"."""
+    """The name without number and brackets, as in "1 CERES", "(433) Eros", "101955 BENNU (1999 RQ36)"."""
     if name is None:
         return None
     bare = re.sub(r"\([^)]*\)|^\s*\d+\s+", "", name).strip().lower()
@@ -120,10 +128,10 @@ def _seconds(value: Any, product: Product) -> float | None:
     if not isinstance(value, int | float) or isinstance(value, bool):
         return None
     # PDS3's dictionary has milliseconds for EXPOSURE_DURATION, FITS and ISIS have seconds; NEAR's headers count in ms.
-    usual = float(value) * (1e-3 if product.kind == "PDS3" or product.label.get("NEAR-010") is not None else 1.0)
+    by_format = float(value) * (1e-3 if product.kind == "PDS3" or product.label.get("NEAR-010") is not None else 1.0)
     between = _seconds_between(_text(product.label.find("START_TIME")), _text(product.label.find("STOP_TIME")))
-    # Rosetta's NavCam means seconds all the same: start and stop tell.
-    return usual if between is None or abs(usual - between) <= abs(value - between) else float(value)
+    # Labels of Rosetta's NavCam give seconds nevertheless, as start and stop times show.
+    return by_format if between is None or abs(by_format - between) <= abs(value - between) else float(value)
 
 
 def _seconds_between(start: str | None, stop: str | None) -> float | None:
@@ -146,15 +154,15 @@ def time_of(text: str | None) -> datetime | None:
 
 
 def _distance_km(value: Any) -> float | None:
-    """Distances below 1000 can only be astronomical units."""
+    """A distance in km or astronomical units, distinguished by size."""
     number = getattr(value, "value", value)
-    if not isinstance(number, int | float) or isinstance(number, bool) or not 0 < number < 1e12:
+    if not isinstance(number, int | float) or isinstance(number, bool) or not 0 < number < _FARTHEST_KM:
         return None
-    return float(number) * (_AU_KM if number < 1000 else 1.0)
+    return float(number) * (AU_KM if number < _LARGEST_AU else 1.0)
 
 
 _NEAR_UNITS = {"0": "dn", "1": "radiance", "2": "iof"}
-"""NEAR-013, calibration; BUNIT is not to be trusted there."""
+"""By the keyword NEAR-013, calibration; BUNIT is often wrong in these files."""
 
 
 def _unit(product: Product) -> str | None:
@@ -166,12 +174,12 @@ def _unit(product: Product) -> str | None:
 
 
 def _unit_of_name(product: Product) -> str | None:
-    """OCAMS's cubes say what they are in their names alone. Integers, as in PNG, are stretched somehow."""
+    """The unit of OCAMS's cubes, which only their names give. PNG files are excluded: their integers are stretched."""
     return "iof" if product.kind in ("ISIS", "FITS") and "_iof" in product.path.name.lower() else None
 
 
 def _unit_of_words(label: Block) -> str | None:
-    said = " ".join(
+    text = " ".join(
         str(label.find(key) or "")
         for key in (
             "RADIOMETRICTYPE",
@@ -185,10 +193,10 @@ def _unit_of_words(label: Block) -> str | None:
             "DATA_SET_ID",
         )
     ).upper()
-    words = set(re.split(r"[^A-Z0-9/]+", said)) | set(re.split(r"[^A-Z0-9]+", said))
-    if words & {"IOF", "I/F", "REFLECTANCE", "REFL"} or "IOFL2" in said:
+    words = set(re.split(r"[^A-Z0-9/]+", text)) | set(re.split(r"[^A-Z0-9]+", text))
+    if words & {"IOF", "I/F", "REFLECTANCE", "REFL"} or "IOFL2" in text:
         return "iof"
-    if words & {"RADIANCE", "SR", "STR"} or "W/" in said:
+    if words & {"RADIANCE", "SR", "STR"} or "W/" in text:
         return "radiance"
     return "dn" if words & {"DN", "DU", "RAW_INSTRUMENT_COUNT", "EDR", "COUNTS", "ADU"} else None
 

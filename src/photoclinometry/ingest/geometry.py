@@ -1,8 +1,9 @@
-"""Where the camera was and where the Sun stood, from whichever source tells, in one form."""
+"""Pose and Sun of one exposure, from SPICE kernels, ISIS tables, a SUMFILE or a label."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,26 +14,35 @@ from photoclinometry.io.spice import Kernels
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, unit
 
-METRES = 1000.0
-"""Metres in a kilometre: sites are in metres, kernels, tables and SUMFILEs in kilometres."""
+_M_PER_KM = 1000.0
+"""Sites are in metres; kernels, tables and SUMFILEs are in kilometres."""
+_LARGEST_VALUE = 1e15
+"""Numbers of a table beyond this (positions in km, quaternions) are damage."""
+_SMALLEST_NORM = 1e-9
+"""A row of a table below this length is empty."""
+_ROTATION_TOLERANCE = 1e-6
+"""Rotation matrices written with seven digits are this near to orthonormal."""
+_QUATERNION_LENGTH = (0.9, 1.1)
+"""Quaternions are normalised; outside of this range they are something else."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Geometry:
-    """One exposure, in the instrument's own frame."""
+    """Pose and Sun of one exposure, in the instrument's frame."""
 
     sun: np.ndarray
     """(3,) unit vector from the body towards the Sun."""
     instrument_from_body: Rigid | None
-    """[m]; None where only the Sun is known."""
+    """Pose [m]; None if only the Sun is known."""
     source: str
+    """For people: where pose and Sun are from."""
     sun_distance_km: float | None = None
     position_sigma_m: float | None = None
-    """Where the source says how good the position is."""
+    """Standard deviation of the position, if the source gives it."""
     pointing_sigma_rad: float | None = None
 
     def turned(self, cam_from_instrument: np.ndarray) -> Geometry:
-        """The same in a frame that is rotated by (3, 3)."""
+        """The same in the camera's frame; cam_from_instrument: (3, 3) rotation."""
         pose = self.instrument_from_body
         turn = Rigid(cam_from_instrument, np.zeros(3))
         return replace(self, sun=cam_from_instrument @ self.sun, instrument_from_body=pose and turn @ pose)
@@ -43,10 +53,10 @@ def geometry_from_kernels(
 ) -> Geometry:
     """Pose and Sun by SPICE. Raises InputError.
 
-    The corrections for light time and aberration are ISIS's, so that poses agree with those of its cubes: the position
-    is the spacecraft's as it appears from the body (LT+S), or, where the instrument's keyword SWAP_OBSERVER_TARGET says
-    so, the opposite of the body's as it appears from the spacecraft; LIGHTTIME_CORRECTION names another correction. The
-    Sun is as it appears from the body's centre. Body and camera are turned as at the middle of the exposure.
+    The corrections for light time and aberration are those of ISIS, so that poses agree with its cubes. The position is
+    that of the spacecraft seen from the body (LT+S); with the instrument's keyword SWAP_OBSERVER_TARGET it is minus
+    that of the body seen from the spacecraft. LIGHTTIME_CORRECTION names another correction. The Sun is seen from the
+    body's centre. Attitudes of body and camera are those at the middle of the exposure.
     """
     time = exposure_time(kernels, facts, spacecraft, delay_s)
     number = kernels.body_code(body)
@@ -62,23 +72,23 @@ def geometry_from_kernels(
     sun = kernels.position("SUN", time, fixed, "LT+S", str(number))
     return Geometry(
         sun=turn @ unit(sun),
-        instrument_from_body=Rigid(turn, -turn @ camera * METRES),
+        instrument_from_body=Rigid(turn, -turn @ camera * _M_PER_KM),
         source="SPICE kernels",
         sun_distance_km=float(np.linalg.norm(sun)),
     )
 
 
 def exposure_time(kernels: Kernels, facts: Facts, spacecraft: int, delay_s: float) -> float:
-    """The middle of the exposure [s TDB past J2000], by the spacecraft's clock if the label has it, else by UTC.
+    """The middle of the exposure [s TDB past J2000], by the spacecraft clock if the label has it, else by UTC.
 
-    delay_s: from the clock's count to the beginning of the exposure. Raises InputError.
+    delay_s: time from the clock count to the beginning of the exposure. Raises InputError.
     """
     half = (facts.exposure_s or 0.0) / 2.0
     if facts.clock is not None:
         return kernels.time_of_clock(spacecraft, facts.clock) + delay_s + half
     if facts.start is not None:
         return kernels.time_of_utc(facts.start) + half
-    raise InputError("the label has neither a spacecraft clock count nor a start time, so SPICE cannot place it")
+    raise InputError("the label has neither a spacecraft clock count nor a start time; pass --sumfiles or --suns")
 
 
 def _instrument_frame(kernels: Kernels, code: int) -> str:
@@ -92,10 +102,11 @@ def _instrument_frame(kernels: Kernels, code: int) -> str:
 
 
 def geometry_from_tables(product: Product) -> Geometry | None:
-    """Pose and Sun by the tables of an ISIS cube; None where it has none. Raises InputError.
+    """Pose and Sun by the tables of an ISIS cube; None if it has none. Raises InputError.
 
-    InstrumentPointing holds quaternions J2000 -> camera, InstrumentPosition the camera and SunPosition the Sun from the
-    body's centre in J2000 [km], BodyRotation quaternions J2000 -> body-fixed; ConstantRotation comes on top.
+    InstrumentPointing holds quaternions J2000 -> camera; InstrumentPosition and SunPosition the camera and the Sun
+    relative to the body's centre in J2000 [km]; BodyRotation quaternions J2000 -> body-fixed. A ConstantRotation in
+    a table's label is applied after the quaternion.
     """
     names = ("InstrumentPointing", "InstrumentPosition", "BodyRotation", "SunPosition")
     if not all(product.tables.get(name) for name in names):
@@ -106,7 +117,7 @@ def geometry_from_tables(product: Product) -> Geometry | None:
     turn = instrument_from_j2000 @ body_from_j2000.T
     return Geometry(
         sun=instrument_from_j2000 @ unit(sun),
-        instrument_from_body=Rigid(turn, -instrument_from_j2000 @ camera * METRES),
+        instrument_from_body=Rigid(turn, -instrument_from_j2000 @ camera * _M_PER_KM),
         source="ISIS tables",
         sun_distance_km=float(np.linalg.norm(sun)),
     )
@@ -125,8 +136,8 @@ def _table_row(product: Product, name: str, columns: tuple[str, ...]) -> np.ndar
         raise InputError(
             f"{product.path}: table {name} has {len(values)} records, as line scanners do; give a frame camera's image"
         )
-    if not (np.abs(values) < 1e15).all() or np.linalg.norm(values) < 1e-9:
-        raise InputError(f"{product.path}: table {name} holds no numbers; run spiceinit again, or pass --kernels")
+    if not (np.abs(values) < _LARGEST_VALUE).all() or np.linalg.norm(values) < _SMALLEST_NORM:
+        raise InputError(f"{product.path}: table {name} holds no valid numbers; run spiceinit again, or pass --kernels")
     return values[0]
 
 
@@ -146,41 +157,42 @@ def _table_rotation(product: Product, name: str) -> np.ndarray:
 
 
 def _constant_rotation(product: Product, name: str, written: object) -> np.ndarray:
-    """(3, 3), with the rounding of its digits taken away."""
+    """(3, 3) the rotation nearest to the written one, which is rounded."""
     numbers = [v for v in written if isinstance(v, int | float)] if isinstance(written, tuple) else []
     matrix = np.array(numbers if len(numbers) == 9 else [0.0] * 9, float).reshape(3, 3)
-    if not (np.abs(matrix) <= 2.0).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6:
-        raise InputError(f"{product.path}: ConstantRotation of table {name} is no rotation; run spiceinit again")
+    if not (np.abs(matrix) <= 2.0).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > _ROTATION_TOLERANCE:
+        raise InputError(f"{product.path}: ConstantRotation of table {name} is not a rotation; run spiceinit again")
     u, _, vt = np.linalg.svd(matrix)
     return u @ vt
 
 
 def rotation_of_quaternion(wxyz: np.ndarray) -> np.ndarray:
-    """(3, 3) of a SPICE-style quaternion, scalar first: v_to = R v_from. Raises InputError for lengths far from 1."""
+    """(3, 3) of a quaternion, scalar first, in SPICE's sense: v_to = R v_from. Raises InputError for other lengths."""
     from scipy.spatial.transform import Rotation
 
-    if not 0.9 < np.linalg.norm(wxyz) < 1.1:
-        raise InputError(f"the attitude {np.asarray(wxyz).tolist()} is no unit quaternion; pass --kernels instead")
+    if not _QUATERNION_LENGTH[0] < np.linalg.norm(wxyz) < _QUATERNION_LENGTH[1]:
+        raise InputError(f"the attitude {np.asarray(wxyz).tolist()} is not a unit quaternion; pass --kernels instead")
     return Rotation.from_quat(np.asarray(wxyz, float), scalar_first=True).as_matrix()
 
 
 def geometry_from_sumfile(summary: SumFile) -> Geometry:
-    """Pose and Sun by a SUMFILE; the instrument's frame is that of its CX, CY, CZ."""
+    """Pose and Sun by a SUMFILE; the instrument's frame has the axes CX, CY, CZ."""
     pose = summary.body_from_axes.inverse()
     return Geometry(
         sun=unit(pose.rotation @ np.array(summary.sun)),
-        instrument_from_body=Rigid(pose.rotation, pose.translation * METRES),
+        instrument_from_body=Rigid(pose.rotation, pose.translation * _M_PER_KM),
         source=f"SUMFILE {summary.name}",
-        position_sigma_m=float(np.mean(summary.position_sigma)) * METRES or None,
+        position_sigma_m=float(np.mean(summary.position_sigma)) * _M_PER_KM or None,
         pointing_sigma_rad=float(np.mean(summary.pointing_sigma)) or None,
     )
 
 
 def geometry_from_label(product: Product, facts: Facts) -> Geometry | None:
-    """The Sun alone, by attitude and Sun position in a label; None where it has none.
+    """The Sun alone, by attitude and Sun position in a label; None if it has none.
 
-    NEAR: quaternion J2000 -> spacecraft, whose frame the MSI's is turned from by 1.5 mrad, and the spacecraft's place
-    from the Sun. Dawn: quaternion J2000 -> camera, and the Sun's place from the spacecraft.
+    NEAR's labels give the quaternion J2000 -> spacecraft (the MSI is rotated from that frame by 1.5 mrad) and the
+    spacecraft's position from the Sun. Dawn's give the quaternion J2000 -> camera and the Sun's position from the
+    spacecraft.
     """
     label = product.label
     near = [_real(label.find(f"NEAR-{key:03d}")) for key in range(19, 26)]
@@ -203,7 +215,7 @@ _MSI_FROM_NEAR = np.array(
         [-0.0014422522, 0.0000006978, 0.9999989600],
     ]
 )
-"""NEAR_MSI from NEAR_SC_BUS_PRIME, by msi15.ti."""
+"""Rotation to NEAR_MSI from NEAR_SC_BUS_PRIME, of the instrument kernel msi15.ti."""
 
 
 def _label_geometry(instrument_from_j2000: np.ndarray, sun: np.ndarray) -> Geometry | None:
@@ -218,7 +230,7 @@ def _label_geometry(instrument_from_j2000: np.ndarray, sun: np.ndarray) -> Geome
     )
 
 
-def _real(value) -> float | None:
+def _real(value: Any) -> float | None:
     value = getattr(value, "value", value)
     try:
         number = float(value)

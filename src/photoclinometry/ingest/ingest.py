@@ -1,8 +1,7 @@
-"""Files from archives to a site folder: `site.toml` and upright, undistorted images."""
+"""From archived images to a site: `site.toml` with upright, undistorted images."""
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -11,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.ingest.exposure import Exposure, Help, read_exposure
+from photoclinometry.ingest.exposure import AuxiliaryData, Exposure, read_exposure
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.sumfiles import read_sumfiles
-from photoclinometry.io.atomic import atomic_path, write_text
+from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.images import write_fits
+from photoclinometry.io.json_file import write_json
 from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
@@ -26,17 +26,19 @@ logger = logging.getLogger(__name__)
 
 SITE_FILE = "site.toml"
 SOURCES_FILE = "sources.json"
-"""Beside site.toml: which file each image is from, and where its camera, Sun and pose are from."""
+"""Beside site.toml: the file of each image, and the sources of its camera, Sun and pose."""
+_LISTED = 20
+"""Files that cannot be used which an error names; the others are counted."""
 
 
 @dataclass(frozen=True)
 class IngestResult:
-    """What became of the files."""
+    """The site that was written, and the files that were left out of it."""
 
     site: Path
     exposures: tuple[Exposure, ...]
     refused: tuple[str, ...]
-    """Why files were left out (`keep_going`), one sentence each."""
+    """The reasons for files left out (`keep_going`), one sentence each."""
 
 
 def ingest(
@@ -47,16 +49,16 @@ def ingest(
 ) -> IngestResult:
     """Make a site of image files (PDS3, PDS4, ISIS, FITS, PNG, TIFF) in the folder `out`, new or empty.
 
-    progress: called with the name, files read, files in all. Lengths in site.toml are metres, poses in the body-fixed
-    frame. Raises InputError that says, file by file, what is wrong or missing.
+    progress: called with the name, files read, files in all. Lengths in site.toml are in metres, poses in the
+    body-fixed frame. Raises InputError that lists the faults of each file.
     """
     check_out(out)
     if not files:
         raise InputError("no files to ingest; name images, labels or cubes")
     sumfiles, suns = read_sumfiles(options.sumfiles), read_suns(options.suns) if options.suns else None
     with loaded_kernels(options.kernels) if options.kernels else nullcontext() as kernels:
-        beside = Help(kernels, sumfiles, suns)
-        exposures, refused = _read_all(files, options, beside, progress)
+        auxiliary = AuxiliaryData(kernels, sumfiles, suns)
+        exposures, refused = _read_all(files, options, auxiliary, progress)
     if refused and not (options.keep_going and exposures):
         raise InputError(_listed(refused, len(files)))
     exposures = _one_unit(exposures)
@@ -68,21 +70,21 @@ def ingest(
 
 
 def check_out(out: Path) -> None:
-    """Raises RunFolderError unless `out` is a place for a new site."""
+    """Raises RunFolderError if `out` is a file, or a folder that is not empty."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise RunFolderError(f"{out}: is there already and not empty; choose another folder for the site")
+        raise RunFolderError(f"{out}: exists and is not empty; choose another folder for the site")
 
 
 def _read_all(
-    files: Sequence[Path], options: IngestOptions, beside: Help, progress: Progress | None
+    files: Sequence[Path], options: IngestOptions, auxiliary: AuxiliaryData, progress: Progress | None
 ) -> tuple[list[Exposure], list[str]]:
-    """All exposures, each once, and what is wrong with the other files."""
+    """The exposures, each once, and the faults of the files that cannot be used."""
     exposures: list[Exposure] = []
     refused: list[str] = []
     seen: set[Path] = set()
     for number, path in enumerate(files, start=1):
         try:
-            exposure = read_exposure(Path(path), options, beside)
+            exposure = read_exposure(Path(path), options, auxiliary)
         except InputError as error:
             refused.append(str(error))
         else:
@@ -97,19 +99,19 @@ def _read_all(
 def _listed(refused: Sequence[str], count: int) -> str:
     if count == 1:
         return refused[0]
-    shown = "\n  ".join(refused[:20])
-    more = f"\n  and {len(refused) - 20} more" if len(refused) > 20 else ""
+    shown = "\n  ".join(refused[:_LISTED])
+    more = f"\n  and {len(refused) - _LISTED} more" if len(refused) > _LISTED else ""
     return f"{len(refused)} of {count} files cannot be used (--keep-going leaves them out):\n  {shown}{more}"
 
 
 def _one_unit(exposures: list[Exposure]) -> list[Exposure]:
-    """Raises InputError for exposures that do not make one site."""
+    """The exposures. Raises InputError unless all have one kind of brightness and show one body."""
     kinds = {e.brightness for e in exposures}
     if len(kinds) > 1:
         odd = next(e for e in exposures if e.brightness == "dn")
         raise InputError(
             f"{odd.path}: is not known to be I/F, while others are: calibrate it (--solar-flux for radiance), leave it "
-            "out, or pass --uncalibrated to take all for uncalibrated"
+            "out, or pass --uncalibrated to treat all as uncalibrated"
         )
     bodies = {e.body for e in exposures if e.body}
     if len(bodies) > 1:
@@ -128,7 +130,7 @@ def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: Inge
     site_name = options.name or out.resolve().name
     write_site(folder / SITE_FILE, Site(site_name, body, exposures[0].brightness, tuple(views), None, out / SITE_FILE))
     sources = [{"image": name, "file": e.path.name, **e.sources} for name, e in zip(names, exposures, strict=True)]
-    write_text(folder / SOURCES_FILE, json.dumps(sources, indent=1) + "\n")
+    write_json(folder / SOURCES_FILE, sources)
 
 
 def _names(exposures: Sequence[Exposure]) -> list[str]:

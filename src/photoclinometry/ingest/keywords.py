@@ -1,30 +1,42 @@
-"""Intrinsics from the keywords of instrument kernels and their ISIS addenda, as kernels or ISIS cubes hold them.
+"""Intrinsics from the keywords of instrument kernels and ISIS addenda, found in kernels or in ISIS cubes.
 
 INS-nnn_FOCAL_LENGTH, _PIXEL_SIZE or _PIXEL_PITCH, _ITRANSS and _ITRANSL (pixels per mm), _BORESIGHT_SAMPLE and _LINE
-(counted from 1), _CCD_CENTER (counted from 0), _RAD_DIST_COEFF, _OD_K, _OPENCV_OD_...: NAIF's instrument kernels and
-ISIS's camera sources say what they mean.
+(counted from 1), _CCD_CENTER (counted from 0), _RAD_DIST_COEFF, _OD_K, _OPENCV_OD_... are defined in NAIF's instrument
+kernels and in the sources of ISIS's cameras.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from photoclinometry.ingest.detector import Detector, detector_of_matrix
-from photoclinometry.ingest.distortion import BrownConrady, Radial, Undoing
+from photoclinometry.ingest.distortion import BrownConrady, InverseRadial, Radial
 from photoclinometry.io.archives.pvl import Block
 from photoclinometry.model.errors import InputError
 
-Keywords = Callable[[str], tuple | None]
-"""A keyword's values, None where it is not there."""
+_SHORTEST_FOCAL_MM = 1.0
+"""No camera has a shorter focal length: smaller numbers are metres."""
+_LARGEST_PIXEL_MM = 0.5
+"""No detector has larger pixels: larger numbers are micrometres."""
+_SMALLEST_PIXEL_MM = 1e-4
+"""No detector has smaller pixels: smaller numbers are metres."""
+_CORRECTED_RADIUS = 0.5
+"""OD_K begins with about 1 if it gives the corrected radius, with about 0 if it gives the correction."""
+_OCAMS_TERMS = 5
+"""OCAMS gives five terms of OD_K, k_0 ... k_4; other cameras give at most three."""
+
+Keywords = Callable[[str], tuple[Any, ...] | None]
+"""The values of a keyword by its name; None if there is no such keyword."""
 
 
 def keywords_of_label(label: Block) -> Keywords:
-    """The keywords that spiceinit has put into an ISIS cube."""
+    """The keywords that spiceinit stored in an ISIS cube."""
     held = label.block("NAIFKEYWORDS") or Block("")
 
-    def get(name: str) -> tuple | None:
+    def get(name: str) -> tuple[Any, ...] | None:
         value = held.get(name.upper())
         if value is None:
             return None
@@ -34,10 +46,10 @@ def keywords_of_label(label: Block) -> Keywords:
 
 
 def detector_from_keywords(get: Keywords, code: int, filter_name: str | None, size: tuple[int, int]) -> Detector | None:
-    """The detector of instrument `code` in the order of ISIS's cubes; None where a keyword is wanting.
+    """The detector of instrument `code`, with lines and samples as in ISIS's cubes; None if a keyword is missing.
 
-    size: (width, height) of the whole detector, for keywords that do not say. Raises InputError for keywords that
-    are no camera's.
+    size: (width, height) of the whole detector, used if no keyword gives it. Raises InputError for keywords that
+    cannot be those of a camera.
     """
 
     def numbers(name: str, count: int = 1) -> tuple[float, ...] | None:
@@ -48,8 +60,7 @@ def detector_from_keywords(get: Keywords, code: int, filter_name: str | None, si
     center = _center(numbers)
     if focal is None or center is None or (matrix is None and pitch is None):
         return None
-    # No camera's focal length is below a millimetre or above a kilometre: small numbers are metres.
-    focal_mm = focal[0] * 1000.0 if focal[0] < 1.0 else focal[0]
+    focal_mm = focal[0] * 1e3 if focal[0] < _SHORTEST_FOCAL_MM else focal[0]
     axes = np.eye(2) if matrix is None else matrix
     if matrix is not None and pitch is not None:
         axes = matrix / np.linalg.norm(matrix, axis=1, keepdims=True)
@@ -98,16 +109,16 @@ def _matrix(numbers: Numbers) -> np.ndarray | None:
 
 
 def _pitch(numbers: Numbers) -> tuple[float, float] | None:
-    """Of samples and lines [mm]; kernels give millimetres, micrometres or metres, which no detector confuses."""
+    """Pitch of samples and lines [mm]. Kernels give mm, micrometres or metres, distinguished by size."""
     size = numbers("PIXEL_SIZE") or numbers("PIXEL_PITCH")
     if size is None or min(size) <= 0:
         return None
-    scale = 1e-3 if size[0] > 0.5 else 1e3 if size[0] < 1e-4 else 1.0
+    scale = 1e-3 if size[0] > _LARGEST_PIXEL_MM else 1e3 if size[0] < _SMALLEST_PIXEL_MM else 1.0
     return size[0] * scale, size[min(1, len(size) - 1)] * scale
 
 
 def _center(numbers: Numbers) -> tuple[float, float] | None:
-    """The boresight's pixel in the package's convention."""
+    """Pixel coordinates of the boresight; (0.5, 0.5) is the centre of the first pixel."""
     ccd = numbers("CCD_CENTER", 2) or numbers("CENTER", 2) or numbers("FOV_CENTER_PIXEL", 2)
     if ccd is not None:
         return ccd[0] + 0.5, ccd[1] + 0.5
@@ -116,7 +127,7 @@ def _center(numbers: Numbers) -> tuple[float, float] | None:
 
 
 def _distortion(numbers: Numbers, plain: Detector, filter_name: str | None, model: str):
-    """The distortion, None where there is none, and the principal point, which OpenCV's model has its own of."""
+    """The distortion (None if there is none) and the principal point, which OpenCV's model gives separately."""
     opencv = _opencv(numbers, plain)
     if opencv is not None and model != "OCAMS":
         return opencv
@@ -124,32 +135,32 @@ def _distortion(numbers: Numbers, plain: Detector, filter_name: str | None, mode
     if dawn is not None:
         return Radial((0.0, 0.0, dawn[0])), plain.center
     of_filter = f"_{(filter_name or '').strip().upper()}" if filter_name else ""
-    # SamCam's addendum has two sets: those of filters would bend its field of view by 6 %, which it is not.
+    # SamCam's addendum has two sets. Those by filter contradict the kernel's field of view by 6 %.
     sets = ("", of_filter) if model == "OCAMS" else (of_filter, "")
     k, middle = next(
         ((numbers(f"OD_K{s}"), numbers(f"OD_CENTER{s}", 2)) for s in sets if numbers(f"OD_K{s}")), (None,) * 2
     )
     if k is None or not any(k):
         return None, plain.center
-    if len(k) >= 5 and middle is not None:
-        # ISIS counts these from 1, as it does the detector's own centre.
+    if len(k) >= _OCAMS_TERMS and middle is not None:
+        # ISIS counts these pixels from 1.
         offset = [float((m - 0.5 - c) * p) for m, c, p in zip(middle, plain.center, plain.pitch_mm, strict=False)]
         return Radial(k, (offset[0], offset[1])), plain.center
-    return Undoing(_powers(k, plain.pitch_mm[0])), plain.center
+    return InverseRadial(_powers(k, plain.pitch_mm[0])), plain.center
 
 
 def _powers(k: tuple[float, ...], pitch: float) -> tuple[float, ...]:
-    """OD_K as the coefficients of `Undoing`: k0 + k1 r^2 + k2 r^4 [mm], of what is taken away.
+    """OD_K as the coefficients of `InverseRadial`: a correction of k0 + k1 r^2 + k2 r^4 [mm].
 
-    Hayabusa2's ONC has the corrected radius itself, k0 r + k1 r^3 + k2 r^5 [px], told by its k0 near 1.
+    Hayabusa2's ONC gives the corrected radius instead, k0 r + k1 r^3 + k2 r^5 [px], with k0 near 1.
     """
     k0, k1, k2 = (*k, 0.0, 0.0)[:3]
-    if k0 > 0.5:
+    if k0 > _CORRECTED_RADIUS:
         k0, k1, k2 = 1.0 - k0, -k1 / pitch**2, -k2 / pitch**4
     return k0, 0.0, k1, 0.0, k2
 
 
-def _opencv(numbers: Numbers, plain: Detector):
+def _opencv(numbers: Numbers, plain: Detector) -> tuple[BrownConrady, tuple[float, float]] | None:
     k, p = numbers("OPENCV_OD_K", 6), numbers("OPENCV_OD_P", 2)
     focal, center = numbers("OPENCV_OD_F", 2), numbers("OPENCV_OD_C", 2)
     if k is None or p is None or focal is None or center is None:

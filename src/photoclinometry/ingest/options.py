@@ -1,4 +1,4 @@
-"""What a person may say about images that their files do not."""
+"""Options of `ingest`: facts about the images that their files do not hold, and how the site is made."""
 
 from __future__ import annotations
 
@@ -9,42 +9,43 @@ from typing import Literal
 
 @dataclass(frozen=True, kw_only=True)
 class IngestOptions:
-    """How files become a site; what is left out is taken from labels, kernels and tables."""
+    """Facts that the files do not hold, and how the site is made. Defaults come from labels, kernels and tables."""
 
     kernels: tuple[Path, ...] = ()
-    """SPICE kernels: a folder, a meta-kernel, or files in loading order. Poses, Suns and cameras are then theirs."""
+    """SPICE kernels: a folder, a meta-kernel, or files in loading order. They give poses, Suns and cameras."""
     sumfiles: tuple[Path, ...] = ()
-    """SUMFILEs (SPC), or folders of them: cameras, poses and Suns of the images whose name or time they bear."""
+    """SUMFILEs (SPC), or folders of them: cameras, poses and Suns of the images with their name or time."""
     suns: Path | None = None
-    """CSV with columns image,sun_x,sun_y,sun_z (camera frame: x right, y down, z forward), or sun_sigma_deg too."""
+    """CSV file with the columns image,sun_x,sun_y,sun_z and optionally sun_sigma_deg: unit vectors towards the Sun in
+    the camera frame (x right, y down, z forward)."""
     camera: str | None = None
-    """Name of a known camera, for files that do not name theirs (such as dawn-fc2; a wrong name lists the others)."""
+    """Name of a camera in the table, such as dawn-fc2, for files that do not name theirs. A wrong name lists all."""
     pinhole: tuple[float, float, float, float] | None = None
-    """fx fy cx cy [px] of an undistorted camera that is not known."""
+    """fx fy cx cy [px] of a camera without distortion that is not in the table."""
     body: str | None = None
-    """The body in the images, as SPICE names it, such as bennu."""
+    """Name of the body in the images, as in SPICE, such as bennu."""
     name: str | None = None
     """The site's name; the output folder's by default."""
     solar_flux: float | None = None
-    """The Sun's irradiance in the filter at 1 AU [W m^-2 um^-1]: radiance is then converted to I/F."""
+    """Solar irradiance in the filter at 1 AU [W m^-2 um^-1], to convert radiance to I/F."""
     uncalibrated: bool = False
-    """Take all brightness for uncalibrated, also I/F; needed where only some images are I/F."""
+    """Treat all brightness as uncalibrated, I/F included; needed if only some images are I/F."""
     lines: Literal["label", "down", "up"] = "label"
-    """How lines run, for labels that do not say or say it wrongly: up if the first belongs at the bottom."""
+    """Order of the image's lines, for labels without it or with a wrong one: up if the first belongs at the bottom."""
     undistorted: bool = False
-    """The images are free of distortion already."""
+    """The images have no distortion (any more)."""
     pose_priors: bool = True
-    """Write poses that are known into site.toml."""
+    """Write known poses into site.toml as priors."""
     sun_sigma_deg: float = 0.05
     """Standard deviation of Suns from kernels, tables and labels [degrees]."""
     position_sigma: float = 1e-3
-    """Standard deviation of camera positions, in parts of the distance to the body; SUMFILEs have their own."""
+    """Standard deviation of camera positions, as a share of the distance to the body; SUMFILEs state theirs."""
     pointing_sigma_deg: float = 0.03
-    """Standard deviation of camera attitudes [degrees]; SUMFILEs have their own."""
+    """Standard deviation of camera attitudes [degrees]; SUMFILEs state theirs."""
     keep_going: bool = False
     """Leave out files that cannot be used, instead of making no site."""
 
     @property
     def lines_up(self) -> bool | None:
-        """Whether the first line belongs at the bottom; None where the label is to say."""
+        """Whether the first line belongs at the bottom; None to follow the label."""
         return {"label": None, "down": False, "up": True}[self.lines]

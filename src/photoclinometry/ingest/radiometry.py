@@ -1,4 +1,4 @@
-"""From a file's numbers to radiance factor, where that can be known."""
+"""From the numbers in a file to radiance factor I/F, if the calibration is known."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Image
 
 AU_KM = 149_597_870.7
+"""Astronomical unit [km] (IAU 2012, resolution B2)."""
 
 
 def radiance_factor(radiance: np.ndarray, solar_flux: float, sun_distance_km: float) -> np.ndarray:
@@ -21,10 +22,10 @@ def radiance_factor(radiance: np.ndarray, solar_flux: float, sun_distance_km: fl
 def calibrated(
     image: Image, unit: str | None, solar_flux: float | None, sun_distance_km: float | None
 ) -> tuple[Image, str]:
-    """The image as I/F if it is that, or radiance that can be converted; else as it is. With "iof" or "dn".
+    """The image in I/F and "iof", if it is I/F or convertible radiance; otherwise the image unchanged and "dn".
 
-    unit: "iof", "radiance", "dn" or None, as `facts.unit`. Raises InputError for radiance with a solar flux, but
-    without a distance.
+    unit: as `Facts.unit`. Radiance is converted with `solar_flux` (see `radiance_factor`). Raises InputError for
+    radiance with a solar flux but without a distance.
     """
     if unit == "iof":
         return image, "iof"
@@ -40,7 +41,7 @@ def calibrated(
 
 
 def without_saturation(image: Image, lowest: float | None) -> Image:
-    """The image with everything from `lowest` on marked as no measurement."""
+    """The image with pixels of brightness `lowest` and above invalid."""
     if lowest is None:
         return image
     valid = image.valid & (image.brightness < lowest)

@@ -1,4 +1,4 @@
-"""Which SUMFILE belongs to which image, and the camera it describes."""
+"""The SUMFILE of an image, by name or time, and the camera that it describes."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from photoclinometry.io.models.sumfile import PIXEL_OFFSET, SumFile, read_sumfil
 from photoclinometry.model.errors import InputError
 
 _SAME_TIME = timedelta(seconds=2.0)
+"""SUMFILEs give the middle of an exposure, names its beginning, rounded to a second."""
 _TIME_IN_NAME = re.compile(r"(20\d{6})[ts_]?(\d{6})(?:[s.](\d{1,3}))?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class NamedSum:
-    """A SUMFILE and where it was."""
+    """A SUMFILE with its path."""
 
     path: Path
     summary: SumFile
@@ -39,25 +40,23 @@ def read_sumfiles(given: Sequence[Path]) -> list[NamedSum]:
 
 
 def sumfile_of(path: Path, facts: Facts, known: Sequence[NamedSum]) -> NamedSum | None:
-    """The SUMFILE of the image's name, or of its time (within 2 s), or None. Raises InputError for two."""
+    """The SUMFILE with the image's name, else with its time; None if there is none. Raises InputError for two."""
     stem = path.stem.lower()
     named = [s for s in known if s.summary.name.lower() in stem or s.path.stem.lower() in stem]
     time = time_of(facts.start) or _time_in(path.name)
     if not named and time is not None:
         named = [s for s in known if (other := time_of(s.summary.utc)) and abs(other - time) <= _SAME_TIME]
     if len(named) > 1:
-        raise InputError(
-            f"{path}: could belong to {named[0].path.name} or {named[1].path.name}; pass one of them alone"
-        )
+        raise InputError(f"{path}: matches both {named[0].path.name} and {named[1].path.name}; pass one of them")
     return named[0] if named else None
 
 
 def detector_of_sumfile(named: NamedSum) -> Detector:
-    """The camera of a SUMFILE, its lines and samples in SPC's order. Raises InputError for distorted ones."""
+    """The camera of a SUMFILE, lines and samples in SPC's order. Raises InputError for a camera with distortion."""
     s = named.summary
     if any(s.distortion) or s.k_matrix[2] or s.k_matrix[5]:
         raise InputError(
-            f"{named.path}: describes a distorted camera (DISTORTION, K-MATRIX 3 and 6), which is not understood; "
+            f"{named.path}: describes a distorted camera (DISTORTION, K-MATRIX 3 and 6), which is not supported; "
             "undistort the image in SPC, or pass --kernels instead"
         )
     k = np.array(s.k_matrix).reshape(2, 3)
@@ -66,7 +65,7 @@ def detector_of_sumfile(named: NamedSum) -> Detector:
 
 
 def _time_in(name: str) -> datetime | None:
-    """The time that a file bears in its name, such as 20190314t190123s972."""
+    """The time in a file's name, such as 20190314t190123s972; None if there is none."""
     found = _TIME_IN_NAME.search(name)
     try:
         return found and datetime.strptime(f"{found[1]}{found[2]}.{found[3] or '0'}", "%Y%m%d%H%M%S.%f")

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written beside their place, then renamed into it."""
+"""Files and folders that appear whole or not at all: written under a temporary name, then renamed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from photoclinometry.model.errors import RunFolderError
 
-_CURES = {
+_REMEDIES = {
     errno.ENOSPC: "free some space or choose another output folder",
     errno.EDQUOT: "free some of your quota or choose another output folder",
     errno.EFBIG: "the file system or a limit forbids files of this size; choose another output folder",
@@ -35,7 +35,7 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
 
     The block writes a file there, or makes a folder of files. Parent folders are made. On success everything
     is flushed to the disk and renamed over `path`; on any exception `path` stays as it was and nothing
-    temporary remains. Raises RunFolderError, with what to do, for every OSError (disk full, read-only, ...).
+    temporary remains. Every OSError (disk full, read-only, ...) becomes a RunFolderError with a remedy.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.partial-{secrets.token_hex(4)}{path.suffix}")
@@ -62,10 +62,10 @@ def write_text(path: Path | str, text: str) -> None:
 
 
 def unwritable(path: Path, error: OSError) -> RunFolderError:
-    """What to say of a path that could not be written."""
+    """The error for a path that could not be written, with a remedy."""
     reason = error.strerror or str(error)
-    cure = _CURES.get(error.errno or 0, "check the disk or choose another output folder")
-    return RunFolderError(f"{path}: cannot be written: {reason}; {cure}")
+    remedy = _REMEDIES.get(error.errno or 0, "check the disk or choose another output folder")
+    return RunFolderError(f"{path}: cannot be written: {reason}; {remedy}")
 
 
 def _flush(path: Path) -> None:
@@ -75,7 +75,7 @@ def _flush(path: Path) -> None:
 
 
 def _move_over(source: Path, target: Path) -> None:
-    """Rename; a folder that is replaced stands aside until its successor is in place."""
+    """Rename `source` to `target`. A folder at `target` is moved aside first, and moved back if the rename fails."""
     if not (source.is_dir() and target.is_dir()):
         os.replace(source, target)
         return

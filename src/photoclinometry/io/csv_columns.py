@@ -1,4 +1,4 @@
-"""CSV: columns with a line of names, numbers as short as they read back exactly (RFC 4180, lines end in LF)."""
+"""CSV files with a header (RFC 4180, lines end in LF); numbers have the fewest digits that read back exactly."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Columns = dict[str, np.ndarray | Sequence[str]]
 
 
 def write_csv(path: Path | str, columns: Columns) -> None:
-    """Columns of one length by name, in their order. Raises RunFolderError."""
+    """Writes columns of equal length, by name and in order. Raises RunFolderError."""
     values = [column.tolist() if isinstance(column, np.ndarray) else column for column in columns.values()]
     with atomic_path(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""What one exposure shows: where it is dark sky, and whether it shows anything at all."""
+"""Tests of a single exposure: which of its pixels are dark sky, and whether it holds any signal."""
 
 from __future__ import annotations
 
@@ -6,33 +6,61 @@ import numpy as np
 
 from photoclinometry.model.scene import Image
 
+_MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+_FEWEST_PIXELS = 100
+"""Images with fewer valid pixels are too small to tell sky from ground."""
+_DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.1, 99.0
+"""Their distance is the contrast of an image; single hot and dead pixels lie beyond them."""
+_EDGE_PX = 2
+"""Width of the image's edge, on which the sky is looked for [px]."""
+_DARK_SHARE = 0.1
+"""Pixels of the edge are dark below this share of the contrast; the sky is no brighter than that."""
+_FEWEST_SAMPLES = 20
+"""Fewer pixels give no median or standard deviation worth using."""
+_SKY_SIGMAS = 5.0
+"""The sky reaches this many standard deviations of its noise above its level ..."""
+_LEAST_TOLERANCE = 0.01
+"""... but at least this share of the contrast, where the detector rounds its noise away."""
+_LEAST_AREA = 0.005
+"""Least share of the image that the sky covers; smaller dark pieces on the edge are shadows."""
+_RIM_SHARE = 0.3
+"""A gentle valley has about as many pixels on its rim as inside, the sky's limb fewer than this share."""
+_PLATEAU_SPREAD = 1.5
+"""Spread over the noise of neighbouring pixels: 1 for white noise, several for texture."""
+_PLATEAU_CONTRAST = 0.005
+"""A spread below this share of the contrast is flat whatever its texture (compression, rounding)."""
+_BLOCK = 8
+"""Side of the blocks whose means show a signal that noise hides in single pixels [px]."""
+_BLOCK_SIGMAS = 12.0
+"""Range of the block means of white noise in standard errors: it stays below this for a million blocks."""
+
 
 def off_body_mask(image: Image) -> np.ndarray:
-    """(h, w) bool: dark sky. All False where the image shows none.
+    """(h, w) bool: True on dark sky; all False if the image shows none.
 
-    Sky is as dark as the darkest part of the image's edge, reaches the edge, makes up at least 0.5 % of the
-    image, and is a plateau: a dark spot of ground would rise gently at its rim and show texture. A shadow is
-    taken for sky only if it reaches the edge or the sky: nothing in one image can tell the two apart there,
-    and neither has a brightness worth measuring.
+    Sky is as dark as the darkest part of the image's edge, reaches the edge, covers at least 0.5 % of the
+    image, and is a plateau (dark ground has texture and a gentle rim). A shadow that touches the edge or the
+    sky is taken for sky, since one image cannot distinguish them; neither has a brightness worth measuring.
     """
     import cv2
 
     sky = np.zeros(image.valid.shape, bool)
-    if image.valid.sum() < 100:
+    if image.valid.sum() < _FEWEST_PIXELS:
         return sky
-    dark, bright = np.percentile(image.brightness[image.valid], [0.1, 99.0])
+    dark, bright = np.percentile(image.brightness[image.valid], [_DARK_PERCENTILE, _BRIGHT_PERCENTILE])
     contrast = bright - dark
     edge = np.ones(image.valid.shape, bool)
-    edge[2:-2, 2:-2] = False
+    edge[_EDGE_PX:-_EDGE_PX, _EDGE_PX:-_EDGE_PX] = False
     samples = image.brightness[edge & image.valid]
-    samples = samples[samples < dark + 0.1 * contrast]
-    if len(samples) < 20:
+    samples = samples[samples < dark + _DARK_SHARE * contrast]
+    if len(samples) < _FEWEST_SAMPLES:
         return sky
 
     # The level and noise of the sky, from the dark part of the edge.
     level = np.median(samples)
-    noise = 1.4826 * np.median(np.abs(samples - level))
-    tolerance = min(max(5.0 * noise, 0.01 * contrast), 0.1 * contrast)
+    noise = _MAD_TO_SIGMA * np.median(np.abs(samples - level))
+    tolerance = min(max(_SKY_SIGMAS * noise, _LEAST_TOLERANCE * contrast), _DARK_SHARE * contrast)
     candidate = ((image.brightness <= level + tolerance) | ~image.valid).astype(np.uint8)
     candidate = cv2.morphologyEx(candidate, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
 
@@ -42,7 +70,7 @@ def off_body_mask(image: Image) -> np.ndarray:
     for piece in np.intersect1d(label[edge], np.arange(1, count)):
         area = statistics[piece, cv2.CC_STAT_AREA]
         inside = (label == piece) & image.valid
-        if area >= 0.005 * inside.size and _is_plateau(image, inside, level + tolerance, tolerance, contrast):
+        if area >= _LEAST_AREA * inside.size and _is_plateau(image, inside, level + tolerance, tolerance, contrast):
             sky |= inside
     return sky
 
@@ -50,38 +78,38 @@ def off_body_mask(image: Image) -> np.ndarray:
 def _is_plateau(image: Image, inside: np.ndarray, top: float, tolerance: float, contrast: float) -> bool:
     """Whether the pixels `inside` (h, w), all below `top`, are flat with a steep rim.
 
-    Flat: their spread is white noise or below 0.5 % of the contrast. Steep: around them, few pixels are only a
-    little brighter (a gentle valley has about as many up to 2 tolerances above as below).
+    Flat: their spread is that of white noise, or below 0.5 % of the contrast. Steep: few pixels around them
+    are brighter by less than 2 tolerances (a gentle valley has about as many of these as pixels inside).
     """
     import cv2
 
     reach = max(5.0, 0.5 * np.sqrt(inside.sum()))
     near = cv2.distanceTransform((~inside).astype(np.uint8), cv2.DIST_L2, 3) < reach
     rim = near & ~inside & image.valid & (image.brightness > top) & (image.brightness <= top + 2.0 * tolerance)
-    if rim.sum() > 0.3 * inside.sum():
+    if rim.sum() > _RIM_SHARE * inside.sum():
         return False
     core = cv2.erode(inside.astype(np.uint8), np.ones((5, 5), np.uint8)) == 1
     pair = core[:, 1:] & core[:, :-1]
-    if pair.sum() < 20:
+    if pair.sum() < _FEWEST_SAMPLES:
         return False
     spread = np.std(image.brightness[core])
     white = np.std((image.brightness[:, 1:] - image.brightness[:, :-1])[pair]) / np.sqrt(2.0)
-    return bool(spread <= max(1.5 * white, 0.005 * contrast))
+    return bool(spread <= max(_PLATEAU_SPREAD * white, _PLATEAU_CONTRAST * contrast))
 
 
 def shows_nothing(image: Image) -> bool:
     """Whether the image is constant, or white noise about a constant.
 
-    Means over blocks of 8 x 8 pixels then spread over no more than their standard error allows.
+    Then the means over blocks of 8 x 8 pixels differ by no more than their standard errors explain.
     """
     seen = image.brightness[image.valid]
     if seen.min() == seen.max():
         return True
     low, high = np.percentile(seen, [0.1, 99.9])
     clipped = np.where(image.valid, np.clip(image.brightness, low, high), np.median(seen))
-    height, width = (n // 8 * 8 for n in clipped.shape)
+    height, width = (n // _BLOCK * _BLOCK for n in clipped.shape)
     if height * width == 0:
         return False
     noise = np.std(np.diff(clipped, axis=1)) / np.sqrt(2.0)
-    means = clipped[:height, :width].reshape(height // 8, 8, width // 8, 8).mean((1, 3))
-    return bool(np.ptp(means) <= 12.0 * noise / 8.0)
+    means = clipped[:height, :width].reshape(height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK).mean((1, 3))
+    return bool(np.ptp(means) <= _BLOCK_SIGMAS * noise / _BLOCK)

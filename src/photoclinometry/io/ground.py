@@ -1,4 +1,4 @@
-"""Surfaces given by a person: a mesh as PLY or OBJ, or heights on a map as GeoTIFF, told apart by content."""
+"""Surfaces from files: a mesh (PLY, OBJ) or heights on a map (GeoTIFF), recognised by content."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from photoclinometry.io.reading import read_bytes
 from photoclinometry.model.errors import InputError
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+"""First bytes of TIFF and BigTIFF files, little- and big-endian."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Mesh:
     faces: np.ndarray
     """(F, 3) int64, counter-clockwise as seen from outside."""
     albedo: np.ndarray | None = None
-    """(V,) normal albedo, where the file has one."""
+    """(V,) normal albedo; None if the file has none."""
 
 
 def read_ground(path: Path | str) -> Mesh | Dtm:

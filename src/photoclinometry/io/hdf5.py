@@ -1,4 +1,4 @@
-"""HDF5 files that appear whole or not at all."""
+"""HDF5 files: written whole or not at all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from photoclinometry.io.atomic import atomic_path
 def new_hdf5(path: Path | str) -> Iterator[h5py.File]:
     """An HDF5 file to fill, which becomes `path` when the block succeeds. Raises RunFolderError.
 
-    It is built in memory: HDF5 cannot let go of a file that it failed to write to a full disk.
+    It is built in memory, since HDF5 cannot close a file after a write to a full disk has failed.
     """
     stream = io.BytesIO()
     with h5py.File(stream, "w", libver=("v110", "v110")) as file:

@@ -1,13 +1,12 @@
-"""`held_out.json`: views that a run was not made from, placed in the frame of its map."""
+"""`held_out.json`: the views held out of a run, with poses in the frame of its map."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.io.atomic import write_text
+from photoclinometry.io.json_file import read_json, write_json
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import VIEW_ARRAYS, Camera, Views
@@ -24,15 +23,15 @@ def write_held_out(path: Path, views: Views) -> None:
         "translation": views.body_from_cam.translation.tolist(),
         **{key: getattr(views, key).tolist() for key in VIEW_ARRAYS},
     }
-    write_text(path, json.dumps(content, indent=1) + "\n")
+    write_json(path, content)
 
 
 def read_held_out(path: Path) -> Views | None:
-    """What `write_held_out` wrote; None where a run has held nothing out. Raises RunFolderError."""
+    """The views that `write_held_out` wrote; None if the run held none out. Raises RunFolderError."""
     if not path.is_file():
         return None
+    content = read_json(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
         return Views(
             name=tuple(content["name"]),
             cameras=tuple(Camera(m, w, h, tuple(p)) for m, w, h, p in content["cameras"]),
@@ -40,4 +39,4 @@ def read_held_out(path: Path) -> Views | None:
             **{key: np.array(content[key], float) for key in VIEW_ARRAYS},
         )
     except (ValueError, KeyError, TypeError) as error:
-        raise RunFolderError(f"{path}: damaged ({error}); run the site again") from error
+        raise RunFolderError(f"{path}: is damaged ({error}); run the site again") from error

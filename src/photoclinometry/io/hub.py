@@ -1,7 +1,7 @@
-"""Data sets published on Hugging Face: listed, fetched, and checked. Needs the extra `fetch` (huggingface_hub).
+"""Data sets published on Hugging Face: listed, fetched and verified. Needs the extra `fetch` (huggingface_hub).
 
-A file arrives under a name ending in .part, which a later call goes on from, and gets its own name when its checksum is
-the published one: SHA-256 of large files, git's of others. Only public data sets; no access token is looked for.
+A file is downloaded under a name ending in .part, which a later call resumes. It is renamed once its checksum is the
+published one (SHA-256 of large files, git's blob hash of others). Public data sets only: no access token is used.
 """
 
 from __future__ import annotations
@@ -22,6 +22,11 @@ from photoclinometry.model.progress import Progress
 AUTHORS_DATA = "travisdriver/phomo-data"
 """Images and models of Driver et al. (2025): huggingface.co/datasets/travisdriver/phomo-data."""
 
+_BLOCK_BYTES = 1 << 20
+"""Bytes that are read at a time for a checksum."""
+_SHA1_DIGITS = 40
+"""Hexadecimal digits of git's hash; SHA-256 has 64."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RemoteFile:
@@ -37,13 +42,13 @@ class RemoteFile:
 
 @dataclass(frozen=True, kw_only=True)
 class DataSet:
-    """What a data set held when it was listed."""
+    """The content of a data set at the time it was listed."""
 
     name: str
     commit: str
-    """Files are fetched from this commit, whatever is published meanwhile."""
+    """Files are fetched from this commit, even if another is published meanwhile."""
     endpoint: str | None
-    """Address of the server; None for huggingface_hub's own choice ($HF_ENDPOINT, huggingface.co)."""
+    """Address of the server; None for huggingface_hub's default ($HF_ENDPOINT, else huggingface.co)."""
     files: tuple[RemoteFile, ...]
 
     def folders(self) -> dict[str, tuple[int, int]]:
@@ -56,7 +61,7 @@ class DataSet:
         return dict(sorted(found.items()))
 
     def named(self, name: str) -> tuple[RemoteFile, ...]:
-        """The files below folders of this path, or of this name anywhere. Raises InputError where there is none."""
+        """The files below the folder of this path, else below all folders of this name. Raises InputError for none."""
         wanted = PurePosixPath(name.strip("/"))
         folders = [PurePosixPath(folder) for folder in self.folders()]
         chosen = {f for f in folders if f == wanted} or {f for f in folders if f.name == str(wanted)}
@@ -67,7 +72,7 @@ class DataSet:
 
 
 def list_files(name: str = AUTHORS_DATA, *, revision: str = "main", endpoint: str | None = None) -> DataSet:
-    """What a data set holds. Raises FetchError where it cannot be listed, InputError without the extra."""
+    """The files of a data set. Raises FetchError if it cannot be listed, InputError without the extra."""
     with _hub_errors(name, f"revision {revision!r}"):
         api = _hub().HfApi(endpoint=endpoint, token=False)
         commit = api.dataset_info(name, revision=revision).sha
@@ -79,52 +84,52 @@ def list_files(name: str = AUTHORS_DATA, *, revision: str = "main", endpoint: st
 def fetch_files(
     data: DataSet, files: tuple[RemoteFile, ...], out: Path | str, progress: Progress | None = None
 ) -> list[str]:
-    """Files of a data set below `out`, in its folders; returns the paths of those that were not there already.
+    """Fetch files of a data set below `out`, in the data set's folders; returns the paths of those downloaded.
 
-    What is there with the right checksum stays, what was begun is gone on with. Raises FetchError where a file cannot
-    be had or arrives damaged, and RunFolderError where it cannot be written; whole files stay then.
+    Files that are there with the right checksum are kept, partial downloads are resumed. Raises FetchError if a file
+    is not available or arrives damaged, RunFolderError if it cannot be written; files already complete are kept.
     """
     out, total = Path(out), sum(file.size for file in files)
     done, fetched = 0, []
     for file in files:
 
-        def tell(there: int, before: int = done) -> None:
+        def report(count: int, before: int = done) -> None:
             if progress is not None:
-                progress("fetch", before + there, total)
+                progress("fetch", before + count, total)
 
         target = out / file.path
         try:
             if not (target.is_file() and _has_digest(target, file)):
-                _fetch(data, file, target, tell)
+                _fetch(data, file, target, report)
                 fetched.append(file.path)
         except FetchError:
             raise
         except OSError as error:
             raise unwritable(target, error) from error
         done += file.size
-        tell(0, done)
+        report(0, done)
     return fetched
 
 
-def _fetch(data: DataSet, file: RemoteFile, target: Path, tell: Callable[[int], None]) -> None:
+def _fetch(data: DataSet, file: RemoteFile, target: Path, report: Callable[[int], None]) -> None:
     part = target.with_name(target.name + ".part")
     target.parent.mkdir(parents=True, exist_ok=True)
     begun = part.stat().st_size if part.is_file() else 0
     if begun > file.size:
         part.unlink()
         begun = 0
-    _download(data, file, part, tell)
-    if not _has_digest(part, file) and begun:  # what was begun was of another version, or damaged
+    _download(data, file, part, report)
+    if not _has_digest(part, file) and begun:  # the resumed part was damaged, or of another version
         part.unlink()
-        _download(data, file, part, tell)
+        _download(data, file, part, report)
     if not _has_digest(part, file):
         part.unlink()
-        raise FetchError(f"{file.path}: arrived damaged: its checksum is not the published one; try again")
+        raise FetchError(f"{file.path}: arrived damaged: its checksum is not the published one; repeat the command")
     os.replace(part, target)
 
 
-def _download(data: DataSet, file: RemoteFile, part: Path, tell: Callable[[int], None]) -> None:
-    """All of a file, or the rest of what is there."""
+def _download(data: DataSet, file: RemoteFile, part: Path, report: Callable[[int], None]) -> None:
+    """Downloads a file, or the rest of a file that was begun."""
     from huggingface_hub import hf_hub_url
     from huggingface_hub.file_download import http_get
     from huggingface_hub.utils import build_hf_headers, disable_progress_bars
@@ -132,24 +137,24 @@ def _download(data: DataSet, file: RemoteFile, part: Path, tell: Callable[[int],
     disable_progress_bars("huggingface_hub.http_get")
     url = hf_hub_url(data.name, file.path, repo_type="dataset", revision=data.commit, endpoint=data.endpoint)
     headers = build_hf_headers(token=False, library_name="photoclinometry", library_version=__version__)
-    headers["Accept-Encoding"] = "identity"  # byte ranges count what is sent
+    headers["Accept-Encoding"] = "identity"  # byte ranges must count bytes of the file, not of a compressed stream
     with open(part, "ab") as stream:
         begun = stream.tell()
-        tell(begun)
+        report(begun)
         if begun < file.size:
             with _hub_errors(data.name, file.path):
-                http_get(url, _Counted(stream, tell), resume_size=begun, headers=headers, expected_size=file.size)  # pyright: ignore[reportArgumentType]
+                http_get(url, _Counted(stream, report), resume_size=begun, headers=headers, expected_size=file.size)  # pyright: ignore[reportArgumentType]
 
 
 class _Counted:
-    """A stream that tells its position after every write."""
+    """A stream that reports its position after every write."""
 
-    def __init__(self, stream: Any, tell: Callable[[int], None]):
-        self._stream, self._told = stream, tell
+    def __init__(self, stream: Any, report: Callable[[int], None]):
+        self._stream, self._report = stream, report
 
     def write(self, data: bytes) -> int:
         written = self._stream.write(data)
-        self._told(self._stream.tell())
+        self._report(self._stream.tell())
         return written
 
     def __getattr__(self, name: str) -> Any:
@@ -157,13 +162,13 @@ class _Counted:
 
 
 def _has_digest(path: Path, file: RemoteFile) -> bool:
-    """Whether a file is the published one."""
+    """Whether a file has the published size and checksum."""
     if path.stat().st_size != file.size:
         return False
-    git = len(file.digest) == 40
+    git = len(file.digest) == _SHA1_DIGITS
     whole = hashlib.sha1(b"blob %d\0" % file.size, usedforsecurity=False) if git else hashlib.sha256()
     with open(path, "rb") as stream:
-        while block := stream.read(1 << 20):
+        while block := stream.read(_BLOCK_BYTES):
             whole.update(block)
     return whole.hexdigest() == file.digest
 
@@ -171,7 +176,9 @@ def _has_digest(path: Path, file: RemoteFile) -> bool:
 def _remote_file(name: str, entry: Any) -> RemoteFile:
     path = PurePosixPath(entry.path)
     if path.is_absolute() or ".." in path.parts or "\\" in entry.path or "\0" in entry.path:
-        raise FetchError(f"{name}: names a file {entry.path!r}, which would lie outside of the folder; do not trust it")
+        raise FetchError(
+            f"{name}: names a file {entry.path!r}, which lies outside of the output folder; do not trust this data set"
+        )
     digest = entry.lfs.sha256 if entry.lfs is not None else entry.blob_id
     return RemoteFile(path=str(path), size=int(entry.size), digest=digest)
 
@@ -188,7 +195,7 @@ def _hub() -> Any:
 
 @contextmanager
 def _hub_errors(name: str, what: str) -> Iterator[None]:
-    """Turns what goes wrong on the way to the server into FetchError."""
+    """Turns errors of the network and the server into FetchError."""
     _hub()
     from httpx2 import HTTPError
     from huggingface_hub.errors import HFValidationError, RepositoryNotFoundError, RevisionNotFoundError
@@ -196,7 +203,7 @@ def _hub_errors(name: str, what: str) -> Iterator[None]:
     try:
         yield
     except HFValidationError as error:
-        raise InputError(f"{name!r} is no name of a data set ({error}); give OWNER/NAME") from error
+        raise InputError(f"{name!r} is not the name of a data set ({error}); give OWNER/NAME") from error
     except RepositoryNotFoundError as error:
         raise FetchError(f"{name}: there is no such public data set; check its name") from error
     except RevisionNotFoundError as error:
@@ -204,9 +211,12 @@ def _hub_errors(name: str, what: str) -> Iterator[None]:
     except (HTTPError, ConnectionError) as error:
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise FetchError(
-            f"{name}: {what} cannot be had ({reason}); check the network, then try again: it goes on where it stopped"
+            f"{name}: {what} cannot be fetched ({reason}); check the network and repeat the command: it resumes the "
+            "download"
         ) from error
     except OSError as error:
         if error.errno is not None:
             raise
-        raise FetchError(f"{name}: {what} arrived in part ({str(error).splitlines()[0]}); try again") from error
+        raise FetchError(
+            f"{name}: {what} arrived in part ({str(error).splitlines()[0]}); repeat the command"
+        ) from error

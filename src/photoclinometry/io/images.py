@@ -33,9 +33,9 @@ def read_image(path: Path | str) -> Image:
 
     Not valid: NaN and infinite values, FITS BLANK, integers at the top of their container's range
     (saturated), values at or above a FITS header's SATURATE or above its DATAMAX. Brightness is 0 there.
-    A detector with fewer bits than its container (12 in 16) saturates lower: say so through SATURATE.
+    A detector with fewer bits than its container (12 in 16) saturates at a lower number: give it as SATURATE.
     The format is recognised by content, not by name. Colour images are accepted if all channels are equal
-    and every pixel opaque. Raises ImageError.
+    and every pixel is opaque. Raises ImageError.
     """
     path = Path(path)
     data = read_image_bytes(path, "image")
@@ -50,7 +50,7 @@ def read_image(path: Path | str) -> Image:
     elif data[:4] in _BIG_TIFF:
         raise ImageError(f"{path}: is a BigTIFF; convert it to plain TIFF or FITS")
     else:
-        raise ImageError(f"{path}: is no FITS, PNG or TIFF image (it begins with {data[:8]!r}); convert it")
+        raise ImageError(f"{path}: is not a FITS, PNG or TIFF image (it begins with {data[:8]!r}); convert it")
     if values.size == 0:
         raise ImageError(f"{path}: has no pixels (shape {values.shape})")
     with np.errstate(over="ignore"):
@@ -73,7 +73,7 @@ def write_fits(path: Path | str, array: np.ndarray) -> None:
         array = array.astype(np.float32)
     stream = io.BytesIO()
     hdu = fits.PrimaryHDU(array)
-    # Left to itself, astropy writes the time beside the checksum.
+    # By default astropy adds the time of writing to the checksum's comment.
     hdu.add_checksum(when="checksum")
     hdu.writeto(stream)
     write_bytes(path, stream.getvalue())
@@ -107,7 +107,7 @@ def _check_size(path: Path, width: int, height: int) -> None:
 
 
 def _check_png(path: Path, data: bytes) -> None:
-    """Every chunk whole, with its checksum: the decoder would fill what is missing with zeros."""
+    """Checks every chunk and its checksum, since the decoder fills missing data with zeros. Raises ImageError."""
     at, kind = len(_PNG), b""
     while kind != b"IEND":
         if at + 12 > len(data):
@@ -126,7 +126,7 @@ def _check_png(path: Path, data: bytes) -> None:
 
 
 def _check_tiff(path: Path, data: bytes) -> None:
-    """Width and height (tags 256, 257) of the first directory, before anything is decoded."""
+    """Checks width and height (tags 256, 257) of the first directory before decoding. Raises ImageError."""
     order = _TIFF[data[:4]]
     size = {}
     try:
@@ -139,7 +139,7 @@ def _check_tiff(path: Path, data: bytes) -> None:
     except struct.error:
         raise _damaged(path, "the TIFF directory points past the end of the file") from None
     if len(size) < 2:
-        raise _damaged(path, "the TIFF does not say its width and height")
+        raise _damaged(path, "the TIFF gives no width and height")
     _check_size(path, size[256], size[257])
 
 
@@ -159,7 +159,7 @@ def _read_raster(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _grey(path: Path, values: np.ndarray) -> np.ndarray:
-    """The one channel of an image (h, w, 1..4) whose colour channels say the same."""
+    """(h, w) the first channel of an image (h, w, 1..4), if its colour channels are equal. Raises ImageError."""
     channels = values.shape[2]
     if channels in (2, 4):
         opaque = np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0
@@ -199,14 +199,14 @@ def _read_fits(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
                         return _fits_values(hdu.data.reshape(shape[-2:]), hdu.header)
     except ImageError:
         raise
-    # astropy meets damage with nearly every built-in exception, its own warnings among them.
+    # A damaged file makes astropy raise nearly every built-in exception, and its own warnings.
     except Exception as error:
         raise _damaged(path, f"{type(error).__name__}: {error}") from error
     found = ", ".join(str(s) for s in shapes if s) or "none"
     raise ImageError(f"{path}: has no image with two axes (found: {found}); extract one plane")
 
 
-def _fits_values(raw: np.ndarray, header) -> tuple[np.ndarray, np.ndarray]:
+def _fits_values(raw: np.ndarray, header: Any) -> tuple[np.ndarray, np.ndarray]:
     valid = _unsaturated(raw)
     if raw.dtype.kind in "ui" and "BLANK" in header:
         valid &= raw != header["BLANK"]

@@ -1,4 +1,4 @@
-"""Options of a run or a study as TOML, to read and to compare."""
+"""The options of a run or a study as a TOML file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from photoclinometry.io.atomic import write_text
 
 
 def write_options(path: Path, options: Mapping[str, Any]) -> None:
-    """The options and the package's version; tuples become lists, paths text, and what is None is left out."""
+    """The options and the package's version. Tuples become lists, paths become text, None is omitted."""
     import tomli_w
 
     write_text(path, tomli_w.dumps(_plain({"version": __version__, **options})))

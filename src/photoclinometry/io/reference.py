@@ -1,4 +1,4 @@
-"""A map to compare with, in any of the forms that it may come in."""
+"""A reference map to compare a scene with: PLY, GeoTIFF, or the scene of another run."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from pathlib import Path
 from photoclinometry.io.meshes.ply import PlyMap, grid_faces, read_ply
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.scene import Scene
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A reference surface, and the camera poses that go with it where the file knows them."""
+    """A reference surface, and camera poses in its frame if the file has them."""
 
     surface: PlyMap
     names: tuple[str, ...] | None = None
@@ -32,15 +33,15 @@ def read_reference(path: Path | str) -> Reference:
 
         return Reference(read_dtm_mesh(path))
     if suffix in (".h5", ".hdf5") or path.is_dir():
-        return _from_scene(path / "scene.h5" if path.is_dir() else path)
-    raise InputError(f"{path}: no map to compare with; give a .ply, a GeoTIFF (.tif), a run folder or its scene.h5")
+        from photoclinometry.io.scene_file import read_scene
+
+        return scene_as_reference(read_scene(path / "scene.h5" if path.is_dir() else path))
+    raise InputError(f"{path}: is no map to compare with; give a .ply, a GeoTIFF (.tif), a run folder or its scene.h5")
 
 
-def _from_scene(path: Path) -> Reference:
-    from photoclinometry.io.scene_file import read_scene
-
-    scene = read_scene(path)
-    marks = scene.landmarks
-    albedo = None if scene.reflectance is None else marks.albedo
-    surface = PlyMap(marks.position, marks.normal, albedo, grid_faces(scene))
+def scene_as_reference(scene: Scene) -> Reference:
+    """The surface of a scene, with the poses of its views."""
+    landmarks = scene.landmarks
+    albedo = None if scene.reflectance is None else landmarks.albedo
+    surface = PlyMap(landmarks.position, landmarks.normal, albedo, grid_faces(scene))
     return Reference(surface, scene.views.name, scene.views.body_from_cam)

@@ -1,7 +1,7 @@
 """`scene.h5`: a Scene as HDF5, exact to the last bit.
 
-Every dataset has the attributes `unit`, `frame` ("B" body-fixed, "C" camera, "image", or "-") and
-`description`, and carries checksums: what reads without an error is what was written.
+Every dataset has the attributes `unit`, `frame` ("B" body-fixed, "C" camera, "image", or "-") and `description`, and
+checksums, so that damage is noticed on reading. Lengths are in the unit of frame B: metres where it is body-fixed.
 """
 
 from __future__ import annotations
@@ -12,18 +12,19 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import ArrayLike
 
 from photoclinometry import __version__
 from photoclinometry.io.hdf5 import new_hdf5
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.reflectance import MODELS, Reflectance
 from photoclinometry.model.scene import BODY_FIXED, OWN, Camera, Landmarks, Region, Scene, Surroundings, Tracks, Views
 
 FORMAT = "photoclinometry scene"
 VERSION = 1
 
-# Unit, frame and description of each dataset; LENGTH and BRIGHTNESS stand for the scene's own units.
+# Unit, frame and description of each dataset. LENGTH and BRIGHTNESS are replaced by the scene's units.
 _LENGTH, _BRIGHTNESS = "LENGTH", "BRIGHTNESS"
 _VIEWS = {
     "name": ("-", "-", "name of each view: its image path as site.toml writes it"),
@@ -40,15 +41,15 @@ _LANDMARKS = {
     "position": (_LENGTH, "B", "landmark positions (J, 3)"),
     "normal": ("1", "B", "outward unit normals (J, 3)"),
     "albedo": (_BRIGHTNESS, "-", "normal albedo where brightness is I/F, else relative albedo"),
-    "pixel": ("px", "image", "(row, col) of the reference image's pixel that each landmark was made from"),
+    "pixel": ("px", "image", "(row, col) of each landmark's pixel in the reference image"),
 }
 _TRACKS = {
     "start": ("-", "-", "observations of landmark j are start[j] to start[j + 1]"),
     "view": ("-", "-", "index of the view of each observation"),
     "keypoint": ("px", "image", "(x, y) of each observation; (0.5, 0.5) is the centre of the top-left pixel"),
     "keypoint_sigma": ("px", "image", "standard deviation of each keypoint coordinate"),
-    "brightness": (_BRIGHTNESS, "-", "brightness at the keypoint; a measurement only where lit"),
-    "lit": ("-", "-", "whether the brightness is a measurement"),
+    "brightness": (_BRIGHTNESS, "-", "brightness at the keypoint; valid only where lit"),
+    "lit": ("-", "-", "whether the keypoint is lit and its brightness valid"),
 }
 _DEPTH = (
     _LENGTH,
@@ -79,15 +80,9 @@ def write_scene(path: Path | str, scene: Scene) -> None:
         file.create_group("region").attrs.update({f.name: getattr(scene.region, f.name) for f in fields(Region)})
         if scene.reflectance is not None:
             model = file.create_group("reflectance")
-            model.attrs["disk"] = scene.reflectance.disk
-            write = _Writer(model, scene)
-            weight = ("1, 1/rad", "-", "w0, w1: g(phase) = w0 + w1 phase")
-            coefficients = ("1/rad^i", "-", "c_1, c_2, ...: phase function = 1 + sum c_i phase^i")
-            if scene.reflectance.disk == "hapke":
-                weight = ("1, rad", "-", "single-scattering albedo, mean slope theta-bar")
-                coefficients = ("1", "-", "b, c of the Henyey-Greenstein lobes, B0, h of the opposition surge")
-            write("weight", scene.reflectance.weight, weight)
-            write("phase_coefficients", scene.reflectance.phase_coefficients, coefficients)
+            model.attrs["name"] = scene.reflectance.name
+            names, units, meaning = scene.reflectance.described
+            _Writer(model, scene)("parameters", scene.reflectance.values, (units, "-", f"{names}: {meaning}"))
         _write_views(file, scene)
         for group, part, spec in (
             ("landmarks", scene.landmarks, _LANDMARKS),
@@ -110,9 +105,9 @@ def write_scene(path: Path | str, scene: Scene) -> None:
 
 
 def read_scene(path: Path | str) -> Scene:
-    """The scene that `write_scene` wrote: every value and type the same.
+    """The scene that `write_scene` wrote, with the same values and types.
 
-    Raises RunFolderError for files that are missing, damaged, of another version, or no scene at all.
+    Raises RunFolderError if the file is missing, damaged, of another version, or not a scene.
     """
     path = Path(path)
     if not path.is_file():
@@ -123,11 +118,11 @@ def read_scene(path: Path | str) -> Scene:
             scene = _read(file)
     except InputError:
         raise
-    # h5py meets damage with nearly every built-in exception.
+    # A damaged file makes h5py raise nearly every built-in exception.
     except Exception as error:
         first_line = str(error).splitlines()[0] if str(error) else ""
         raise RunFolderError(
-            f"{path}: is no scene file, or is damaged ({type(error).__name__}: {first_line}); run the site again"
+            f"{path}: is not a scene file, or is damaged ({type(error).__name__}: {first_line}); run the site again"
         ) from error
     fault = _inconsistency(scene)
     if fault:
@@ -143,7 +138,7 @@ class _Writer:
         brightness = "I/F" if scene.brightness == "iof" else "DN"
         self.units = {_LENGTH: scene.unit or "unit of length of B", _BRIGHTNESS: brightness}
 
-    def __call__(self, name: str, values, about: tuple[str, str, str]) -> None:
+    def __call__(self, name: str, values: ArrayLike, about: tuple[str, str, str]) -> None:
         values = np.asarray(values)
         if values.dtype.kind == "U":
             values = np.char.encode(values, "utf-8")
@@ -173,7 +168,7 @@ def _write_views(file: h5py.File, scene: Scene) -> None:
 
 def _check_version(path: Path, file: Any) -> None:
     if file.attrs.get("format") != FORMAT:
-        raise RunFolderError(f"{path}: is an HDF5 file, but no photoclinometry scene; check the path")
+        raise RunFolderError(f"{path}: is an HDF5 file, but not a photoclinometry scene; check the path")
     found = file.attrs.get("version")
     if found != VERSION:
         raise RunFolderError(
@@ -186,9 +181,11 @@ def _read(file: Any) -> Scene:
     reflectance = None
     if "reflectance" in file:
         model = file["reflectance"]
-        reflectance = Reflectance(
-            str(model.attrs["disk"]), *(tuple(model[k][()].tolist()) for k in ("weight", "phase_coefficients"))
-        )
+        earlier = "disk" in model.attrs  # files written before parameters had names
+        parts = ("weight", "phase_coefficients") if earlier else ("parameters",)
+        values = np.concatenate([model[part][()] for part in parts])
+        name = str(model.attrs["disk" if earlier else "name"])
+        reflectance = Reflectance(name, tuple(values.tolist()) if MODELS[name].parameters else ())
     return Scene(
         name=str(file.attrs["name"]),
         body=str(file.attrs["body"]) if "body" in file.attrs else None,
@@ -198,10 +195,12 @@ def _read(file: Any) -> Scene:
         landmarks=Landmarks(**{name: file["landmarks"][name][()] for name in _LANDMARKS}),
         tracks=Tracks(**{name: file["tracks"][name][()] for name in _TRACKS}),
         reference=int(file.attrs["reference"]),
-        region=Region(**{name: int(value) for name, value in file["region"].attrs.items()}),  # older files: no stride
+        region=Region(
+            **{name: int(value) for name, value in file["region"].attrs.items()}
+        ),  # stride is missing in older files
         uncertainty={name: dataset[()] for name, dataset in file["uncertainty"].items()},
         surroundings=_read_surroundings(file),
-        frame=str(file.attrs.get("frame", OWN)),  # files from before pose priors were used do not say
+        frame=str(file.attrs.get("frame", OWN)),  # missing in files written before pose priors were used
     )
 
 
@@ -232,7 +231,7 @@ def _read_views(file: Any) -> Views:
 
 
 def _inconsistency(scene: Scene) -> str | None:
-    """What would make an index point outside its array, in words; None where all is well."""
+    """The first contradiction between the arrays of a scene, in words; None if there is none."""
     views, landmarks, tracks, region = scene.views, scene.landmarks, scene.tracks, scene.region
     k, j, n = len(views.name), len(landmarks.position), len(tracks.view)
     lengths = [
@@ -251,9 +250,9 @@ def _inconsistency(scene: Scene) -> str | None:
     if tracks.start[0] != 0 or tracks.start[-1] != n or (np.diff(tracks.start) < 0).any():
         return "tracks do not add up"
     if n and not 0 <= tracks.view.min() <= tracks.view.max() < k:
-        return "a track names a view that is not there"
+        return "a track names a view that does not exist"
     if not 0 <= scene.reference < k:
-        return "the reference view is not there"
+        return "the reference view does not exist"
     inside = (landmarks.pixel >= (region.row, region.col)) & (
         landmarks.pixel < (region.row + region.height, region.col + region.width)
     )
@@ -264,7 +263,7 @@ def _inconsistency(scene: Scene) -> str | None:
         camera = views.cameras[scene.reference]
         image = Region(row=0, col=0, height=camera.height, width=camera.width, stride=max(1, around.stride))
         if around.depth.shape != image.grid_shape:
-            return "its surroundings are not of the reference image"
+            return "its surroundings have not the size of the reference image"
     if region.stride < 1 or ((landmarks.pixel - (region.row, region.col)) % region.stride).any():
         return "a landmark lies off the map's grid"
     return None

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
 
 from photoclinometry.io.atomic import write_text
-from photoclinometry.io.reading import read_bytes
-from photoclinometry.io.table import Table
+from photoclinometry.io.toml_file import read_toml
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity
 
 _ROTATION_TOLERANCE = 1e-6
+"""Rows of a rotation written with seven decimals are this near to orthonormal."""
 
 
 def write_similarity(path: Path | str, similarity: Similarity) -> None:
@@ -25,18 +24,16 @@ def write_similarity(path: Path | str, similarity: Similarity) -> None:
 
 
 def read_similarity(path: Path | str) -> Similarity:
-    """The transform in the file. Raises InputError for a file that is missing or holds no similarity."""
+    """The transform in the file. Raises InputError if the file is missing or holds no similarity transform."""
     path = Path(path)
-    data = read_bytes(path)
-    try:
-        table = Table(tomllib.loads(data.decode()), str(path))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not readable as TOML: {error}") from error
+    table = read_toml(path, "TOML file with scale, rotation and translation")
     scale = table.positive_number("scale")
     rotation = table.matrix("rotation", 3)
     translation = table.numbers("translation", 3)
     table.finish()
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if off > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-        raise InputError(f"{path}: rotation: is no rotation (rows not orthonormal by {off:.2g}, or a mirror image)")
+        raise InputError(
+            f"{path}: rotation: is not a rotation (rows off orthonormal by {off:.2g}, or mirrored); correct it"
+        )
     return Similarity(scale, rotation, translation)

@@ -1,39 +1,42 @@
 """`site.toml`: the images of a site, their cameras, Sun directions, pose priors, and the region to map.
 
-Angles are degrees in the file (names end in `_deg`) and radians here. Every complaint is a SiteError that
-names the file, the view and the key, says what was found, and what to write instead.
+Angles are in degrees in the file (names end in `_deg`) and in radians here. Every mistake is a SiteError that names
+the file, the view, the key and the value found, and tells what to write instead.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from photoclinometry.io import site_display
 from photoclinometry.io.atomic import write_text
-from photoclinometry.io.exposure import off_body_mask, shows_nothing
-from photoclinometry.io.images import read_image
 from photoclinometry.io.table import Table
-from photoclinometry.model.errors import ImageError, InputError, SiteError
+from photoclinometry.io.toml_file import read_toml
+from photoclinometry.model.errors import InputError, SiteError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.progress import Progress
-from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera, Image
+from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera
 
 MIN_VIEWS = 3
+"""Fewest views of a site: a landmark needs a third one before a wrong match can be told from a right one."""
 DEFAULT_SUN_SIGMA_RAD = 1e-3
-"""Used for views without `sun_sigma_deg`: 0.057 degrees, the paper's value."""
+"""Standard deviation [rad] of Suns without `sun_sigma_deg`: 0.057 degrees, the paper's value."""
 _UNIT_TOLERANCE = 1e-3
+"""Vectors and quaternions written with three decimals are this near to unit length."""
+_ROUNDING = 1e-15
+"""A Sun this near to unit length is kept to the last bit, so that what was written reads back the same."""
+_FARTHEST_PRINCIPAL = 10.0
+"""Principal points farther outside than this many image widths are parameters in the wrong order."""
 
 
 @dataclass(frozen=True)
 class SiteView:
-    """One image with what is known about its exposure."""
+    """One image with its camera, its measured Sun and, if known, a prior of its pose."""
 
     name: str
     """The image's path as `site.toml` writes it."""
@@ -48,7 +51,7 @@ class SiteView:
 
 @dataclass(frozen=True)
 class RegionRequest:
-    """What to map densely; whatever is None is chosen automatically."""
+    """The part of the reference image to map. A field that is None is chosen automatically."""
 
     reference: str | None = None
     """Name of the reference view."""
@@ -57,12 +60,12 @@ class RegionRequest:
     size_px: tuple[int, int] | None = None
     """(width, height)."""
     stride: int | None = None
-    """Pixels from landmark to landmark, down and across."""
+    """Distance of neighbouring landmarks, down and across [px]."""
 
 
 @dataclass(frozen=True)
 class Site:
-    """Everything that `site.toml` says."""
+    """The content of `site.toml`."""
 
     name: str
     body: str | None
@@ -83,11 +86,17 @@ class Site:
         """By the names of the views that have one."""
         return {view.name: view.pose_prior for view in self.views if view.pose_prior is not None}
 
+    def __repr__(self) -> str:
+        return site_display.site_line(self)
+
+    def _repr_html_(self) -> str:
+        return site_display.site_card(self)
+
 
 def read_site(path: Path | str) -> Site:
-    """The site that a TOML file describes; images are not opened. Raises SiteError."""
+    """The site that a TOML file describes. Images are not opened. Raises SiteError."""
     path = Path(path)
-    table = Table(_parse(path), str(path))
+    table = read_toml(path, "site.toml", SiteError)
     name = table.text("name")
     body = table.text("body", None)
     brightness = table.choice("brightness", ("iof", "dn"))
@@ -103,73 +112,11 @@ def write_site(path: Path | str, site: Site) -> None:
     """`site` as TOML; each view's name is written as its image path. Raises RunFolderError."""
     import tomli_w
 
-    write_text(path, tomli_w.dumps(_as_dict(site)))
-
-
-def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
-    """The images of all views, each checked, named as its view; `valid` leaves out dark sky.
-
-    progress: called with "images", images read and images in all after each. Raises ImageError for images that are
-    missing, unreadable, of another size than their camera, empty, dark, or the same as another.
-    """
-    missing = [str(view.image) for view in site.views if not view.image.exists()]
-    if missing:
-        listed = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
-        raise ImageError(
-            f"{site.path}: {len(missing)} of {len(site.views)} images do not exist: {listed}; "
-            "image paths are relative to this file"
-        )
-    images, seen = [], {}
-    for number, view in enumerate(site.views, start=1):
-        image = read_image(view.image)
-        _check_image(view, image)
-        content = hashlib.sha256(image.brightness.tobytes()).digest()
-        if content in seen:
-            raise ImageError(
-                f"{site.path}: {seen[content]} and {view.name} are the same image (all pixels equal); "
-                "remove one of the two views"
-            )
-        seen[content] = view.name
-        images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
-        if progress is not None:
-            progress("images", number, len(site.views))
-    return images
-
-
-def input_fingerprint(site: Site) -> str:
-    """SHA-256 (hex) of what the site says and of its image files, for knowing whether inputs have changed.
-
-    Comments and spelling of the TOML do not count, nor where the folder lies. Raises ImageError.
-    """
-    import tomli_w
-
-    digest = hashlib.sha256(tomli_w.dumps(_as_dict(site)).encode())
-    for view in site.views:
-        try:
-            with open(view.image, "rb") as stream:
-                digest.update(hashlib.file_digest(stream, "sha256").digest())
-        except OSError as error:
-            raise ImageError(f"{view.image}: cannot be read: {error.strerror}; check the path") from error
-    return digest.hexdigest()
-
-
-def _parse(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_bytes().decode())
-    except FileNotFoundError:
-        raise SiteError(f"{path}: there is no such file; give the path of a site.toml") from None
-    except OSError as error:
-        raise SiteError(f"{path}: cannot be read: {error.strerror or error}; give a site.toml") from error
-    except UnicodeDecodeError as error:
-        raise SiteError(f"{path}: is not UTF-8 text ({error.reason} at byte {error.start})") from error
-    except tomllib.TOMLDecodeError as error:
-        raise SiteError(f"{path}: is not valid TOML: {error}") from error
-    except RecursionError:
-        raise SiteError(f"{path}: is nested too deeply to be a site") from None
+    write_text(path, tomli_w.dumps(site_document(site)))
 
 
 def _read_cameras(table: Table) -> tuple[Camera | None, dict[str, Camera]]:
-    """The camera of views that name none, and the named ones."""
+    """The camera of the views without the key `camera` (None if there are several), and the cameras by name."""
     single = table.table("camera", None)
     several = table.table("cameras", None)
     if (single is None) == (several is None):
@@ -193,7 +140,7 @@ def _read_camera(table: Table) -> Camera:
     except InputError as error:
         raise table.error("params", str(error)) from error
     center = np.array(camera.principal_px)
-    if (np.abs(center - (width / 2, height / 2)) > 10 * max(width, height)).any():
+    if (np.abs(center - (width / 2, height / 2)) > _FARTHEST_PRINCIPAL * max(width, height)).any():
         raise table.error(
             "params",
             f"the principal point {center.tolist()} is far outside {width} x {height} pixels; the order is "
@@ -221,16 +168,15 @@ def _read_view(path: Path, table: Table, default: Camera | None, cameras: dict[s
 
 
 def _read_sun(table: Table) -> np.ndarray:
-    """The unit vector under `sun`; the rounding of a few decimals is normalised away."""
-    cure = "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
-    sun = table.numbers("sun", 3, cure)
+    """The key `sun` as a unit vector; a length off by the rounding of a few decimals is corrected."""
+    remedy = "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
+    sun = table.numbers("sun", 3, remedy)
     length = float(np.linalg.norm(sun))
     if length == 0.0:
-        raise table.error("sun", f"is the zero vector; {cure}")
+        raise table.error("sun", f"is the zero vector; {remedy}")
     if abs(length - 1.0) > _UNIT_TOLERANCE:
-        raise table.error("sun", f"{sun.tolist()} has length {length:.6g}, not 1; {cure}")
-    # Exact unit vectors stay as they are, to the last bit.
-    return sun if abs(length - 1.0) < 1e-15 else sun / length
+        raise table.error("sun", f"{sun.tolist()} has length {length:.6g}, not 1; {remedy}")
+    return sun if abs(length - 1.0) < _ROUNDING else sun / length
 
 
 def _read_prior(table: Table | None) -> PosePrior | None:
@@ -260,15 +206,18 @@ def _read_region(table: Table | None, views: tuple[SiteView, ...]) -> RegionRequ
     table.finish()
     by_name = {view.name: view for view in views}
     if reference is not None and reference not in by_name:
-        raise table.error("reference", f"{reference!r} is none of the views", nearest=(reference, by_name))
+        raise table.error("reference", f"{reference!r} is not the image of any view", nearest=(reference, by_name))
     if center is not None and reference is None:
-        raise table.error("center_px", "needs `reference`, the image in which it is meant")
+        raise table.error("center_px", "is a position in the reference image: give `reference`, too")
     if reference is not None:
         _check_inside(table, by_name[reference], center, size)
     elif size is not None and all((size > (v.camera.width, v.camera.height)).any() for v in views):
         raise table.error("size_px", f"{size.tolist()} is larger than every image; shrink it")
     if size is not None and stride is not None and stride >= min(size):
-        raise table.error("stride", f"{stride} leaves a single row of landmarks of {size.tolist()} px; lessen it")
+        raise table.error(
+            "stride",
+            f"{stride} leaves a single row of landmarks in a region of {size.tolist()} px; choose a smaller stride",
+        )
     return RegionRequest(
         reference,
         None if center is None else (float(center[0]), float(center[1])),
@@ -302,26 +251,8 @@ def _check_views(table: Table, views: tuple[SiteView, ...]) -> None:
         first[place] = view.name
 
 
-def _check_image(view: SiteView, image: Image) -> None:
-    """Raises ImageError where the image cannot be this camera's, or shows nothing."""
-    height, width = image.brightness.shape
-    if (width, height) != (view.camera.width, view.camera.height):
-        raise ImageError(
-            f"{view.image}: is {width} x {height} pixels, but its camera in site.toml is "
-            f"{view.camera.width} x {view.camera.height}; correct the camera or the image"
-        )
-    if not image.valid.any():
-        raise ImageError(f"{view.image}: has no valid pixel (all NaN, blank or saturated); remove this view")
-    if shows_nothing(image):
-        seen = image.brightness[image.valid]
-        raise ImageError(
-            f"{view.image}: is dark: nothing rises above its noise (brightness {seen.min():g} to "
-            f"{seen.max():g}); remove this view"
-        )
-
-
-def _as_dict(site: Site) -> dict[str, Any]:
-    """The TOML document of a site; cameras are numbered where there are several."""
+def site_document(site: Site) -> dict[str, Any]:
+    """The content of `site.toml` as nested dictionaries. Several cameras are numbered."""
     document: dict[str, Any] = {"name": site.name}
     if site.body is not None:
         document["body"] = site.body

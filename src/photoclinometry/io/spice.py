@@ -1,7 +1,7 @@
-"""SPICE kernels, asked for times, positions, rotations and keywords. Needs the extra `geo` (spiceypy).
+"""Times, positions, rotations and keywords from SPICE kernels. Needs the extra `geo` (spiceypy).
 
-SPICE runs in a process of its own (`io/spice_worker.py`): a damaged kernel that makes it crash or hang is an error
-here, and its kernel pool is not that of the program that uses this package.
+SPICE runs in a separate process (`io/spice_worker.py`). A damaged kernel that makes it crash or hang is then an error
+here, and its kernel pool is not shared with the program that uses this package.
 """
 
 from __future__ import annotations
@@ -27,17 +27,19 @@ _BINARY = (".bsp", ".bc", ".bpc", ".bds")
 _META = (".tm", ".mk")
 _KNOWN_HEADS = (b"KPL/", b"DAF/", b"NAIF/DAF", b"DAS/", b"\\begin")
 _FARTHEST_KM = 1e12
-"""Nothing in the solar system is farther away."""
-_PATIENCE_S = 120.0
-"""For one answer; the slowest, loading a large text kernel, takes seconds."""
+"""Positions farther away than this are of no body of the solar system: a kernel is damaged [km]."""
+_TIMEOUT_S = 120.0
+"""Longest wait for one answer [s]; the slowest, loading a large text kernel, takes seconds."""
+_HEAD_BYTES = 1024
+"""A kernel's type stands in its first bytes; text kernels may begin with comments."""
 
 
 class Kernels:
-    """Loaded kernels that can be asked. All methods raise InputError where SPICE has no answer, and say why."""
+    """Loaded kernels. All methods raise InputError with SPICE's reason if it has no answer."""
 
     def __init__(self, files: Sequence[Path]):
         self.files = list(files)
-        # -P: the modules beside the script must not stand for others of their names, such as the standard `site`.
+        # -P: modules beside the script must not hide others of the same name, such as the standard `site`.
         self._process = subprocess.Popen(
             [sys.executable, "-P", str(Path(__file__).with_name("spice_worker.py"))],
             stdin=subprocess.PIPE,
@@ -53,7 +55,7 @@ class Kernels:
         self._process.communicate()
 
     def load(self, file: Path) -> None:
-        """One more kernel; it overrules those before."""
+        """Loads one more kernel, which overrides earlier ones."""
         _check_head(file)
         try:
             self._ask("", "load", str(file))
@@ -70,43 +72,47 @@ class Kernels:
 
     def position(self, target: str, time: float, frame: str, correction: str, observer: str) -> np.ndarray:
         """(3,) [km] of `target` as seen from `observer`."""
-        what = f"where {target} is, seen from {observer}, at {time:.3f} s"
+        what = f"the position of {target} seen from {observer} at {time:.3f} s"
         place = np.array(self._ask(what, "position", target, time, frame, correction, observer))
         if not (np.abs(place) < _FARTHEST_KM).all():
-            raise InputError(f"SPICE tells {what}: {place.tolist()} km; one of the position kernels (*.bsp) is damaged")
+            raise InputError(
+                f"SPICE gives {place.tolist()} km as {what}; one of the position kernels (*.bsp) is damaged"
+            )
         return place
 
     def rotation(self, source: str, target: str, time: float) -> np.ndarray:
         """(3, 3) target_from_source."""
-        return np.array(self._ask(f"how {source} lies in {target} at {time:.3f} s", "rotation", source, target, time))
+        return np.array(
+            self._ask(f"the rotation from {source} to {target} at {time:.3f} s", "rotation", source, target, time)
+        )
 
     def keyword(self, name: str) -> tuple[Any, ...] | None:
-        """The values of a keyword of the text kernels: numbers or text; None where there is none."""
+        """The values of a keyword of the text kernels, numbers or text; None if there is no such keyword."""
         values = self._ask(f"the keyword {name}", "keyword", name)
         return None if values is None else tuple(values)
 
     def body_code(self, name: str) -> int:
-        """NAIF's number of a body."""
-        code = self._ask(f"the number of {name}", "body", name)
+        """The NAIF identifier of a body."""
+        code = self._ask(f"the NAIF identifier of {name}", "body", name)
         if code is None:
             raise InputError(f"SPICE knows no body {name!r}; load its kernels, or pass --body with NAIF's name")
         return code
 
     def body_frame(self, body: int) -> str:
-        """The name of the frame that is fixed to a body."""
+        """The name of a body's fixed frame."""
         name = self._ask(f"the frame fixed to body {body}", "body frame", body)
         if name is None:
             raise InputError(f"SPICE knows no frame fixed to body {body}; load its frame and constants kernels")
         return name
 
     def frame_name(self, code: int) -> str | None:
-        """The name of a frame; None where the kernels do not have it."""
+        """The name of a frame; None if the kernels do not define it."""
         return self._ask(f"the name of frame {code}", "frame name", code)
 
     def _ask(self, what: str, question: str, *arguments: Any) -> Any:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        timer = Timer(_PATIENCE_S, self._process.kill)
+        timer = Timer(_TIMEOUT_S, self._process.kill)
         timer.start()
         try:
             self._process.stdin.write(json.dumps([question, *arguments]) + "\n")
@@ -122,15 +128,15 @@ class Kernels:
             raise InputError(f"SPICE broke down{asked}: one of {named} is damaged; fetch it again")
         answer = json.loads(line)
         if "error" in answer:
-            raise InputError(f"SPICE does not tell {what}: {answer['error']}" if what else answer["error"])
+            raise InputError(f"SPICE does not give {what}: {answer['error']}" if what else answer["error"])
         return answer["value"]
 
 
 @contextmanager
 def loaded_kernels(given: Sequence[Path]) -> Iterator[Kernels]:
-    """Kernels, meta-kernels and folders of kernels, loaded in the order of `kernel_files`, for the time of the block.
+    """Kernels, meta-kernels and folders of kernels, loaded in the order of `kernel_files` while the block runs.
 
-    Raises InputError for files that are missing, damaged, or no kernels.
+    Raises InputError for files that are missing, damaged, or not kernels.
     """
     if importlib.util.find_spec("spiceypy") is None:
         raise InputError(
@@ -147,9 +153,9 @@ def loaded_kernels(given: Sequence[Path]) -> Iterator[Kernels]:
 
 
 def kernel_files(given: Sequence[Path]) -> list[Path]:
-    """Files in loading order: as given, and of a folder in `loading_order`; the last one loaded wins.
+    """Files in loading order: as given; those of a folder in `loading_order`. A later kernel overrides an earlier.
 
-    A folder with meta-kernels in it must have just one, which is then taken alone. Raises InputError.
+    Of a folder that holds a meta-kernel, this alone is loaded. Raises InputError for two.
     """
     files: list[Path] = []
     for path in given:
@@ -167,7 +173,7 @@ def kernel_files(given: Sequence[Path]) -> list[Path]:
 
 
 def loading_order(files: Sequence[Path]) -> list[Path]:
-    """By name, but generic constants (pck00009.tpc) first and ISIS's addenda, which mean to overrule, last."""
+    """By name, but generic constants (pck00009.tpc) first and ISIS's addenda, made to override others, last."""
 
     def rank(path: Path) -> tuple[int, str]:
         name = path.name.lower()
@@ -178,7 +184,7 @@ def loading_order(files: Sequence[Path]) -> list[Path]:
 
 
 def _check_head(file: Path) -> None:
-    """Raises InputError for what is no kernel."""
-    head = read_bytes(file, "kernel", limit=1024)
+    """Raises InputError if a file is not a SPICE kernel."""
+    head = read_bytes(file, "kernel", limit=_HEAD_BYTES)
     if not head.lstrip().startswith(_KNOWN_HEADS) and b"\\begindata" not in head:
-        raise InputError(f"{file}: is no SPICE kernel (it begins with {head[:8]!r}); check the path")
+        raise InputError(f"{file}: is not a SPICE kernel (it begins with {head[:8]!r}); check the path")

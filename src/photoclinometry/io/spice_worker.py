@@ -1,7 +1,7 @@
-"""The process that SPICE runs in: reads questions, one line of JSON each, and answers them until its input ends.
+"""The process that runs SPICE: reads questions, one line of JSON each, and answers them until its input ends.
 
-CSPICE takes what binary kernels say on trust, and a damaged one can end the process that reads it. So it gets one of
-its own, run as a script by `io/spice.py`; it imports spiceypy and nothing of this package.
+CSPICE does not check binary kernels, and a damaged one can crash the process that reads it. `io/spice.py` therefore
+runs this file as a script in a separate process. It imports spiceypy and nothing of this package.
 """
 
 from __future__ import annotations
@@ -16,10 +16,13 @@ import spiceypy as spice
 from spiceypy.utils.exceptions import NotFoundError, SpiceyError
 
 _MAX_VALUES = 100
+"""Values of a keyword that are read; the longest of a camera has a dozen."""
+_MAX_REASON = 300
+"""Characters of SPICE's explanation that an error shows."""
 
 
 def keyword(name: str) -> list[Any] | None:
-    """Numbers or text of a keyword of the text kernels; None where there is none."""
+    """The values of a keyword of the text kernels, numbers or text; None if there is no such keyword."""
     try:
         count, kind = spice.dtpool(name)[:2]
         values = (spice.gdpool if kind == "N" else spice.gcpool)(name, 0, min(count, _MAX_VALUES))
@@ -29,7 +32,7 @@ def keyword(name: str) -> list[Any] | None:
 
 
 def or_none(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, with None where SPICE finds nothing."""
+    """The function, returning None where SPICE raises NotFoundError."""
 
     def asked(*arguments: Any) -> Any:
         try:
@@ -60,7 +63,7 @@ def answer(line: str) -> dict[str, Any]:
         value = QUESTIONS[question](*arguments)
     except (SpiceyError, NotFoundError) as error:
         long = " ".join(str(getattr(error, "long", "") or error).split())
-        return {"error": f"{getattr(error, 'short', '')} {long}".strip()[:300]}
+        return {"error": f"{getattr(error, 'short', '')} {long}".strip()[:_MAX_REASON]}
     return {"value": float(value) if isinstance(value, float) else value}
 
 
@@ -72,7 +75,7 @@ def serve(questions: TextIO, answers: TextIO) -> None:
 
 
 if __name__ == "__main__":
-    # Whatever the toolkit prints must not stand among the answers.
-    own = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    # Messages that the toolkit prints must not mix with the answers: standard output is redirected.
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    serve(sys.stdin, own)
+    serve(sys.stdin, answers)

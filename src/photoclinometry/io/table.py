@@ -1,4 +1,4 @@
-"""A table of a TOML file, read key by key: wrong types, missing and unknown keys are named in full."""
+"""A table of a TOML file, read key by key: errors name the file, the table, the key and the value found."""
 
 from __future__ import annotations
 
@@ -11,24 +11,34 @@ import numpy as np
 from photoclinometry.model.errors import SiteError
 
 _REQUIRED: Any = object()
+_INT32_END = 2**31
+"""Whole numbers from here on do not fit the 32-bit integers that other programs keep sizes in."""
+_INT64_END = 2**63
+"""Whole numbers of TOML end here (64 bits); larger ones are mistakes."""
+_SHOWN = 60
+"""Characters of a wrong value that an error shows."""
 
 
 class Table:
-    """One TOML table. `finish()` complains of keys that nobody has asked for, by reading or by `in`."""
+    """One TOML table, read by key.
+
+    Every method that reads a key raises SiteError if the key is missing (and has no default) or of another type.
+    """
 
     def __init__(self, content: dict[str, Any], file: str, where: str = ""):
         self.content = content
         self.file = file
         self.where = where
-        """The table's place in the file for messages, such as "views[2]"; empty at the top."""
-        self._asked: list[str] = []
+        """The table's place in the file, for messages, such as "views[2]"; empty for the top table."""
+        self._known: list[str] = []
+        """Keys that were read, or asked for by `in`."""
 
     def __contains__(self, key: str) -> bool:
-        self._asked.append(key)
+        self._known.append(key)
         return key in self.content
 
     def error(self, key: str, what: str, nearest: tuple[str, Iterable[str]] | None = None) -> SiteError:
-        """The complaint `what` about `key`; nearest: (word found, words known) adds "did you mean"."""
+        """The error `what` about `key`; nearest: (word found, words known) adds "did you mean"."""
         hint = ""
         if nearest is not None:
             word, known = nearest
@@ -38,11 +48,13 @@ class Table:
         return SiteError(f"{self.file}: {place}: {what}{hint}")
 
     def finish(self) -> None:
+        """Raises SiteError for the first key that was neither read nor asked for, with the nearest known one."""
         for key in self.content:
-            if key not in self._asked:
-                raise self.error(key, "unknown key", nearest=(key, self._asked))
+            if key not in self._known:
+                raise self.error(key, "unknown key", nearest=(key, self._known))
 
     def text(self, key: str, default: Any = _REQUIRED) -> Any:
+        """A text that is not blank."""
         value = self._get(key, default, "text in quotes")
         if value is default:
             return default
@@ -52,14 +64,16 @@ class Table:
             raise self.error(key, f"is empty or not printable: {value!r}")
         return value
 
-    def choice(self, key: str, known: tuple[str, ...], cure: str = "") -> str:
+    def choice(self, key: str, known: tuple[str, ...], remedy: str = "") -> str:
+        """One of the texts `known`."""
         value = self.text(key)
         if value not in known:
             listed = ", ".join(repr(k) for k in known)
-            raise self.error(key, f"{value!r} is not supported (known: {listed})" + (cure and f"; {cure}"))
+            raise self.error(key, f"{value!r} is not supported (known: {listed})" + (remedy and f"; {remedy}"))
         return value
 
     def positive_number(self, key: str, default: Any = _REQUIRED) -> Any:
+        """A finite number above 0."""
         value = self._get(key, default, "a positive number")
         if value is default:
             return default
@@ -68,18 +82,19 @@ class Table:
         return float(value)
 
     def positive_integer(self, key: str) -> int:
+        """A whole number from 1 to 2^31 - 1."""
         value = self._get(key, _REQUIRED, "a positive whole number")
-        if not _is_number(value) or not 0 < value < 2**31 or value != int(value):
+        if not _is_number(value) or not 0 < value < _INT32_END or value != int(value):
             raise self._wrong_type(key, "a positive whole number")
         return int(value)
 
-    def numbers(self, key: str, count: int, cure: str = "") -> np.ndarray:
+    def numbers(self, key: str, count: int, remedy: str = "") -> np.ndarray:
         """(count,) float64, all finite."""
         expected = f"a list of {count} finite numbers"
-        value = self._get(key, _REQUIRED, cure or expected)
+        value = self._get(key, _REQUIRED, remedy or expected)
         wrong = not isinstance(value, list) or len(value) != count or not all(map(_is_number, value))
         if wrong or not np.isfinite(np.array(value, float)).all():
-            raise self._wrong_type(key, expected, cure)
+            raise self._wrong_type(key, expected, remedy)
         return np.array(value, float)
 
     def matrix(self, key: str, size: int) -> np.ndarray:
@@ -97,11 +112,12 @@ class Table:
     def positive_integers(self, key: str, count: int) -> np.ndarray:
         """(count,) int64."""
         values = self.numbers(key, count)
-        if (values < 1).any() or (values > 2**31).any() or (values != np.round(values)).any():
+        if (values < 1).any() or (values >= _INT32_END).any() or (values != np.round(values)).any():
             raise self._wrong_type(key, f"a list of {count} positive whole numbers")
         return values.astype(np.int64)
 
     def table(self, key: str, default: Any = _REQUIRED) -> Any:
+        """The table [key] below this one."""
         value = self._get(key, default, "a table")
         if value is default:
             return default
@@ -110,13 +126,14 @@ class Table:
         return Table(value, self.file, f"{self.where}: {key}" if self.where else key)
 
     def tables(self, key: str) -> list[Table]:
+        """The tables [[key]]; empty where there is none."""
         value = self._get(key, [], f"[[{key}]]")
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
             raise self._wrong_type(key, f"a list of tables; write [[{key}]] for each")
         return [Table(v, self.file, f"{key}[{n}]") for n, v in enumerate(value)]
 
     def _get(self, key: str, default: Any, expected: str) -> Any:
-        self._asked.append(key)
+        self._known.append(key)
         if key in self.content:
             return self.content[key]
         if default is _REQUIRED:
@@ -125,14 +142,14 @@ class Table:
             raise self.error(key, f"is missing{found}; give {expected.removeprefix('give ')}")
         return default
 
-    def _wrong_type(self, key: str, expected: str, cure: str = "") -> SiteError:
+    def _wrong_type(self, key: str, expected: str, remedy: str = "") -> SiteError:
         found = repr(self.content[key])
-        found = found if len(found) <= 60 else found[:57] + "..."
-        return self.error(key, f"expected {expected}, found {found}" + (cure and f"; {cure}"))
+        found = found if len(found) <= _SHOWN else found[: _SHOWN - 3] + "..."
+        return self.error(key, f"expected {expected}, found {found}" + (remedy and f"; {remedy}"))
 
 
 def _is_number(value: Any) -> bool:
     """Whether `value` is a TOML number that a double can hold."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return isinstance(value, float) or abs(value) < 2**63
+    return isinstance(value, float) or abs(value) < _INT64_END

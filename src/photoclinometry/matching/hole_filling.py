@@ -1,4 +1,8 @@
-"""Provisional landmarks in the holes of a map: what one light does not match, the reference relit may."""
+"""Provisional landmarks in the holes of a map, which the next matches confirm or drop.
+
+Ground that was not matched under one light may be matched against the relit reference. For this it needs a position, a
+normal and an albedo.
+"""
 
 from __future__ import annotations
 
@@ -11,43 +15,37 @@ from photoclinometry.model.scene import Landmarks, Scene
 from photoclinometry.surface.depth_fit import landmark_depth
 from photoclinometry.surface.sampling import filled_from_nearest
 
-LEAST_PX2 = 36
-"""Smaller holes [reference pixels] stay: what does not match amidst ground that does has its reasons, blemishes of an
-image and edges of shadows. Filled on real images of Vesta, 22 such pixels of 160,000 cost 1 dB of PSNR."""
+SMALLEST_PX2 = 36
+"""Smaller holes stay [reference pixels]: amidst ground that matches, they are blemishes of images and edges of shadows.
+Filled on images of Vesta by Dawn, 22 such pixels of 160,000 cost 1 dB of PSNR."""
+
 SMOOTHING = 2.0
-"""Standard deviation [landmarks] of the filter that guessed normals go through."""
+"""Standard deviation [landmarks] of the Gaussian that smooths the new normals."""
+
 REACH_PX = 16.0
-"""How far from a landmark the ground is guessed [reference pixels]: about what the depth's smoothness can bridge."""
+"""Greatest distance of a new landmark from the others [reference pixels]: what the smooth depth can bridge."""
 
 
-def with_provisional(scene: Scene, reach_px: float = REACH_PX) -> Scene:
-    """The scene with a landmark at every cell of the map's grid within reach of one; the new ones nobody observes.
+def fill_holes(scene: Scene, reach_px: float = REACH_PX) -> Scene:
+    """The scene with a landmark at every cell of the map's grid within reach of one; the new ones have no observations.
 
-    They lie on the smooth surface through the landmarks (`landmark_depth`), with the normals and the albedo of the
-    nearest ones: enough to draw the ground as another light shows it, and to be matched and triangulated like the
-    others. What is not found then is in no map. Small holes are left. Normals are not the smooth surface's, which are
-    off by tens of degrees on the rims of craters: where the light is grazing, such a landmark starts in the dark and
-    stays there.
+    The new landmarks lie on the smooth surface through the others (`landmark_depth`), with the normals (smoothed) and
+    albedos of the nearest ones. This suffices to draw the ground under another light, and to match and triangulate it
+    like the rest; cells that are not matched then drop out of the map. Normals are not those of the smooth surface,
+    which are off by tens of degrees on the rims of craters: under grazing light such a landmark would count as unlit,
+    and its brightness would never be used.
     """
-    from scipy.ndimage import distance_transform_edt, gaussian_filter, label
-
-    region, camera = scene.region, scene.views.cameras[scene.reference]
+    known, region, camera = scene.landmarks, scene.region, scene.views.cameras[scene.reference]
     pose = scene.views.body_from_cam[scene.reference]
-    albedo = scene.grid(scene.landmarks.albedo)
+    albedo = scene.grid(known.albedo)
     missing = ~np.isfinite(albedo)
-    distance = region.stride * np.asarray(distance_transform_edt(missing))
-    hole = np.empty(missing.shape, np.int32)
-    label(missing, output=hole)
-    wide = np.bincount(hole.ravel())[hole] * region.stride**2 >= LEAST_PX2
-    row, col = np.nonzero(missing & wide & (distance <= reach_px))
+    row, col = np.nonzero(_fillable(missing, region.stride, reach_px))
     if not len(row):
         return scene
-    depth = landmark_depth(scene.landmarks.position, scene.landmarks.pixel, pose, region, camera)
+    depth = landmark_depth(known.position, known.pixel, pose, region, camera)
     ground = pose((camera.ray_in_cam(region.pixel_centers()) * depth[..., None])[region.grid_slices])
-    normal = filled_from_nearest(scene.grid(scene.landmarks.normal), ~missing)
-    normal = unit(gaussian_filter(normal, (SMOOTHING, SMOOTHING, 0)))
+    normal = _smoothed(filled_from_nearest(scene.grid(known.normal), ~missing))
     albedo = filled_from_nearest(albedo, ~missing)
-    known = scene.landmarks
     pixel = np.stack([region.row + region.stride * row, region.col + region.stride * col], -1).astype(np.int32)
     landmarks = Landmarks(
         position=np.concatenate([known.position, ground[row, col]]),
@@ -57,3 +55,21 @@ def with_provisional(scene: Scene, reach_px: float = REACH_PX) -> Scene:
     )
     start = np.concatenate([scene.tracks.start, np.full(len(row), scene.tracks.start[-1])])
     return replace(scene, landmarks=landmarks, tracks=replace(scene.tracks, start=start), uncertainty={})
+
+
+def _fillable(missing: np.ndarray, stride: int, reach_px: float) -> np.ndarray:
+    """(h, w) bool: missing cells within reach of a landmark, in holes that are not too small."""
+    from scipy.ndimage import distance_transform_edt, label
+
+    distance = stride * np.asarray(distance_transform_edt(missing))
+    hole = np.empty(missing.shape, np.int32)
+    label(missing, output=hole)
+    area = np.bincount(hole.ravel())[hole] * stride**2
+    return missing & (area >= SMALLEST_PX2) & (distance <= reach_px)
+
+
+def _smoothed(normal: np.ndarray) -> np.ndarray:
+    """Unit normals (h, w, 3) through a Gaussian of SMOOTHING cells."""
+    from scipy.ndimage import gaussian_filter
+
+    return unit(gaussian_filter(normal, (SMOOTHING, SMOOTHING, 0)))

@@ -1,4 +1,4 @@
-"""The surface as known so far, as depth at every reference pixel, and what it predicts for other views."""
+"""The pre-warp: where the reference's pixels are expected in another view, from the depth known so far."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def predict_pixels(
     target_camera: Camera,
     target_pose: Rigid,
 ) -> np.ndarray:
-    """(h, w, 2) target pixels of a region's pixel centres at depth (h, w); poses are body_from_cam.
+    """(h, w, 2) pixels of the target where a region's pixel centres project, at depth (h, w); poses are body_from_cam.
 
-    NaN where the point lies behind the target camera.
+    depth: along the reference camera's optical axis, in units of B. NaN where the point lies behind the target camera.
     """
     rays = reference_camera.ray_in_cam(region.pixel_centers())
     local = (target_pose.inverse() @ reference_pose)(rays * depth[..., None])

@@ -1,13 +1,13 @@
-"""The matcher of relighting iterations: any matcher, against the reference as it would look under each view's own Sun.
+"""Matching against the relit reference: the reference image as it would look under each view's own Sun.
 
-Once there is a map, what a view should show is known but for small errors of geometry. The reference image times the
-ratio of modelled brightness, under the view's Sun and from its camera over the reference's own, is such a picture, and
-as sharp as the reference image. The matcher then meets two pictures that differ by geometry and noise, no longer by
-light. Where the reference itself is in shadow the model alone is drawn.
+Once there is a map, a view's brightness is predicted but for small errors of geometry. The reference image is
+multiplied by the ratio of modelled brightness: under the view's Sun and from its camera, over the reference's own. The
+result is as sharp as the reference image, and differs from the view by geometry and noise, no longer by light. Optical
+flow (`flow.py`), or any other matcher, compares the two. Where the reference is in shadow, the model alone is drawn.
 
-On a Hapke-simulated site, Sun moved by 13 to 40 degrees, keypoint errors against truth after one iteration are (median
-/ 90th percentile) 0.22 / 0.51 px for flow on the images, 0.12 / 0.28 drawing the model alone, 0.10 / 0.25 with the
-ratio.
+On a site simulated with Hapke's model, the Sun moved by 13 to 40 degrees, keypoint errors after one iteration (median /
+90th percentile) are 0.22 / 0.51 px for flow on the images, 0.12 / 0.28 px against the model alone, and 0.10 / 0.25 px
+with the ratio.
 """
 
 from __future__ import annotations
@@ -20,30 +20,34 @@ from photoclinometry.matching.flow import FlowMatcher, resample
 from photoclinometry.matching.interface import Matcher, Matches, MatchRequest
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Image, Region, Scene
+from photoclinometry.photometry.initialize import SHADOW_SHARE
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
 from photoclinometry.photometry.shading import in_view
 from photoclinometry.surface.depth_fit import landmark_depth
 
-DARK = 0.15
-"""What is darker than this share of a picture's median is shadow."""
-
 LEVEL_WINDOW_PX = 6.0
-"""Window in which the levels of two pictures are compared, to fill what is unknown in one from the other [px]."""
+"""Standard deviation of the Gaussian in which the levels of two pictures are compared, to fill masked pixels of one
+from the other [px]: about the window of a match."""
 
 LIT_SHARE = 0.99
-"""Less of a landmark's surroundings in the Sun than this is a shadow's edge."""
+"""A landmark with less than this share of its surroundings in sunlight lies at a shadow's edge, and is masked."""
+
+LEAST_SHARE = 0.02
+"""Where less than this share of the window is known, the level of the whole picture is taken [-]: a few pixels give no
+level."""
 
 
 @dataclass(frozen=True)
 class RelightMatcher:
-    """Any matcher against the reference relit (`interface.Matcher`); of views that the scene holds."""
+    """Any matcher, against the relit reference (`interface.Matcher`); only for views of the scene."""
 
     scene: Scene
-    """With a reflectance model; its normals and albedos decide how sharp the pictures are (`shading`)."""
+    """With a reflectance model. Its normals and albedos set how sharp the pictures are (`photometry.shading`)."""
     matcher: Matcher = field(default_factory=FlowMatcher)
     name: str = "relight"
 
     def match(self, request: MatchRequest) -> Matches:
+        """Matches of the relit reference. Raises InputError for another target or region than the scene's."""
         scene = self.scene
         if request.target.name not in scene.views.name or request.region != scene.region:
             raise InputError(f"{request.target.name}: not a view of the scene to relight, or another region")
@@ -52,7 +56,7 @@ class RelightMatcher:
         brightness, valid = resample(request.target, request.prediction)
         known &= valid
         if known.any():
-            known &= brightness > DARK * np.median(brightness[known])
+            known &= brightness > SHADOW_SHARE * np.median(brightness[known])
         picture = fill_from(relit, known, brightness, LEVEL_WINDOW_PX)
         matches = self.matcher.match(replace(request, reference=_in_image(request, picture, valid)))
         return replace(matches, valid=matches.valid & known[request.inner])
@@ -69,26 +73,39 @@ def _in_image(request: MatchRequest, picture: np.ndarray, valid: np.ndarray) -> 
 def relit_reference(scene: Scene, view: int, reference: Image) -> tuple[np.ndarray, np.ndarray]:
     """The reference region as a view would see it, up to gain and offset: picture (h, w) float32, and mask (h, w).
 
-    (image - bias) * modelled radiance in the view / modelled radiance in the reference; where the reference is in
-    shadow, scale * modelled radiance in the view. Between landmarks the model is interpolated, the image is as it is.
-    Masked: no landmark, hidden from the view's camera, or in its shadow, cast (found by ray casting on the map) or
-    attached.
+        (image - bias) * modelled radiance in the view / modelled radiance in the reference
+
+    Where the reference is in shadow it is scale * modelled radiance in the view. Between landmarks the model is
+    interpolated; the image has a value at every pixel. Masked (False): no landmark, hidden from the view's camera, or
+    in the view's shadow, attached or cast (by ray casting on the map).
     """
+    own, views = scene.reference, scene.views
+    modelled_view, modelled_reference = _modelled(scene, view)
+    measured = reference.brightness[scene.region.slices] - views.bias[own]
+    row, col = scene.landmarks.pixel.T
+    dark = SHADOW_SHARE * np.median(reference.brightness[row, col] - views.bias[own])
+    usable = np.isfinite(modelled_reference) & reference.valid[scene.region.slices] & (measured > dark)
+    ratio = measured * modelled_view / np.where(usable, modelled_reference, 1.0)
+    relit = np.where(usable, ratio, views.scale[own] * modelled_view)
+    mask = np.isfinite(relit)
+    return np.where(mask, relit, 0.0).astype(np.float32), mask
+
+
+def _modelled(scene: Scene, view: int) -> tuple[np.ndarray, np.ndarray]:
+    """Modelled radiance (h, w) of the region's pixels in a view and in the reference; NaN where shadowed or hidden."""
     own, views = scene.reference, scene.views
     there = landmark_brightness(scene, view, with_scale_and_bias=False)
     here = landmark_brightness(scene, own, with_scale_and_bias=False)
-    seen = (there > DARK * np.median(there)) & (sunlit_share(scene, views.sun[view]) > LIT_SHARE) & in_view(scene, view)
-    row, col = scene.landmarks.pixel.T
-    measured = reference.brightness[row, col] - views.bias[own]
-    usable = (here > DARK * np.median(here)) & (sunlit_share(scene, views.sun[own]) > LIT_SHARE)
-    dark = DARK * np.median(measured)
+    seen = _in_light(there, sunlit_share(scene, views.sun[view])) & in_view(scene, view)
+    usable = _in_light(here, sunlit_share(scene, views.sun[own]))
     model = np.stack([np.where(seen, there, np.nan), np.where(usable, here, np.nan)], -1)
     there, here = np.moveaxis(scene.region.between_cells(scene.grid(model)), -1, 0)
-    measured = reference.brightness[scene.region.slices] - views.bias[own]
-    usable = np.isfinite(here) & reference.valid[scene.region.slices] & (measured > dark)
-    relit = np.where(usable, measured * there / np.where(usable, here, 1.0), views.scale[own] * there)
-    mask = np.isfinite(relit)
-    return np.where(mask, relit, 0.0).astype(np.float32), mask
+    return there, here
+
+
+def _in_light(radiance: np.ndarray, sunlit: np.ndarray) -> np.ndarray:
+    """(J,) bool: neither in attached nor in cast shadow, nor at the edge of one."""
+    return (radiance > SHADOW_SHARE * np.median(radiance)) & (sunlit > LIT_SHARE)
 
 
 def on_padded(picture: np.ndarray, mask: np.ndarray, request: MatchRequest) -> tuple[np.ndarray, np.ndarray]:
@@ -100,38 +117,40 @@ def on_padded(picture: np.ndarray, mask: np.ndarray, request: MatchRequest) -> t
 
 
 def fill_from(picture: np.ndarray, known: np.ndarray, other: np.ndarray, window: float) -> np.ndarray:
-    """The picture (h, w) where it is known, elsewhere the `other`, with the level and contrast of the picture around.
+    """The picture (h, w) where it is known, elsewhere the `other` one with the picture's local level and contrast.
 
-    Masked pixels are filled from the target, so that they add no flow, and their edges none either.
+    Masked pixels filled so add no displacement between the two pictures: neither by themselves nor by an edge.
     window: standard deviation [px] of the Gaussian in which levels are compared.
     """
     import cv2
 
-    def level(values):
-        return cv2.GaussianBlur(np.where(known, values, 0.0).astype(np.float32), (0, 0), window) / share
+    def weighted(values):
+        return cv2.GaussianBlur(np.where(known, values, 0.0).astype(np.float32), (0, 0), window)
 
     if not known.any():
         return other
-    share = np.ones_like(picture)
-    share = np.maximum(level(share), 1e-3)
-    picture_level, other_level = (np.where(share > 0.02, level(v), np.median(v[known])) for v in (picture, other))
+    share = np.maximum(weighted(np.ones_like(picture)), 1e-3)
+    picture_level, other_level = (
+        np.where(share > LEAST_SHARE, weighted(v) / share, np.median(v[known])) for v in (picture, other)
+    )
     contrast = np.std(picture[known] - picture_level[known]) / max(np.std(other[known] - other_level[known]), 1e-12)
     filled = picture_level + contrast * (other - other_level)
     return np.where(known, picture, filled).astype(np.float32)
 
 
 def map_depth(scene: Scene, padded: Region) -> np.ndarray:
-    """Depth (padded.height, padded.width) in the reference camera: that of the landmarks at their own pixels.
+    """Depth (padded.height, padded.width) in the reference camera: at landmarks' pixels, that of the landmarks.
 
-    Elsewhere it is a smooth surface through them, between landmarks with what it misses of these, linearly. Other than
-    before the first map, detail is no longer noise. padded: the scene's region with a margin.
+    Between landmarks it is a smooth surface through them plus its differences from the landmarks, interpolated; on the
+    margin the smooth surface alone. A map's detail is kept, since it is no longer noise of single matches. padded: the
+    scene's region with a margin.
     """
     landmarks, region, pose = scene.landmarks, scene.region, scene.views.body_from_cam[scene.reference]
     depth = landmark_depth(landmarks.position, landmarks.pixel, pose, padded, scene.views.cameras[scene.reference])
     at_landmarks = pose.inverse()(landmarks.position)[:, 2]
     row, col = (landmarks.pixel - (padded.row, padded.col)).T
     if region.stride > 1:
-        missed = region.between_cells(scene.grid(at_landmarks - depth[row, col]))
-        depth[region.slices_in(padded)] += np.nan_to_num(missed)
+        difference = region.between_cells(scene.grid(at_landmarks - depth[row, col]))
+        depth[region.slices_in(padded)] += np.nan_to_num(difference)
     depth[row, col] = at_landmarks
     return depth

@@ -1,8 +1,8 @@
-"""From a network's dense warp to matches: all of a learned matcher but the network.
+"""From a network's dense warp to matches: all of a learned matcher except the network.
 
-A network is any function of two pictures that says where each pixel of one lies in the other, and how surely; torch's
-(`matching/roma.py`), one in ONNX, or a stand-in. It is given the reference and the pre-warped target, as `flow` is: so
-it need not know rotations and scales that are known, and the same piece of ground fills both pictures.
+A network is any function of two pictures that returns where each pixel of one lies in the other, with a certainty: in
+torch (`matching/roma.py`), in ONNX, or a substitute in tests. It compares the reference with the pre-warped target, as
+`flow` does. So it need not find rotations and scales that are known, and the same ground fills both pictures.
 """
 
 from __future__ import annotations
@@ -18,10 +18,13 @@ from photoclinometry.model.scene import Region
 from photoclinometry.surface.sampling import sample
 
 STRETCH_PERCENT = (0.5, 99.5)
-"""Shares of a picture's brightness between which it is stretched."""
+"""Percentiles of a picture's brightness that become black and white: hot pixels do not set the range."""
 
-ROUNDING = 1e-6
-"""How far beyond the outermost pixels' centres a match may be said to lie, by rounding [px]."""
+ROUNDING_PX = 1e-6
+"""A match may lie beyond the outermost pixels' centres by this, because of rounding [px]."""
+
+ALL_VALID = 0.99
+"""A match is on valid pixels if the mask, interpolated there, is above this: 1 up to rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +44,10 @@ Network = Callable[[np.ndarray, np.ndarray], tuple[Warp, Warp]]
 
 @dataclass(frozen=True, kw_only=True)
 class WarpOptions:
-    """Which of a network's matches are kept, and how well they are taken to be known."""
+    """Which of a network's matches are kept, and with which standard deviation."""
 
     max_round_trip_px: float = 1.0
-    """A match must come back to its pixel within this when matched in return [px]."""
+    """A match, followed by the match in the other direction, must end within this of its pixel [px]."""
     min_certainty: float = 0.05
     """Least certainty that the network gives a match."""
     sigma_cells: float = 0.5
@@ -76,8 +79,9 @@ def matches_from_warps(
 ) -> Matches:
     """Matches of the region from warps between the padded reference and the pre-warped target, both (h, w).
 
-    Kept is what lands on valid pixels, comes back, and is certain enough. The standard deviation is that of the
-    options and the round trip, in quadrature: a warp has no covariance, and certainty is no measure of precision.
+    Kept are matches on valid pixels whose round trip is short and whose certainty is high enough. The standard
+    deviation is that of the options and the round trip, in quadrature: a warp has no covariance, and certainty does not
+    measure precision.
     """
     shape = reference_valid.shape
     centres = pixel_centers(shape)
@@ -86,9 +90,9 @@ def matches_from_warps(
     round_trip = np.linalg.norm(forward + sample(backward, found, order=1), axis=-1)
     certainty = np.clip(on_grid(there.certainty, shape), 0.0, 1.0)
     position = sample(request.prediction, found, order=1)
-    valid = reference_valid & (sample(target_valid.astype(float), found, order=1) > 0.99)
-    outermost = np.array(shape[::-1]) - (0.5 - ROUNDING)
-    valid &= np.all((found > 0.5 - ROUNDING) & (found < outermost), axis=-1) & np.isfinite(position).all(-1)
+    valid = reference_valid & (sample(target_valid.astype(float), found, order=1) > ALL_VALID)
+    outermost = np.array(shape[::-1]) - (0.5 - ROUNDING_PX)
+    valid &= np.all((found > 0.5 - ROUNDING_PX) & (found < outermost), axis=-1) & np.isfinite(position).all(-1)
     valid &= (round_trip < options.max_round_trip_px) & (certainty >= options.min_certainty)
     cell_px = np.sqrt(np.prod(shape) / there.certainty.size)
     step = np.sqrt(np.abs(jacobian_determinant(request.prediction)))  # target pixels for one of the reference
@@ -97,16 +101,16 @@ def matches_from_warps(
 
 
 def stretch(brightness: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """(h, w) float32 in [0, 1]: brightness between low and high percentiles of what is valid; elsewhere its median."""
+    """(h, w) float32 in [0, 1]: brightness between percentiles of the valid pixels; invalid ones get their median."""
     if not valid.any():
         return np.full(brightness.shape, 0.5, np.float32)
-    low, middle, high = np.percentile(brightness[valid], (STRETCH_PERCENT[0], 50.0, STRETCH_PERCENT[1]))
+    low, middle, high = np.percentile(brightness[valid], (STRETCH_PERCENT[0], 50, STRETCH_PERCENT[1]))
     filled = np.where(valid, brightness, middle)
     return np.clip((filled - low) / max(high - low, 1e-12), 0.0, 1.0).astype(np.float32)
 
 
 def displacement(warp: Warp, shape: tuple[int, ...]) -> np.ndarray:
-    """(h, w, 2) [px] from each pixel of a picture to where a warp says it lies in another of the same shape."""
+    """(h, w, 2) [px] from each pixel of a picture to its position in another of the same shape, by a warp."""
     height, width = shape
     return (on_grid(warp.position, shape) + 1.0) / 2.0 * (width, height) - pixel_centers(shape)
 
@@ -119,7 +123,8 @@ def pixel_centers(shape: tuple[int, ...]) -> np.ndarray:
 def on_grid(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Values (H, W, ...) of cells as values (h, w, ...) of other cells on the same area, linear between centres.
 
-    Beyond the outermost centres it goes on as it was, so that what is linear stays so: H and W are at least 2.
+    Beyond the outermost centres values are extrapolated linearly, so that linear ones are exact. H and W must be 2 or
+    more.
     """
     for axis in (0, 1):
         values = _along(np.asarray(values, float), shape[axis], axis)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import SupportsIndex
 
 import numpy as np
 
 METRES = {"m": 1.0, "km": 1000.0}
-"""In one unit of length of a file."""
+"""Metres in one unit of length, by its name in files."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,7 @@ class Rigid:
     """(..., 3) origin of the source frame, in the target frame."""
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Points (..., 3) of the source frame, in the target frame."""
+        """Points (..., 3) of the source frame, expressed in the target frame."""
         return np.einsum("...ij,...j->...i", self.rotation, points) + self.translation
 
     def inverse(self) -> Rigid:
@@ -31,7 +33,7 @@ class Rigid:
         """(a_from_b @ b_from_c) is a_from_c."""
         return Rigid(self.rotation @ other.rotation, self(other.translation))
 
-    def __getitem__(self, index) -> Rigid:
+    def __getitem__(self, index: SupportsIndex | slice | Sequence[int] | np.ndarray) -> Rigid:
         return Rigid(self.rotation[index], self.translation[index])
 
     def __len__(self) -> int:
@@ -97,7 +99,7 @@ def so3_log(rotation: np.ndarray) -> np.ndarray:
 def tangent_basis(direction: np.ndarray) -> np.ndarray:
     """Orthonormal basis (..., 3, 2) of the plane tangent to the sphere at unit vectors (..., 3).
 
-    Duff et al. (2017), "Building an Orthonormal Basis, Revisited": smooth but for z = 0- / 0+.
+    Duff et al. (2017), "Building an Orthonormal Basis, Revisited": smooth except across z = 0.
     """
     x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
     sign = np.where(z >= 0, 1.0, -1.0)
@@ -117,9 +119,9 @@ def sphere_step(direction: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 
 def align_similarity(source: np.ndarray, target: np.ndarray) -> Similarity:
-    """The target_from_source similarity of least squares between paired points (n, 3), n >= 3.
+    """The least-squares target_from_source similarity between paired points (n, 3), n >= 3.
 
-    Umeyama (1991), IEEE PAMI 13(4), Eqs. 39-42.
+    Umeyama (1991), IEEE PAMI 13(4), Eqs. 39-42. Raises ValueError for fewer points.
     """
     source, target = np.asarray(source, float), np.asarray(target, float)
     if len(source) < 3:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 STRETCH_LIMIT = 6.0
-"""A triangle with an edge this many times longer than the median edge spans a gap, not a surface."""
+"""A triangle with an edge longer than this many median edges spans a jump in depth, not a surface."""
 
 
 def grid_faces(position: np.ndarray, present: np.ndarray) -> np.ndarray:
     """Triangles (F, 3) over a grid of points: two per cell whose corners are present, one if three are.
 
-    position: (h, w, 3); present: (h, w) bool. The indices count row by row over the whole grid. Triangles
-    with an edge longer than STRETCH_LIMIT median edges (depth jumps, spikes) are left out.
+    position: (h, w, 3); present: (h, w) bool. Indices count row by row over the whole grid. Triangles with an edge
+    longer than STRETCH_LIMIT median edges (depth jumps, spikes) are left out.
     """
     index = np.arange(present.size).reshape(present.shape)
     a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
     c, d = index[1:, :-1].ravel(), index[1:, 1:].ravel()
     has = present.ravel()
-    # The diagonal b-c serves whole cells and those that lack a or d; a-d serves those that lack b or c.
+    # Whole cells, and those without a or d, are cut along the diagonal b-c; those without b or c along a-d.
     other = (has[a] & has[d]) & (has[b] ^ has[c])
     first = np.where(other[:, None], np.stack([a, c, d], -1), np.stack([a, c, b], -1))
     second = np.where(other[:, None], np.stack([a, d, b], -1), np.stack([b, c, d], -1))

@@ -1,4 +1,4 @@
-"""Prior knowledge of a pose, from spacecraft navigation."""
+"""Pose priors, from spacecraft navigation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from photoclinometry.model.geometry import Rigid
 
 @dataclass(frozen=True)
 class PosePrior:
-    """What is known of a view's pose beforehand."""
+    """A view's pose as navigation gives it, with standard deviations."""
 
     cam_from_body: Rigid
     rotation_sigma_rad: float

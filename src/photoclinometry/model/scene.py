@@ -12,8 +12,11 @@ from typing import Self
 
 import numpy as np
 
+from photoclinometry.model import display
+from photoclinometry.model.compressed_rows import row_of_entry, row_starts
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.projection import pixel_from_cam
 from photoclinometry.model.reflectance import Reflectance
 
 OWN, BODY_FIXED = "own", "body-fixed"
@@ -54,7 +57,7 @@ class Camera:
 
     def pixel_from_cam(self, points: np.ndarray) -> np.ndarray:
         """Pixels (..., 2) of points (..., 3) of frame C with z > 0 (paper Eq. 10)."""
-        return points[..., :2] / points[..., 2:] * self.focal_px + self.principal_px
+        return pixel_from_cam(points, (*self.focal_px, *self.principal_px))
 
     def ray_in_cam(self, pixels: np.ndarray) -> np.ndarray:
         """Rays (..., 3) in frame C through pixels (..., 2), scaled to z = 1."""
@@ -71,6 +74,10 @@ class Image:
     """(height, width) float32: I/F, or linear DN. Defined only where `valid`."""
     valid: np.ndarray
     """(height, width) bool: finite, not saturated, not flagged."""
+
+    def __repr__(self) -> str:
+        height, width = self.valid.shape
+        return f"<Image {self.name!r}: {width} x {height} pixels, {100.0 * self.valid.mean():.4g} % valid>"
 
 
 VIEW_ARRAYS = ("sun", "scale", "bias", "sun_measured", "sun_sigma")
@@ -99,6 +106,9 @@ class Views:
 
     def __len__(self) -> int:
         return len(self.name)
+
+    def __repr__(self) -> str:
+        return f"<Views: {len(self)}, {', '.join(self.name[:3])}{', ...' if len(self) > 3 else ''}>"
 
     @property
     def intrinsics(self) -> np.ndarray:
@@ -152,6 +162,9 @@ class Landmarks:
     def __len__(self) -> int:
         return len(self.albedo)
 
+    def __repr__(self) -> str:
+        return f"<Landmarks: {len(self)}>"
+
     def __getitem__(self, index: np.ndarray | slice) -> Landmarks:
         """The landmarks at `index`, in that order, or where a mask (J,) is true."""
         return Landmarks(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
@@ -177,15 +190,18 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.view)
 
+    def __repr__(self) -> str:
+        return f"<Tracks: {len(self)} observations of {len(self.start) - 1} landmarks>"
+
     @property
     def landmark(self) -> np.ndarray:
         """(N,) int64 landmark index of each observation."""
-        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+        return row_of_entry(self.start)
 
     def of_landmarks(self, chosen: np.ndarray) -> tuple[Tracks, np.ndarray]:
         """The tracks of landmarks at indices (j,), in that order, and where in these (N,) each observation was."""
         count = np.diff(self.start)[chosen]
-        start = np.concatenate([[0], np.cumsum(count)])
+        start = row_starts(count)
         picked = np.arange(start[-1]) + np.repeat(self.start[:-1][chosen] - start[:-1], count)
         names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
         return Tracks(start=start, **{name: getattr(self, name)[picked] for name in names}), picked
@@ -312,6 +328,12 @@ class Scene:
         out = np.full((*self.region.grid_shape, *np.shape(values)[1:]), fill, float)
         out[self.cells] = values
         return out
+
+    def __repr__(self) -> str:
+        return display.scene_line(self)
+
+    def _repr_html_(self) -> str:
+        return display.scene_card(self)
 
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
         return replace(self, views=views, landmarks=landmarks)

@@ -1,4 +1,4 @@
-"""The sparse model: poses of the views and points with tracks, in a gauge that suits numbers and people."""
+"""The sparse model: poses of the views and points with tracks, in a well-scaled gauge."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from photoclinometry.model.compressed_rows import row_of_entry, row_starts
 from photoclinometry.model.geometry import Rigid, Similarity, unit
 from photoclinometry.model.scene import Camera
 
 
 @dataclass(frozen=True, kw_only=True)
 class SparseModel:
-    """Poses of K views and P points, with the tracks (compressed rows) that hold them together.
+    """Poses of K views and P points, with the tracks (compressed rows) that connect them.
 
     The world frame is B in the gauge of `normalised`: origin in the middle of the points, z towards the
     cameras, unit of length one ground sample distance.
@@ -32,36 +33,36 @@ class SparseModel:
     """(M, 2) observed pixel."""
     mean_reprojection_px: float
     reason: np.ndarray = field(default_factory=lambda: np.array([], str))
-    """(K,) str: why a view is not registered, empty for those that are; no entries where nobody said."""
+    """(K,) str: why a view is not registered, empty for those that are; (0,) where no reasons were recorded."""
     brought_in: np.ndarray = field(default_factory=lambda: np.array([], str))
-    """(K,) str: how a view came in that brightness alone does not register, empty for the others; no entries where
-    nobody said."""
+    """(K,) str: the additional matches of a view that brightness alone does not register, empty for the others; (0,)
+    where this was not recorded."""
 
     @property
     def point_of_observation(self) -> np.ndarray:
-        """(M,) int64: the point that each observation is of."""
-        return np.repeat(np.arange(len(self.points)), np.diff(self.point_start))
+        """(M,) int64: the point of each observation."""
+        return row_of_entry(self.point_start)
 
     def why_unregistered(self) -> dict[int, str]:
         """The reason for each view that is not registered."""
-        told = self.reason if len(self.reason) else np.full(len(self.registered), "not registered")
-        return {int(k): str(told[k]) for k in np.flatnonzero(~self.registered)}
+        reason = self.reason if len(self.reason) else np.full(len(self.registered), "not registered")
+        return {int(k): str(reason[k]) for k in np.flatnonzero(~self.registered)}
 
     def how_brought_in(self) -> dict[int, str]:
-        """How each registered view came in that brightness alone does not register."""
-        told = self.brought_in if len(self.brought_in) else np.full(len(self.registered), "")
-        return {int(k): str(told[k]) for k in np.flatnonzero(self.registered & (told != ""))}
+        """`brought_in` of each registered view that has one."""
+        how = self.brought_in if len(self.brought_in) else np.full(len(self.registered), "")
+        return {int(k): str(how[k]) for k in np.flatnonzero(self.registered & (how != ""))}
 
     def seen_by(self, view: int) -> tuple[np.ndarray, np.ndarray]:
-        """Indices (n,) of the points that a view observes, and where (n, 2) [px]."""
-        mine = self.point_view == view
-        return self.point_of_observation[mine], self.point_xy[mine]
+        """Indices (n,) of the points that a view observes, and the observed pixels (n, 2)."""
+        own = self.point_view == view
+        return self.point_of_observation[own], self.point_xy[own]
 
 
 def without_views(sparse: SparseModel, views: np.ndarray) -> SparseModel:
-    """The model without what some views (K,) bool contributed as observations; they count as not registered.
+    """The model without the observations of some views (K,) bool; they count as not registered.
 
-    Poses stay; points that fewer than two other views observe are dropped.
+    Poses stay. Points that fewer than two other views observe are dropped.
     """
     point = sparse.point_of_observation
     keep = ~views[sparse.point_view]
@@ -72,20 +73,20 @@ def without_views(sparse: SparseModel, views: np.ndarray) -> SparseModel:
         sparse,
         registered=sparse.registered & ~views,
         points=sparse.points[kept],
-        point_start=np.concatenate([[0], np.cumsum(count[kept])]).astype(np.int64),
+        point_start=row_starts(count[kept]),
         point_view=sparse.point_view[keep],
         point_xy=sparse.point_xy[keep],
     )
 
 
 def normalised(sparse: SparseModel, cameras: list[Camera]) -> SparseModel:
-    """The same model in a gauge that suits numbers and people.
+    """The same model in a well-scaled gauge.
 
     Origin: the median point. z: from there towards the mean camera centre; x: the first registered view's
     image x axis, made orthogonal. Unit: the median over observations of depth / focal length, so that one
-    pixel covers about one length unit and every length in B reads in ground sample distances. Structure
-    from motion fixes none of the seven; in this gauge the coordinates of a site span a few hundred, steps
-    of the estimate are of the order of 0.1, and tolerances mean the same on every body.
+    pixel covers about one unit of length, and lengths in B are ground sample distances. Structure from motion leaves
+    these seven parameters open. In this gauge the coordinates of a site span a few hundred, steps of the estimate are
+    of the order of 0.1, and tolerances have the same meaning on every body.
     """
     view, depth = sparse.point_view, _observation_depth(sparse)
     focal = np.array([np.mean(camera.focal_px) for camera in cameras])
@@ -100,7 +101,7 @@ def normalised(sparse: SparseModel, cameras: list[Camera]) -> SparseModel:
 
 
 def transformed(sparse: SparseModel, new_from_old: Similarity) -> SparseModel:
-    """The model with its world frame moved, turned and scaled; pixels stay where they are."""
+    """The model with its world frame moved, turned and scaled; observed pixels do not change."""
     keep = sparse.registered
     rotation, translation = sparse.body_from_cam.rotation.copy(), sparse.body_from_cam.translation.copy()
     rotation[keep] = new_from_old.rotation @ rotation[keep]
@@ -119,6 +120,6 @@ def connected_groups(inliers: np.ndarray, minimum: int) -> list[list[int]]:
 
 
 def _observation_depth(sparse: SparseModel) -> np.ndarray:
-    """(M,) depth of each observed point in the view that observes it."""
+    """(M,) depth of each observed point in its observing view."""
     cam_from_body = sparse.body_from_cam.inverse()[sparse.point_view]
     return cam_from_body(sparse.points[sparse.point_of_observation])[:, 2]

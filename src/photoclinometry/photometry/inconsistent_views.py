@@ -1,7 +1,7 @@
-"""Which views to leave out, and why: those that contradict their witnesses (`witnesses`).
+"""Which views to leave out, and why: those whose brightness contradicts all the others (`sun_check`).
 
-One view at a time: that without which the fewest contradictions remain. It is left out if its own contradiction is
-larger than all that is uncertain about it, and does not hang on any single witness.
+One view at a time is left out: the one without which the fewest contradictions remain. Its own contradiction must be
+larger than all uncertainties together, and must hold whichever single other view is left out (jackknife).
 """
 
 from __future__ import annotations
@@ -17,86 +17,96 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance, photometric_angles
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.photometry.sun_check import MIN_POINTS, coarse_scene, sun_by_witnesses
-from photoclinometry.photometry.sun_fit import SunFit
+from photoclinometry.photometry.sun_check import MIN_POINTS, coarse_scene, sun_from_other_views
+from photoclinometry.photometry.sun_fit import MIN_LIT_SHARE, SunFit
 
 log = logging.getLogger(__name__)
 
 SIGMAS = 5.0
-"""A Sun is wrong that is off by more than so many standard deviations of all that is uncertain about it."""
+"""A Sun is wrong if it is off by more than so many standard deviations of all uncertainties together: high, since these
+are known roughly, and a view fewer or a slightly wrong Sun costs little."""
 
 MODEL_RAD = math.radians(1.0)
-"""What a reflectance model that is not quite the ground's moves a fitted Sun: 0.5 to 1.5 degrees in the median of
-simulated sites that were mapped with another model than theirs."""
+"""Error of a fitted Sun because the reflectance model is not the ground's: 0.5 to 1.5 degrees at the median of
+simulated sites that were mapped with another model than their own."""
 
 MIN_EXPLAINED = 0.5
-"""A view shows something else whose brightness correlates less than this with the map's, whatever its Sun."""
+"""A view whose brightness correlates less than this with the map's, under its best Sun, shows something else."""
 
-MIN_WITNESSES = 4
-"""With fewer others their ground is too uncertain to judge by: of four sound views, one was left out."""
+MIN_OTHER_VIEWS = 4
+"""A view is left out only if at least so many others are in use: the ground from fewer is too uncertain to judge by
+(with three others, a sound view was left out)."""
 
 SUSPECTS = 5
-"""Views that are tried at a time."""
+"""Views that are tried as the one to leave out, the most suspicious first: each costs a Sun fit of all the others."""
+
+RAYLEIGH_MEDIAN = math.sqrt(2.0 * math.log(2.0))
+"""Median length of a vector of two normal components of standard deviation 1 (Rayleigh's distribution)."""
 
 CONVENTION = "`sun` points from the body towards the Sun, in the camera frame (x right, y down, z forward)"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Misfits:
+class InconsistentViews:
     """The outcome for K views, as a stage's result."""
 
     left_out: np.ndarray
     """(K,) bool."""
     reason: np.ndarray
-    """(K,) str; empty where there is none."""
+    """(K,) str; empty where the view is kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Heard:
-    """What the views in use say of every view (K,); zeros where nothing can be said."""
+class _SunChecks:
+    """The leave-one-out Sun check of every view (K,); views out of use or without a fit have no contradiction."""
 
     off: np.ndarray
     """Angle [rad] of the fitted Sun from the stated one."""
     sigma: np.ndarray
-    """[rad] of the fit, the statement and the model."""
+    """Standard deviation per axis [rad] of the fit, the statement and the model together."""
     explained: np.ndarray
+    """Correlation of brightness with the ground's under the fitted Sun."""
 
-    def contradicts(self) -> np.ndarray:
-        """(K,) bool: beyond what noise, statement and model allow."""
+    def inconsistent(self) -> np.ndarray:
+        """(K,) bool: the contradiction is beyond noise, the stated sigma and the model's error."""
         return (self.off > SIGMAS * self.sigma) | (self.explained < MIN_EXPLAINED)
 
+    def typical_off(self, used: np.ndarray) -> float:
+        """Standard deviation per axis [rad] of how far the Suns of views `used` (K,) are off, from their median."""
+        return float(np.median(self.off[used])) / RAYLEIGH_MEDIAN
 
-def find_misfits(
+
+def find_inconsistent_views(
     sparse: SparseModel, images: Sequence[Image], views: Views, reflectance: Reflectance, brightness: str
-) -> Misfits:
+) -> InconsistentViews:
     """Which of the registered views (of K) contradict the others.
 
-    None of fewer than MIN_POINTS sparse points. Raises InputError where half of the Suns, or one of few, light nearly
-    nothing of what is bright.
+    None where there are fewer than MIN_POINTS sparse points. Raises InputError if in half of the views, or in one of
+    few, the stated Sun lights nearly none of the bright ground.
     """
     left_out, reason = np.zeros(len(views), bool), np.full(len(views), "", object)
     kept, found = np.flatnonzero(sparse.registered), []
     if len(sparse.points) >= MIN_POINTS:
         scene = coarse_scene(sparse, images, views, reflectance, brightness)
         _check_horizons(scene)
-        found = contradicting(scene)
+        found = inconsistent_views(scene)
     for k, why in found:
         left_out[kept[k]], reason[kept[k]] = True, why
-    return Misfits(left_out=left_out, reason=reason.astype(str))
+    return InconsistentViews(left_out=left_out, reason=reason.astype(str))
 
 
-def contradicting(scene: Scene) -> list[tuple[int, str]]:
-    """Views of a `coarse_scene` to leave out, in order, and why.
+def inconsistent_views(scene: Scene) -> list[tuple[int, str]]:
+    """Views of a `coarse_scene` to leave out, in this order, and why.
 
-    None where that leaves views that contradict each other all the same, far beyond what models err: then it is not
-    known who is wrong, and a warning says so.
+    None if the remaining views still contradict each other far beyond the models' errors: then the wrong ones cannot be
+    told from the right ones, and a warning names them.
     """
     used, found = np.ones(len(scene.views), bool), []
-    while (used & (heard := _hear(scene, used)).contradicts()).any():
-        worst = _worst(scene, used, heard) if used.sum() > MIN_WITNESSES else None
+    while (used & (checks := _check_suns(scene, used)).inconsistent()).any():
+        worst = _worst(scene, used, checks) if used.sum() > MIN_OTHER_VIEWS else None
         if worst is None:
-            _say_undecided(scene, used, heard)
-            if _usual(heard, used) > SIGMAS * MODEL_RAD:
+            _warn_undecided(scene, used, checks)
+            if checks.typical_off(used) > SIGMAS * MODEL_RAD:
                 return []
             break
         used[worst[0]] = False
@@ -106,27 +116,16 @@ def contradicting(scene: Scene) -> list[tuple[int, str]]:
     return found
 
 
-def _worst(scene: Scene, used: np.ndarray, heard: _Heard) -> tuple[int, str] | None:
-    """The view that had best be left out, and why; None where it is not known which."""
-    suspicion = np.where(used, np.where(heard.explained < MIN_EXPLAINED, np.inf, heard.off / heard.sigma), -1.0)
-    suspects = [k for k in np.argsort(-suspicion, kind="stable")[:SUSPECTS] if used[k]]
-    verdicts = []
-    for k in suspects:
-        rest = used & (np.arange(len(used)) != k)
-        without = _hear(scene, rest)
-        sigma = math.hypot(heard.sigma[k], _usual(without, rest))
-        remaining = int(np.sum(rest & without.contradicts()))
-        verdicts.append((remaining, -heard.off[k] / sigma, int(k), sigma))
-        if remaining == 0:
-            break
-    _, _, k, sigma = min(verdicts)
-    off = heard.off[k]
-    if heard.explained[k] < MIN_EXPLAINED and np.median(heard.explained[used]) > MIN_EXPLAINED:
+def _worst(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, str] | None:
+    """The view to leave out next, and why; None where no view is certainly wrong."""
+    k, sigma = _most_contradicting(scene, used, checks)
+    off = checks.off[k]
+    if checks.explained[k] < MIN_EXPLAINED and np.median(checks.explained[used]) > MIN_EXPLAINED:
         return k, (
-            f"its brightness is not that of the ground under any Sun (correlation {heard.explained[k]:.2f}): "
+            f"its brightness is not that of the ground under any Sun (correlation {checks.explained[k]:.2f}): "
             "it shows another place, or its exposure is spoilt"
         )
-    if off > SIGMAS * sigma and off > SIGMAS * math.hypot(sigma, _hangs_on_one(scene, used, k)):
+    if off > SIGMAS * sigma and off > SIGMAS * math.hypot(sigma, _jackknife_sigma(scene, used, k)):
         return k, (
             f"its Sun is {math.degrees(off):.0f} degrees off that which its own brightness shows "
             f"(uncertain by {math.degrees(sigma):.1f}); {CONVENTION}"
@@ -134,12 +133,33 @@ def _worst(scene: Scene, used: np.ndarray, heard: _Heard) -> tuple[int, str] | N
     return None
 
 
-def _say_undecided(scene: Scene, used: np.ndarray, heard: _Heard) -> None:
-    """Warns of views that stand out, or of all that contradict where everybody does."""
-    usual = _usual(heard, used)
-    out = used & ((heard.off > SIGMAS * np.hypot(heard.sigma, usual)) | (heard.explained < MIN_EXPLAINED))
-    if usual > SIGMAS * MODEL_RAD:
-        out |= used & heard.contradicts()
+def _most_contradicting(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, float]:
+    """The view without which the fewest views are inconsistent, and its Sun's standard deviation per axis [rad].
+
+    Of equals, the one whose Sun is off by the most standard deviations. The standard deviation includes how far the
+    other views' Suns are off without it.
+    """
+    suspicion = np.where(used, np.where(checks.explained < MIN_EXPLAINED, np.inf, checks.off / checks.sigma), -1.0)
+    suspects = [k for k in np.argsort(-suspicion, kind="stable")[:SUSPECTS] if used[k]]
+    outcomes = []
+    for k in suspects:
+        rest = used & (np.arange(len(used)) != k)
+        without = _check_suns(scene, rest)
+        sigma = math.hypot(checks.sigma[k], without.typical_off(rest))
+        remaining = int(np.sum(rest & without.inconsistent()))
+        outcomes.append((remaining, -checks.off[k] / sigma, int(k), sigma))
+        if remaining == 0:
+            break
+    _, _, k, sigma = min(outcomes)
+    return k, sigma
+
+
+def _warn_undecided(scene: Scene, used: np.ndarray, checks: _SunChecks) -> None:
+    """Names the views that stand out, or all inconsistent ones where even the typical Sun is off."""
+    typical = checks.typical_off(used)
+    out = used & ((checks.off > SIGMAS * np.hypot(checks.sigma, typical)) | (checks.explained < MIN_EXPLAINED))
+    if typical > SIGMAS * MODEL_RAD:
+        out |= used & checks.inconsistent()
     if out.any():
         named = ", ".join(scene.views.name[k] for k in np.flatnonzero(out))
         log.warning(
@@ -148,30 +168,30 @@ def _say_undecided(scene: Scene, used: np.ndarray, heard: _Heard) -> None:
         )  # fmt: skip
 
 
-def _hear(scene: Scene, used: np.ndarray) -> _Heard:
-    fits = [sun_by_witnesses(scene, used, k) if used[k] else None for k in range(len(used))]
-    own = np.array([_own_sigma(fit) for fit in fits])
-    return _Heard(
+def _check_suns(scene: Scene, used: np.ndarray) -> _SunChecks:
+    """The leave-one-out check of each view in use (K,) bool against the others in use."""
+    fits = [sun_from_other_views(scene, used, k) if used[k] else None for k in range(len(used))]
+    fit_sigma = np.array([_fit_sigma(fit) for fit in fits])
+    return _SunChecks(
         off=np.array([fit.off if fit else 0.0 for fit in fits]),
-        sigma=np.sqrt(own**2 + scene.views.sun_sigma**2 + MODEL_RAD**2),
+        sigma=np.sqrt(fit_sigma**2 + scene.views.sun_sigma**2 + MODEL_RAD**2),
         explained=np.array([fit.explained if fit else 1.0 for fit in fits]),
     )
 
 
-def _usual(heard: _Heard, used: np.ndarray) -> float:
-    """How far the Suns of the views in use are off, as a standard deviation per axis [rad], by their median."""
-    return float(np.median(heard.off[used])) / 1.1774  # the median of a Rayleigh distribution of sigma 1
-
-
-def _own_sigma(fit: SunFit | None) -> float:
+def _fit_sigma(fit: SunFit | None) -> float:
+    """[rad]; no direction is more uncertain than half a turn."""
     return min(fit.sigma, np.pi) if fit else 0.0
 
 
-def _hangs_on_one(scene: Scene, used: np.ndarray, view: int) -> float:
-    """Jackknife standard deviation [rad] per axis of a view's fitted Sun over its witnesses (Efron and Stein 1981)."""
+def _jackknife_sigma(scene: Scene, used: np.ndarray, view: int) -> float:
+    """Jackknife standard deviation per axis [rad] of a view's fitted Sun over the other views (Efron and Stein 1981).
+
+    Infinite where fewer than two fits are possible.
+    """
     suns = []
     for other in np.flatnonzero(used & (np.arange(len(used)) != view)):
-        fit = sun_by_witnesses(scene, used & (np.arange(len(used)) != other), view)
+        fit = sun_from_other_views(scene, used & (np.arange(len(used)) != other), view)
         if fit is not None:
             suns.append(fit.sun)
     if len(suns) < 2:
@@ -181,20 +201,24 @@ def _hangs_on_one(scene: Scene, used: np.ndarray, view: int) -> float:
 
 
 def _check_horizons(scene: Scene) -> None:
-    """Suns below the horizon of nearly all that is bright are wrong; those of most views are a misunderstanding."""
-    views, tracks, marks = scene.views, scene.tracks, scene.landmarks
-    dark = []
+    """Raises InputError if in most views the Sun is below the horizon of the bright ground: a wrong convention.
+
+    One such view of few is refused, too; one of many is left to the Sun check.
+    """
+    views, tracks, landmarks = scene.views, scene.tracks, scene.landmarks
+    unlit = []
     for k in range(len(views)):
         seen = tracks.landmark[(tracks.view == k) & tracks.lit]
         if len(seen) == 0:
             continue
         center = views.body_from_cam.translation[k]
-        mu0, _, _ = photometric_angles(views.sun[k], center, marks.position[seen], marks.normal[seen])
-        if np.mean(mu0 > 0) < 0.1:
-            dark.append((k, float(np.mean(mu0 > 0))))
-    if dark and (2 * len(dark) >= len(views) or len(views) <= MIN_WITNESSES):
-        k, share = dark[0]
+        mu0, _, _ = photometric_angles(views.sun[k], center, landmarks.position[seen], landmarks.normal[seen])
+        share = float(np.mean(mu0 > 0))
+        if share < MIN_LIT_SHARE:
+            unlit.append((k, share))
+    if unlit and (2 * len(unlit) >= len(views) or len(views) <= MIN_OTHER_VIEWS):
+        k, share = unlit[0]
         raise InputError(
             f"{views.name[k]}: the Sun direction lights {100 * share:.0f} % of the ground that is bright in the "
-            f"image, and so in {len(dark)} of {len(views)} views; {CONVENTION}"
+            f"image, and so in {len(unlit)} of {len(views)} views; {CONVENTION}"
         )

@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Image, Views
+from photoclinometry.model.scene import Image, Tracks, Views
 from photoclinometry.photometry.predict import shading
 from photoclinometry.surface.sampling import as_coarse, sample_image
 
 GRAZING = np.cos(np.radians(85.0))
-"""Observations at larger incidence or emission say nothing reliable about albedo."""
+"""Observations at larger incidence or emission are not used: an error of the normal of 2.5 degrees halves or
+doubles their shading."""
+
+SHADOW_SHARE = 0.15
+"""Brightness below this share of the median counts as shadow [-]. Shadows hold scattered light and
+camera offset, which no reflectance model explains. `evaluate` counts shadows by a share of its own, so that its figures
+stay comparable."""
+
+PLANE_NEIGHBOURS = 32
+"""Points that a normal's plane is fitted through: six by six about, several times the noise of single points."""
+
+_BLOCK = 20_000
+"""Points whose neighbours are handled at a time: bounds the memory to 100 MB."""
+
+_FARTHEST = 3.0
+"""Neighbours farther apart than the mean plus this many standard deviations of all distances are no neighbours: they
+lie across a hole of the map (the paper's configuration)."""
+
+_SCALE_SWEEPS = 3
+"""Albedos and scales are estimated in turns, first against the reference's albedos, then against the mean of all."""
 
 
-def normals_from_neighbours(position: np.ndarray, camera_centers: np.ndarray, count: int = 32) -> np.ndarray:
+def normals_from_neighbours(
+    position: np.ndarray, camera_centers: np.ndarray, count: int = PLANE_NEIGHBOURS
+) -> np.ndarray:
     """(J, 3) unit normals of planes through each point's `count` nearest neighbours, itself included.
 
     position: (J, 3), J >= 3; camera_centers: (K, 3), in the same frame. The normal is the eigenvector of the
@@ -27,7 +50,7 @@ def normals_from_neighbours(position: np.ndarray, camera_centers: np.ndarray, co
         raise ValueError(f"a plane needs 3 points, got {len(position)}")
     _, near = KDTree(position).query(position, k=min(count, len(position)), workers=-1)
     normal = np.empty_like(position)
-    for part in np.array_split(np.arange(len(position)), max(1, len(position) // 20_000)):
+    for part in np.array_split(np.arange(len(position)), max(1, len(position) // _BLOCK)):
         around = position[np.asarray(near)[part]]
         around = around - around.mean(1, keepdims=True)
         normal[part] = np.linalg.eigh(np.einsum("jni,jnk->jik", around, around))[1][..., 0]
@@ -39,52 +62,51 @@ def normals_from_neighbours(position: np.ndarray, camera_centers: np.ndarray, co
 def neighbours(position: np.ndarray, count: int = 4) -> tuple[np.ndarray, np.ndarray]:
     """The nearest other points: (J, count) int32 indices and (J, count) bool, which of them are near enough.
 
-    A pair is dropped when farther apart than the mean + 3 standard deviations of all such distances, which
-    cuts across the holes of a map (the paper's configuration). Raises ValueError unless J > count.
+    position: (J, 3). Pairs across the holes of a map are dropped (_FARTHEST). Raises ValueError unless J > count.
     """
     from scipy.spatial import KDTree
 
     if len(position) <= count:
         raise ValueError(f"{count} neighbours need more than {count} points, got {len(position)}")
     distance, near = KDTree(position).query(position, k=count + 1, workers=-1)
-    # Of coinciding points the first column need not be the point itself.
-    own = near == np.arange(len(position))[:, None]
-    own[~own.any(1), -1] = True
-    near, distance = np.asarray(near)[~own].reshape(-1, count), np.asarray(distance)[~own].reshape(-1, count)
-    return near.astype(np.int32), distance <= distance.mean() + 3 * distance.std()
+    # Where points coincide, the point itself need not be in the first column.
+    itself = near == np.arange(len(position))[:, None]
+    itself[~itself.any(1), -1] = True
+    near, distance = np.asarray(near)[~itself].reshape(-1, count), np.asarray(distance)[~itself].reshape(-1, count)
+    return near.astype(np.int32), distance <= distance.mean() + _FARTHEST * distance.std()
 
 
 def sample_brightness(
     images: list[Image],
     view: np.ndarray,
     keypoint: np.ndarray,
-    shadow_fraction: float = 0.15,
+    shadow_fraction: float = SHADOW_SHARE,
     spacing_px: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Brightness (N,) at keypoints (N, 2) [px] of views (N,), and where it is a measurement.
+    """Brightness (N,) at keypoints (N, 2) [px] of views (N,), and (N,) bool: it is a measurement of lit ground.
 
-    spacing_px: (K,) pixels of each image between landmarks; images that see finer than the map are smoothed to its
-    resolution, or relief between landmarks would pass for noise, and views of other resolutions would disagree.
+    spacing_px: (K,) pixels of each image between landmarks. Images finer than the map are smoothed to its resolution;
+    otherwise relief between landmarks would count as noise, and views of different resolutions would disagree.
 
     Not lit (False): outside of the image's pixel centres, any of the four pixels invalid, or brightness below
-    `shadow_fraction` of the median over the view's own keypoints: a shadow holds scattered light and camera
-    offset, which no reflectance model explains. Where not valid the brightness is 0 and means nothing.
+    `shadow_fraction` of the median over the view's own keypoints. Where a pixel is invalid the brightness is 0 and
+    undefined.
     """
     brightness, lit = np.zeros(len(view)), np.zeros(len(view), bool)
     for k in np.unique(view):
-        mine = np.flatnonzero(view == k)
+        at = np.flatnonzero(view == k)
         image = images[k] if spacing_px is None else as_coarse(images[k], float(spacing_px[k]))
-        value, valid = sample_image(image, keypoint[mine])
+        value, valid = sample_image(image, keypoint[at])
         if valid.any():
-            brightness[mine] = value
-            lit[mine] = valid & (value > shadow_fraction * np.median(value[valid]))
+            brightness[at] = value
+            lit[at] = valid & (value > shadow_fraction * np.median(value[valid]))
     return brightness, lit
 
 
 def landmark_spacing_px(views: Views, position: np.ndarray, reference: int) -> np.ndarray:
     """(K,) pixels of each view across one pixel of the reference view, whose resolution the landmarks (J, 3) have.
 
-    Whatever the stride: a map of larger stride has every so many of the same landmarks.
+    The map's stride does not matter: a map of larger stride has every so many of the same landmarks.
     """
     gsd = np.array([views.gsd(k, position) for k in range(len(views))])
     return gsd[reference] / gsd
@@ -98,18 +120,37 @@ def predicted_ratio(
     views: Views,
     reflectance: Reflectance,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """rho (N,) of each observation: brightness at unit albedo, scale 1; and (N,) bool, not grazing."""
+    """rho (N,) of each observation: brightness at albedo 1 and scale 1; and (N,) bool, neither angle is grazing."""
     mu0, mu, rho = shading(landmark, view, views, position, normal, reflectance)
     return rho, (mu0 > GRAZING) & (mu > GRAZING)
+
+
+class _Unshaded(NamedTuple):
+    """n usable observations of J landmarks in K views, divided by their shading."""
+
+    value: np.ndarray
+    """(n,) (brightness - bias) / rho = scale * albedo."""
+    landmark: np.ndarray
+    """(n,) index."""
+    view: np.ndarray
+    """(n,) index."""
+    landmarks: int
+    """J."""
+    views: int
+    """K."""
+
+    def mean_by_landmark(self, scale: np.ndarray, used: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Albedo (J,): mean over the observations `used` (n,) bool of value / scale (K,); NaN of none."""
+        landmark, value = self.landmark[used], (self.value / scale[self.view])[used]
+        number = np.bincount(landmark, minlength=self.landmarks)
+        total = np.bincount(landmark, value, minlength=self.landmarks)
+        return np.where(number > 0, total / np.maximum(number, 1), np.nan)
 
 
 def initial_albedo(
     position: np.ndarray,
     normal: np.ndarray,
-    start: np.ndarray,
-    view: np.ndarray,
-    brightness: np.ndarray,
-    lit: np.ndarray,
+    tracks: Tracks,
     views: Views,
     reflectance: Reflectance,
     reference: int,
@@ -117,58 +158,41 @@ def initial_albedo(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First albedo (J,) as the mean over views of (brightness - bias) / (scale rho), and scale (K,).
 
-    start (J + 1,), view, brightness, lit (N,): tracks. Also returns (J,) bool: the landmark had an observation
-    that is lit and not grazing; the albedo of others is the median of those.
-    estimate_scale: for uncalibrated brightness, or models without a phase function, each view's scale is
-    found first: the median ratio of what it measured to what the albedos of the views so far predict;
-    the reference's is 1. Otherwise `views.scale` holds. Bias is `views.bias` throughout.
+    position, normal: (J, 3) in B. Also returns (J,) bool: the landmark has an observation that is lit and not grazing;
+    the albedo of others is the median of those.
+    estimate_scale: for uncalibrated brightness, or models without a phase function. Each view's scale is then the
+    median ratio of its brightness to the one that the other views' albedos predict, the reference's being 1.
+    Otherwise `views.scale` holds. Bias is `views.bias` throughout.
     Raises ValueError where no observation is usable.
     """
-    landmark = np.repeat(np.arange(len(position)), np.diff(start))
-    rho, seen = predicted_ratio(position, normal, landmark, view, views, reflectance)
-    usable = lit & seen & (rho > 0)
-    if not usable.any():
+    landmark, view = tracks.landmark, tracks.view
+    rho, oblique = predicted_ratio(position, normal, landmark, view, views, reflectance)
+    usable = np.flatnonzero(tracks.lit & oblique & (rho > 0))
+    if not len(usable):
         raise ValueError("no observation is lit: the Sun directions contradict the geometry")
-    unscaled = np.divide(brightness - views.bias[view], rho, out=np.zeros_like(rho), where=usable)
-    scale = np.array(views.scale, float)
-    if estimate_scale:
-        scale = relative_scales(unscaled, usable, landmark, view, len(position), len(views), reference)
-    albedo, known = _mean_by_landmark(unscaled / scale[view], usable, landmark, len(position))
+    value = (tracks.brightness[usable] - views.bias[view[usable]]) / rho[usable]
+    unshaded = _Unshaded(value, landmark[usable], view[usable], len(position), len(views))
+    scale = _relative_scales(unshaded, reference) if estimate_scale else np.array(views.scale, float)
+    albedo = unshaded.mean_by_landmark(scale)
+    known = np.isfinite(albedo)
     return np.where(known, albedo, np.median(albedo[known])), scale, known
 
 
-def relative_scales(
-    unscaled: np.ndarray,
-    usable: np.ndarray,
-    landmark: np.ndarray,
-    view: np.ndarray,
-    landmark_count: int,
-    view_count: int,
-    reference: int,
-    sweeps: int = 3,
-) -> np.ndarray:
-    """(K,) gain of each view relative to the reference's, from brightness / rho of common landmarks.
+def _relative_scales(unshaded: _Unshaded, reference: int) -> np.ndarray:
+    """(K,) scale of each view relative to the reference's, from the landmarks that they share.
 
-    unscaled, usable, landmark, view: (N,). First against the reference alone, then against the mean of all.
-    A view without a usable observation keeps 1.
+    First against the reference alone, if it has usable observations, then against the mean of all views. A view
+    without a usable observation keeps 1.
     """
-    scale = np.ones(view_count)
-    first = usable & (view == reference)
-    for sweep in range(sweeps):
-        base = first if sweep == 0 and first.any() else usable
-        albedo, known = _mean_by_landmark(unscaled / scale[view], base, landmark, landmark_count)
-        comparable = usable & known[landmark] & (albedo[landmark] > 0)
-        for k in range(view_count):
-            mine = np.flatnonzero(comparable & (view == k))
-            if len(mine):
-                scale[k] = max(np.median(unscaled[mine] / albedo[landmark[mine]]), 1e-12)
+    scale = np.ones(unshaded.views)
+    of_reference = unshaded.view == reference
+    for sweep in range(_SCALE_SWEEPS):
+        albedo = unshaded.mean_by_landmark(scale, of_reference if sweep == 0 and of_reference.any() else slice(None))
+        predicted = albedo[unshaded.landmark]
+        comparable = predicted > 0  # False where NaN
+        for k in range(unshaded.views):
+            at = np.flatnonzero(comparable & (unshaded.view == k))
+            if len(at):
+                scale[k] = max(np.median(unshaded.value[at] / predicted[at]), 1e-12)
         scale /= scale[reference]
     return scale
-
-
-def _mean_by_landmark(
-    value: np.ndarray, usable: np.ndarray, landmark: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    number = np.bincount(landmark[usable], minlength=count)
-    total = np.bincount(landmark[usable], value[usable], minlength=count)
-    return total / np.maximum(number, 1), number > 0

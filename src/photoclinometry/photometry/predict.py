@@ -1,4 +1,4 @@
-"""What a scene says that each observation is: keypoint, shading, brightness."""
+"""Predictions of a scene for its observations: shading and brightness."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.reflectance import Reflectance, angles_at, photometric_value
 from photoclinometry.model.scene import Scene, Views
 
+BIAS_SIGMA = {"iof": 1e-3, "dn": 0.1}
+"""Standard deviation of a view's bias as a share of the median brightness [-], by `Scene.brightness`: calibrated images
+have their offset subtracted, to about a thousandth; of uncalibrated ones it is hardly known."""
+
 
 def reflectance_of(scene: Scene) -> Reflectance:
-    """The scene's model. Raises InputError where it has none."""
+    """The scene's reflectance model. Raises InputError where it has none."""
     if scene.reflectance is None:
         raise InputError(
             f"scene {scene.name!r} holds geometry alone (reflectance = none): it has no albedos to render; "
@@ -49,7 +53,7 @@ def shading(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cosines of incidence and emission, and rho (Eq. 19), (N,) each, of landmarks as seen in views.
 
-    landmark, view: (N,) indices; position, normal: (J, 3) in B.
+    landmark, view: (N,) indices; position, normal: (J, 3) in B. rho is brightness at albedo 1 and scale 1.
     """
     out = np.empty((3, len(view)))
     center = np.ascontiguousarray(views.body_from_cam.translation)

@@ -1,6 +1,6 @@
-"""What the scene looks like: predicted brightness at landmarks, on the reference grid, and in any view.
+"""Rendering: predicted brightness at landmarks, on the map's grid, and in any view.
 
-Relighting is the same with another Sun. Cast shadows are off by default, as in the paper's renderings.
+Relighting is rendering with another Sun. Cast shadows are off by default, as in the paper's renderings.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def landmark_brightness(
 ) -> np.ndarray:
     """Brightness (J,) of every landmark as a view's camera would measure it (Eqs. 29, 30).
 
-    scale * albedo * rho + bias; or albedo * rho alone, which is what views have in common. sun: (3,) towards
+    scale * albedo * rho + bias; or albedo * rho alone, which does not depend on a view's exposure. sun: (3,) towards
     the Sun in B, of any length; by default the view's own. Landmarks that are unlit or turned away give the
     bias. Raises InputError where the scene has no reflectance model.
     """
@@ -46,10 +46,10 @@ def landmark_brightness(
 
 
 def sunlit_share(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
-    """(J,) share of three pixels about a landmark, down and across, that neither the map nor `surroundings` shade.
+    """(J,) share in sunlight of the 3 x 3 landmarks about each: shaded neither by the map nor by `surroundings`.
 
-    An image averages over its pixels and point-spread function, so that cast shadows have edges of about that width.
-    At a stride above 1 that is the landmark itself.
+    An image averages over its pixels and point-spread function, so that cast shadows have edges three pixels wide.
+    At a stride above 1 the landmark alone is as wide as that.
     """
     from scipy.ndimage import convolve
 
@@ -74,7 +74,7 @@ def averaging_sigma(scene: Scene, view: int) -> float:
 
 
 def _averaged(scene: Scene, value: np.ndarray, smooth: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Values (J,) averaged over the map's grid by a linear filter of no negative weights, of those there are."""
+    """Values (J,) smoothed over the map's grid by a linear filter of weights >= 0; missing cells are skipped."""
     grid = scene.grid(value)
     present = np.isfinite(grid)
     total, share = smooth(np.where(present, grid, 0.0)), smooth(present.astype(float))
@@ -95,7 +95,7 @@ def render_reference(
 
 
 def landmark_faces(scene: Scene) -> np.ndarray:
-    """Triangles (F, 3) of landmark indices over the map's grid (see `raster.grid_faces`)."""
+    """Triangles (F, 3) of landmark indices over the map's grid (`grid_faces`)."""
     position = scene.grid(scene.landmarks.position)
     index = scene.grid(np.arange(len(scene.landmarks)), fill=0).astype(np.int64).ravel()
     return index[grid_faces(position, np.isfinite(position[..., 0]))]
@@ -106,9 +106,9 @@ def render_view(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The map as one view's camera sees it: image (H, W), zero outside the map, and mask (H, W) bool.
 
-    The landmarks' grid is a mesh; brightness is computed at its vertices (as `landmark_brightness`, whose
-    options these are), interpolated at pixel centres, and the nearest surface hides what is behind it.
-    faces: `landmark_faces(scene)`, to make them only once for many views.
+    The landmarks' grid is a mesh. Brightness is computed at its vertices and interpolated at pixel centres; the nearest
+    surface hides those behind it. options: of `landmark_brightness`. faces: `landmark_faces(scene)`, to compute them
+    only once for many views.
     """
     brightness = landmark_brightness(scene, view, sun, **options)
     return draw_landmarks(scene, view, as_resolved(scene, view, brightness), faces)

@@ -1,9 +1,9 @@
 """Normals and albedos from brightness alone, where the surface and the cameras are held.
 
-The joint estimate takes brightness at keypoints, which err by a tenth of a pixel or more, each view's in its own
-way: what it sees is blurred. The positions that it finds average over all views, and are several times better. So
-brightness is taken again where the surface projects, and every landmark's normal and albedo are fitted to it,
-without regard to its neighbours. Pictures rendered from that are as sharp as the images.
+The joint estimate takes brightness at keypoints, which err by a tenth of a pixel or more, differently in each view: its
+brightness is blurred by these errors. The estimated positions average over all views and are several times better.
+Brightness is therefore sampled again where the surface projects, and each landmark's normal and albedo are fitted to
+it, without regard to its neighbours. Pictures rendered from the result are as sharp as the images.
 """
 
 from __future__ import annotations
@@ -11,37 +11,43 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.model.projection import (
-    projected_keypoints,
-)
+from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.reflectance import phase_angle, photometric_function
+from photoclinometry.model.robust import HUBER_LIMIT, robust_sigma
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import GRAZING, landmark_spacing_px, sample_brightness
-from photoclinometry.photometry.predict import (
-    brightness_residuals,
-)
+from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.render import as_resolved, averaging_sigma, landmark_brightness
 from photoclinometry.surface.relief import in_sunlight, unobstructed
 
 NORMAL_SIGMA_RAD, ALBEDO_SIGMA = 0.1, 0.1
-"""How far normals, and albedos relative to their own size, are expected to move: what few views leave open stays."""
+"""Prior standard deviations of the changes of normals, and of albedos relative to their size. They exceed the errors of
+the start, so that they matter only in directions that few views leave undetermined."""
 
 LEAST_SIGMA = 1e-4
-"""Of the median brightness: one or two views are fitted exactly, and what was known before must still count."""
+"""Least standard deviation of brightness, as a share of the median: one or two views are fitted exactly, and the prior
+must still count."""
 
-HUBER = 3.0
-"""Residuals beyond this many standard deviations count less."""
+LONGEST_STEP = 0.2
+"""Bound on a step of the normal [rad] and the albedo's logarithm together: shading is nearly linear within it."""
+
+SETTLED = 1e-5
+"""Shorter steps end the iterations: far below the normals' errors."""
+
+SIGMA_PASSES = 2
+"""The residuals' standard deviation is taken from the scene as given, then from the first fit."""
 
 
 def brightness_on_surface(scene: Scene, images: Sequence[Image]) -> Scene:
     """The scene with the brightness of its tracks where the landmarks project, instead of at the keypoints.
 
-    images: of the scene's views, in their order. Not lit: what `sample_brightness` takes for shadow or no
-    measurement, and where the map's own ground stands before the Sun or the camera.
+    images: of the scene's views, in their order. Not lit: shadows and invalid pixels (`sample_brightness`), and
+    landmarks that the map's own ground hides from the Sun or from the camera.
     """
     tracks = scene.tracks
     xy = projected_keypoints(scene)
@@ -56,10 +62,10 @@ def brightness_on_surface(scene: Scene, images: Sequence[Image]) -> Scene:
 
 
 def detail_beyond(scene: Scene, view: int) -> np.ndarray:
-    """(J,) what the scene's model says of a view's brightness at the landmarks beyond what its pixels average over.
+    """(J,) the modelled brightness at the landmarks minus its average over a pixel of the view.
 
-    A view coarser than the map says nothing of the relief between its pixels; with this added to what it measured, it
-    agrees with the map about that. Zero for views as fine as the map, and where there is no reflectance model.
+    A view coarser than the map does not resolve relief between its pixels. Adding this to its brightness removes that
+    difference from the residuals. Zero for views as fine as the map, and where there is no reflectance model.
     """
     if scene.reflectance is None or averaging_sigma(scene, view) == 0.0:
         return np.zeros(len(scene.landmarks))
@@ -85,7 +91,7 @@ def normals_from_shading(scene: Scene, iterations: int = 6) -> Scene:
     reflectance model. Landmarks without lit brightness stay as they are.
     """
     fitted = scene
-    for _ in range(2):
+    for _ in range(SIGMA_PASSES):
         sigma = _residual_sigma(fitted)
         if not sigma > 0:
             break
@@ -96,42 +102,66 @@ def normals_from_shading(scene: Scene, iterations: int = 6) -> Scene:
 
 
 def _residual_sigma(scene: Scene) -> float:
-    """Standard deviation of lit brightness about the scene's own, from the median size.
+    """Robust standard deviation of lit brightness about the model's.
 
     At least LEAST_SIGMA of the median brightness; 0 where nothing is lit, or everything is explained exactly.
     """
     lit = scene.tracks.lit
     if not lit.any():
         return 0.0
-    size = 1.4826 * float(np.median(np.abs(brightness_residuals(scene))[lit]))
-    return max(size, LEAST_SIGMA * float(np.median(scene.tracks.brightness[lit]))) if size > 0 else 0.0
+    sigma = robust_sigma(brightness_residuals(scene)[lit])
+    return max(sigma, LEAST_SIGMA * float(np.median(scene.tracks.brightness[lit]))) if sigma > 0 else 0.0
+
+
+class _Observations(NamedTuple):
+    """Brightness by landmark, as `Tracks` (Numba reserves the name `view`)."""
+
+    start: np.ndarray
+    view_index: np.ndarray
+    brightness: np.ndarray
+    lit: np.ndarray
+    sigma: float
+    """Standard deviation of brightness."""
+
+
+class _Lighting(NamedTuple):
+    """K views: what shading depends on."""
+
+    sun: np.ndarray
+    """(K, 3) in B."""
+    center: np.ndarray
+    """(K, 3) in B."""
+    scale: np.ndarray
+    bias: np.ndarray
+
+
+class _Start(NamedTuple):
+    """J landmarks before the fit, the mean of its prior."""
+
+    position: np.ndarray
+    """(J, 3)."""
+    normal: np.ndarray
+    """(J, 3)."""
+    albedo: np.ndarray
 
 
 def _fit(scene: Scene, sigma: float, iterations: int, normal: np.ndarray, albedo: np.ndarray) -> None:
-    """Writes the fitted normals (J, 3) and albedos (J,), which hold where to start."""
-    views, marks, tracks = scene.views, scene.landmarks, scene.tracks
+    """Overwrites normals (J, 3) and albedos (J,), where the iterations start, with the fitted ones."""
+    views, landmarks, tracks = scene.views, scene.landmarks, scene.tracks
     assert scene.reflectance is not None
-    _fit_all(
-        scene.reflectance.packed, tracks.start, tracks.view, tracks.brightness, tracks.lit, views.sun,
-        views.body_from_cam.translation, views.scale, views.bias, marks.position, marks.normal, marks.albedo,
-        sigma, iterations, normal, albedo,
-    )  # fmt: skip
+    observed = _Observations(tracks.start, tracks.view, tracks.brightness, tracks.lit, sigma)
+    lighting = _Lighting(views.sun, views.body_from_cam.translation, views.scale, views.bias)
+    start = _Start(landmarks.position, landmarks.normal, landmarks.albedo)
+    _fit_all(scene.reflectance.packed, observed, lighting, start, iterations, normal, albedo)
 
 
 @njit(cache=True, parallel=True)
-def _fit_all(
-    packed, start, view, brightness, lit, sun, center, scale, bias, position, before, albedo_before, sigma,
-    iterations, normal, albedo,
-):  # fmt: skip
-    for j in prange(position.shape[0]):
-        if albedo_before[j] <= 0.0:
+def _fit_all(packed, observed, lighting, start, iterations, normal, albedo):
+    for j in prange(albedo.size):
+        if start.albedo[j] <= 0.0:
             continue
         for _ in range(iterations):
-            moved = _step(
-                packed, start[j], start[j + 1], view, brightness, lit, sun, center, scale, bias, position[j],
-                before[j], albedo_before[j], sigma, normal[j], albedo, j,
-            )  # fmt: skip
-            if moved < 1e-5:
+            if _step(packed, j, observed, lighting, start, normal, albedo) < SETTLED:
                 break
 
 
@@ -141,49 +171,66 @@ def _dot(a, b):
 
 
 @njit(cache=True)
-def _step(
-    packed, first, last, view, brightness, lit, sun, center, scale, bias, position, before, albedo_before, sigma,
-    normal, albedo, j,
-):  # fmt: skip
-    """One Gauss-Newton step in the tangent plane and the albedo's logarithm; returns its size, limited to 0.2."""
-    one, two = _tangents(normal)
-    hessian, gradient = np.zeros((3, 3)), np.zeros(3)
+def _step(packed, j, observed, lighting, start, normal, albedo):
+    """One Gauss-Newton step of landmark j in the tangent plane and the albedo's logarithm.
+
+    Returns its length, before it is cut to LONGEST_STEP.
+    """
+    n = normal[j]
+    one, two = _tangents(n)
+    information, gradient = _brightness_information(packed, j, observed, lighting, start, (n, one, two), albedo[j])
+    by_normal, by_albedo = 1.0 / NORMAL_SIGMA_RAD**2, 1.0 / ALBEDO_SIGMA**2
+    before = start.normal[j]
+    gradient += np.array(
+        [
+            by_normal * _dot(before, one),
+            by_normal * _dot(before, two),
+            by_albedo * math.log(start.albedo[j] / albedo[j]),
+        ]
+    )
+    information += np.diag(np.array([by_normal, by_normal, by_albedo]))
+    step = np.linalg.solve(information, gradient)
+    length = math.sqrt(_dot(step, step))
+    step *= min(1.0, LONGEST_STEP / max(length, 1e-12))
+    n += step[0] * one + step[1] * two
+    n /= math.sqrt(_dot(n, n))
+    albedo[j] *= math.exp(step[2])
+    return length
+
+
+@njit(cache=True, inline="always")
+def _brightness_information(packed, j, observed, lighting, start, frame, albedo):
+    """Normal equations (3, 3) and negative gradient (3,) of landmark j's lit brightness, weighted by Huber's loss.
+
+    frame: the normal and two tangents, (3,) each.
+    """
+    normal, one, two = frame
+    information, gradient = np.zeros((3, 3)), np.zeros(3)
     row, towards = np.empty(3), np.empty(3)
-    for i in range(first, last):
-        if not lit[i]:
+    for i in range(observed.start[j], observed.start[j + 1]):
+        if not observed.lit[i]:
             continue
-        k = view[i]
-        s = sun[k]
+        k = observed.view_index[i]
+        s = lighting.sun[k]
         for c in range(3):
-            towards[c] = center[k, c] - position[c]
+            towards[c] = lighting.center[k, c] - start.position[j, c]
         distance = math.sqrt(_dot(towards, towards))
         mu0, mu, cosine = _dot(s, normal), _dot(towards, normal) / distance, _dot(s, towards) / distance
         if mu0 <= GRAZING or mu <= GRAZING:
             continue
         phase = phase_angle(cosine, math.sqrt(max(1.0 - cosine * cosine, 0.0)))
         rho, by_mu0, by_mu, _ = photometric_function(packed, mu0, mu, phase)
-        gain = scale[k] * albedo[j] / sigma
+        gain = lighting.scale[k] * albedo / observed.sigma
         row[0] = gain * (by_mu0 * _dot(s, one) + by_mu * _dot(towards, one) / distance)
         row[1] = gain * (by_mu0 * _dot(s, two) + by_mu * _dot(towards, two) / distance)
         row[2] = gain * rho
-        residual = (brightness[i] - bias[k]) / sigma - gain * rho
-        weight = min(1.0, HUBER / max(abs(residual), 1e-12))
+        residual = (observed.brightness[i] - lighting.bias[k]) / observed.sigma - gain * rho
+        weight = min(1.0, HUBER_LIMIT / max(abs(residual), 1e-12))
         for a in range(3):
             gradient[a] += weight * row[a] * residual
             for b in range(3):
-                hessian[a, b] += weight * row[a] * row[b]
-    stiff, firm = 1.0 / NORMAL_SIGMA_RAD**2, 1.0 / ALBEDO_SIGMA**2
-    gradient += np.array(
-        [stiff * _dot(before, one), stiff * _dot(before, two), firm * math.log(albedo_before / albedo[j])]
-    )
-    hessian += np.diag(np.array([stiff, stiff, firm]))
-    step = np.linalg.solve(hessian, gradient)
-    size = math.sqrt(_dot(step, step))
-    step *= min(1.0, 0.2 / max(size, 1e-12))
-    normal += step[0] * one + step[1] * two
-    normal /= math.sqrt(_dot(normal, normal))
-    albedo[j] *= math.exp(step[2])
-    return size
+                information[a, b] += weight * row[a] * row[b]
+    return information, gradient
 
 
 @njit(cache=True)

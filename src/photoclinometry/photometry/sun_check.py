@@ -1,8 +1,8 @@
-"""Views that contradict the others: a Sun direction that is wrong, or brightness of another place.
+"""The leave-one-out Sun check: each view's Sun direction from the ground that the other views see.
 
-The sparse points, projected into every view, are a coarse map. Normals (planes through neighbours, then shading) and
-albedos of all views but one say how that one looks under any Sun; its own brightness says under which Sun it was
-taken (`sun_fit`). The other views are its witnesses. No dense match is needed, and none is made in vain.
+The sparse points, projected into every view, are a coarse map. Its normals (planes through neighbours, then shading)
+and albedos come from all views but one. They predict how that view looks under any Sun, so that its own brightness
+gives its Sun (`sun_fit`). No dense match is needed: wrong views are found before any effort is spent on them.
 """
 
 from __future__ import annotations
@@ -13,11 +13,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.photometry.initialize import normals_from_neighbours, predicted_ratio, sample_brightness
+from photoclinometry.photometry.initialize import (
+    PLANE_NEIGHBOURS,
+    normals_from_neighbours,
+    predicted_ratio,
+    sample_brightness,
+)
+from photoclinometry.photometry.predict import BIAS_SIGMA
 from photoclinometry.photometry.shading import normals_from_shading
 from photoclinometry.photometry.sun_fit import Ground, SunFit, fit_sun
 from photoclinometry.surface.sampling import blurred
@@ -25,16 +32,20 @@ from photoclinometry.surface.sampling import blurred
 log = logging.getLogger(__name__)
 
 POINTS = 3000
-"""Sparse points that are used at most, drawn at random: more do not make the Suns better."""
-
-NEIGHBOURS = 32
-"""Points through which a plane is fitted; the images are blurred as much as that blurs the ground."""
+"""Sparse points that are used at most, drawn at random: more cost time and do not make the Suns better, since the
+errors of neighbouring points are correlated."""
 
 MIN_COSINE = 0.3
-"""Points are used where the cosine of emission is above this: others may be hidden."""
+"""Points are used where the cosine of emission is above this: at 73 degrees and more relief hides others."""
 
 MIN_POINTS = 50
-"""A view that sees fewer points is not judged."""
+"""A view that sees fewer points is not judged: the fit has four unknowns and its patches need some points each."""
+
+LEAST_BLUR_PX = 0.5
+"""Least standard deviation of the images' blur [px]: the point-spread function that they have anyway."""
+
+MEDIAN_SWEEPS = 3
+"""Medians of albedos and of gains are taken in turns, this many times."""
 
 
 def coarse_scene(
@@ -42,8 +53,8 @@ def coarse_scene(
 ) -> Scene:
     """The sparse points as landmarks, observed wherever they lie in the frame of a registered view.
 
-    images, views: all K. The scene's views are the registered ones. Brightness is that of images blurred as the planes
-    blur the ground; albedos are 1 and scales as given. Reference, region and pixels mean nothing.
+    images, views: all K. The scene's views are the registered ones. Images are blurred as much as the planes through
+    neighbouring points blur the ground. Albedos are 1, scales as given; reference, region and pixels have no meaning.
     """
     kept = np.flatnonzero(sparse.registered)
     views = views[kept]
@@ -53,8 +64,7 @@ def coarse_scene(
         chosen = np.sort(np.random.default_rng(0).choice(chosen, POINTS, replace=False))
     position, normal = sparse.points[chosen], normal[chosen]
     sigma_px = [radius / views.gsd(n, position) for n in range(len(views))]
-    pictures = [blurred(images[k], max(sigma, 0.5)) for k, sigma in zip(kept.tolist(), sigma_px, strict=True)]
-    tracks = _projected(position, normal, views, pictures)
+    smooth = [blurred(images[k], max(sigma, LEAST_BLUR_PX)) for k, sigma in zip(kept.tolist(), sigma_px, strict=True)]
     return Scene(
         name="sparse points",
         body=None,
@@ -67,71 +77,73 @@ def coarse_scene(
             albedo=np.ones(len(chosen)),
             pixel=np.zeros((len(chosen), 2), np.int32),
         ),
-        tracks=tracks,
+        tracks=_projected(position, normal, views, smooth),
         reference=0,
         region=Region(row=0, col=0, height=1, width=1),
     )
 
 
-def sun_by_witnesses(scene: Scene, used: np.ndarray, view: int) -> SunFit | None:
-    """The Sun of one view (of a `coarse_scene`) as the brightness of the views `used` (K,) bool tells it.
+def sun_from_other_views(scene: Scene, used: np.ndarray, view: int) -> SunFit | None:
+    """The Sun of one view of a `coarse_scene`, fitted on the ground that the other views `used` (K,) bool determine.
 
-    The view itself is never its own witness. None where it shares fewer than MIN_POINTS lit points with them.
+    The view itself never takes part in determining the ground. None where it shares fewer than MIN_POINTS lit points
+    with the others.
     """
     others = used & (np.arange(len(used)) != view)
-    ground, known = ground_of(scene, others)
-    tracks = scene.tracks
-    mine = np.flatnonzero((tracks.view == view) & tracks.lit & known[tracks.landmark])
-    if len(mine) < MIN_POINTS or scene.reflectance is None:
+    fitted, known = ground_from_views(scene, others)
+    tracks, landmarks = scene.tracks, fitted.landmarks
+    own = np.flatnonzero((tracks.view == view) & tracks.lit & known[tracks.landmark])
+    if len(own) < MIN_POINTS or scene.reflectance is None:
         return None
-    at = tracks.landmark[mine]
-    marks = ground.landmarks
-    seen = Ground(
-        position=marks.position[at],
-        normal=marks.normal[at],
-        albedo=marks.albedo[at],
+    at = tracks.landmark[own]
+    ground = Ground(
+        position=landmarks.position[at],
+        normal=landmarks.normal[at],
+        albedo=landmarks.albedo[at],
         camera_center=scene.views.body_from_cam.translation[view],
     )
-    bias_sigma = 1e-3 if scene.brightness == "iof" else 0.1
-    return fit_sun(seen, tracks.brightness[mine], scene.views.sun[view], scene.reflectance, bias_sigma)
+    bias_sigma = BIAS_SIGMA[scene.brightness]
+    return fit_sun(ground, tracks.brightness[own], scene.views.sun[view], scene.reflectance, bias_sigma)
 
 
-def ground_of(scene: Scene, used: np.ndarray) -> tuple[Scene, np.ndarray]:
+def ground_from_views(scene: Scene, used: np.ndarray) -> tuple[Scene, np.ndarray]:
     """Normals and albedos of the landmarks from some views (K,) bool, and (J,) bool: which of them these views light.
 
-    Gains of all views are free. Albedo and gains are medians, in turns, which a minority of wrong views does not
+    Gains of all views are free. Albedos and gains are medians, taken in turns, which a minority of wrong views does not
     move far; shading then turns the normals, with Huber's loss.
     """
-    marks, tracks = scene.landmarks, scene.tracks
+    landmarks, tracks = scene.landmarks, scene.tracks
     assert scene.reflectance is not None
     landmark, lit = tracks.landmark, tracks.lit & used[tracks.view]
-    ratio, seen = predicted_ratio(marks.position, marks.normal, landmark, tracks.view, scene.views, scene.reflectance)
-    usable = np.flatnonzero(lit & seen & (ratio > 0))
+    ratio, oblique = predicted_ratio(
+        landmarks.position, landmarks.normal, landmark, tracks.view, scene.views, scene.reflectance
+    )
+    usable = np.flatnonzero(lit & oblique & (ratio > 0))
     albedo, gain = _albedo_and_gains(
-        tracks.brightness[usable] / ratio[usable], landmark[usable], tracks.view[usable], len(marks), len(used)
+        tracks.brightness[usable] / ratio[usable], landmark[usable], tracks.view[usable], len(landmarks), len(used)
     )
     known = np.isfinite(albedo)
-    fitted = replace(
+    start = replace(
         scene,
         views=replace(scene.views, scale=gain),
-        landmarks=replace(marks, albedo=np.where(known, albedo, 1.0)),
+        landmarks=replace(landmarks, albedo=np.where(known, albedo, 1.0)),
         tracks=replace(tracks, lit=lit & known[landmark]),
     )
-    return normals_from_shading(fitted), known
+    return normals_from_shading(start), known
 
 
 def _albedo_and_gains(
-    unscaled: np.ndarray, landmark: np.ndarray, view: np.ndarray, landmarks: int, views: int
+    unshaded: np.ndarray, landmark: np.ndarray, view: np.ndarray, landmarks: int, views: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo (J,), NaN where unseen, and gain (K,), with unscaled (N,) = albedo * gain, by medians in turns."""
+    """Albedo (J,), NaN where unseen, and gain (K,), with unshaded (N,) = albedo * gain, by medians in turns."""
     gain, albedo = np.ones(views), np.full(landmarks, np.nan)
     groups = [(k, np.flatnonzero(view == k)) for k in np.unique(view)]
-    for k, mine in groups:
-        gain[k] = np.median(unscaled[mine])
-    for _ in range(3):
-        albedo = _median_by(landmark, unscaled / gain[view], landmarks)
-        for k, mine in groups:
-            gain[k] = np.median(unscaled[mine] / albedo[landmark[mine]])
+    for k, own in groups:
+        gain[k] = np.median(unshaded[own])
+    for _ in range(MEDIAN_SWEEPS):
+        albedo = _median_by(landmark, unshaded / gain[view], landmarks)
+        for k, own in groups:
+            gain[k] = np.median(unshaded[own] / albedo[landmark[own]])
     return albedo, gain
 
 
@@ -147,16 +159,19 @@ def _median_by(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _planes(position: np.ndarray, camera_centers: np.ndarray) -> tuple[np.ndarray, float]:
-    """Normals (P, 3), and the standard deviation of the blur that a plane through neighbours is: half their radius."""
+    """Normals (P, 3) of planes through neighbours, and the standard deviation of the blur that such a plane is.
+
+    That is half the radius of the neighbours: the standard deviation of a disk along each axis.
+    """
     from scipy.spatial import KDTree
 
-    count = min(NEIGHBOURS, len(position))
+    count = min(PLANE_NEIGHBOURS, len(position))
     farthest = np.asarray(KDTree(position).query(position, k=count)[0])[:, -1]
     return normals_from_neighbours(position, camera_centers, count), 0.5 * float(np.median(farthest))
 
 
 def _projected(position: np.ndarray, normal: np.ndarray, views: Views, images: Sequence[Image]) -> Tracks:
-    """Every point (P, 3) where it lies in each view's frame and is not seen too obliquely."""
+    """Tracks of every point (P, 3) in all views whose frame it lies in and that do not see it too obliquely."""
     found = []
     for k, camera in enumerate(views.cameras):
         local = views.body_from_cam[k].inverse()(position)
@@ -170,9 +185,8 @@ def _projected(position: np.ndarray, normal: np.ndarray, views: Views, images: S
     order = np.lexsort((view, landmark))
     landmark, view, keypoint = landmark[order], view[order], keypoint[order]
     brightness, lit = sample_brightness(list(images), view, keypoint)
-    number = np.bincount(landmark, minlength=len(position))
     return Tracks(
-        start=np.concatenate([[0], np.cumsum(number)]).astype(np.int64),
+        start=row_starts(np.bincount(landmark, minlength=len(position))),
         view=view.astype(np.int32),
         keypoint=keypoint,
         keypoint_sigma=np.ones(len(view)),

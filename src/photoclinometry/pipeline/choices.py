@@ -16,7 +16,7 @@ from photoclinometry.evaluate.held_out import held_out_mask
 from photoclinometry.io.site import Site
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
-from photoclinometry.model.reflectance import Reflectance, has_published, published
+from photoclinometry.model.reflectance import Reflectance, has_published, published, starting_model
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.stage import Keyed, digest
 
@@ -60,7 +60,7 @@ def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflecta
     if name == "none":
         return None
     if name != "auto":
-        return published(name, body)
+        return starting_model(name, body)
     calibrated = brightness == "iof" and has_published("lunar-lambert", body)
     chosen = "lunar-lambert" if calibrated else "mcewen"
     log.info("reflectance: %s", chosen)

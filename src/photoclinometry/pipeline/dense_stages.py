@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.adjust import Anchors
+from photoclinometry.adjust import TiePoints
 from photoclinometry.matching.dense import match_views, triangulated
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions
 from photoclinometry.matching.interface import Matcher, MatchSetup
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance
+from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import (
     initial_albedo,
@@ -54,11 +54,13 @@ class MatchDensely(Stage[DenseTracks]):
         )
         targets = [int(k) for k in np.flatnonzero(sparse.registered) if k != reference]
         depth = sparse_depth(sparse, reference, setup.padded, cameras[reference])
+        dense = None
         for number in range(1, max(1, self.passes) + 1):
             what = f"match {number}"
             matches = match_views(setup, targets, self.matcher.value, depth, tools.progress, what)
             dense = triangulated(setup, matches, self.densify)
             depth = landmark_depth(dense.position, dense.pixel, poses[reference], setup.padded, cameras[reference])
+        assert dense is not None
         return dense
 
 
@@ -117,20 +119,19 @@ class InitialScene(Stage[Scene]):
         position, reflectance = self.dense.value.position, self.reflectance
         if reflectance is None:
             return np.ones(len(normal)), views
-        free = self.posed.inputs.value.site.brightness == "dn" or reflectance.disk not in HAS_PHASE_FUNCTION
-        measured = (tracks.start, tracks.view, tracks.brightness, tracks.lit)
-        albedo, scale, _ = initial_albedo(position, normal, *measured, views, reflectance, own, free)
+        free = self.posed.inputs.value.site.brightness == "dn" or not reflectance.predicts_absolute_brightness
+        albedo, scale, _ = initial_albedo(position, normal, tracks, views, reflectance, own, free)
         return albedo, replace(views, scale=scale)
 
 
-def tie_points_from(posed: PosedImages) -> Anchors:
+def tie_points_from(posed: PosedImages) -> TiePoints:
     """The sparse points of the whole images as tie points, with their views counted among the registered ones.
 
     Their keypoints' sigma is the mean reprojection error.
     """
     sparse = posed.sparse.value
     count = len(sparse.point_view)
-    return Anchors(
+    return TiePoints(
         position=sparse.points,
         tracks=Tracks(
             start=sparse.point_start,

@@ -15,13 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, ImageSlopes
+from photoclinometry.adjust import Adjustment, ImageGradients
 from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import landmark_spacing_px
 from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.pipeline.joint_estimate import Step
-from photoclinometry.surface.sampling import as_coarse, sample_slope
+from photoclinometry.surface.sampling import as_coarse, sample_gradient
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[S
 
 def image_gradients(
     scene: Scene, images: Sequence[Image], among: np.ndarray | None = None
-) -> tuple[Scene, ImageSlopes]:
+) -> tuple[Scene, ImageGradients]:
     """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the gradients there.
 
     images: of the scene's views, in their order. Gradients are zero where it is not lit, and of landmarks that are lit
@@ -75,13 +75,13 @@ def image_gradients(
     gradient = np.zeros((len(tracks), 2))
     for k, image in enumerate(images):
         seen = np.flatnonzero(tracks.view == k)
-        gradient[seen] = sample_slope(as_coarse(image, float(spacing[k])), xy[seen])
+        gradient[seen] = sample_gradient(as_coarse(image, float(spacing[k])), xy[seen])
     measured = brightness_on_surface(scene, images)
     lit = measured.tracks.lit
     direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
     if among is not None:
         direct &= among
-    return measured, ImageSlopes(xy, np.where((lit & direct[tracks.landmark])[:, None], gradient, 0.0))
+    return measured, ImageGradients(xy, np.where((lit & direct[tracks.landmark])[:, None], gradient, 0.0))
 
 
 def has_strayed(scene: Scene) -> np.ndarray:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, Anchors, ImageSlopes, Iteration, PosePriors, adjust
-from photoclinometry.matching.densify import triangulate_tracks
+from photoclinometry.adjust import Adjustment, AdjustOptions, ImageGradients, Iteration, PosePriors, TiePoints, adjust
+from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
@@ -29,7 +29,7 @@ class Step:
     rough: bool = False
     """Whether it ends early and without uncertainties. What it leaves is matched again, and what it has not settled are
     the slow motions of the whole map."""
-    gradients: ImageSlopes | None = None
+    gradients: ImageGradients | None = None
     """Of the images where the start's brightness was taken; that then follows the landmarks."""
 
 
@@ -40,7 +40,7 @@ class JointEstimate:
     options: AdjustOptions
     reflectance: Reflectance | None = None
     """As it is known beforehand; None of geometry alone."""
-    tie_points: Anchors | None = None
+    tie_points: TiePoints | None = None
     """Sparse tie points, in the frame of `sparse_views`."""
     sparse_views: Views | None = None
     """All views of the site, as the sparse stage left them; needed with tie points and pose priors."""
@@ -83,14 +83,14 @@ class JointEstimate:
         return adjust(
             start,
             options,
-            anchors=self._tie_points_for(start),
+            tie_points=self._tie_points_for(start),
             pose_priors=priors,
             reflectance=self.reflectance,
-            slopes=step.gradients,
+            gradients=step.gradients,
             progress=report,
         )
 
-    def _tie_points_for(self, scene: Scene) -> Anchors | None:
+    def _tie_points_for(self, scene: Scene) -> TiePoints | None:
         """The tie points in the scene's frame, where its own poses see them."""
         if self.tie_points is None or not in_prior_frame(scene):
             return self.tie_points

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.matching.densify import DensifyOptions
@@ -11,6 +11,7 @@ from photoclinometry.matching.flow import FlowOptions
 from photoclinometry.matching.registry import MATCHERS, matcher_entry
 from photoclinometry.matching.roma import RomaOptions
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.reflectance import ModelChoice
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.region import RegionOptions
 
@@ -35,7 +36,7 @@ class RelightOptions:
 class RunOptions:
     """Everything that shapes a run. Every field has a default that suits most sites."""
 
-    reflectance: Literal["auto", "akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert", "hapke", "none"] = "auto"
+    reflectance: ModelChoice = "auto"
     """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
     mcewen. none: geometry alone (dense structure from motion)."""
     match_rounds: int = 2

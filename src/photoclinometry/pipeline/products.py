@@ -13,6 +13,7 @@ import numpy as np
 from photoclinometry.adjust import Adjustment
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
+from photoclinometry.pipeline import result_display
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.run_folder import RunFolder
@@ -32,6 +33,17 @@ class RunResult:
     """The report's page."""
     left_out: dict[str, str]
     """Names of views that the map was made without, and why."""
+
+    @property
+    def folder(self) -> Path:
+        """The run folder."""
+        return self.report.parent.parent
+
+    def __repr__(self) -> str:
+        return result_display.result_line(self)
+
+    def _repr_html_(self) -> str:
+        return result_display.result_card(self)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from photoclinometry.io.models.text_model import TextModel, model_fingerprint, r
 from photoclinometry.io.site import DEFAULT_SUN_SIGMA_RAD
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
-from photoclinometry.model.reflectance import HAS_PHASE_FUNCTION, Reflectance, has_published
+from photoclinometry.model.reflectance import MODELS, ModelChoice, Reflectance, has_published
 from photoclinometry.model.scene import Scene, Tracks
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline.choices import choose_reflectance
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 class RefineOptions:
     """What the files of a model do not say, and how the estimate is made."""
 
-    reflectance: Literal["auto", "akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert", "hapke", "none"] = "auto"
+    reflectance: ModelChoice = "auto"
     """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
     mcewen. none: geometry alone."""
     body: str | None = None
@@ -143,19 +143,20 @@ def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:
     brightness = options.brightness
     if brightness == "auto":
         named = options.reflectance == "auto" and has_published("lunar-lambert", options.body)
-        brightness = "iof" if named or options.reflectance in HAS_PHASE_FUNCTION else "dn"
+        model = MODELS.get(options.reflectance)
+        brightness = "iof" if named or (model and model.predicts_absolute_brightness) else "dn"
     unit = 1.0 if options.albedo_unit is None else options.albedo_unit
     given = options.phase_weighting is not None or options.phase_coefficients is not None
     if not given:
         return choose_reflectance(options.reflectance, brightness, options.body), brightness, unit
-    polynomial = HAS_PHASE_FUNCTION - {"hapke"}
+    polynomial = {name for name, model in MODELS.items() if model.open_ended}
     if options.reflectance not in polynomial:
         known = ", ".join(sorted(polynomial))
         raise InputError(f"reflectance {options.reflectance} has no coefficients to be given; choose one of {known}")
     if options.phase_weighting is None or not options.phase_coefficients or options.phase_coefficients[0] <= 0:
         raise InputError("give both --phase-weighting and --phase-coefficients, of which the first, c_0, is positive")
     first, *others = options.phase_coefficients
-    reflectance = Reflectance(options.reflectance, options.phase_weighting, tuple(c / first for c in others))
+    reflectance = Reflectance(options.reflectance, (*options.phase_weighting, *(c / first for c in others)))
     return reflectance, brightness, first if options.albedo_unit is None else unit
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from photoclinometry.evaluate.evaluate import keypoint_residual_px, landmark_photometric_error
 from photoclinometry.matching.dense import match_views, triangulated
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions
-from photoclinometry.matching.hole_filling import with_provisional
+from photoclinometry.matching.hole_filling import fill_holes
 from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.matching.relight import RelightMatcher, map_depth
 from photoclinometry.model.geometry import angle_between
@@ -71,7 +71,7 @@ def rematch(
     images: of the scene's views. matcher: what meets the relit reference. what: progress' first word. Raises
     ReconstructionError where nothing matches.
     """
-    sharp = with_provisional(normals_from_shading(brightness_on_surface(scene, images)))
+    sharp = fill_holes(normals_from_shading(brightness_on_surface(scene, images)))
     setup = MatchSetup(
         images=images,
         cameras=scene.views.cameras,

@@ -6,12 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.io.site import RegionRequest, Site, input_fingerprint, load_images
+from photoclinometry.io.site import RegionRequest, Site
+from photoclinometry.io.site_images import input_fingerprint, load_images
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Camera, Image, Region, Views
 from photoclinometry.model.sparse import SparseModel, without_views
-from photoclinometry.photometry.inconsistent_views import Misfits, find_misfits
+from photoclinometry.photometry.inconsistent_views import InconsistentViews as Inconsistent
+from photoclinometry.photometry.inconsistent_views import find_inconsistent_views
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
@@ -85,17 +87,19 @@ class SparseReconstruction(Stage[SparseModel]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class InconsistentViews(Stage[Misfits]):
+class InconsistentViews(Stage[Inconsistent]):
     """Views whose Sun, or what they show, contradicts the brightness of the others."""
 
     name = "inconsistent_views"
-    result = Misfits
+    result = Inconsistent
     posed: PosedImages
     reflectance: Reflectance
 
-    def make(self, tools: Tools) -> Misfits:
+    def make(self, tools: Tools) -> Inconsistent:
         inputs, sparse = self.posed.inputs.value, self.posed.sparse.value
-        return find_misfits(sparse, inputs.images, self.posed.views, self.reflectance, inputs.site.brightness)
+        return find_inconsistent_views(
+            sparse, inputs.images, self.posed.views, self.reflectance, inputs.site.brightness
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,1 +1,1 @@
-"""One frame to another: maps to maps, maps to pose priors."""
+"""Bringing maps into other frames: those of other maps, or of pose priors."""

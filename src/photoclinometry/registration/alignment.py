@@ -1,8 +1,7 @@
 """Bringing a scene into another frame: by camera poses, then by its surface.
 
-A scene made from images alone has its own origin, orientation and scale. Poses give the similarity first
-(paper, section V.A). Their scale and tilt are only as good as the cameras' baselines, so the surface refines
-it.
+A scene made from images alone has its own origin, orientation and scale. The poses give a first similarity
+(paper, section V.A). Its scale and tilt are only as good as the cameras' baselines, so the surface refines it.
 """
 
 from __future__ import annotations
@@ -21,8 +20,23 @@ Closest = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 MINIMUM_SENSITIVITY = 0.01
 """A direction of the similarity is refined by the surface only if it moves points along their normals by this
-share of how far it moves them: a plane says nothing about sliding along itself (Zhang et al. 2016, ICRA,
+share of how far it moves them [-]: a plane does not determine the shift along itself (Zhang et al. 2016, ICRA,
 doi:10.1109/ICRA.2016.7487211, remap such directions in the same way)."""
+
+ONE_SIGMA_SHARE = 0.6827
+"""Share of a normal distribution within one standard deviation."""
+
+OUTLIER_SIGMAS = 3.0
+"""Points whose distance differs from the median by more than this many robust standard deviations are dropped."""
+
+ICP_ITERATIONS = 30
+"""At most."""
+
+ICP_POINTS = 20_000
+"""At most so many points determine the similarity: seven numbers need no more."""
+
+SETTLED = 1e-8
+"""A step of the similarity shorter than this ends the iterations [rad, and shares of the map's extent]."""
 
 
 def transform_poses(similarity: Similarity, body_from_cam: Rigid) -> Rigid:
@@ -31,9 +45,9 @@ def transform_poses(similarity: Similarity, body_from_cam: Rigid) -> Rigid:
 
 
 def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
-    """The same scene in another frame (target_from_B): nothing that it predicts about images changes.
+    """The same scene in another frame (target_from_B); its predictions for images do not change.
 
-    Of which kind that frame is, `Scene.frame`, is for the caller to say.
+    `Scene.frame` of the result is OWN; the caller sets another one if it applies.
     """
     views, landmarks, around = scene.views, scene.landmarks, scene.surroundings
     moved = replace(
@@ -55,7 +69,7 @@ def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
 
 
 def _transform_uncertainty(similarity: Similarity, scene: Scene, moved: Scene) -> dict[str, np.ndarray]:
-    """`scene.uncertainty` about the axes and in the unit of `moved`, as the table in `calibrate.py` has them."""
+    """`scene.uncertainty` about the axes and in the unit of `moved` (named as in `evaluate.sigma_calibration`)."""
     lengths = ("position", "translation", "center")
     directions = {
         "normal": (scene.landmarks.normal, moved.landmarks.normal),
@@ -74,13 +88,14 @@ def _transform_uncertainty(similarity: Similarity, scene: Scene, moved: Scene) -
 
 
 def _turn_covariance(stated: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """What is stated about n vectors, as `metrics.normalised_square` takes it, of turn (d, d) or (n, d, d) @ vector.
+    """The stated uncertainty of n vectors after they are multiplied by turn (d, d) or (n, d, d).
 
-    turn: a rotation times a scale. Sigmas alike in all directions stay so, (n,); others become covariances (n, d, d).
+    stated: sigmas (n,) alike in all directions, sigmas (n, d) per axis, or covariances (n, d, d). turn: a rotation
+    times a scale. Sigmas (n,) stay (n,); others become covariances (n, d, d). Raises InputError for other shapes.
     """
     stated, size = np.asarray(stated, float), turn.shape[-1]
     if stated.shape[1:] not in ((), (size,), (size, size)):
-        raise InputError(f"an uncertainty has shape {stated.shape}: it says nothing about vectors of {size} numbers")
+        raise InputError(f"an uncertainty has shape {stated.shape}; expected (n,), (n, {size}) or (n, {size}, {size})")
     if stated.ndim == 1:
         return stated * np.linalg.norm(turn[..., 0], axis=-1)
     covariance = stated if stated.ndim == 3 else stated[:, :, None] ** 2 * np.eye(stated.shape[1])
@@ -92,15 +107,16 @@ def align_poses(source: Rigid, target: Rigid, distance: float) -> Similarity:
 
     The rotation is that of least squares over the cameras' axes and over their centres together, centres in
     units of `distance` (from a camera to the surface, in the source's unit): a camera turned by an angle and
-    one moved sideways by angle x distance see the same. So it is determined also where all centres lie on a
-    line or a plane, which leaves Umeyama's method short of an axis or with a mirror image. Scale and
-    translation then follow from the centres. Raises InputError.
+    one moved sideways by angle x distance see the same. It is therefore determined also where all centres lie on a
+    line or a plane, where Umeyama's method leaves an axis open or yields a mirror image. Scale and
+    translation then follow from the centres. Raises InputError where all centres coincide, and where no positive scale
+    fits centres and axes together.
     """
     a = source.translation - source.translation.mean(0)
     b = target.translation - target.translation.mean(0)
     spread_a, spread_b = np.linalg.norm(a), np.linalg.norm(b)
     if len(source) < 2 or spread_a == 0 or spread_b == 0:
-        raise InputError(f"{len(source)} cameras at one place: their poses do not tell a scale")
+        raise InputError(f"{len(source)} cameras at one place: their poses do not determine a scale")
     scale = spread_b / spread_a
     moment = np.einsum("kij,klj->il", target.rotation, source.rotation) + b.T @ a / (scale * distance**2)
     u, _, vt = np.linalg.svd(moment)
@@ -116,10 +132,9 @@ def align_poses(source: Rigid, target: Rigid, distance: float) -> Similarity:
 
 
 def align_views(views: Views, scene: Scene) -> Similarity:
-    """scene_from_views by the poses of the views that both have (by name). Raises InputError as `align_poses`."""
-    shared = [views.name.index(name) for name in scene.views.name]
-    theirs = views.body_from_cam[shared]
-    return align_poses(scene.views.body_from_cam, theirs, camera_distance(scene)).inverse()
+    """scene_from_views by the poses of the scene's views, found in `views` by name. Raises InputError."""
+    index = [views.name.index(name) for name in scene.views.name]
+    return align_poses(scene.views.body_from_cam, views.body_from_cam[index], camera_distance(scene)).inverse()
 
 
 def camera_distance(scene: Scene) -> float:
@@ -130,12 +145,12 @@ def camera_distance(scene: Scene) -> float:
 
 @dataclass(frozen=True)
 class IcpResult:
-    """What `refine_on_surface` found."""
+    """The outcome of `refine_on_surface`."""
 
     similarity: Similarity
     """target_from_source."""
     distance: np.ndarray
-    """(n,) signed distances along the normals, in the target's unit, NaN for points beside the surface."""
+    """(n,) signed distances along the normals, in the target's unit; NaN for points beside the surface."""
     determined: int
     """How many of the 7 directions the surface determines; the others keep the initial alignment."""
 
@@ -146,14 +161,15 @@ def refine_on_surface(
     closest: Closest,
     initial: Similarity,
     *,
-    iterations: int = 30,
-    sample: int = 20_000,
+    iterations: int = ICP_ITERATIONS,
+    sample: int = ICP_POINTS,
 ) -> IcpResult:
     """The similarity that brings points closest to a surface: ICP, point to plane, with scale.
 
     position, normal: (n, 3) of the source. Each step solves for 7 parameters in closed form, which rigid ICP
-    libraries do not offer; `sample` points at most take part. Robust: residuals beyond 3 robust standard
-    deviations are dropped, as are points beside the surface. Raises InputError where nothing overlaps.
+    libraries do not offer; `sample` points at most take part. Outliers (OUTLIER_SIGMAS) and points beside the surface
+    are dropped. Directions that the surface does not determine (MINIMUM_SENSITIVITY) keep their initial value.
+    Raises InputError where nothing overlaps.
     """
     chosen = slice(None, None, max(1, len(position) // sample))
     points, normals = position[chosen], normal[chosen]
@@ -164,15 +180,15 @@ def refine_on_surface(
         plane = normals @ similarity.rotation.T
         foot, inside = closest(moved)
         distance = np.where(inside, _signed_distance(moved, foot, plane), np.nan)
-        # Derivatives are taken at the feet: taken at the points, their noise would count as relief, which
-        # shrinking the map would cure.
+        # Derivatives are taken at the feet. Taken at the points, their noise would count as relief, and the scale
+        # that fits best would shrink the map to reduce it.
         center = foot.mean(0)
         extent = float(np.sqrt(np.mean(np.sum((foot - center) ** 2, -1))))
         step, determined = _icp_step((foot - center) / extent, plane, distance / extent)
         turn, move, growth = so3_exp(step[:3]), extent * step[3:6], np.exp(step[6])
         update = Similarity(float(growth), turn, center + move - growth * turn @ center)
         similarity = update @ similarity
-        if np.linalg.norm(step) < 1e-8:
+        if np.linalg.norm(step) < SETTLED:
             break
     moved = similarity(position)
     distance = surface_distance(moved, normal @ similarity.rotation.T, closest)
@@ -190,16 +206,18 @@ def _signed_distance(points: np.ndarray, foot: np.ndarray, normals: np.ndarray) 
     return np.copysign(np.linalg.norm(offset, axis=-1), np.sum(offset * normals, -1))
 
 
-def _icp_step(points, normals, distance):
-    """One Gauss-Newton step (7,) for centred points of unit extent: rotation, translation, log scale."""
+def _icp_step(points: np.ndarray, normals: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, int]:
+    """One Gauss-Newton step (7,): rotation, translation, log scale; and how many directions the surface determines.
+
+    points: (n, 3) feet, centred and of unit extent; normals: (n, 3); distance: (n,), NaN where not used.
+    """
     used = np.isfinite(distance)
     if used.sum() < 7:
         raise InputError("the map and the reference surface do not overlap: check frame and unit of both")
     center = np.median(distance[used])
-    # Of a normal distribution that share lies within one sigma. The median deviation would be nought where the
-    # distances have two heaps, and then drop one of them.
-    deviation = np.quantile(np.abs(distance[used] - center), 0.6827)
-    used &= np.abs(distance - center) <= 3.0 * deviation + 1e-12
+    # Not the median deviation: where distances have two clusters it can be zero, and one cluster would be dropped.
+    deviation = np.quantile(np.abs(distance[used] - center), ONE_SIGMA_SHARE)
+    used &= np.abs(distance - center) <= OUTLIER_SIGMAS * deviation + 1e-12
     p, n, d = points[used], normals[used], distance[used]
     jacobian = np.concatenate([np.cross(p, n), n, np.sum(p * n, -1, keepdims=True)], -1)
     eigenvalue, direction = np.linalg.eigh(jacobian.T @ jacobian / len(d))

@@ -6,11 +6,18 @@ import numpy as np
 from numba import njit, prange
 
 NEIGHBOURS = 6
-"""Faces around this many nearest vertices are searched for the nearest point."""
+"""Faces around this many nearest vertices are searched for the nearest point. A vertex of an even mesh has so many
+neighbours."""
+
+PLANE_POINTS = 12
+"""Points of a cloud that a normal's plane is fitted through, where the cloud has no normals."""
+
+RIM_SPACINGS = 3.0
+"""A foot farther from the cloud's nearest point than this many of its median spacings lies beside the surface."""
 
 
 class MeshSurface:
-    """Nearest points on a triangle mesh; calling it is an `align.Closest`.
+    """Nearest points on a triangle mesh; calling it is an `alignment.Closest`.
 
     The search looks at all faces around the NEIGHBOURS vertices nearest to a point. For meshes of evenly
     sized triangles that is the nearest face; otherwise the distance is an upper bound.
@@ -52,19 +59,18 @@ class MeshSurface:
 
 
 class CloudSurface:
-    """Nearest points on the tangent planes of a point cloud; calling it is an `align.Closest`.
+    """Nearest points on the tangent planes of a point cloud; calling it is an `alignment.Closest`.
 
-    A foot counts as beside the surface where it lies farther than three times the cloud's median spacing from
-    the nearest point.
+    A foot far from the nearest point (RIM_SPACINGS) counts as beside the surface.
     """
 
     def __init__(self, points: np.ndarray, normals: np.ndarray | None):
-        """points: (n, 3); normals: (n, 3), by default of planes through 12 neighbours."""
+        """points: (n, 3); normals: (n, 3), by default of planes through PLANE_POINTS neighbours."""
         from scipy.spatial import KDTree
 
         self.points = np.asarray(points, float)
         self.tree = KDTree(self.points)
-        distance, neighbours = self.tree.query(self.points, min(12, len(points)))
+        distance, neighbours = self.tree.query(self.points, min(PLANE_POINTS, len(points)))
         self.spacing = float(np.median(distance[:, 1]))
         if normals is None:
             offset = self.points[neighbours] - self.points[neighbours].mean(1, keepdims=True)
@@ -75,7 +81,7 @@ class CloudSurface:
         _, nearest = self.tree.query(points)
         normal, offset = self.normals[nearest], points - self.points[nearest]
         along = np.sum(offset * normal, -1, keepdims=True) * normal
-        return points - along, np.linalg.norm(offset - along, axis=-1) < 3.0 * self.spacing
+        return points - along, np.linalg.norm(offset - along, axis=-1) < RIM_SPACINGS * self.spacing
 
 
 @njit(cache=True)

@@ -1,8 +1,8 @@
-"""Putting a map into the body-fixed metric frame, by what was known of camera poses beforehand.
+"""Putting a map into the body-fixed metric frame by pose priors.
 
-A map made from images alone has its own origin, orientation and unit of length. Poses that are known (`PosePrior`:
-kernels, tables, SUMFILEs) determine the seven numbers between the two frames, each weighted by its own sigmas.
-Nothing that the scene predicts about images changes.
+A map made from images alone has its own origin, orientation and unit of length. Pose priors (`PosePrior`: from kernels,
+tables, SUMFILEs) determine the similarity between the two frames, each weighted by its own sigmas. The scene's
+predictions for images do not change.
 """
 
 from __future__ import annotations
@@ -14,22 +14,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.gauss_newton import gauss_newton
 from photoclinometry.model.geometry import Rigid, Similarity, skew, so3_exp, so3_log
 from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.robust import huber_weight
 from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.registration.alignment import align_poses, camera_distance, transform_poses, transform_scene
 
 log = logging.getLogger(__name__)
 
 MIN_PRIORS = 3
-LOSS_LIMIT = 3.0
-"""Huber's: priors beyond so many sigmas weigh by the distance, not its square."""
+"""Fewer that agree do not determine a frame: of two, a wrong one cannot be told from a right one."""
 OUTLIER = 5.0
-"""A prior that is off by so many sigmas, and by so many times what is usual, is left out."""
+"""A prior is left out if it is off by so many sigmas, and by so many times the median deviation."""
 FAR_RAD = np.radians(5.0)
-"""Images tell attitudes far better than this, whatever is usual."""
+"""An attitude off by so many sigmas is left out only beyond this angle [rad]: images determine attitudes far better."""
+RESIDUALS = 6
+"""Of each prior: three of position, three of attitude."""
 _ITERATIONS = 50
-_CONVERGED = 1e-10
+"""Of Gauss-Newton, and of leaving out outliers, at most."""
+_SMALL_RAD = 1e-6
+"""Below this angle the series of the inverse left Jacobian is cut, since its closed form divides zero by zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +46,7 @@ class Georeference:
     names: tuple[str, ...]
     """(n,) views with priors."""
     position_residual: np.ndarray
-    """(n, 3) camera centres of the scene less those of the priors, in the metric frame."""
+    """(n, 3) camera centres of the scene minus those of the priors, in the metric frame."""
     rotation_residual: np.ndarray
     """(n, 3) rotation vectors from the priors' attitudes to the scene's, in the metric frame [rad]."""
     position_sigma: np.ndarray
@@ -49,7 +54,7 @@ class Georeference:
     rotation_sigma: np.ndarray
     """(n,) as the priors state [rad]."""
     covariance: np.ndarray
-    """(7, 7) of rotation [rad], translation of the cameras' middle, and log scale, if the sigmas are true."""
+    """(7, 7) of rotation [rad], translation of the cameras' mean centre, and log scale, if the sigmas are true."""
     used: np.ndarray
     """(n,) bool: priors that determine the frame."""
 
@@ -65,7 +70,7 @@ class Georeference:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(n,) residuals in sigmas, root mean square over a view's six."""
+        """(n,) residuals in sigmas, root mean square over a prior's six."""
         return deviation(self.position_residual, self.rotation_residual, self.position_sigma, self.rotation_sigma)
 
     @property
@@ -74,18 +79,20 @@ class Georeference:
         return float(np.sqrt(self.covariance[6, 6]))
 
 
-def deviation(position: np.ndarray, rotation: np.ndarray, position_sigma, rotation_sigma) -> np.ndarray:
+def deviation(
+    position: np.ndarray, rotation: np.ndarray, position_sigma: float | np.ndarray, rotation_sigma: float | np.ndarray
+) -> np.ndarray:
     """(n,) residuals (n, 3) of positions and of attitudes in their sigmas (n,), root mean square over the six."""
     squares = np.sum(position**2, -1) / position_sigma**2 + np.sum(rotation**2, -1) / rotation_sigma**2
-    return np.sqrt(squares / 6.0)
+    return np.sqrt(squares / RESIDUALS)
 
 
 def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene, Georeference]:
     """The scene in the frame and unit of the priors of its views (by name), and the fit with its residuals.
 
-    Priors that contradict the images are left out, and named in the log. Uncertainties follow, as by
-    `align.transform_scene`. Raises InputError for fewer than three priors, or fewer that agree, and for cameras whose
-    poses tell no scale.
+    Priors that contradict the images are left out, and named in the log. Uncertainties are transformed, too
+    (`alignment.transform_scene`). Raises InputError for fewer than MIN_PRIORS priors, or fewer that agree, and for
+    cameras whose poses determine no scale.
     """
     fit = agreement(scene, priors)
     outliers = [describe(fit, int(k)) for k in np.flatnonzero(~fit.used)]
@@ -103,9 +110,9 @@ def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene,
 def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     """The fit of the scene's poses to those priors of its views (by name) that agree with the images and each other.
 
-    A prior is left out that is off by more than OUTLIER sigmas and more than OUTLIER times the median, since poses made
-    from images err, too; and one whose attitude is off by more than OUTLIER sigmas and FAR_RAD. Where less than
-    three are left, `used` says so. Raises InputError where fewer than three are given.
+    A prior is left out if it is off by more than OUTLIER sigmas and more than OUTLIER times the median, since poses
+    made from images err, too; or if its attitude is off by more than OUTLIER sigmas and FAR_RAD. Fewer than MIN_PRIORS
+    may be left in `used`. Raises InputError where fewer than MIN_PRIORS are given.
     """
     seen = [k for k, name in enumerate(scene.views.name) if name in priors]
     if len(seen) < MIN_PRIORS:
@@ -116,25 +123,26 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     distance = camera_distance(scene)
     names = tuple(scene.views.name[k] for k in seen)
     poses, known = scene.views.body_from_cam[seen], [priors[name] for name in names]
-    used = np.ones(len(seen), bool)
+    used, fit = np.ones(len(seen), bool), None
     for _ in range(_ITERATIONS):
         fit = fit_to_priors(poses, known, distance, names, used)
         agree = _agree(fit)
         if agree.sum() < MIN_PRIORS or (agree == used).all():
             return replace(fit, used=agree)
         used = agree
+    assert fit is not None
     return fit
 
 
 def _agree(fit: Georeference) -> np.ndarray:
-    """(n,) bool: priors that the fit leaves within bounds."""
+    """(n,) bool: priors whose residuals are within the bounds of `agreement`."""
     off, turned = fit.deviation, np.linalg.norm(fit.rotation_residual, axis=-1)
     near = off <= OUTLIER * max(1.0, float(np.median(off[fit.used])))
     return near & (turned <= np.maximum(FAR_RAD, OUTLIER * fit.rotation_sigma))
 
 
 def describe(fit: Georeference, k: int) -> str:
-    """How far the prior of one view is off, in words."""
+    """How far the prior of one view is off, as a sentence."""
     moved, turned = (np.linalg.norm(part[k]) for part in (fit.position_residual, fit.rotation_residual))
     return (
         f"{fit.names[k]} is off by {moved:.4g} m and {np.degrees(turned):.3g} degrees, at sigmas of "
@@ -157,27 +165,27 @@ def fit_to_priors(
     known = _stacked(priors)
     used = np.ones(len(priors), bool) if used is None else used
     sigma = np.array([[p.translation_sigma, p.rotation_sigma_rad] for p in priors], float)
-    similarity = align_poses(body_from_cam[used], known[used], distance)
-    normal = np.eye(7)
-    for _ in range(_ITERATIONS):
+
+    def linearise(similarity: Similarity) -> tuple[np.ndarray, np.ndarray]:
         residual, jacobian = _linearised(similarity, body_from_cam, known, sigma)
-        length = np.linalg.norm(residual, axis=-1) / np.sqrt(6.0)
-        weight = used * np.minimum(1.0, LOSS_LIMIT / np.maximum(length, 1e-300))
-        normal = np.einsum("n,nri,nrj->ij", weight, jacobian, jacobian)
-        step = -np.linalg.solve(normal, np.einsum("n,nri,nr->i", weight, jacobian, residual))
-        similarity = _moved(similarity, _middle(similarity, body_from_cam), step)
-        # Steps are judged in standard deviations: rotation, translation and scale have no unit in common.
-        if step @ normal @ step < _CONVERGED:
-            break
-    moved = transform_poses(similarity, body_from_cam)
+        weight = used * huber_weight(np.linalg.norm(residual, axis=-1) / np.sqrt(RESIDUALS))
+        gradient = np.einsum("n,nri,nr->i", weight, jacobian, residual)
+        return gradient, np.einsum("n,nri,nrj->ij", weight, jacobian, jacobian)
+
+    def move(similarity: Similarity, step: np.ndarray) -> Similarity:
+        return _moved(similarity, _middle(similarity, body_from_cam), step)
+
+    start = align_poses(body_from_cam[used], known[used], distance)
+    fit = gauss_newton(start, linearise, move, iterations=_ITERATIONS)
+    moved = transform_poses(fit.state, body_from_cam)
     return Georeference(
-        similarity=similarity,
+        similarity=fit.state,
         names=names or tuple(str(k) for k in range(len(priors))),
         position_residual=moved.translation - known.translation,
         rotation_residual=so3_log(moved.rotation @ np.swapaxes(known.rotation, -1, -2)),
         position_sigma=sigma[:, 0],
         rotation_sigma=sigma[:, 1],
-        covariance=np.linalg.inv(normal),
+        covariance=np.linalg.inv(fit.information),
         used=used,
     )
 
@@ -189,6 +197,7 @@ def _stacked(priors: list[PosePrior]) -> Rigid:
 
 
 def _middle(similarity: Similarity, body_from_cam: Rigid) -> np.ndarray:
+    """(3,) mean camera centre in the metric frame."""
     return similarity(body_from_cam.translation).mean(0)
 
 
@@ -217,6 +226,6 @@ def _linearised(
 def _inverse_left_jacobian(omega: np.ndarray) -> np.ndarray:
     """(n, 3, 3) d log(exp(w) R) / dw at w = 0, for R = exp(omega); Sola et al. (2018), arXiv:1812.01537, Eq. 146."""
     angle = np.linalg.norm(omega, axis=-1)[:, None, None]
-    half = np.maximum(angle, 1e-6) / 2.0
+    half = np.maximum(angle, _SMALL_RAD) / 2.0
     hat = skew(omega)
-    return np.eye(3) - 0.5 * hat + (1.0 - half / np.tan(half)) / np.maximum(angle, 1e-6) ** 2 * (hat @ hat)
+    return np.eye(3) - 0.5 * hat + (1.0 - half / np.tan(half)) / np.maximum(angle, _SMALL_RAD) ** 2 * (hat @ hat)

@@ -1,6 +1,6 @@
 """Sparse structure from motion: images and intrinsics -> poses and sparse points, from nothing.
 
-`reconstruct.py` is the entry. The folder is the one place (besides `io/colmap.py`) that knows pycolmap.
+`reconstruct.py` is the entry. Only this package uses pycolmap.
 """
 
 from photoclinometry.sfm.options import SfmOptions

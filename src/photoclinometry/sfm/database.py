@@ -14,8 +14,9 @@ from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture
 
 DATABASE = "database.db"
+
 PAIRS_AT_ONCE = 60
-"""Pairs matched between two reports of progress; fewer cost time, as search indices are built anew."""
+"""Pairs matched between two reports of progress: fewer cost time, since search indices are built anew each time."""
 
 
 def _image_file(view: int) -> str:
@@ -64,7 +65,7 @@ def _write_cameras(database: Any, cameras: list[Camera]) -> list[Any]:
 
 
 def _write_view(database: Any, view: int, camera_and_rig: tuple[Any, Any]) -> int:
-    """The new image's id; the image is a frame of its own."""
+    """Writes a view as a COLMAP image in a frame of its own; returns the image's id."""
     import pycolmap
 
     camera, rig = camera_and_rig
@@ -82,13 +83,13 @@ def match_views(
     pairs: list[tuple[int, int]],
     work_dir: Path,
     options: SfmOptions,
-    what: str,
+    stage: str,
     progress: Progress | None,
 ) -> np.ndarray:
-    """(K, K) verified matches between views, of these pairs and of those matched before. what: of progress.
+    """(K, K) numbers of verified matches between views, of these pairs and of those matched before.
 
-    Plain, not guided, matching: matches found again along epipolar lines made the poses worse (0.034
-    against 0.026 degrees on Vesta) and took nine times as long.
+    stage: name for progress reports. Matching is not guided: searching again along epipolar lines made the poses worse
+    (0.034 against 0.026 degrees on images of Vesta) and took nine times as long.
     """
     import pycolmap
 
@@ -109,7 +110,7 @@ def match_views(
         pairs_file.write_text("".join(f"{_image_file(a)} {_image_file(b)}\n" for a, b in block))
         pycolmap.match_image_pairs(database, matching, pairing, verification, pycolmap.Device.cpu)
         if progress:
-            progress(what, done + len(block), len(pairs))
+            progress(stage, done + len(block), len(pairs))
     inliers = np.zeros((count, count), int)
     for (a, b), number in _verified_pairs(database):
         inliers[a, b] = inliers[b, a] = number
@@ -117,7 +118,7 @@ def match_views(
 
 
 def read_keypoints(count: int, work_dir: Path) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Of each view (n, 4) keypoints and (n, 128) descriptors, as of `sift_keypoints`."""
+    """For each view, keypoints (n, 4) and descriptors (n, 128), as of `sift_keypoints`."""
     import pycolmap
 
     with pycolmap.Database.open(work_dir / DATABASE) as database:
@@ -126,7 +127,7 @@ def read_keypoints(count: int, work_dir: Path) -> list[tuple[np.ndarray, np.ndar
 
 
 def add_relief_keypoints(images: list[Image], sun_in_cam: np.ndarray, work_dir: Path, options: SfmOptions) -> None:
-    """Adds SIFT keypoints of every view's relief (`relief_picture`), and forgets all matches. sun_in_cam: (K, 3)."""
+    """Adds SIFT keypoints of every view's relief (`relief_picture`) and deletes all matches. sun_in_cam: (K, 3)."""
     import pycolmap
 
     with pycolmap.Database.open(work_dir / DATABASE) as database:
@@ -147,7 +148,7 @@ def add_relief_keypoints(images: list[Image], sun_in_cam: np.ndarray, work_dir: 
 
 
 def _image_ids(database: Any) -> dict[int, int]:
-    """Of each view."""
+    """COLMAP's image id by view."""
     return {int(Path(image.name).stem): image.image_id for image in database.read_all_images()}
 
 

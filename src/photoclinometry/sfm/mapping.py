@@ -1,4 +1,4 @@
-"""Poses and points of the matches, by COLMAP's mappers and bundle adjustment."""
+"""Poses and points from matches, by COLMAP's mappers and bundle adjustment."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera
@@ -16,10 +17,31 @@ from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.database import DATABASE
 from photoclinometry.sfm.options import SfmOptions
 
+LOSS_PX = 0.3
+"""Scale of the last bundle adjustment's soft-L1 loss: the keypoints' precision. Shadow edges, which move with the Sun,
+give residuals long tails; with this loss rotation errors on simulated sites are a quarter smaller."""
+
+LAST_ITERATIONS, LAST_TOLERANCE = 50, 1e-8
+"""Of the last bundle adjustment: iterations at most, and the relative decrease of cost that ends it."""
+
+GROWTH = 1.4
+"""Global bundle adjustments are repeated when the model has grown by this factor. With one local and two global
+refinements at LOOSE_TOLERANCE this takes a third of COLMAP's default time for the same poses."""
+
+LOOSE_TOLERANCE = 1e-6
+"""Relative decrease of cost that ends a bundle adjustment on the way: the last one is stricter."""
+
+FIRST_PAIR_DEG, FIRST_PAIR_MATCHES = 4.0, 50
+"""The first pair of views needs rays at this angle at least, a quarter of COLMAP's default, since spacecraft see a
+place from similar directions; and so many verified matches."""
+
+MODELS = 10
+"""At most so many models of views that are connected among themselves are tried."""
+
 
 @contextmanager
 def quiet_pycolmap(seed: int) -> Iterator[None]:
-    """Seeded, and silent but for errors: what matters is said by this package's own log."""
+    """COLMAP seeded, and silent except for errors; this package logs what matters itself."""
     import pycolmap
 
     before = pycolmap.logging.minloglevel
@@ -32,7 +54,7 @@ def quiet_pycolmap(seed: int) -> Iterator[None]:
 
 
 def map_views(cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress | None) -> list[Any]:
-    """The reconstructions found (one for each set of views that hang together)."""
+    """The reconstructions found, one for each connected set of views."""
     import pycolmap
 
     out = work_dir / "mapping"
@@ -58,8 +80,7 @@ def map_views(cameras: list[Camera], work_dir: Path, options: SfmOptions, progre
 
 
 def _adjust_robustly(model: Any, options: SfmOptions) -> None:
-    """A last bundle adjustment with a loss that matches the keypoints' precision (0.3 px): shadow edges move
-    and make heavy tails. It took a quarter off the rotation errors of simulated sites."""
+    """A last bundle adjustment, with a loss that matches the keypoints' precision (LOSS_PX)."""
     import pycolmap
 
     adjustment = pycolmap.BundleAdjustmentOptions()
@@ -69,12 +90,12 @@ def _adjust_robustly(model: Any, options: SfmOptions) -> None:
     adjustment.refine_sensor_from_rig = False
     adjustment.ceres.use_gpu = False
     adjustment.ceres.loss_function_type = pycolmap.LossFunctionType.SOFT_L1
-    adjustment.ceres.loss_function_scale = 0.3
+    adjustment.ceres.loss_function_scale = LOSS_PX
     adjustment.ceres.solver_options.num_threads = options.threads
-    adjustment.ceres.solver_options.max_num_iterations = 50
-    adjustment.ceres.solver_options.function_tolerance = 1e-8
+    adjustment.ceres.solver_options.max_num_iterations = LAST_ITERATIONS
+    adjustment.ceres.solver_options.function_tolerance = LAST_TOLERANCE
     adjustment.print_summary = False
-    # Not pycolmap.bundle_adjustment: that prints whatever the log level.
+    # Not pycolmap.bundle_adjustment, which prints at any log level.
     problem = pycolmap.BundleAdjustmentConfig()
     for image_id in model.reg_image_ids():
         problem.add_image(image_id)
@@ -84,12 +105,12 @@ def _adjust_robustly(model: Any, options: SfmOptions) -> None:
 
 
 def _angle_of_pixels(cameras: list[Camera], pixels: float) -> float:
-    """Degrees that `pixels` subtend: COLMAP's gates of 1-2 degrees are hundreds of pixels of such cameras."""
+    """Angle [degrees] of so many pixels. COLMAP's limits of 1-2 degrees are hundreds of pixels of long lenses."""
     return float(np.degrees(pixels / min(min(camera.focal_px) for camera in cameras)))
 
 
 def _max_focal_ratio(cameras: list[Camera]) -> float:
-    """Above every camera's focal length / width; COLMAP drops longer lenses (> 10) without a word."""
+    """A limit above every camera's focal length / width. COLMAP silently drops views beyond it (by default 10)."""
     return 10.0 + 2.0 * max(max(camera.focal_px) / min(camera.width, camera.height) for camera in cameras)
 
 
@@ -111,17 +132,16 @@ def _incremental_options(cameras: list[Camera], options: SfmOptions) -> Any:
     pipeline = pycolmap.IncrementalPipelineOptions()
     pipeline.min_num_matches = options.min_pair_matches
     pipeline.min_model_size = 3
-    pipeline.max_num_models = 10
+    pipeline.max_num_models = MODELS
     pipeline.random_seed = options.seed
     pipeline.num_threads = options.threads
     pipeline.extract_colors = False
-    # Fewer and looser bundle adjustments on the way: a third of the time for the same poses.
-    pipeline.ba_global_frames_ratio = 1.4
-    pipeline.ba_global_points_ratio = 1.4
+    pipeline.ba_global_frames_ratio = GROWTH
+    pipeline.ba_global_points_ratio = GROWTH
     pipeline.ba_global_max_refinements = 2
     pipeline.ba_local_max_refinements = 1
-    pipeline.ba_local_function_tolerance = 1e-6
-    pipeline.ba_global_function_tolerance = 1e-6
+    pipeline.ba_local_function_tolerance = LOOSE_TOLERANCE
+    pipeline.ba_global_function_tolerance = LOOSE_TOLERANCE
     pipeline.max_focal_length_ratio = _max_focal_ratio(cameras)
     pipeline.ba_refine_focal_length = False
     pipeline.ba_refine_principal_point = False
@@ -129,8 +149,8 @@ def _incremental_options(cameras: list[Camera], options: SfmOptions) -> Any:
     pipeline.ba_refine_sensor_from_rig = False
     pipeline.mapper.abs_pose_refine_focal_length = False
     pipeline.mapper.abs_pose_refine_extra_params = False
-    pipeline.mapper.init_min_tri_angle = 4.0
-    pipeline.mapper.init_min_num_inliers = 50
+    pipeline.mapper.init_min_tri_angle = FIRST_PAIR_DEG
+    pipeline.mapper.init_min_num_inliers = FIRST_PAIR_MATCHES
     pipeline.mapper.init_max_error = options.max_epipolar_px
     pipeline.mapper.abs_pose_max_error = 3 * options.max_reprojection_px
     pipeline.mapper.abs_pose_min_num_inliers = options.min_pair_matches
@@ -164,14 +184,17 @@ def _global_options(cameras: list[Camera], options: SfmOptions) -> Any:
 
 
 def size(model: Any) -> tuple[int, int]:
+    """Numbers of registered views and of points."""
     return model.num_reg_images(), model.num_points3D()
 
 
 def views_of(model: Any) -> list[int]:
+    """Registered views, ascending."""
     return sorted(int(Path(model.images[i].name).stem) for i in model.reg_image_ids())
 
 
 def from_colmap(model: Any, count: int) -> SparseModel:
+    """A pycolmap reconstruction of `count` views, in its own frame."""
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     registered, view_of = np.zeros(count, bool), {}
     for image_id in model.reg_image_ids():
@@ -187,7 +210,7 @@ def from_colmap(model: Any, count: int) -> SparseModel:
         registered=registered,
         body_from_cam=Rigid(rotation, translation),
         points=np.array([point.xyz for point in points]).reshape(-1, 3),
-        point_start=np.concatenate([[0], np.cumsum([len(track) for track in elements])]).astype(np.int64),
+        point_start=row_starts(np.array([len(track) for track in elements], int)),
         point_view=np.array([view_of[i] for i, _ in observed], np.int32),
         point_xy=np.array([model.images[i].points2D[n].xy for i, n in observed]).reshape(-1, 2),
         mean_reprojection_px=float(model.compute_mean_reprojection_error()),

@@ -1,4 +1,4 @@
-"""What shapes the sparse stage."""
+"""Options of the sparse stage."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class SfmOptions:
     max_features: int = 5000
     """SIFT keypoints per image, the strongest contrast first."""
     partners: int = 20
-    """Of each view, others that it is matched with: those that a few keypoints show most alike. Views that are left out
-    then are matched with all."""
+    """Other views that each view is matched with: the most similar ones by a preview of a few keypoints. Views that do
+    not register then are matched with all."""
     relief_keypoints: bool = True
-    """Where light differs too much for keypoints of the brightness, match keypoints of the relief as well, of which
-    shading tells where the Sun's direction is known."""
+    """Where light differs too much for keypoints of the brightness, also match keypoints of the relief, which shading
+    reveals if the Sun's direction is known."""
     mapper: Literal["incremental", "global"] = "incremental"
     """How poses are found: view after view, or all at once."""
     max_ratio: float = 0.8
@@ -33,5 +33,5 @@ class SfmOptions:
     seed: int = 0
     """Seed of RANSAC and of the mapper."""
     threads: int = -1
-    """-1: all cores. 1 repeats a model bit by bit; several add up in any order, and what is weakly determined may then
-    end elsewhere within its uncertainty."""
+    """-1: all cores. One thread reproduces a model bit by bit. Several add up in varying order, so that weakly
+    determined values vary within their uncertainty."""

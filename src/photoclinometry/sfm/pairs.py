@@ -1,9 +1,9 @@
-"""Which pairs of views are matched: for each view, those that a preview by a few keypoints finds most like it.
+"""Which pairs of views are matched: each view with those most similar to it in a preview by a few keypoints.
 
-To match all pairs takes time by the square of the number of views, 0.1 to 0.2 s a pair; to compare the largest
-keypoints alone, which are seen again most often (preemptive matching, Wu 2013, "Towards linear-time incremental
-structure from motion", 3DV), 4 ms. It finds overlap and likeness of light in one: under other Suns, or on other ground,
-views match little.
+Matching a pair takes 0.1 to 0.2 s, and the number of pairs grows with the square of the number of views. Comparing the
+largest keypoints alone, which are seen again most often, takes 4 ms (preemptive matching, Wu 2013, "Towards linear-time
+incremental structure from motion", 3DV). The preview finds overlap and similar light together: views of other ground,
+or under a different Sun, match little.
 """
 
 from __future__ import annotations
@@ -11,17 +11,18 @@ from __future__ import annotations
 import numpy as np
 
 PREVIEWED = 512
-"""Keypoints compared in each view, the largest."""
+"""Largest keypoints of each view that are compared: enough to rank the pairs, a tenth of the default number."""
 
 
 def all_pairs(count: int) -> list[tuple[int, int]]:
+    """(a, b) with b < a < count."""
     return [(a, b) for a in range(count) for b in range(a)]
 
 
 def promising_pairs(likeness: np.ndarray, partners: int) -> list[tuple[int, int]]:
-    """Pairs of views of which one is among the `partners` most like the other; all, of so few views.
+    """Pairs of views of which one is among the `partners` most similar ones of the other; all pairs of fewer views.
 
-    likeness: (K, K), of which the diagonal does not count.
+    likeness: (K, K), as of `likeness_of`; its diagonal is ignored.
     """
     count = len(likeness)
     others = np.where(np.eye(count, dtype=bool), -1, likeness)
@@ -32,9 +33,9 @@ def promising_pairs(likeness: np.ndarray, partners: int) -> list[tuple[int, int]
 
 
 def likeness_of(keypoints: list[tuple[np.ndarray, np.ndarray]], max_ratio: float) -> np.ndarray:
-    """(K, K) how many of the largest keypoints of two views match, each the other's nearest, by Lowe's ratio test.
+    """(K, K) number of matches between the largest keypoints of two views: mutual nearest, by Lowe's ratio test.
 
-    keypoints: of each view (n, 4) and descriptors (n, 128), as of `sift_keypoints`.
+    keypoints: for each view, keypoints (n, 4) and descriptors (n, 128), as of `sift_keypoints`.
     """
     previews = [_preview(*view) for view in keypoints]
     likeness = np.zeros((len(previews),) * 2, int)
@@ -44,7 +45,7 @@ def likeness_of(keypoints: list[tuple[np.ndarray, np.ndarray]], max_ratio: float
 
 
 def _preview(keypoints: np.ndarray, descriptors: np.ndarray) -> np.ndarray:
-    """(m, 128) unit vectors."""
+    """(m, 128) unit descriptors of the largest keypoints."""
     largest = np.argsort(-keypoints[:, 2], kind="stable")[:PREVIEWED]
     chosen = descriptors[largest].astype(np.float32)
     return chosen / np.maximum(np.linalg.norm(chosen, axis=1, keepdims=True), 1.0)

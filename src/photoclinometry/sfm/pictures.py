@@ -1,4 +1,4 @@
-"""What the keypoint detector sees of an image: its brightness, and the relief that its shading tells of."""
+"""The 8-bit pictures that keypoints are detected in: an image's brightness, and the relief that its shading reveals."""
 
 from __future__ import annotations
 
@@ -7,25 +7,35 @@ import numpy as np
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Image
 
+STRETCH_PERCENT = (0.5, 99.8)
+"""Percentiles of brightness that become black and white: a few hot or dark pixels do not set the range."""
+
 SIGMA_PX = 12.0
-"""Of the Gaussian windows in which the relief's picture is normalised."""
+"""Standard deviation of the Gaussian windows in which the relief's picture is normalised: wider than keypoints."""
 LONGEST_PX = 10.0
-"""Wavelength beyond which relief is damped."""
+"""Wavelength beyond which relief is damped: longer waves would hide the detail that keypoints are made of."""
 NOISE_PX = 0.7
-"""Standard deviation of the blur against noise, which the division by slopes makes strong."""
+"""Standard deviation of the blur against noise, which the division by the slopes' transfer function amplifies."""
 DAMPING = 0.03
-"""Of waves across the Sun's direction: the squared cosine of the angle to it at which half is left (80 degrees)."""
+"""Damping of waves across the Sun's direction: squared cosine of the angle to it at which half is left (80 degrees)."""
 MIN_SUN_IN_PLANE = 0.15
-"""Sine of the phase angle below which shading is no slope towards the Sun."""
+"""Sine of the phase angle below which shading hardly depends on the slope towards the Sun."""
+DARKEST_MEAN = 0.15
+"""Least local mean that brightness is divided by, as a share of the image's median: ground in shadow must not become as
+bright as the rest."""
+FLATTEST = 0.1
+"""Least local contrast that the relief is divided by, as a share of the picture's: flat ground stays flat."""
+GREY, GREYS_PER_SIGMA = 127.5, 40.0
+"""Mean of the relief's picture, and grey values for one standard deviation: three fit into 8 bits."""
 
 
 def brightness_picture(image: Image) -> np.ndarray:
-    """(height, width) uint8, linear between percentiles of valid pixels.
+    """(height, width) uint8, linear between percentiles of valid pixels; invalid pixels are black.
 
-    Raises InputError where the image shows nothing.
+    Raises InputError where the image is constant or has no valid pixels.
     """
     values = image.brightness[image.valid]
-    low, high = np.percentile(values, [0.5, 99.8]) if values.size else (0.0, 0.0)
+    low, high = np.percentile(values, STRETCH_PERCENT) if values.size else (0.0, 0.0)
     if not high > low:
         raise InputError(f"{image.name}: constant or without valid pixels; leave this view out of the site")
     unit_range = np.clip((np.where(image.valid, image.brightness, low) - low) / (high - low), 0.0, 1.0)
@@ -33,15 +43,15 @@ def brightness_picture(image: Image) -> np.ndarray:
 
 
 def relief_picture(image: Image, sun_in_cam: np.ndarray) -> np.ndarray | None:
-    """(height, width) uint8: the ground's relief, the same whichever way it is lit; None for a Sun behind the camera.
+    """(height, width) uint8: the ground's relief, alike under any Sun direction; None for a Sun behind the camera.
 
     Brightness about its local mean is, to first order, the slope towards the Sun (Pentland 1990, Int. J. Comput. Vision
     4, 153): of relief Z(k), waves of I(k) ~ i (k . s) Z(k), s the Sun's direction in the image plane. So
 
         |k| Z(k)  ~  -i I(k) c / (c^2 + DAMPING),    c = k . s / (|k| |s|)
 
-    is a picture of the relief, its waves of all lengths about alike, but for those across the Sun's direction, which it
-    does not show. Lit from opposite sides, the shading of two images is opposite, and their relief the same.
+    is a picture of the relief with waves of all lengths at about the same strength. Waves across the Sun's direction
+    are missing, since they have no shading. Images lit from opposite sides have opposite shading and the same relief.
     sun_in_cam: (3,) unit vector towards the Sun in C.
     """
     from scipy.ndimage import gaussian_filter
@@ -51,8 +61,7 @@ def relief_picture(image: Image, sun_in_cam: np.ndarray) -> np.ndarray | None:
         return None
     typical = float(np.median(image.brightness[image.valid]))
     brightness = np.where(image.valid, image.brightness, typical).astype(float)
-    # Ground in shadow must not be made as bright as the rest: the mean counts as a seventh of the typical at least.
-    shading = brightness / np.maximum(gaussian_filter(brightness, SIGMA_PX), 0.15 * typical) - 1.0
+    shading = brightness / np.maximum(gaussian_filter(brightness, SIGMA_PX), DARKEST_MEAN * typical) - 1.0
     margin = int(3 * SIGMA_PX)
     shading = np.pad(shading, margin, mode="symmetric")
     y, x = np.fft.fftfreq(shading.shape[0])[:, None], np.fft.rfftfreq(shading.shape[1])[None]
@@ -61,5 +70,6 @@ def relief_picture(image: Image, sun_in_cam: np.ndarray) -> np.ndarray | None:
     filter_ = -1j * cosine / (cosine**2 + DAMPING) / (1.0 + (LONGEST_PX * length) ** -2)
     filter_ *= np.exp(-2.0 * (np.pi * NOISE_PX * length) ** 2)
     relief = np.fft.irfft2(np.fft.rfft2(shading) * filter_, shading.shape)[margin:-margin, margin:-margin]
-    contrast = np.sqrt(gaussian_filter(relief**2, SIGMA_PX) + (0.1 * relief.std()) ** 2)
-    return np.rint(np.clip(127.5 + 40.0 * relief / np.maximum(contrast, 1e-12), 0.0, 255.0)).astype(np.uint8)
+    contrast = np.sqrt(gaussian_filter(relief**2, SIGMA_PX) + (FLATTEST * relief.std()) ** 2)
+    grey = GREY + GREYS_PER_SIGMA * relief / np.maximum(contrast, 1e-12)
+    return np.rint(np.clip(grey, 0.0, 255.0)).astype(np.uint8)

@@ -1,7 +1,7 @@
 """Images and intrinsics -> poses and sparse points.
 
 SIFT keypoints are matched between images that look alike, verified by two-view geometry and mapped with the intrinsics
-held fixed; where light differs too much for that, keypoints of the relief help.
+held fixed. Where light differs too much for that, keypoints of the relief are added.
 """
 
 from __future__ import annotations
@@ -25,15 +25,22 @@ from photoclinometry.sfm.pairs import all_pairs, likeness_of, promising_pairs
 log = logging.getLogger(__name__)
 
 
-class _Found(NamedTuple):
-    """What one way of matching led to."""
+MIN_VIEWS = 3
+"""Points of two views alone are checked by no other."""
+
+THIN_SHARE = 0.5
+"""If a smaller share of the pairs matches, light differs much, and keypoints of the relief are tried."""
+
+
+class _Attempt(NamedTuple):
+    """The outcome of matching and mapping with one kind of keypoints, or with both."""
 
     pairs: list[tuple[int, int]]
-    """Which views were matched."""
+    """Pairs of views that were matched."""
     inliers: np.ndarray
-    """(K, K) verified matches between views."""
+    """(K, K) numbers of verified matches between views."""
     models: list[Any]
-    """One for each set of views that hang together."""
+    """pycolmap reconstructions, one for each connected set of views."""
 
     @property
     def best(self) -> Any:
@@ -55,25 +62,25 @@ def reconstruct_sparse(
     """Poses and sparse points of the views, from their images alone; intrinsics are known and held fixed.
 
     images, cameras: one per view. work_dir receives 8-bit copies and COLMAP's database (overwritten).
-    sun_in_cam: (K, 3) unit vectors towards the Sun in C. With them, where views are left out or fewer than half of the
-    pairs match, these are matched again with keypoints of the relief (`relief_picture`), too.
-    Views that do not register are logged by name and False in `registered`; `reason` says why. `brought_in` says of
-    those that registered only thanks to the relief how.
-    Raises InputError for fewer than 3 images, ReconstructionError where fewer than 3 views register.
+    sun_in_cam: (K, 3) unit vectors towards the Sun in C. With them, if views do not register or fewer than half of the
+    pairs match, all are matched again with keypoints of the relief (`relief_picture`) as well.
+    Views that do not register are logged by name and False in `registered`, with the `reason`. `brought_in` describes
+    the matches of views that registered only with the relief.
+    Raises InputError for fewer than MIN_VIEWS images, ReconstructionError where fewer views register.
     """
     options = options or SfmOptions()
-    if len(images) < 3:
-        raise InputError(f"{len(images)} images given; a reconstruction needs at least 3 views")
+    if len(images) < MIN_VIEWS:
+        raise InputError(f"{len(images)} images given; a reconstruction needs at least {MIN_VIEWS} views")
     work_dir = Path(work_dir)
     work_dir.mkdir(parents=True, exist_ok=True)
     names = [image.name for image in images]
     with quiet_pycolmap(options.seed):
         plain = _by_brightness(images, cameras, work_dir, options, progress)
         found = plain
-        if sun_in_cam is not None and options.relief_keypoints and _thin(plain, options):
+        if sun_in_cam is not None and options.relief_keypoints and _matches_little(plain, options):
             found = _by_relief_too(images, cameras, sun_in_cam, plain, work_dir, options, progress)
     best = found.best
-    if best is None or best.num_reg_images() < 3:
+    if best is None or best.num_reg_images() < MIN_VIEWS:
         raise ReconstructionError(_explain_failure(names, found, options))
     sparse = normalised(from_colmap(best, len(images)), cameras)
     log.info(
@@ -85,31 +92,35 @@ def reconstruct_sparse(
         log.warning("%s is left out: %s", names[view], reason[view])
     brought_in = _brought_in(plain, found, options)
     for view in np.flatnonzero(brought_in != ""):
-        log.info("%s came in by %s", names[view], brought_in[view])
+        log.info("%s registers by %s", names[view], brought_in[view])
     return replace(sparse, reason=reason, brought_in=brought_in)
 
 
 def _by_brightness(
     images: list[Image], cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress | None
-) -> _Found:
+) -> _Attempt:
     write_views(images, cameras, work_dir, options, progress)
     return _matched_and_mapped(cameras, work_dir, options, "matches", progress)
 
 
 def _matched_and_mapped(
-    cameras: list[Camera], work_dir: Path, options: SfmOptions, what: str, progress: Progress | None
-) -> _Found:
-    """The views matched with those that look most alike; what is left out, with all, and all mapped once more."""
+    cameras: list[Camera], work_dir: Path, options: SfmOptions, stage: str, progress: Progress | None
+) -> _Attempt:
+    """Each view is matched with the most similar ones, and all are mapped.
+
+    If views do not register, these are matched with all others, and all are mapped once more.
+    stage: name for progress reports.
+    """
     count = len(cameras)
     pairs = all_pairs(count)
     if count - 1 > options.partners:
         pairs = promising_pairs(likeness_of(read_keypoints(count, work_dir), options.max_ratio), options.partners)
-    found = _mapped(cameras, pairs, pairs, work_dir, options, what, progress)
+    found = _mapped(cameras, pairs, pairs, work_dir, options, stage, progress)
     left_out = set(range(count)) - found.registered
     more = [pair for pair in sorted({*all_pairs(count)} - {*pairs}) if left_out & {*pair}]
     if more:
-        log.info("%d views are left out, and matched with all others", len(left_out))
-        found = _mapped(cameras, pairs + more, more, work_dir, options, what, progress)
+        log.info("%d views did not register; they are matched with all others", len(left_out))
+        found = _mapped(cameras, pairs + more, more, work_dir, options, stage, progress)
     return found
 
 
@@ -119,59 +130,59 @@ def _mapped(
     new: list[tuple[int, int]],
     work_dir: Path,
     options: SfmOptions,
-    what: str,
+    stage: str,
     progress: Progress | None,
-) -> _Found:
-    """new: those of the pairs that are not matched yet."""
-    inliers = match_views(len(cameras), new, work_dir, options, what, progress)
-    log.info("%d of %d pairs match (%s)", np.count_nonzero(inliers) // 2, len(pairs), what)
-    return _Found(pairs, inliers, map_views(cameras, work_dir, options, progress))
+) -> _Attempt:
+    """All views mapped after matching. new: those of the pairs that are not matched yet."""
+    inliers = match_views(len(cameras), new, work_dir, options, stage, progress)
+    log.info("%d of %d pairs match (%s)", np.count_nonzero(inliers) // 2, len(pairs), stage)
+    return _Attempt(pairs, inliers, map_views(cameras, work_dir, options, progress))
 
 
-def _thin(found: _Found, options: SfmOptions) -> bool:
-    """Whether views are left out, or fewer than half of the pairs match."""
+def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
+    """Views did not register, or fewer than THIN_SHARE of the pairs match."""
     matching = np.count_nonzero(found.inliers >= options.min_pair_matches) // 2
-    return bool(len(found.registered) < len(found.inliers) or matching < 0.5 * len(found.pairs))
+    return bool(len(found.registered) < len(found.inliers) or matching < THIN_SHARE * len(found.pairs))
 
 
 def _by_relief_too(
     images: list[Image],
     cameras: list[Camera],
     sun_in_cam: np.ndarray,
-    plain: _Found,
+    plain: _Attempt,
     work_dir: Path,
     options: SfmOptions,
     progress: Progress | None,
-) -> _Found:
-    """Everything matched anew, by both kinds of keypoints; of the two models the one of more views stays.
+) -> _Attempt:
+    """All views matched again by both kinds of keypoints; of the two models the one with more views is kept.
 
-    Everything, since a view is placed by points that others of them have in common: matched by brightness alone, these
-    lack those that the relief shows.
+    Not only the views that did not register: a view is located by points that others have in common with it, and
+    matched by brightness alone, these lack the points found in the relief.
     """
     add_relief_keypoints(images, sun_in_cam, work_dir, options)
     found = _matched_and_mapped(cameras, work_dir, options, "relief matches", progress)
     return found if len(found.registered) >= len(plain.registered) else plain
 
 
-def _brought_in(plain: _Found, found: _Found, options: SfmOptions) -> np.ndarray:
-    """(K,) str: how views came in that brightness alone does not register, empty for the others."""
+def _brought_in(plain: _Attempt, found: _Attempt, options: SfmOptions) -> np.ndarray:
+    """(K,) str: the matches of views that register only with the relief; empty for the others."""
     how = np.full(len(plain.inliers), "", object)
     gained = (found.inliers >= options.min_pair_matches) & (plain.inliers < options.min_pair_matches)
     for view in found.registered - plain.registered:
-        how[view] = f"keypoints of the relief, which match it with {gained[view].sum()} views more"
+        how[view] = f"keypoints of the relief, which match it with {gained[view].sum()} more views"
     return how.astype(str)
 
 
-def _explain_failure(names: list[str], found: _Found, options: SfmOptions) -> str:
+def _explain_failure(names: list[str], found: _Attempt, options: SfmOptions) -> str:
     matching = np.count_nonzero(found.inliers >= options.min_pair_matches) // 2
     other = "global" if options.mapper == "incremental" else "incremental"
     message = (
-        f"{len(found.registered)} of {len(names)} views registered, at least 3 are needed "
+        f"{len(found.registered)} of {len(names)} views registered, at least {MIN_VIEWS} are needed "
         f"({matching} of {len(found.pairs)} pairs of images matched, {int(found.inliers.max())} matches in the best)."
     )
     groups = [group for group in connected_groups(found.inliers, options.min_pair_matches) if len(group) > 1]
     if len(groups) > 1:
-        message += " The views fall apart into places that share nothing: " + _listing(names, groups) + "."
+        message += " The views fall into groups that share no matches: " + _listing(names, groups) + "."
     return message + (
         " Use images that overlap more and whose light differs less (Sun within about 30 degrees), views 3 "
         f"to 30 degrees apart, more features (now {options.max_features}), or the {other} mapper."
@@ -189,10 +200,10 @@ def _reasons(
     reason = np.full(len(names), "", object)
     for view in np.flatnonzero(~registered):
         partners = np.count_nonzero(inliers[view][registered] >= options.min_pair_matches)
-        said = f"not registered, it matched {partners} of the {registered.sum()} registered views"
+        text = f"not registered, it matched {partners} of the {registered.sum()} registered views"
         place = next((p for p in places if view in p and not registered[p].any()), None)
         if place is not None:
             others = ", ".join(names[k] for k in place if k != view)
-            said += f"; it shows another place, with {others}: that of more views is mapped, the other is a site apart"
-        reason[view] = said
+            text += f"; it shows another place, with {others}: the place of more views is mapped, make the other a site"
+        reason[view] = text
     return reason.astype(str)

@@ -1,4 +1,7 @@
-"""Normal albedo: smooth mottling, patches with sharp edges, and streaks that run down slopes."""
+"""Normal albedo of simulated ground: smooth mottling, patches with sharp edges, streaks down the slopes.
+
+The numbers are chosen by eye, so that images look like Dawn's; nothing in the estimate depends on them.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,12 @@ from numba import njit
 from photoclinometry.simulate.features import smooth_step
 from photoclinometry.simulate.terrain import Grid, fractal_noise
 
+_STREAK_SLOPES = (0.27, 0.55)
+"""Slopes [-] where streaks begin (15 degrees) and are full (29 degrees)."""
+
 
 def mottling(grid: Grid, rng: np.random.Generator, amplitude: float, longest: float) -> np.ndarray:
-    """Smooth variation of log albedo (n, m) of the given standard deviation; longest wavelength [m]."""
+    """Smooth variation of log albedo (n, m) with standard deviation `amplitude`. longest: longest wavelength [m]."""
     return np.float32(amplitude) * fractal_noise(grid, rng, 0.6, longest, 4.0 * grid.spacing)
 
 
@@ -27,8 +33,8 @@ def deposits(
 ) -> np.ndarray:
     """Patches (n, m) that change log albedo by `amplitude`, about `size` [m] across.
 
-    cover: fraction of the area where near = 1; edge: how wide the margins are, in standard deviations of the
-    underlying field (0.05 is sharp, 1 is diffuse); near: (n, m) 0 to 1, where such deposits belong.
+    cover: share of the area where near = 1; edge: width of the margins in standard deviations of the underlying
+    field (0.05 is sharp, 1 is diffuse); near: (n, m) 0 to 1, the weight of the deposits at each place.
     """
     field = fractal_noise(grid, rng, 1.1, size, 3.0 * grid.spacing)
     threshold = float(np.quantile(field[::7, ::7], 1.0 - cover))
@@ -41,8 +47,8 @@ def slope_streaks(
 ) -> np.ndarray:
     """Streaks (n, m) of log albedo along the lines of steepest descent, where slopes exceed about 15 degrees.
 
-    White noise is averaged upslope over `length` [m], as material that came from there (line integral
-    convolution: Cabral & Leedom 1993).
+    White noise is averaged upslope over `length` [m], like material that came from there (line integral convolution:
+    Cabral & Leedom 1993).
     """
     from scipy.ndimage import gaussian_filter
 
@@ -51,13 +57,13 @@ def slope_streaks(
     noise /= noise.std()
     steps = max(round(length / grid.spacing), 4)
     out = np.zeros(height.shape, np.float32)
-    _average_upslope(smooth, noise, grid.spacing, steps, 0.27, 0.55, out)
+    _average_upslope(smooth, noise, grid.spacing, steps, *_STREAK_SLOPES, out)
     return np.float32(amplitude) * out
 
 
 @njit(cache=True)
 def _average_upslope(height, noise, spacing, steps, gentle, steep, out):
-    """Mean of `noise` upslope, brought to unit variance; fades in between slopes `gentle` and `steep`."""
+    """Mean of `noise` upslope, scaled to unit variance; fades in between slopes `gentle` and `steep` [-]."""
     rows, cols = height.shape
     for i in range(1, rows - 1):
         for j in range(1, cols - 1):
@@ -84,9 +90,9 @@ def _average_upslope(height, noise, spacing, steps, gentle, steep, out):
 
 
 def from_log(log_albedo: np.ndarray, mean: float, spread: float = 0.45) -> np.ndarray:
-    """(n, m) float32 normal albedo of the given mean; departures are bent to stay within about `spread`.
+    """(n, m) float32 normal albedo with the given mean, from log albedo with any mean.
 
-    log_albedo: relative, any mean.
+    Departures are compressed (tanh) to stay within a factor of exp(spread) of the mean.
     """
     centred = log_albedo - log_albedo.mean(dtype=np.float64)
     albedo = np.exp(spread * np.tanh(centred / spread))

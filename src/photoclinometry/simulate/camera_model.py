@@ -1,4 +1,4 @@
-"""From radiance to numbers in a file: point-spread function, smear, pixels, electrons, and the digitiser.
+"""From radiance to digital numbers: point-spread function, smear, pixels, electrons, digitiser.
 
     electrons = Poisson(exposure I/F) + read noise        exposure [electrons per I/F] differs by image
     DN        = round(electrons / (full well / 2^bits) + offset), saturated at 2^bits - 1
@@ -14,6 +14,17 @@ import numpy as np
 
 from photoclinometry.model.errors import InputError
 
+PSF_REACH = 4.0
+"""Standard deviations at which the point-spread function is cut off; 3e-4 of the light lies beyond."""
+_MAX_SMEAR_PX = 64
+"""Longest smear [px]: the kernel's size grows with it."""
+_EXPOSED_PERCENTILE = 99.0
+"""The brightness that sets the exposure; the brightest hundredth may saturate."""
+_LEAST_BRIGHT = 1e-6
+"""I/F that a dark image is exposed for, so that its exposure stays finite."""
+_SATURATED_UINT16 = 65535
+"""Mark of a saturated pixel in a 16-bit image; other pixels are below."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Detector:
@@ -22,10 +33,10 @@ class Detector:
     psf_sigma_px: float = 0.5
     """Gaussian point-spread function before the pixels integrate, standard deviation [px]."""
     smear_px: float = 0.0
-    """How far the scene moves across the detector while an image is exposed [px], in a direction drawn per image.
+    """Motion of the scene across the detector during an exposure [px], in a direction drawn per image.
     Poses and Suns in the truth are those of mid-exposure."""
     noise: bool = True
-    """Shot and read noise, and whole DN; off: exact radiance."""
+    """Simulate shot noise, read noise and rounding to whole DN; off: exact radiance."""
     full_well_e: float = 150_000.0
     """Electrons at which a pixel saturates."""
     read_noise_e: float = 20.0
@@ -33,21 +44,21 @@ class Detector:
     bits: int = 14
     """Depth of the digitiser."""
     exposure_level: float = 0.6
-    """An image is exposed so that its 99th percentile reaches this share of the full well ..."""
+    """Share of the full well that an image's 99th percentile reaches, on average ..."""
     exposure_spread: float = 0.15
-    """... times a factor per image, uniform within 1 -+ this."""
+    """... multiplied by a factor per image, uniform within 1 -+ this."""
     offset_dn: tuple[float, float] = (100.0, 300.0)
     """Range of the offset, drawn per image [DN]."""
     hot_pixels: float = 0.0
-    """Share of the pixels that add a random charge, the same ones in every image."""
+    """Share of the pixels with a random extra charge, the same in every image."""
     cosmic_rays: float = 0.0
     """Mean number of cosmic ray hits per image."""
 
     def __post_init__(self):
         if min(self.psf_sigma_px, self.smear_px, self.read_noise_e, self.cosmic_rays) < 0 or self.full_well_e <= 0:
             raise InputError("PSF, smear, read noise, cosmic rays and full well must not be negative")
-        if self.smear_px > 64:
-            raise InputError(f"a smear of {self.smear_px:g} px leaves nothing to see; 64 px is the most")
+        if self.smear_px > _MAX_SMEAR_PX:
+            raise InputError(f"a smear of {self.smear_px:g} px blurs everything; the limit is {_MAX_SMEAR_PX} px")
         if not 0 <= self.hot_pixels < 1:
             raise InputError(f"hot_pixels is a share of the pixels, 0 to 1, got {self.hot_pixels:g}")
         if not 8 <= self.bits <= 16:
@@ -63,8 +74,8 @@ class Detector:
 
     @property
     def margin_px(self) -> int:
-        """How far beyond the frame light still counts [px]."""
-        return int(np.ceil(4.0 * self.psf_sigma_px + 0.5 * self.smear_px))
+        """Distance beyond the frame from which light reaches it [px]."""
+        return int(np.ceil(PSF_REACH * self.psf_sigma_px + 0.5 * self.smear_px))
 
 
 @dataclass(frozen=True)
@@ -88,19 +99,21 @@ class Exposure:
     @property
     def uint16(self) -> np.ndarray:
         """(h, w) raw numbers; 65535 where saturated."""
-        return np.where(self.saturated, 65535, np.clip(np.round(self.dn), 0, 65534)).astype(np.uint16)
+        return np.where(self.saturated, _SATURATED_UINT16, np.clip(np.round(self.dn), 0, _SATURATED_UINT16 - 1)).astype(
+            np.uint16
+        )
 
 
 def smear_kernel(smear: tuple[float, float]) -> np.ndarray:
-    """(n, n) weights of even motion along a line of `smear` (x, y) samples about the centre, n odd; their sum is 1.
+    """(n, n) weights of uniform motion by `smear` (x, y) samples about the centre, n odd; their sum is 1.
 
-    Points along the line share themselves between their four neighbours. Across both axes that blurs by at most 1/4
-    sample^2, which is why images are smeared before their samples are averaged to pixels.
+    Points along the line are distributed bilinearly to their four neighbours. This adds a blur of at most 1/4
+    sample^2, so images are smeared before their samples are averaged to pixels.
     """
     length = float(np.hypot(*smear))
     half = int(np.ceil(0.5 * length)) + 1
     kernel = np.zeros((2 * half + 1, 2 * half + 1))
-    count = 8 * half
+    count = 8 * half  # points along the line: at least four per sample
     at = ((np.arange(count) + 0.5) / count - 0.5)[:, None] * np.array(smear) + half
     low = np.floor(at).astype(int)
     f = at - low
@@ -143,7 +156,7 @@ def expose(
     """
     factor = 1.0 + detector.exposure_spread * rng.uniform(-1.0, 1.0)
     offset = float(np.round(rng.uniform(*detector.offset_dn)))
-    bright = max(float(np.percentile(radiance, 99.0)), 1e-6)
+    bright = max(float(np.percentile(radiance, _EXPOSED_PERCENTILE)), _LEAST_BRIGHT)
     exposure = factor * detector.exposure_level * detector.full_well_e / bright
     electrons_per_dn = detector.full_well_e / (2**detector.bits - 1 - offset)
     electrons = exposure * np.asarray(radiance, float)

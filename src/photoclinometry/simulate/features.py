@@ -1,9 +1,12 @@
-"""The big feature of a preset: a fresh crater, a dome beside a crater, part of a ridged crater.
+"""The main landform of a preset: a fresh crater, a dome, or ridges.
 
-Each function returns its relief [m] over a grid, and how much of the older relief survives there (0 to 1).
+`large_crater` and `dome` return the relief [m] over a grid, and the share of the older relief that survives there (0 to
+1). The numbers are chosen by eye, so that images look like Dawn's; nothing in the estimate depends on them.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,7 +25,7 @@ def periodic_noise(rng: np.random.Generator, angle: np.ndarray, lowest: int, hig
 
 
 def smooth_step(x: np.ndarray, low: float, high: float) -> np.ndarray:
-    """0 below `low`, 1 above `high`, with continuous slope."""
+    """0 below `low`, 1 above `high`, with continuous derivative."""
     t = np.clip((x - low) / (high - low), 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 
@@ -34,46 +37,53 @@ def polar(grid: Grid, center: tuple[float, float], stretch: float = 1.0) -> tupl
     return np.hypot(x, y), np.arctan2(y, x)
 
 
-def large_crater(
-    grid: Grid,
-    rng: np.random.Generator,
-    *,
-    diameter: float,
-    center: tuple[float, float] = (0.0, 0.0),
-    depth: float = 0.2,
-    floor: float = 0.25,
-    gullies: float = 0.012,
-    terraces: float = 0.0,
-    peak: float = 0.0,
-    rim_softness: float = 0.03,
-) -> tuple[np.ndarray, np.ndarray]:
-    """A crater with an angular outline, gullied walls, and optionally terraces and a central ridge.
+@dataclass(frozen=True, kw_only=True)
+class CraterShape:
+    """The dimensions of a large crater."""
 
-    depth, peak, gullies, terraces: heights in diameters; floor: radius of the flat floor in crater radii.
-    """
-    radius = 0.5 * diameter
-    distance, angle = polar(grid, center)
+    diameter: float
+    """[m]."""
+    center: tuple[float, float] = (0.0, 0.0)
+    """(x, y) [m]."""
+    depth: float = 0.2
+    """From rim to floor [diameters]."""
+    floor: float = 0.25
+    """Radius of the flat floor [crater radii]."""
+    gullies: float = 0.012
+    """Depth of the gullies in the wall [diameters]."""
+    terraces: float = 0.0
+    """Height of slumped terraces parallel to the rim [diameters]."""
+    peak: float = 0.0
+    """Height of the central ridge [diameters]."""
+    rim_softness: float = 0.03
+    """Radius by which the rim's crest is rounded [crater radii]."""
+
+
+def large_crater(grid: Grid, rng: np.random.Generator, crater: CraterShape) -> tuple[np.ndarray, np.ndarray]:
+    """A crater with an angular outline, gullied walls, and optionally terraces and a central ridge."""
+    diameter, radius, floor = crater.diameter, 0.5 * crater.diameter, crater.floor
+    distance, angle = polar(grid, crater.center)
     outline = 1.0 + 0.035 * periodic_noise(rng, angle, 2, 9)
     r = distance / (radius * outline)
-    soft = np.sqrt((r - 1.0) ** 2 + rim_softness**2) - rim_softness
+    soft = np.sqrt((r - 1.0) ** 2 + crater.rim_softness**2) - crater.rim_softness
     r_soft = np.where(r < 1.0, 1.0 - soft, 1.0 + soft)
     shape = np.linspace(0.0, 3.5, 1401)
-    relief = np.interp(r_soft, shape, fresh_profile(shape, 2.0 * depth, 0.4 * depth, floor)) * radius
+    relief = np.interp(r_soft, shape, fresh_profile(shape, 2.0 * crater.depth, 0.4 * crater.depth, floor)) * radius
 
     # Walls: gullies that run down, hummocky debris, slumped terraces parallel to the rim.
     wall = smooth_step(r, floor, floor + 0.3) * (1.0 - smooth_step(r, 0.93, 1.03))
     hummocks = fractal_noise(grid, rng, 0.8, 0.15 * diameter, 3.0 * grid.spacing)
     incised = wall * (0.6 + 0.5 * np.tanh(hummocks))
     bent = angle + 0.03 * np.sin(9.0 * r) + 0.005 * hummocks
-    relief += gullies * diameter * incised * periodic_noise(rng, bent, 9, 120)
+    relief += crater.gullies * diameter * incised * periodic_noise(rng, bent, 9, 120)
     relief += 0.0025 * diameter * wall * hummocks
-    if terraces:
+    if crater.terraces:
         wave = 2.0 * np.pi * (4.5 * r + 0.35 * periodic_noise(rng, angle, 1, 7))
-        relief += terraces * diameter * wall * (np.sin(wave) + 0.35 * np.sin(2.0 * wave + 0.9))
-    if peak:
+        relief += crater.terraces * diameter * wall * (np.sin(wave) + 0.35 * np.sin(2.0 * wave + 0.9))
+    if crater.peak:
         along, across = polar_axes(distance, angle, rng.uniform(0.0, np.pi))
         ridge = np.exp(-((along / (0.28 * radius)) ** 2) - (across / (0.09 * radius)) ** 2)
-        relief += peak * diameter * ridge * (1.0 + 0.25 * hummocks)
+        relief += crater.peak * diameter * ridge * (1.0 + 0.25 * hummocks)
 
     # Ejecta: hummocks and faint radial ridges that fade outwards.
     apron = smooth_step(r, 1.0, 1.3) * np.exp(-np.maximum(r - 1.0, 0.0) / 0.5)
@@ -121,9 +131,9 @@ def ridges(
     within: np.ndarray,
     undulation: np.ndarray,
 ) -> np.ndarray:
-    """Sub-parallel ridges [m] across a direction [rad], where `within` (0 to 1) says so.
+    """Sub-parallel ridges [m] perpendicular to `azimuth` [rad], weighted by `within` (0 to 1).
 
-    undulation: a field of unit variance that bends the ridges and lets them die out.
+    undulation: a field of unit variance that bends the ridges and makes them end.
     """
     x, y = np.meshgrid(grid.axis, grid.axis)
     across = np.cos(azimuth) * x + np.sin(azimuth) * y

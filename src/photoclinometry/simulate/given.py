@@ -1,7 +1,7 @@
-"""Ground that a person gives instead of a preset's: a mesh or a terrain model becomes heights over a tangent plane.
+"""Ground from a file instead of a preset: a mesh or a terrain model, as heights over a tangent plane.
 
-The frame B of the simulated site is then upright on the place that the cameras look at: its origin on the ground, z
-along the mean normal around it, y north: along the file's z axis, or along its y axis where z is closer to upright.
+Frame B of the simulated site has its origin on the ground that the cameras look at, z along the mean normal around it,
+and y as far north as possible: along the file's z axis, or along its y axis if the file's z is near B's.
 """
 
 from __future__ import annotations
@@ -25,9 +25,19 @@ from photoclinometry.surface.sampling import filled_from_nearest
 log = logging.getLogger(__name__)
 
 MAX_FACET_GSD = 3.0
-"""Ground whose facets or pixels are larger than this many ground samples would show them in the images."""
+"""Largest facets or pixels of given ground [ground samples]; larger ones would be visible in the images."""
 _MAX_OVERLAP = 0.02
-"""Share of the ground that may lie under other ground: boulders that overhang. The upper ground is taken."""
+"""Largest share of ground that lies under other ground, such as overhanging boulders. The upper ground is used."""
+_OVERLAP_GSD = 0.1
+"""Difference of heights from which ground counts as lying under other ground [ground samples]."""
+_LEAST_FACING = 0.3
+"""Size of the sum of the faces' normals over the sum of their sizes: below this, ground faces all ways."""
+_NEAR_ORIGIN = 0.25
+"""An origin nearer to the site than this share of the mesh's extent is not the centre of a body."""
+_DOWNWARD = -0.5
+"""z of a normal that certainly points down."""
+_HINT_SHARE = 0.05
+"""Ground that covers less than this share of the images is probably in kilometres."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +47,16 @@ class Relief:
     height: np.ndarray
     """(n, n) float32, z in B [m], curvature included."""
     albedo: np.ndarray | None
-    """(n, n) float32 normal albedo, where the file has one."""
+    """(n, n) float32 normal albedo; None if the file has none."""
     body_from_file: Similarity
-    """From the file's coordinates to B; of a map, from (easting, northing, height) [m], but for the sphere under it."""
+    """From the file's coordinates to B; of a map, from (easting, northing, height) [m], without the curvature."""
 
 
 def given_relief(path: Path, grid: Grid, gsd: float, unit_name: str, center: tuple[float, ...] | None) -> Relief:
-    """The ground of a file over a grid that the views need whole; gsd [m]: the finest of theirs.
+    """The ground of a file over a grid that covers all views; gsd: the views' finest ground sample distance [m].
 
-    unit_name: "m" or "km", of a mesh's coordinates and of a map's heights; center: a point of the surface, (x, y, z) in
-    the mesh's coordinates or (easting, northing) [m] on the map; by default the middle. Raises InputError.
+    unit_name: "m" or "km", the unit of a mesh's coordinates and of a map's heights; center: a point of the surface,
+    (x, y, z) in the mesh's coordinates or (easting, northing) [m] on the map; by default the middle. Raises InputError.
     """
     ground = read_ground(path)
     scale = METRES[unit_name]
@@ -66,7 +76,7 @@ def given_relief(path: Path, grid: Grid, gsd: float, unit_name: str, center: tup
 def _from_map(
     path: Path, dtm: Dtm, scale: float, center: tuple[float, ...] | None, grid: Grid, gsd: float
 ) -> tuple[Relief, np.ndarray]:
-    """Heights of a map, on the sphere that it is a map of, and where they are missing (n, n)."""
+    """Heights of a map above its sphere, with the curvature, and (n, n) True where they are missing."""
     from scipy.ndimage import map_coordinates
 
     _check_fine(path, math.sqrt(dtm.pixel[0] * dtm.pixel[1]), "pixels", gsd)
@@ -77,7 +87,7 @@ def _from_map(
     row = (dtm.corner[1] - center[1] - grid.axis) / dtm.pixel[1] - 0.5
     at = np.stack(np.meshgrid(row, col, indexing="ij"))
     missing = map_coordinates((~dtm.valid).astype(np.float32), at, order=1, mode="constant", cval=1.0) > 0.0
-    # Splines reach beyond the samples around a point: gaps outside of the grid are filled smoothly.
+    # A spline depends on samples beyond the nearest ones: gaps are filled with their nearest neighbours.
     height = scale * map_coordinates(filled_from_nearest(dtm.height, dtm.valid), at, order=3, mode="nearest")
     middle = float(height[grid.half, grid.half])
     height -= middle
@@ -90,7 +100,7 @@ def _from_map(
 def _from_mesh(
     path: Path, mesh: Mesh, scale: float, center: tuple[float, ...] | None, grid: Grid, gsd: float
 ) -> tuple[Relief, np.ndarray]:
-    """Heights of a mesh over the plane upright at `center`, and where there are none (n, n)."""
+    """Heights of a mesh over the tangent plane at `center`, and (n, n) True where they are missing."""
     vertices, faces = scale * mesh.vertices, mesh.faces
     reach = math.sqrt(2.0) * grid.half_extent
     closed = _is_closed(faces)
@@ -107,7 +117,7 @@ def _from_mesh(
     order = np.argsort(-local[faces, 2].mean(1), kind="stable")
     top, drawn = _draw(pixel, local[:, 2], faces[order], grid)
     bottom, _ = _draw(pixel, local[:, 2], faces[order[::-1]], grid)
-    _check_single(path, top - bottom > 0.1 * gsd, drawn)
+    _check_single(path, top - bottom > _OVERLAP_GSD * gsd, drawn)
     albedo = None
     if mesh.albedo is not None:
         _check_albedo(path, mesh.albedo)
@@ -116,7 +126,7 @@ def _from_mesh(
 
 
 def _draw(pixel: np.ndarray, value: np.ndarray, faces: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """`value` (V,) at the samples of the grid (n, n), of the first face that covers each, and where there is one."""
+    """`value` (V,) interpolated on the first face over each sample of the grid (n, n), and (n, n) True where one is."""
     return draw_triangles(pixel, np.ones(len(pixel)), value, faces, grid.shape)
 
 
@@ -128,7 +138,7 @@ def _is_closed(faces: np.ndarray) -> bool:
 
 
 def _volume(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """Of a closed shape; negative if its faces look inwards."""
+    """Volume of a closed shape; negative if its faces look inwards."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     return float(np.sum(a * np.cross(b, c)) / 6.0)
 
@@ -168,9 +178,9 @@ def _upright(
     corner = vertices[_faces_within(vertices, faces, origin, reach)]
     area = 0.5 * np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     total, size = area.sum(0), np.linalg.norm(area, axis=1).sum()
-    if np.linalg.norm(total) < 0.3 * size:
+    if np.linalg.norm(total) < _LEAST_FACING * size:
         raise InputError(
-            f"{path}: faces all ways within {reach:.4g} m of the site, so it is no height field there; choose a "
+            f"{path}: faces all ways within {reach:.4g} m of the site, so it is not a height field; choose a "
             "smaller --gsd or --image-size, or check --surface-unit"
         )
     up = unit(total)
@@ -182,14 +192,14 @@ def _upright(
 
 
 def _check_outward(path: Path, vertices: np.ndarray, origin: np.ndarray, up: np.ndarray) -> None:
-    """Upwards is away from the centre of a body-fixed frame, and not against z in a frame that begins near the site."""
-    quarter = 0.25 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    if up @ origin < -quarter or (up @ origin <= quarter and up[2] < -0.5):
+    """Raises InputError if `up` points into the body, or against z in a frame whose origin is near the site."""
+    quarter = _NEAR_ORIGIN * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if up @ origin < -quarter or (up @ origin <= quarter and up[2] < _DOWNWARD):
         raise InputError(f"{path}: its faces look downwards or into the body; reverse the order of their corners")
 
 
 def _faces_seen_from_above(local: np.ndarray, faces: np.ndarray, grid: Grid) -> np.ndarray:
-    """The faces (F', 3) over the grid whose outside is upwards."""
+    """The faces (F', 3) over the grid whose outside faces up."""
     corner = local[faces]
     a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     upwards = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] > 0.0
@@ -212,7 +222,7 @@ def _check_single(path: Path, double: np.ndarray, drawn: np.ndarray) -> None:
         log.warning("%s: %.2g %% of the ground lies under other ground and is left out", path, 100 * share)
     if share > _MAX_OVERLAP:
         raise InputError(
-            f"{path}: is no height field: {100 * share:.2g} % of the ground lies under other ground; choose another "
+            f"{path}: is not a height field: {100 * share:.2g} % of the ground lies under other ground; choose another "
             "--surface-center, or cut overhangs and other parts of the body away"
         )
 
@@ -233,7 +243,7 @@ def _check_cover(path: Path, missing: np.ndarray, grid: Grid, gsd: float, unit_n
     from_center = np.maximum(np.abs(grid.axis), np.abs(grid.axis)[:, None])
     whole = float(from_center[missing].min())
     unit_hint = ""
-    if unit_name == "m" and whole < 0.05 * grid.half_extent:
+    if unit_name == "m" and whole < _HINT_SHARE * grid.half_extent:
         unit_hint = "if it is in kilometres, pass --surface-unit km; or "
     raise InputError(
         f"{path}: has ground without gaps only within {whole:.4g} m of the site, in x and y, and images of {gsd:.4g} "

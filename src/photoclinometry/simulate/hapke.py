@@ -1,7 +1,7 @@
-"""Ground that scatters light as Hapke's model says (`photoclinometry.hapke`), its albedo different from place to place.
+"""Ground that scatters light by Hapke's model (`model/reflectance/hapke.py`), its albedo different from place to place.
 
-The state of a surface is its normal albedo: I/F at zero incidence, emission and phase, surge included. The
-single-scattering albedo that has this normal albedo follows from `single_scattering_albedo`.
+The surface is described by its normal albedo: I/F at zero incidence, emission and phase, opposition surge included.
+`single_scattering_albedo` finds the single-scattering albedo that has this normal albedo.
 """
 
 from __future__ import annotations
@@ -14,13 +14,15 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.hapke import PUBLISHED, radiance
+from photoclinometry.model.reflectance.hapke import PUBLISHED, radiance
 
 _MAX_SINGLE_SCATTERING = 0.9999
+"""Single-scattering albedos are looked up to here; at 1 nothing is absorbed."""
 
 
 @njit(cache=True, nogil=True)
 def _evaluate(w, mu0, mu, phase, b, c, b0, h, theta, out):
+    """I/F into out (n,) from w, mu0, mu, phase [rad], (n,) each; zero where unlit or unseen."""
     for n in range(out.size):
         lit = mu0[n] > 0.0 and mu[n] > 0.0
         out[n] = radiance(mu0[n], mu[n], phase[n], w[n], theta, b, c, b0, h) if lit else 0.0
@@ -55,7 +57,7 @@ class Hapke:
     def _shared(self) -> tuple[float, float, float, float, float]:
         return self.b, self.c, self.surge, self.surge_width, math.radians(self.roughness_deg)
 
-    def from_single_scattering(self, w: ArrayLike, mu0: ArrayLike, mu: ArrayLike, phase: ArrayLike):
+    def from_single_scattering(self, w: ArrayLike, mu0: ArrayLike, mu: ArrayLike, phase: ArrayLike) -> np.ndarray:
         """I/F for single-scattering albedo w, cosines mu0 and mu, phase [rad]; arrays of a common shape."""
         w, mu0, mu, phase = np.broadcast_arrays(*(np.asarray(x, float) for x in (w, mu0, mu, phase)))
         out = np.empty(w.size)
@@ -78,7 +80,7 @@ class Hapke:
             )
         return np.interp(found, table, w)
 
-    def radiance_factor(self, albedo: np.ndarray, mu0, mu, phase) -> np.ndarray:
+    def radiance_factor(self, albedo: np.ndarray, mu0: ArrayLike, mu: ArrayLike, phase: ArrayLike) -> np.ndarray:
         """I/F for normal albedo, cosines mu0 and mu, phase [rad]; arrays of a common shape."""
         return self.from_single_scattering(self.single_scattering_albedo(albedo), mu0, mu, phase)
 

@@ -1,4 +1,4 @@
-"""What a camera sees of a surface: radiance, and the averages of normal and albedo behind each pixel."""
+"""A camera's view of a surface: radiance, and position, normal and albedo behind each sample of the image."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from photoclinometry.simulate.photometry import Photometry, radiance_factor
 from photoclinometry.simulate.raycast import Hits, Raycaster
 
 _SAMPLES_PER_STRIP = 2**17
+"""Rays that one thread follows at a time: some 30 MB."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Rays through a regular grid of points of the image plane, and what they hit."""
+    """The surface where rays through a regular grid of image points meet it."""
 
     position: np.ndarray
     """(h, w, 3) in B; defined where `hit`."""
@@ -43,7 +44,7 @@ def sample_points(region: Region, supersampling: int, margin_px: int) -> np.ndar
 
 
 def cast(raycaster: Raycaster, camera: Camera, body_from_cam: Rigid, sun: np.ndarray, pixels: np.ndarray) -> Samples:
-    """Follows the rays through pixels (h, w, 2) of one view; sun: (3,) in B."""
+    """The surface behind the pixels (h, w, 2) of one view; sun: (3,) in B."""
     rays, hits = _trace(raycaster, camera, body_from_cam, sun, pixels.reshape(-1, 2))
     shape = pixels.shape[:-1]
     position = np.zeros_like(rays)
@@ -68,8 +69,8 @@ def radiance(
 ) -> tuple[np.ndarray, bool]:
     """I/F ((height + 2 margin) s, (width + 2 margin) s) float32 over one view's frame and a margin.
 
-    Zero in shadow and off the surface; the second result says whether every ray hit the surface. Raises InputError
-    if the photometry is negative somewhere, as fits of phase functions are beyond the phase angles they were made from.
+    Zero in shadow and off the surface. The second result is True if every ray hit the surface. Raises InputError if
+    the model is negative somewhere, as fitted phase functions are beyond the phase angles of their data.
     """
     frame = Region(row=0, col=0, height=camera.height, width=camera.width)
     pixels = sample_points(frame, supersampling, margin_px)
@@ -91,7 +92,7 @@ def radiance(
         complete = all(list(pool.map(strip, range(0, len(out), step))))
     if out.min() < 0:
         raise InputError(
-            "the reflectance model is negative here: its coefficients do not reach such large phase angles; choose "
+            "the reflectance model is negative at these phase angles, for which its coefficients are not valid; choose "
             "--reflectance hapke, or a smaller --max-emission-deg"
         )
     return out, complete

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from photoclinometry.model.reflectance import Reflectance, published
+from photoclinometry.model.reflectance import MODELS, Reflectance, starting_model
 from photoclinometry.simulate.hapke import Hapke, published_hapke
 
 Photometry = Reflectance | Hapke
+"""Of Hapke's model the single-scattering albedo differs from place to place, where `Reflectance` scales brightness."""
 
 
 def named_photometry(name: str, body: str) -> Photometry:
-    """The published model of a body: "hapke", or a disk function by name. Raises InputError."""
-    return published_hapke(body) if name.lower() == "hapke" else published(name, body)
+    """The model of a body: its published parameters, or the model's neutral ones. Raises InputError."""
+    return published_hapke(body) if name.lower() == "hapke" else starting_model(name, body)
 
 
 def radiance_factor(
     photometry: Photometry, albedo: np.ndarray, mu0: np.ndarray, mu: np.ndarray, phase: np.ndarray
 ) -> np.ndarray:
-    """I/F for normal albedo, cosines of incidence and emission, phase [rad]; zero where unlit or unseen."""
+    """I/F for normal albedo, cosines of incidence and emission, phase [rad]; zero where unlit or unseen.
+
+    Arrays of one shape.
+    """
     if isinstance(photometry, Hapke):
         return photometry.radiance_factor(albedo, mu0, mu, phase)
     return albedo * photometry(mu0, mu, phase)
@@ -34,6 +38,11 @@ def as_dict(photometry: Photometry) -> dict[str, Any]:
 
 def from_dict(values: dict[str, Any]) -> Photometry:
     """The model that `as_dict` described."""
-    kind: Any = Hapke if values["model"] == "hapke" else Reflectance
-    known: dict[str, Any] = {f.name: values[f.name] for f in fields(kind)}
-    return kind(**{key: tuple(v) if isinstance(v, list) else v for key, v in known.items()})
+    values = dict(values)
+    if values.pop("model") == "hapke":
+        return Hapke(**values)
+    if "disk" in values:  # written before parameters had names
+        name = values["disk"]
+        given = (*values["weight"], *values["phase_coefficients"])
+        return Reflectance(name, given if MODELS[name].parameters else ())
+    return Reflectance(values["name"], tuple(values["values"]))

@@ -1,4 +1,7 @@
-"""The places that can be simulated: a body, a camera's distance, and the surface at the site."""
+"""The places that can be simulated: body, distances of the camera, and surface.
+
+The recipes of the surfaces are chosen by eye, so that images look like Dawn's; nothing in the estimate depends on them.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import numpy as np
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.simulate import albedo, features, terrain
+from photoclinometry.simulate.features import CraterShape
 from photoclinometry.simulate.surface import Surface, sphere_drop
 from photoclinometry.simulate.terrain import Grid
 
@@ -22,12 +26,12 @@ _FOCAL_PX = 10714.0
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """What distinguishes a place; options of a simulation may override the number and size of images."""
+    """A place to simulate. Options of a simulation may override the number and size of the images."""
 
     body: str
     gsd: tuple[float, ...]
-    """Ground sample distances [m] that the views take in turn. From higher up the camera tilts less: the
-    greatest emission angle falls as finest / gsd."""
+    """Ground sample distances [m], assigned to the views in turn. The greatest emission angle is proportional to
+    finest / gsd: from higher up the camera tilts less."""
     views: int
     image_size: int
     """Width and height [px]."""
@@ -56,7 +60,7 @@ def build_surface(preset: Preset, half_extent: float, seed: int) -> Surface:
 def surface_of_relief(
     relief: np.ndarray, normal_albedo: np.ndarray | None, grid: Grid, mean: float, seed: int
 ) -> Surface:
-    """Given heights (n, n) with their albedo (n, n); without one, mottled and with dark patches, of the given mean."""
+    """Given heights (n, n) with their albedo (n, n); if None, a mottled one with dark patches and given mean."""
     if normal_albedo is None:
         rng, everywhere = np.random.default_rng([seed, 1]), np.ones(grid.shape, np.float32)
         log_albedo = albedo.mottling(grid, rng, 0.12, grid.half_extent)
@@ -66,7 +70,7 @@ def surface_of_relief(
 
 
 def named_preset(name: str) -> Preset:
-    """Raises InputError for names that `PRESETS` does not know."""
+    """The preset of that name. Raises InputError for others."""
     if name not in PRESETS:
         raise InputError(f"no preset {name!r}; known: {', '.join(PRESETS)}")
     return PRESETS[name]
@@ -98,7 +102,7 @@ def _background(
     return relief, log_albedo
 
 
-def _young_marks(
+def _young_landforms(
     relief: np.ndarray,
     log_albedo: np.ndarray,
     grid: Grid,
@@ -106,7 +110,7 @@ def _young_marks(
     largest: float,
     boulder_spread: float,
 ) -> None:
-    """Slides of what stands too steep, then younger small craters and boulders, in place."""
+    """Lets steep ground slide, then adds young small craters and boulders, in place."""
     terrain.settle(relief, grid.spacing)
     young = terrain.crater_population(
         grid, rng, density=0.012, smallest=4.0 * grid.spacing, largest=largest, fresh_brightening=0.3
@@ -149,9 +153,9 @@ def _fresh_crater(
     grid: Grid, rng: np.random.Generator, diameter: float, longest: float
 ) -> tuple[np.ndarray, np.ndarray]:
     relief, log_albedo = _background(grid, rng, slope_deg=3.5, longest=longest, largest_crater=0.8 * diameter)
-    crater, survives = features.large_crater(grid, rng, diameter=diameter, depth=0.19, gullies=0.0025)
+    crater, survives = features.large_crater(grid, rng, CraterShape(diameter=diameter, depth=0.19, gullies=0.0025))
     relief = relief * survives + crater
-    _young_marks(relief, log_albedo, grid, rng, 0.05 * diameter, diameter)
+    _young_landforms(relief, log_albedo, grid, rng, 0.05 * diameter, diameter)
     _paint(relief, log_albedo, grid, rng, _near(grid, (0.0, 0.0), 0.5 * diameter, 0.9, 2.2), 0.2 * diameter)
     return relief, log_albedo
 
@@ -166,13 +170,12 @@ def _demo(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]
 
 def _ahuna(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     relief, log_albedo = _background(grid, rng, slope_deg=3.5, longest=60e3, largest_crater=20e3)
-    crater, survives = features.large_crater(
-        grid, rng, diameter=17e3, center=(17e3, 9e3), depth=0.14, floor=0.35, gullies=0.003, rim_softness=0.06
-    )
+    shape = CraterShape(diameter=17e3, center=(17e3, 9e3), depth=0.14, floor=0.35, gullies=0.003, rim_softness=0.06)
+    crater, survives = features.large_crater(grid, rng, shape)
     relief = relief * survives + crater
     mountain, survives = features.dome(grid, rng, height=4e3, base=18e3)
     relief = relief * survives + mountain
-    _young_marks(relief, log_albedo, grid, rng, 1.5e3, 15e3)
+    _young_landforms(relief, log_albedo, grid, rng, 1.5e3, 15e3)
     near = np.maximum(_near(grid, (0.0, 0.0), 9e3, 0.9, 1.6), _near(grid, (17e3, 9e3), 8.5e3, 0.9, 1.5))
     _paint(relief, log_albedo, grid, rng, near, 4e3, contrast=0.8)
     return relief, log_albedo
@@ -181,17 +184,8 @@ def _ahuna(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray
 def _ikapati(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     relief, log_albedo = _background(grid, rng, slope_deg=3.5, longest=90e3, largest_crater=40e3)
     center = (13e3, -8e3)
-    crater, survives = features.large_crater(
-        grid,
-        rng,
-        diameter=50e3,
-        center=center,
-        depth=0.085,
-        floor=0.5,
-        gullies=0.0015,
-        terraces=0.005,
-        peak=0.02,
-    )
+    shape = CraterShape(diameter=50e3, center=center, depth=0.085, floor=0.5, gullies=0.0015, terraces=0.005, peak=0.02)
+    crater, survives = features.large_crater(grid, rng, shape)
     relief = relief * survives + crater
     undulation = terrain.fractal_noise(grid, rng, 1.0, 25e3, 2e3)
     floor = _near(grid, center, 25e3, 0.45, 0.7)
@@ -205,7 +199,7 @@ def _ikapati(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarr
             within=floor,
             undulation=undulation,
         )
-    _young_marks(relief, log_albedo, grid, rng, 2.5e3, 25e3)
+    _young_landforms(relief, log_albedo, grid, rng, 2.5e3, 25e3)
     _paint(relief, log_albedo, grid, rng, _near(grid, center, 25e3, 0.9, 1.6), 6e3, contrast=0.8)
     return relief, log_albedo
 

@@ -1,10 +1,10 @@
-"""Rays against the height field: what a camera sees, and where the Sun does not reach.
+"""Intersection of rays with the height field: the surface seen by a camera, and its cast shadows.
 
-A ray descends through a pyramid of upper bounds of the height: it passes over a block of cells in one step
-where it stays above the block's bound, else looks at the block's quarters, and in a single cell solves for
-the crossing with the bicubic surface (Tevs, Ihrke, Seidel 2008, "Maximum Mipmaps for Fast, Accurate, and
-Scalable Dynamic Height Field Rendering", doi:10.1145/1342250.1342279). The bounds are those of the cells'
-Bezier control points, so no cell that a ray could touch is skipped. A ray that enters and leaves the
+A ray descends through a pyramid of upper bounds of the height. It passes over a block of cells in one step if it
+stays above the block's bound; otherwise the block's quarters are tested; in a single cell the crossing with the
+bicubic surface is solved for (Tevs, Ihrke, Seidel 2008, "Maximum Mipmaps for Fast, Accurate, and
+Scalable Dynamic Height Field Rendering", doi:10.1145/1342250.1342279). The bounds are those of the cells' Bezier
+control points, so that no cell that a ray could touch is skipped. A ray that enters and leaves the
 surface within one cell, at grazing incidence, may be missed.
 
 The Sun is a point: shadows have no penumbra. Light from other parts of the surface is left out.
@@ -21,18 +21,24 @@ from numba import njit
 from photoclinometry.simulate.surface import Surface, bilinear, cell_height, height_and_slopes
 
 _NUDGE = 1e-7
-"""How far beyond a cell's edge [samples] a ray is put, so that it counts as inside the next cell."""
+"""Distance beyond a cell's edge to which a ray is moved, so that it is inside the next cell [samples]."""
 _TOLERANCE = 1e-7
 """Crossings are solved to this height above the surface [samples]."""
 _ENTRY_LEVEL = 2
-"""Camera rays begin at this level of the pyramid: they come in steeply, and near the ground."""
+"""Level of the pyramid at which camera rays begin, since they come in steeply and near the ground."""
 _SHADOW_OFFSET = 1e-3
-"""A ray towards the Sun starts this far above the surface [samples], along the normal."""
+"""A ray towards the Sun starts this far above the surface, along the normal [samples]."""
+_BOUND_MARGIN = 1e-6
+"""Relative increase of a bound, above the rounding of single precision."""
+_EDGE_MARGIN = 1e-9
+"""A ray that enters at the grid's far edge is moved inside by this [samples]."""
+_MAX_STEPS = 60
+"""Bound on the steps of the Illinois method in a cell, which converges superlinearly."""
 
 
 @dataclass(frozen=True)
 class Hits:
-    """Where n rays meet the surface. Everything but `hit` is defined only where `hit`."""
+    """The surface where n rays meet it. All fields but `hit` are defined only where `hit`."""
 
     hit: np.ndarray
     """(n,) bool."""
@@ -115,14 +121,14 @@ def _cell_bounds(height, out):
             for k in range(4):
                 a, b, c, d = inner[0, k], inner[1, k], inner[2, k], inner[3, k]
                 top = max(top, b, b + (c - a) / 6, c - (d - b) / 6, c)
-            out[i, j] = top + 1e-6 * abs(top)
+            out[i, j] = top + _BOUND_MARGIN * abs(top)
 
 
 @njit(cache=True, nogil=True)
 def _first_hit(height, bound, levels, u0, v0, z0, du, dv, dz, level, tolerance):
-    """When the ray (u0 + t du, v0 + t dv, z0 + t dz), above the surface at t = 0, meets it; -1 if never.
+    """Time at which the ray (u0 + t du, v0 + t dv, z0 + t dz), above the surface at t = 0, meets it; -1 if never.
 
-    u, v: grid coordinates (column, row); z, t, tolerance: metres. level: where in the pyramid to begin.
+    u, v: grid coordinates (column, row); z, t, tolerance: metres. level: first level of the pyramid.
     """
     rows, cols = height.shape
     top = len(levels) - 1
@@ -168,7 +174,7 @@ def _above(height, i, j, u0, v0, z0, du, dv, dz, t):
 
 @njit(cache=True, nogil=True)
 def _cross_cell(height, i, j, u0, v0, z0, du, dv, dz, start, end, tolerance):
-    """When the ray dips below the surface within cell [i, j], between start and end; -1 if it does not.
+    """Time at which the ray goes below the surface in cell [i, j], between start and end; -1 if it does not.
 
     Regula falsi with the Illinois weighting.
     """
@@ -181,7 +187,7 @@ def _cross_cell(height, i, j, u0, v0, z0, du, dv, dz, start, end, tolerance):
         return a
     side = 0
     t = b
-    for _ in range(60):
+    for _ in range(_MAX_STEPS):
         t = (fb * a - fa * b) / (fb - fa)
         ft = _above(height, i, j, u0, v0, z0, du, dv, dz, t)
         if abs(ft) < tolerance:
@@ -201,7 +207,7 @@ def _cross_cell(height, i, j, u0, v0, z0, du, dv, dz, start, end, tolerance):
 
 @njit(cache=True, nogil=True)
 def _entry_time(u, v, z, du, dv, dz, rows, cols, highest):
-    """When a ray first is within the grid and below its highest point; -1 if never."""
+    """Time at which a ray is first within the grid and below its highest point; -1 if never."""
     enter, leave = 0.0, math.inf
     for position, rate, last in ((u, du, cols - 1.0), (v, dv, rows - 1.0)):
         if rate == 0.0:
@@ -235,7 +241,7 @@ def _trace(height, albedo, bound, levels, frame, origin, directions, sun, hit, d
         if enter < 0.0:
             continue
         us, vs, zs = u + enter * du, v + enter * dv, z + enter * dz
-        us, vs = min(max(us, 0.0), cols - 1.0 - 1e-9), min(max(vs, 0.0), rows - 1.0 - 1e-9)
+        us, vs = min(max(us, 0.0), cols - 1.0 - _EDGE_MARGIN), min(max(vs, 0.0), rows - 1.0 - _EDGE_MARGIN)
         if zs < cell_height(height, int(vs), int(us), us, vs):
             continue
         t = _first_hit(height, bound, levels, us, vs, zs, du, dv, dz, min(top, _ENTRY_LEVEL), tolerance)

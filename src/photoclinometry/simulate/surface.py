@@ -5,8 +5,8 @@ of a grid lies at y = origin[1] + i spacing, column j at x = origin[0] + j spaci
 sphere's curvature is part of the heights.
 
 Between the samples the height is the Catmull-Rom bicubic: it passes through the samples and its slope is
-continuous, so that one surface serves rays, normals and distances. Albedo is bilinear, so that it keeps
-its range and its edges.
+continuous, so that rays, normals and distances use one surface. Albedo is bilinear, so that it keeps its
+range and its edges.
 """
 
 from __future__ import annotations
@@ -17,7 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+import photoclinometry.model.kernel_cache  # noqa: F401
 from photoclinometry.model.errors import InputError
+
+_WIDEST_SPHERE = 0.9
+"""Distance from the origin, in radii, to which a sphere is a height field of usable slope (64 degrees)."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Surface:
         return (np.asarray(xy, float) - self.origin) / self.spacing
 
     def height_at(self, xy: np.ndarray) -> np.ndarray:
-        """Heights (...) at points (..., 2); beyond the grid, those of its edge."""
+        """Heights (...) at points (..., 2); points beyond the grid take the height of its edge."""
         return self._sample(xy)[..., 0]
 
     def normal_at(self, xy: np.ndarray) -> np.ndarray:
@@ -80,12 +84,12 @@ class Surface:
 
 
 def sphere_drop(x: np.ndarray, y: np.ndarray, radius: float) -> np.ndarray:
-    """Height of a sphere that touches z = 0 at the origin from below: <= 0, in the unit of its arguments.
+    """Height (<= 0) of a sphere that touches the plane z = 0 at the origin from below, in the unit of the arguments.
 
-    Raises InputError beyond 0.9 radius, where a height field over the tangent plane becomes too steep.
+    Raises InputError beyond _WIDEST_SPHERE radii from the origin.
     """
     across2 = x * x + y * y
-    if np.max(across2) > (0.9 * radius) ** 2:
+    if np.max(across2) > (_WIDEST_SPHERE * radius) ** 2:
         raise InputError(
             f"the terrain reaches {math.sqrt(np.max(across2)):.3g} m from its centre on a body of radius "
             f"{radius:.3g} m; choose smaller images or a finer ground sample distance"

@@ -1,6 +1,7 @@
-"""Natural relief: multi-octave roughness, and crater populations from fresh to worn.
+"""Natural relief: fractal roughness, craters from fresh to degraded, boulders, slides.
 
-Everything is drawn on a square grid of the tangent frame of `surface.py` and added to an array of heights.
+All act on a square grid of the tangent frame of `surface.py` and add to an array of heights. Numbers without a source
+are chosen by eye; nothing in the estimate depends on them.
 """
 
 from __future__ import annotations
@@ -13,15 +14,34 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+import photoclinometry.model.kernel_cache  # noqa: F401
+
 SATURATION = 1.54
 """N(> D) D^2 of craters packed as closely as they can be (Gault 1970, Radio Science 5, 273-291)."""
 _PROFILE_REACH = 3.5
 """Profiles end at this distance from the centre [crater radii]."""
 _PROFILE_SAMPLES = 225
+"""64 samples per crater radius."""
 BOULDER = 0
-"""Row of `profiles` that is a boulder; the other rows are craters, fresh first."""
+"""Row of `profiles` that holds the boulder; the other rows hold craters, fresh first."""
 _AGES = np.geomspace(3e-3, 0.3, 24)
 """Diffusion ages kappa t / R^2 of the craters in `profiles`."""
+_DIFFUSION_STEP = 0.2
+"""kappa dt / dr^2 of a step; explicit diffusion is unstable above 0.5."""
+_FADED = 0.25
+"""Age, as a share of all, from which craters neither brighten nor darken the ground."""
+_DARK_SHARE = 0.25
+"""Share of the craters that darken the ground instead of brightening it."""
+_CRATER_OUTLINE, _BOULDER_OUTLINE = 0.04, 0.1
+"""Standard deviation of the harmonics of the outline [radii]."""
+_BRIGHT_REACH2 = 1.6
+"""Square of the distance at which brightening falls to 1/e [radii^2]."""
+_OUTLINE_REACH = 1.1
+"""Factor by which an outline may enlarge the reach of a landform."""
+_REACH2 = 13.5
+"""Square of the distance beyond which a landform adds nothing [radii^2]."""
+_SLIDE = 0.2
+"""Share of the excess height that moves to a neighbour in one pass."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +77,7 @@ def fractal_noise(
 ) -> np.ndarray:
     """Gaussian field (n, m) float32 of unit variance whose power falls as k^-(2 hurst + 2).
 
-    longest, shortest [m]: wavelengths beyond which the spectrum is flat, and below which it ends softly.
+    longest, shortest [m]: wavelengths above which the spectrum is flat, and below which it fades out.
     """
     from scipy import fft as scipy_fft
 
@@ -82,7 +102,7 @@ def fresh_profile(r: np.ndarray, depth: float = 0.4, rim: float = 0.08, floor: f
 
     A paraboloid bowl, flat inside `floor`, `depth` from rim to floor (0.4 R is depth / diameter 0.2:
     Pike 1977), a rim that stands `rim` above the surroundings, and ejecta that thin as r^-3
-    (McGetchin et al. 1973), ending softly at 3 radii.
+    (McGetchin et al. 1973), fading out at 3 radii.
     """
     r = np.asarray(r, float)
     bowl = rim - depth + depth * np.clip((r - floor) / (1.0 - floor), 0.0, 1.0) ** 2
@@ -101,7 +121,7 @@ def diffused_profiles(ages: np.ndarray) -> np.ndarray:
     z, now, out = fresh_profile(r), 0.0, []
     between = r[:-1] + 0.5 * dr
     for age in ages:
-        steps = max(math.ceil((age - now) / (0.2 * dr * dr)), 1)
+        steps = max(math.ceil((age - now) / (_DIFFUSION_STEP * dr * dr)), 1)
         dt = (age - now) / steps
         for _ in range(steps):
             flux = between * np.diff(z) / dr
@@ -117,15 +137,15 @@ def diffused_profiles(ages: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def profiles() -> np.ndarray:
-    """(25, m) float32 heights [radii] at [0, 3.5] radii: a boulder, then craters fresh to worn."""
+    """(25, m) float32 heights [radii] at [0, 3.5] radii: a boulder, then craters from fresh to degraded."""
     r = np.linspace(0.0, _PROFILE_REACH, _PROFILE_SAMPLES)
     boulder = np.exp(-2.0 * r**2)
     return np.vstack([boulder, diffused_profiles(_AGES)]).astype(np.float32)
 
 
 @dataclass(frozen=True)
-class Marks:
-    """n circular features to be stamped: craters and boulders."""
+class Landforms:
+    """n roughly circular landforms: craters and boulders."""
 
     xy: np.ndarray
     """(n, 2) centres [m]."""
@@ -141,8 +161,8 @@ class Marks:
     def __len__(self) -> int:
         return len(self.radius)
 
-    def __getitem__(self, index: np.ndarray) -> Marks:
-        return Marks(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+    def __getitem__(self, index: np.ndarray) -> Landforms:
+        return Landforms(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
 
 def power_law_sizes(rng: np.random.Generator, smallest: float, largest: float, slope: float, count: int) -> np.ndarray:
@@ -162,61 +182,61 @@ def crater_population(
     slope: float = 2.0,
     freshest: float = 0.0,
     fresh_brightening: float = 0.25,
-) -> Marks:
+) -> Landforms:
     """Craters of diameters `smallest` to `largest` [m] anywhere on the grid.
 
     N(> D) = density SATURATION D^-slope per m^2 for slope 2, scaled to agree at `smallest` otherwise: old
-    surfaces carry a few percent of saturation with slope 2 (Gault 1970). Ages are spread evenly in their
-    logarithm (as where creep and formation balance); `freshest` in [0, 1) leaves out that part of the range at its
-    fresh end. The freshest craters brighten (or darken, one in four) their surroundings.
+    surfaces carry a few percent of saturation with slope 2 (Gault 1970). Ages are uniform in their logarithm (as if
+    creep and formation balanced); `freshest` in [0, 1) omits this share of the range at its fresh end. The freshest
+    craters brighten their surroundings, one in four darkens them.
     """
     area = (2.0 * grid.half_extent) ** 2
     per_area = density * SATURATION * smallest**-2.0 * (1.0 - (largest / smallest) ** -slope)
     count = rng.poisson(per_area * area)
     age = freshest + (1.0 - freshest) * rng.random(count)
-    sign = np.where(rng.random(count) < 0.25, -1.0, 1.0)
-    return Marks(
+    sign = np.where(rng.random(count) < _DARK_SHARE, -1.0, 1.0)
+    return Landforms(
         xy=rng.uniform(-grid.half_extent, grid.half_extent, (count, 2)),
         radius=0.5 * power_law_sizes(rng, smallest, largest, slope, count),
         profile=1 + (age * (len(_AGES) - 1e-9)).astype(np.int64),
-        brightening=fresh_brightening * sign * np.maximum(1.0 - age / 0.25, 0.0),
-        outline=0.04 * rng.standard_normal((count, 4)),
+        brightening=fresh_brightening * sign * np.maximum(1.0 - age / _FADED, 0.0),
+        outline=_CRATER_OUTLINE * rng.standard_normal((count, 4)),
     )
 
 
 def boulder_field(
     grid: Grid, rng: np.random.Generator, *, count: int, spread: float, smallest: float, largest: float
-) -> Marks:
+) -> Landforms:
     """Boulders about the centre, Gaussian of width `spread` [m]; diameters [m] with cumulative slope 3."""
-    return Marks(
+    return Landforms(
         xy=spread * rng.standard_normal((count, 2)),
         radius=0.5 * power_law_sizes(rng, smallest, largest, 3.0, count),
         profile=np.full(count, BOULDER, np.int64),
         brightening=np.zeros(count),
-        outline=0.1 * rng.standard_normal((count, 4)),
+        outline=_BOULDER_OUTLINE * rng.standard_normal((count, 4)),
     )
 
 
-def stamp(height: np.ndarray, log_albedo: np.ndarray, grid: Grid, marks: Marks) -> None:
-    """Adds the relief of `marks` to `height` and their brightening to `log_albedo`, in place."""
+def stamp(height: np.ndarray, log_albedo: np.ndarray, grid: Grid, landforms: Landforms) -> None:
+    """Adds the relief of landforms to `height` and their brightening to `log_albedo`, in place."""
     _stamp(
         height,
         log_albedo,
         grid.spacing,
         grid.half,
         profiles(),
-        marks.xy,
-        marks.radius,
-        marks.profile,
-        marks.brightening,
-        marks.outline,
+        landforms.xy,
+        landforms.radius,
+        landforms.profile,
+        landforms.brightening,
+        landforms.outline,
     )
 
 
 def settle(height: np.ndarray, spacing: float, repose_deg: float = 36.0, passes: int = 24) -> None:
-    """Lets ground steeper than the angle of repose slide to its neighbours, in place, a few passes.
+    """Lets ground steeper than the angle of repose slide to its neighbours, in place, in `passes` passes.
 
-    Overlapping crater walls would otherwise stand steeper than loose ground can.
+    Where crater walls overlap, the sum of their slopes would otherwise exceed that of loose ground.
     """
     limit = math.tan(math.radians(repose_deg)) * spacing
     for _ in range(passes):
@@ -225,7 +245,7 @@ def settle(height: np.ndarray, spacing: float, repose_deg: float = 36.0, passes:
 
 @njit(cache=True)
 def _slide(height, before, limit):
-    """Moves a fifth of each height difference beyond `limit` between neighbours."""
+    """Moves a share _SLIDE of each height difference beyond `limit` between neighbours."""
     rows, cols = height.shape
     for i in range(rows):
         for j in range(cols):
@@ -233,13 +253,13 @@ def _slide(height, before, limit):
             if j + 1 < cols:
                 drop = z - before[i, j + 1]
                 if abs(drop) > limit:
-                    moved = np.float32(0.2 * (drop - math.copysign(limit, drop)))
+                    moved = np.float32(_SLIDE * (drop - math.copysign(limit, drop)))
                     height[i, j] -= moved
                     height[i, j + 1] += moved
             if i + 1 < rows:
                 drop = z - before[i + 1, j]
                 if abs(drop) > limit:
-                    moved = np.float32(0.2 * (drop - math.copysign(limit, drop)))
+                    moved = np.float32(_SLIDE * (drop - math.copysign(limit, drop)))
                     height[i, j] -= moved
                     height[i + 1, j] += moved
 
@@ -251,12 +271,12 @@ def _stamp(height, log_albedo, spacing, half, table, xy, radius, profile, bright
     for n in range(len(radius)):
         size = radius[n] / spacing
         u, v = xy[n, 0] / spacing + half, xy[n, 1] / spacing + half
-        reach = _PROFILE_REACH * size * 1.1
+        reach = _PROFILE_REACH * size * _OUTLINE_REACH
         for i in range(max(math.ceil(v - reach), 0), min(int(v + reach) + 1, rows)):
             for j in range(max(math.ceil(u - reach), 0), min(int(u + reach) + 1, cols)):
                 x, y = (j - u) / size, (i - v) / size
                 r2 = max(x * x + y * y, 1e-12)
-                if r2 > 13.5:
+                if r2 > _REACH2:
                     continue
                 r = math.sqrt(r2)
                 c2, s2 = (x * x - y * y) / r2, 2.0 * x * y / r2
@@ -270,4 +290,4 @@ def _stamp(height, log_albedo, spacing, half, table, xy, radius, profile, bright
                 f = at - k
                 height[i, j] += radius[n] * ((1.0 - f) * table[profile[n], k] + f * table[profile[n], k + 1])
                 if brightening[n] != 0.0:
-                    log_albedo[i, j] += brightening[n] * math.exp(-r2 / 1.6)
+                    log_albedo[i, j] += brightening[n] * math.exp(-r2 / _BRIGHT_REACH2)

@@ -1,4 +1,4 @@
-"""Where the spacecraft was and where the Sun stood, exposure by exposure."""
+"""Camera poses and Sun directions of the simulated exposures."""
 
 from __future__ import annotations
 
@@ -11,10 +11,21 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, sphere_step, unit
 from photoclinometry.model.scene import Camera
 
+_DISTANCE_SPREAD = 0.05
+"""Largest relative variation of the distance to the site."""
+_MAX_JITTER = 2.0
+"""Largest pointing error along an axis [standard deviations]."""
+_MAX_JITTER_CORNER = 3.0
+"""Largest pointing error along a diagonal, rounded up [standard deviations]."""
+_EDGE_PX = 8.0
+"""Ground kept beyond the frame, for the point-spread function and smear [px]."""
+_LOWEST_GROUND = 0.025
+"""Depth of the ground below the sphere, as a share of the width of an image."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Lighting:
-    """How the Sun's direction varies between exposures."""
+    """The variation of the Sun's direction between exposures."""
 
     azimuth_spread_deg: float
     """Full range of the Sun's azimuth."""
@@ -30,7 +41,7 @@ LIGHTING = {
 
 
 def named_lighting(name: str) -> Lighting:
-    """Raises InputError for names that `LIGHTING` does not know."""
+    """The lighting of that name. Raises InputError for others."""
     if name not in LIGHTING:
         raise InputError(f"no lighting {name!r}; known: {', '.join(LIGHTING)}")
     return LIGHTING[name]
@@ -39,7 +50,7 @@ def named_lighting(name: str) -> Lighting:
 def looking_at(center: np.ndarray, target: np.ndarray, roll: float) -> Rigid:
     """body_from_cam of a camera at `center` (3,) that looks at `target` (3,).
 
-    roll [rad]: at 0 the image's upward direction is as close to B's y axis (north) as can be.
+    roll [rad]: at 0, up in the image is as close to B's y axis (north) as possible.
     """
     forward = unit(target - center)
     north = np.array([0.0, 1.0, 0.0])
@@ -58,18 +69,17 @@ def draw_poses(
 ) -> Rigid:
     """(K,) body_from_cam of views of the origin of B.
 
-    Azimuths go round by the golden angle, emission angles fill the disk evenly up to `max_emission` [rad]
-    (K,), `distances` [m] (K,) vary by 5 percent, boresights miss the origin by a few pixels, rolls are
-    arbitrary.
+    Azimuths advance by the golden angle, emission angles fill the disk evenly up to `max_emission` (K,) [rad],
+    `distances` (K,) [m] vary by 5 percent, boresights miss the origin by a few pixels, rolls are uniform.
     """
     count = len(distances)
     order = rng.permutation(count)
     emission = max_emission * np.sqrt((order + 0.5) / count)
     azimuth = order * math.pi * (3.0 - math.sqrt(5.0)) + rng.uniform(0.0, 2.0 * math.pi)
-    far = distances * rng.uniform(0.95, 1.05, count)
+    far = distances * rng.uniform(1.0 - _DISTANCE_SPREAD, 1.0 + _DISTANCE_SPREAD, count)
     direction = np.stack([np.sin(emission) * np.cos(azimuth), np.sin(emission) * np.sin(azimuth), np.cos(emission)], -1)
     center = far[:, None] * direction
-    jitter = np.clip(rng.standard_normal((count, 2)), -2.0, 2.0) * pointing_jitter_px
+    jitter = np.clip(rng.standard_normal((count, 2)), -_MAX_JITTER, _MAX_JITTER) * pointing_jitter_px
     target = np.zeros((count, 3))
     target[:, :2] = jitter * (far / np.mean(camera.focal_px))[:, None]
     roll = rng.uniform(0.0, 2.0 * math.pi, count)
@@ -93,24 +103,24 @@ def measure_suns(rng: np.random.Generator, sun: np.ndarray, body_from_cam: Rigid
 
 
 def _spread(rng: np.random.Generator, count: int) -> np.ndarray:
-    """(count,) values that fill [-1, 1] evenly, in random order."""
+    """(count,) values spread evenly over [-1, 1], in random order."""
     return 2.0 * (rng.permutation(count) + rng.random(count)) / count - 1.0
 
 
 def ground_half_extent(
     camera: Camera, distance: float, max_emission: float, pointing_jitter_px: float, radius: float
 ) -> float:
-    """How far from the origin, in x or y [m], any view of `draw_poses` can see a sphere of `radius` [m].
+    """Largest distance from the origin, in x or y [m], at which a view of `draw_poses` sees a sphere of `radius` [m].
 
-    The worst case: greatest distance and emission angle [rad], greatest pointing error, a corner of the image turned
-    away from nadir, ground 2.5 percent of the image's width below the sphere.
+    The worst case combines the greatest distance and emission angle [rad], the greatest pointing error, a corner of
+    the image turned away from nadir, and ground below the sphere by 2.5 percent of the image's width.
     """
     focal = float(np.mean(camera.focal_px))
     corner = np.array([[x, y] for x in (0, camera.width) for y in (0, camera.height)], float)
     farthest = float(np.linalg.norm(camera.ray_in_cam(corner)[:, :2], axis=1).max())
-    off_axis = focal * farthest + 3.0 * pointing_jitter_px + 8.0
-    far = 1.05 * distance
-    low = radius - 0.025 * max(camera.width, camera.height) * far / focal
+    off_axis = focal * farthest + _MAX_JITTER_CORNER * pointing_jitter_px + _EDGE_PX
+    far = (1.0 + _DISTANCE_SPREAD) * distance
+    low = radius - _LOWEST_GROUND * max(camera.width, camera.height) * far / focal
     center = np.array([far * math.sin(max_emission), radius + far * math.cos(max_emission)])
     angle = -max_emission - math.atan(off_axis / focal)
     ray = np.array([math.sin(angle), -math.cos(angle)])

@@ -1,4 +1,4 @@
-"""What was true when a site was simulated, at points and at the resolution of the images."""
+"""The truth of a simulated site, at points and averaged to the resolution of the images."""
 
 from __future__ import annotations
 
@@ -10,16 +10,21 @@ from numba import njit
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Region, Views
-from photoclinometry.simulate.camera_model import pixel_average
+from photoclinometry.simulate.camera_model import PSF_REACH, pixel_average
 from photoclinometry.simulate.observe import cast, sample_points
 from photoclinometry.simulate.photometry import Photometry
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.surface import Surface, height_and_slopes
 
 _SUPERSAMPLING = 4
+"""Rays per pixel, along each side, that averages are taken over."""
+_ON_SURFACE = 0.1
+"""Distance from the surface along the line of sight at which points count as on it [samples of the surface]."""
+_WHOLE = 1.0 - 1e-9
+"""Mean of a mask that is True everywhere, up to rounding."""
 
 BLOCK = 2**16
-"""Pixels whose truth is found at a time, whole rows of a region: 300 MB."""
+"""Pixels that are processed at a time, in whole rows of a region: 300 MB."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +40,10 @@ class Truth:
     brightness: str
     """"iof" or "dn"."""
     photometry: Photometry
-    """What the surface was made of: a `Reflectance`, or `Hapke`."""
+    """Reflectance model of the ground: a `Reflectance`, or `Hapke`."""
 
     def view_index(self, name: str) -> int:
-        """Raises InputError for a name that is none of the views'."""
+        """Index of the view of that name. Raises InputError if there is none."""
         if name not in self.views.name:
             known = f"{self.views.name[0]} ... {self.views.name[-1]}"
             raise InputError(f"the truth of site {self.name!r} has no view {name!r} (it has {known})")
@@ -62,13 +67,13 @@ class TruthMaps:
     shadow: np.ndarray
     """(h, w) share of the pixel, 0 to 1, that the Sun of this view does not light; averaged likewise."""
     hit: np.ndarray
-    """(h, w) bool: everything that counts towards this pixel is on the surface."""
+    """(h, w) bool: all rays that this pixel averages meet the surface."""
 
 
 def truth_maps(truth: Truth, view: str, region: Region, raycaster: Raycaster | None = None) -> TruthMaps:
     """Maps over the map grid of a region of a view, named as in the site; the region may reach beyond the image.
 
-    raycaster: of `truth.surface`, to save making it again (about 0.1 us per sample of the surface).
+    raycaster: that of `truth.surface`, if it was made already (0.1 us per sample of the surface).
     Raises InputError for an unknown view.
     """
     raycaster = raycaster or Raycaster(truth.surface)
@@ -79,12 +84,12 @@ def truth_maps(truth: Truth, view: str, region: Region, raycaster: Raycaster | N
 
 
 def _true_rows(truth: Truth, view: str, region: Region, raycaster: Raycaster) -> TruthMaps:
-    """`truth_maps` of a region of few rows: there are many rays for each pixel."""
+    """`truth_maps` of a region of few rows, to limit memory: there are many rays per pixel."""
     k = truth.view_index(view)
     camera, pose, sun = truth.views.cameras[k], truth.views.body_from_cam[k], truth.views.sun[k]
     center = cast(raycaster, camera, pose, sun, region.pixel_centers()[region.grid_slices])
 
-    s, margin = _SUPERSAMPLING, math.ceil(4.0 * truth.psf_sigma_px)
+    s, margin = _SUPERSAMPLING, math.ceil(PSF_REACH * truth.psf_sigma_px)
     fine = cast(raycaster, camera, pose, sun, sample_points(region, s, margin))
 
     def mean(values: np.ndarray) -> np.ndarray:
@@ -99,18 +104,17 @@ def _true_rows(truth: Truth, view: str, region: Region, raycaster: Raycaster) ->
         normal_mean=np.divide(normal, length, out=np.zeros_like(normal), where=length > 0),
         albedo_mean=mean(fine.albedo),
         shadow=mean(fine.hit & ~fine.lit),
-        hit=center.hit & (mean(fine.hit) > 1.0 - 1e-9),
+        hit=center.hit & (mean(fine.hit) > _WHOLE),
     )
 
 
 def visibility(
     truth: Truth, view: str, points: np.ndarray, raycaster: Raycaster | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which surface points (n, 3) of B a view sees, within its frame and with nothing before them, and which of those
-    the Sun lights; both (n,) bool.
+    """(n,) bool: points (n, 3) of B on the surface that a view sees; and (n,) bool: those of them that the Sun lights.
 
-    Points within a tenth of the surface's sample spacing of it, along the line of sight, count as on it. raycaster: as
-    for `truth_maps`. Raises InputError for an unknown view.
+    A point is seen if it lies within the frame and nothing hides it. raycaster: as for `truth_maps`. Raises InputError
+    for an unknown view.
     """
     k = truth.view_index(view)
     raycaster = raycaster or Raycaster(truth.surface)
@@ -120,7 +124,7 @@ def visibility(
     pixel = truth.views.project(k, points)
     inside = (pixel >= 0).all(-1) & (pixel <= (camera.width, camera.height)).all(-1)
     before = (1.0 - np.where(hits.hit, hits.distance, 0.0)) * np.linalg.norm(rays, axis=-1)
-    seen = hits.hit & inside & (np.abs(before) < 0.1 * truth.surface.spacing)
+    seen = hits.hit & inside & (np.abs(before) < _ON_SURFACE * truth.surface.spacing)
     return seen, seen & hits.lit
 
 

@@ -1,9 +1,13 @@
-"""`truth.h5`: what a simulated site was made of."""
+"""`truth.h5`: the surface, views and photometry of a simulated site.
+
+It is read and written here, not in `io`, since its content is the simulator's types, which `io` must not import.
+"""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +38,7 @@ _GRIDS = {
 
 
 def write_truth(path: Path | str, truth: Truth) -> None:
-    """Everything of `truth`; the surface's grids in single precision, compressed. Raises RunFolderError."""
+    """The truth as one file, the surface's grids in single precision, compressed. Raises RunFolderError."""
     import h5py
 
     surface, views = truth.surface, truth.views
@@ -64,7 +68,7 @@ def write_truth(path: Path | str, truth: Truth) -> None:
 
 
 def read_truth(path: Path | str) -> Truth:
-    """Raises InputError if the file is missing, no truth file, or of another version."""
+    """The truth in the file. Raises InputError if it is missing, damaged, no truth or of another version."""
     import h5py
 
     path = Path(path)
@@ -73,7 +77,7 @@ def read_truth(path: Path | str) -> Truth:
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("format") != FORMAT:
-                raise InputError(f"{path}: is an HDF5 file, but no truth of a simulated site")
+                raise InputError(f"{path}: is an HDF5 file, but not the truth of a simulated site; check the path")
             if file.attrs["version"] != VERSION:
                 raise InputError(
                     f"{path}: has version {file.attrs['version']} of the format, this program reads "
@@ -84,7 +88,7 @@ def read_truth(path: Path | str) -> Truth:
         raise InputError(f"{path}: cannot be read as a truth file ({error}); simulate it again") from error
 
 
-def _truth(file) -> Truth:
+def _truth(file: Any) -> Truth:
     group = file["views"]
     cameras = tuple(
         Camera(model, width, height, tuple(params))

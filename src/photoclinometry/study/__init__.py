@@ -1,4 +1,4 @@
-"""Many simulated sites, mapped with many models: the tables and figures of the paper, against exact truth."""
+"""Many simulated sites mapped with many models: the paper's tables and figures, against exact truth."""
 
 from photoclinometry.study.plan import StudyOptions
 from photoclinometry.study.work import run_study

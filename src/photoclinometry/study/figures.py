@@ -1,4 +1,4 @@
-"""A study's pictures, after Figs. 8, 9, 11, 13 and 14 of the paper, with the truth in the place of its baselines."""
+"""The figures of a study, after the paper's Figs. 8, 9, 11, 13 and 14, with the truth instead of its baselines."""
 
 from __future__ import annotations
 
@@ -26,7 +26,11 @@ from photoclinometry.output.report.maps import draw_relit, normal_colours
 from photoclinometry.study.record import Record
 
 COUNTERPART = {"akimov": "akimov+", "mcewen": "lunar-lambert"}
-"""Models without a phase function, and the paper's models of the same kind with one."""
+"""For models without a phase function, the paper's model with the same disk function and one."""
+_ERROR_PERCENT = 98.0
+"""Percentile of errors at which a colour scale ends."""
+_WHOLE_ROW = 0.9
+"""Share of landmarks in a row from which a scan along it is shown."""
 CELL_FIGURES = (
     ("errors.png", "Fig. 8: errors of albedo, normals and surface against truth."),
     ("map.png", "Fig. 9: albedo, normals (red: right, green: up, blue: out of the ground), photometric error."),
@@ -35,26 +39,30 @@ CELL_FIGURES = (
 
 
 def draw_cell(folder: Path, scene: Scene, found: Comparison) -> None:
-    """The pictures of one run (`CELL_FIGURES`)."""
+    """The figures of one run (`CELL_FIGURES`)."""
     draw_errors(folder / "errors.png", found)
     if scene.reflectance is not None:
         draw_map(folder / "map.png", scene)
         draw_relit(folder / "relit.png", scene)
 
 
+_Panel = tuple[str, str, np.ndarray, str, tuple[float, float] | None]
+"""Title, unit, values, colours and limits of one map."""
+
+
 def draw_errors(path: Path, found: Comparison) -> Path:
     """Errors of albedo, normals and surface against the truth, side by side (Fig. 8)."""
     scene = found.aligned
     distance = scene.grid(found.errors["surface_distance_m"])
-    shown: list[tuple] = [("Normal error", "degrees", scene.grid(found.errors["normal_error_deg"]), "magma", None)]
-    shown.append(("Distance to the true surface", "m", distance, "RdBu_r", symmetric_limits(distance, 98.0)))
+    shown: list[_Panel] = [("Normal error", "degrees", scene.grid(found.errors["normal_error_deg"]), "magma", None)]
+    shown.append(("Distance to the true surface", "m", distance, "RdBu_r", symmetric_limits(distance, _ERROR_PERCENT)))
     if "albedo_error_percent" in found.errors:
         shown.insert(0, ("Albedo error", "%", scene.grid(found.errors["albedo_error_percent"]), "magma", None))
     with style():
         aspect = scene.region.height / scene.region.width
         figure, axes = panels(1, len(shown), 3.2, aspect, (1.65, 0.0), (0.6, 1.0, 0.5, 0.3))
         for panel, (title, unit, values, cmap, clim) in zip(axes[0], shown, strict=True):
-            clim = limits(values, high=98.0, zero=True) if clim is None else clim
+            clim = limits(values, high=_ERROR_PERCENT, zero=True) if clim is None else clim
             show_map(panel, values, scene.region, title, label=unit, cmap=cmap, clim=clim)
         return save(figure, path)
 
@@ -68,7 +76,7 @@ def draw_map(path: Path, scene: Scene) -> Path:
         label = "normal albedo" if scene.brightness == "iof" else "relative albedo"
         show_map(axes[0, 0], scene.grid(scene.landmarks.albedo), scene.region, "Albedo", label=label)
         show_map(axes[0, 1], normal_colours(scene), scene.region, "Normals")
-        clim = limits(percent, high=98.0, zero=True)
+        clim = limits(percent, high=_ERROR_PERCENT, zero=True)
         title = "Photometric error (Eq. 39)"
         show_map(axes[0, 2], percent, scene.region, title, label="%", cmap="magma", clim=clim)
         return save(figure, path)
@@ -77,7 +85,7 @@ def draw_map(path: Path, scene: Scene) -> Path:
 def draw_heights(path: Path, without: Record, with_it: Record) -> Path:
     """True heights, height errors without and with photometry, and a scan along one row (Fig. 11).
 
-    The scan is the row with the largest relief; gaps are where either map has no landmark.
+    The scan is along the row with the largest relief. Gaps are landmarks missing in either map.
     """
     truth, records = with_it.arrays["true_height"], (without, with_it)
     errors = [record.arrays["height"] - record.arrays["true_height"] for record in records]
@@ -89,7 +97,7 @@ def draw_heights(path: Path, without: Record, with_it: Record) -> Path:
         figure, axes = panels(1, 3, 3.2, aspect, (1.05, 0.0), (0.65, 0.85, 3.9, 0.3))
         shown = bare(axes[0, 0], "True height").imshow(truth - np.nanmin(truth), cmap=colour_map("viridis"))
         add_bar(axes[0, 0], shown, truth - np.nanmin(truth), "m")
-        low, high = symmetric_limits(np.stack([np.ravel(errors[0])]), 98.0)
+        low, high = symmetric_limits(np.stack([np.ravel(errors[0])]), _ERROR_PERCENT)
         for panel, title, error in zip(axes[0, 1:], titles, errors, strict=True):
             mean = f"{title}: mean {np.nanmean(np.abs(error)):.2f} m"
             shown = bare(panel, mean).imshow(error, cmap=colour_map("RdBu_r"), vmin=low, vmax=high)
@@ -101,7 +109,7 @@ def draw_heights(path: Path, without: Record, with_it: Record) -> Path:
 
 
 def _draw_scan(figure, top: float, truth: np.ndarray, records, errors, row: int) -> None:
-    """Heights and their errors along a row, below `top` inches of the figure's upper edge."""
+    """Heights and their errors along a row, from `top` inches below the figure's upper edge."""
     width, full = figure.get_size_inches()
     along = np.arange(truth.shape[1]) * float(records[1].arrays["spacing"]) / 1000.0
     names = ("geometry alone", records[1].cell.model)
@@ -123,10 +131,10 @@ def _draw_scan(figure, top: float, truth: np.ndarray, records, errors, row: int)
 
 
 def scan_row(height: np.ndarray) -> int:
-    """The row of (h, w) heights with the greatest relief among those that are at least nine tenths there."""
-    there = np.isfinite(height)
-    whole = there.mean(1) >= min(0.9, there.mean(1).max())
-    relief = np.where(there, height, -np.inf).max(1) - np.where(there, height, np.inf).min(1)
+    """The row of heights (h, w) with the greatest relief, among the rows with at least nine tenths of the landmarks."""
+    present = np.isfinite(height)
+    whole = present.mean(1) >= min(_WHOLE_ROW, present.mean(1).max())
+    relief = np.where(present, height, -np.inf).max(1) - np.where(present, height, np.inf).min(1)
     relief[~whole] = -np.inf
     return int(relief.argmax())
 
@@ -134,9 +142,9 @@ def scan_row(height: np.ndarray) -> int:
 def draw_scales(path: Path, records: Sequence[Record], body: str) -> Path:
     """Scale of every image against its phase angle, for models without a phase function (Fig. 14).
 
-    The line is the phase function published for the counterpart of each model; a constant where the ground was
-    simulated without any. The scales have a factor in common with the albedos; it is chosen so that their median lies
-    on the line.
+    The line is the published phase function of each model's COUNTERPART, or a constant if the ground was simulated
+    without a phase function. The scales share a factor with the albedos, which is chosen so that their median lies on
+    the line.
     """
     with style():
         figure, axes = panels(1, len(records), 3.6, 0.75, (0.75, 0.0), (0.65, 0.15, 0.5, 0.3))
@@ -156,7 +164,7 @@ def draw_scales(path: Path, records: Sequence[Record], body: str) -> Path:
 
 
 def _expected_scale(record: Record, body: str):
-    """What scales should follow as a function of phase [rad], and its name."""
+    """The expected scale as a function of phase [rad], and its name."""
     ground = record.cell.simulation.reflectance
     if ground in COUNTERPART:
         return np.ones_like, f"the {ground} ground has no phase function"

@@ -1,16 +1,17 @@
-"""A study's results as files: study.md to read, study.json to compute with, figures/ to look at."""
+"""The results of a study as files: study.md, study.json and figures/."""
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from photoclinometry import __version__
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path, write_text
+from photoclinometry.io.json_file import write_json
 from photoclinometry.simulate.presets import named_preset
 from photoclinometry.study.figures import CELL_FIGURES, COUNTERPART, draw_heights, draw_scales
 from photoclinometry.study.plan import GEOMETRY, StudyOptions
@@ -34,12 +35,12 @@ def write_page(out: Path, options: StudyOptions, records: Sequence[Record]) -> P
         "tables": [table.as_dict() for table in found],
         "cells": [_as_dict(record) for record in records],
     }
-    write_text(out / "study.json", json.dumps(content, indent=1, default=str) + "\n")
+    write_json(out / "study.json", content)
     return out / "study.md"
 
 
 def _about(options: StudyOptions, records: Sequence[Record]) -> str:
-    """What was done, in a paragraph."""
+    """The study's sites and comparison, in a paragraph."""
     failed = [record.cell.name for record in records if record.failure]
     unfinished = [record.cell.name for record in records if record.metrics.get("converged") == 0]
     held = f"one view in {options.hold_out_every}" if options.hold_out_every else "no view"
@@ -47,14 +48,14 @@ def _about(options: StudyOptions, records: Sequence[Record]) -> str:
         f"Simulated ground: {', '.join(options.surfaces)}; lighting: {', '.join(options.lightings)}; "
         f"{len(options.seeds)} seed{'s' if len(options.seeds) > 1 else ''}; {held} held out. Normals and albedos are "
         "compared with the truth averaged over the optics' footprint; albedos after one common factor.",
-        f"No map was found of: {', '.join(failed)}." if failed else "",
+        f"Runs without a map: {', '.join(failed)}." if failed else "",
         f"Not converged: {', '.join(unfinished)}." if unfinished else "",
     ]
     return " ".join(part for part in parts if part)
 
 
 def _pictures(folder: Path, out: Path, options: StudyOptions, records: Sequence[Record], group) -> list[str]:
-    """Draws, or copies, one group's pictures into `folder`; their lines of Markdown. Of several seeds, the first's."""
+    """Draws or copies the figures of a group's first seed into `folder`; returns their lines of Markdown."""
     stem, text = "-".join(group), label(options, group)
     lines = []
 
@@ -78,7 +79,7 @@ def _pictures(folder: Path, out: Path, options: StudyOptions, records: Sequence[
     return lines
 
 
-def _as_dict(record: Record) -> dict:
+def _as_dict(record: Record) -> dict[str, Any]:
     cell = record.cell
     s = cell.simulation
     about = {"preset": s.preset, "lighting": s.lighting, "surface": cell.surface, "seed": s.seed, "model": cell.model}

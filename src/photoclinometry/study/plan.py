@@ -1,4 +1,4 @@
-"""What a study consists of: site x model x lighting x seed, as a list of cells."""
+"""The cells of a study: every combination of place, lighting, ground, seed and model."""
 
 from __future__ import annotations
 
@@ -6,36 +6,37 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.reflectance import DISK_FUNCTIONS
+from photoclinometry.model.reflectance import ModelName, model_named
 from photoclinometry.pipeline.run import RunOptions
+from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.presets import named_preset
-from photoclinometry.simulate.site import SimulationOptions
 
 MODELS = ("akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert")
 """The paper's five, in the order of its tables."""
 MATCHED = "matched"
+"""Ground with the reflectance model that it is mapped with."""
 GEOMETRY = "none"
 """The model of a run without photometry: dense structure from motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """Which sites are simulated, and how they are mapped. Every combination is one cell."""
+    """The sites to simulate, and the models to map them with. Every combination is one cell."""
 
     presets: tuple[str, ...] = ("cornelia", "ahuna", "ikapati")
     """Places: cornelia, ahuna, ikapati, demo."""
-    models: tuple[str, ...] = MODELS
-    """Reflectance models to map with: akimov, mcewen, akimov+, lunar-lambert, minnaert."""
+    models: tuple[ModelName, ...] = MODELS
+    """Reflectance models to map with."""
     surfaces: tuple[str, ...] = (MATCHED, "hapke")
-    """Reflectance of the simulated ground: "matched" is the model that it is then mapped with; or one for all."""
+    """Reflectance of the simulated ground: "matched" (the model that it is mapped with), or a model for all."""
     lightings: tuple[str, ...] = ("moderate",)
-    """moderate, strong."""
+    """Lightings: moderate, strong, harsh."""
     seeds: tuple[int, ...] = (0,)
-    """Tables give the mean over these, and the standard deviation."""
+    """Seeds of the sites; tables give mean and standard deviation over them."""
     hold_out_every: int = 10
-    """One view in so many is held out of the maps, which are measured on it; 0 holds out none."""
+    """Hold one view in this many out of the maps, to measure them on it; 0 holds out none."""
     geometry_alone: bool = True
-    """Also map without photometry, to compare heights with."""
+    """Also map without photometry, to compare heights."""
     views: int | None = None
     """Images of each site; the preset's number by default."""
     image_size: int | None = None
@@ -43,23 +44,22 @@ class StudyOptions:
     region_size: int | None = None
     """Width and height of the maps [px]; the preset's by default."""
     run: RunOptions = field(default_factory=RunOptions)
-    """How the maps are made; reflectance and hold_out are the study's."""
+    """Options of the runs; `reflectance` and `hold_out` are set by the study."""
 
     def __post_init__(self):
         for name in ("presets", "models", "surfaces", "lightings", "seeds"):
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
                 raise InputError(f"a study needs {name}, each once, got {list(values)}")
-        unknown = [model for model in self.models if model not in DISK_FUNCTIONS]
-        if unknown:
-            raise InputError(f"no reflectance model {unknown[0]!r}; known: {', '.join(DISK_FUNCTIONS)}")
+        for model in self.models:
+            model_named(model)
         if self.hold_out_every < 0 or self.hold_out_every == 1:
             raise InputError(f"hold_out_every must be 0 or at least 2, got {self.hold_out_every}")
-        cells(self)  # what the simulator refuses is refused before anything is simulated
+        cells(self)  # raises InputError for options that the simulator refuses
 
     @property
     def shown(self) -> str:
-        """The model that maps and heights are drawn of."""
+        """The model whose maps and heights are drawn."""
         return "lunar-lambert" if "lunar-lambert" in self.models else self.models[-1]
 
 
@@ -68,21 +68,21 @@ class Cell:
     """One run of a study."""
 
     surface: str
-    """As the study names it: "matched", or the ground's model."""
+    """The ground: "matched", or its model."""
     simulation: SimulationOptions
     model: str
-    """What it is mapped with; "none" for geometry alone."""
+    """The model to map with; "none" for geometry alone."""
     hold_out: tuple[str, ...]
 
     @property
     def site(self) -> str:
-        """Name of the simulated site; cells that share it share its folder."""
+        """Name of the simulated site, whose folder several cells share."""
         s = self.simulation
         return f"{s.preset}-{s.lighting}-{s.reflectance}-{s.seed}"
 
     @property
     def group(self) -> tuple[str, str, str]:
-        """What a row of a table is: preset, lighting, surface; seeds are averaged over."""
+        """The row of the tables: preset, lighting, surface. Seeds are averaged."""
         return self.simulation.preset, self.simulation.lighting, self.surface
 
     @property
@@ -92,6 +92,7 @@ class Cell:
         return f"{s.preset}-{s.lighting}-{self.surface}-{s.seed}/{self.model}"
 
     def run_options(self, options: StudyOptions) -> RunOptions:
+        """The options of the cell's run."""
         return replace(options.run, reflectance=self.model, hold_out=self.hold_out)  # pyright: ignore[reportArgumentType]
 
 
@@ -108,12 +109,12 @@ def cells(options: StudyOptions) -> list[Cell]:
 
 
 def _cell(options: StudyOptions, preset: str, lighting: str, seed: int, surface: str, model: str) -> Cell:
-    own = options.shown if model == GEOMETRY else model
+    matched = options.shown if model == GEOMETRY else model
     simulation = SimulationOptions(
         preset=preset,
         lighting=lighting,
         seed=seed,
-        reflectance=own if surface == MATCHED else surface,
+        reflectance=matched if surface == MATCHED else surface,
         views=options.views,
         image_size=options.image_size,
         region_size=options.region_size,
@@ -123,6 +124,6 @@ def _cell(options: StudyOptions, preset: str, lighting: str, seed: int, surface:
 
 
 def _held_out(names: Sequence[str], options: StudyOptions) -> tuple[str, ...]:
-    """Every so-manieth view, from the middle of the first such group."""
+    """Every `hold_out_every`-th view, beginning in the middle of the first interval."""
     every = options.hold_out_every
     return tuple(names[every // 2 :: every]) if every else ()

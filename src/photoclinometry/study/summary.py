@@ -1,4 +1,4 @@
-"""A study's tables: the paper's Tables 3 and 4, PSNR on held-out views, and heights with and without photometry."""
+"""The tables of a study: the paper's Tables 3 and 4, PSNR of held-out views, heights with and without photometry."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from photoclinometry.evaluate.tables import markdown_table
 from photoclinometry.study.plan import GEOMETRY, StudyOptions
 from photoclinometry.study.record import Record
 
-TABLE_4 = (
+TABLE_4: tuple[tuple[str, str, int], ...] = (
     ("photometric error [%]", "photometric_error_mean_percent", 2),
     ("albedo error [%]", "albedo_error_mean_percent", 2),
     ("normal error [°]", "normal_error_mean_deg", 2),
@@ -25,11 +25,11 @@ TABLE_4 = (
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure over the seeds of a study."""
+    """Mean and standard deviation of a figure over the seeds."""
 
     mean: float
     std: float | None
-    """None of a single seed."""
+    """None for a single seed."""
 
     def text(self, digits: int = 2) -> str:
         around = "" if self.std is None else f" ± {self.std:.{digits}f}"
@@ -38,7 +38,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of figures under one head; None where there is no figure."""
+    """A table of figures; None where there is no figure."""
 
     title: str
     columns: tuple[str, ...]
@@ -79,14 +79,14 @@ def groups(records: Sequence[Record]) -> list[tuple[str, str, str]]:
 
 
 def label(options: StudyOptions, group: tuple[str, str, str]) -> str:
-    """A group in words; lighting and surface are named where there are several."""
+    """A group in words; lighting and surface are named if the study has several."""
     preset, lighting, surface = group
     extra = [lighting] if len(options.lightings) > 1 else []
     return ", ".join([preset, *extra, *([surface] if len(options.surfaces) > 1 else [])])
 
 
 def height_error(record: Record) -> np.ndarray:
-    """(h, w) [m] of the map above the true ground at the same place."""
+    """(h, w) height of the map above the true ground at the same place [m]."""
     return record.arrays["height"] - record.arrays["true_height"]
 
 
@@ -136,7 +136,7 @@ def _table_4(options: StudyOptions, records: Sequence[Record]) -> Table:
 
 
 def _heights(options: StudyOptions, records: Sequence[Record]) -> Table:
-    """Fig. 11 in numbers: mean size of the height error, and by how much photometry lowers it."""
+    """Fig. 11 in numbers: mean absolute height error, and its reduction by photometry."""
 
     def mean_error(record: Record) -> float:
         return float(np.nanmean(np.abs(height_error(record))))

@@ -1,4 +1,4 @@
-"""The study itself: one run at a time, each finished part kept, so that a killed study goes on where it was."""
+"""The runs of a study, one at a time. Finished parts are kept, so that an interrupted study can be resumed."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.options import write_options
+from photoclinometry.io.reading import read_text
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.progress import Progress
 from photoclinometry.pipeline import run as pipeline
@@ -20,15 +21,15 @@ from photoclinometry.study.record import Record, measure, read_record, write_rec
 
 log = logging.getLogger(__name__)
 
-MARK = "study.toml"
-"""The options of the last call; marks a folder as a study's."""
+STUDY_FILE = "study.toml"
+"""The options of the last call; `run_study` writes only into folders that hold this file, or are empty."""
 
 
 def run_study(options: StudyOptions, out: Path, progress: Progress | None = None) -> Path:
     """Simulates, maps and measures every cell, then writes study.md, study.json and figures/; returns study.md.
 
-    The folder may hold part of the same study, or another selection of cells: what is finished is kept. A run whose
-    images do not determine a map is a dash in the tables. Raises InputError.
+    The folder may hold an earlier study, also with other options: finished cells are kept. A run whose images do not
+    determine a map is a dash in the tables. Raises InputError.
     """
     from photoclinometry.study.page import write_page
 
@@ -46,9 +47,9 @@ def run_study(options: StudyOptions, out: Path, progress: Progress | None = None
 
 
 def _open(out: Path, options: StudyOptions) -> None:
-    if out.exists() and not (out / MARK).is_file() and (not out.is_dir() or any(out.iterdir())):
+    if out.exists() and not (out / STUDY_FILE).is_file() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}: exists and is not a study; choose another folder")
-    write_options(out / MARK, asdict(options))
+    write_options(out / STUDY_FILE, asdict(options))
 
 
 def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
@@ -80,11 +81,11 @@ def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
 
 
 def _site(out: Path, cell: Cell) -> Path:
-    """site.toml of the cell's site; simulated unless one of the same options is there."""
+    """site.toml of the cell's site, which is simulated unless a site with the same options exists."""
     folder = out / "sites" / cell.site
     key = folder.with_name(f"{cell.site}.key")
     wanted = digest(program_digest(), cell.simulation)
-    if (folder / "site.toml").is_file() and key.is_file() and key.read_text(encoding="utf-8").strip() == wanted:
+    if (folder / "site.toml").is_file() and key.is_file() and read_text(key).strip() == wanted:
         return folder / "site.toml"
     key.unlink(missing_ok=True)
     site = simulate_site(cell.simulation, folder, overwrite=True)

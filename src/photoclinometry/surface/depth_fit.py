@@ -1,17 +1,44 @@
-"""A smooth depth at every pixel of the reference view, from sparse points or from dense landmarks."""
+"""A smooth depth at every pixel of the reference view, fitted to sparse points or to dense landmarks."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.robust import robust_sigma
 from photoclinometry.model.scene import Camera, Region
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.sampling import sample
 
 MIN_POINTS = 12
-"""Fewer points near the region do not make a surface."""
+"""Fewer points near the region do not determine a surface: a plane and a curvature take six numbers."""
+
+SPARSE_SPACING_PX = 8
+"""Nodes of the surface through sparse points: these are tens of pixels apart."""
+
+CAUCHY_LIMIT = 2.4
+"""Residual, in standard deviations, at which Cauchy's weight is a half: the estimate is then 95 % as efficient as least
+squares for normal errors."""
+
+REWEIGHTINGS = 6
+"""Iterations of reweighted least squares."""
+
+
+@dataclass(frozen=True)
+class SurfaceModel:
+    """How much samples scatter about the surface, and how rough the surface is. Their ratio sets the smoothness."""
+
+    noise_gsd: float
+    """Standard deviation of a sample's depth [ground sample distances]."""
+    curvature_per_px: float = 0.01
+    """Standard deviation of the change of slope from pixel to pixel: 0.01 is that of rough terrain."""
+
+
+SPARSE_POINTS = SurfaceModel(noise_gsd=0.7)
+DENSE_LANDMARKS = SurfaceModel(noise_gsd=0.15)
 
 
 def sparse_depth(sparse: SparseModel, reference: int, region: Region, camera: Camera) -> np.ndarray:
@@ -30,7 +57,7 @@ def sparse_depth(sparse: SparseModel, reference: int, region: Region, camera: Ca
             f"only {near.sum()} sparse points near the region (at least {MIN_POINTS} make a surface); choose a "
             "region with more texture, or raise the number of features"
         )
-    return fit_depth(xy[near], depth[near], region, camera, spacing=8)
+    return fit_depth(xy[near], depth[near], region, camera, SPARSE_SPACING_PX)
 
 
 def landmark_depth(
@@ -38,11 +65,11 @@ def landmark_depth(
 ) -> np.ndarray:
     """Depth (region.height, region.width) from dense landmarks (J, 3) with their reference pixels (J, 2).
 
-    pose: body_from_cam of the reference. Holes are filled smoothly; detail below `spacing` px is lost,
-    which is as intended: it is the noise of the last round's matches.
+    pose: body_from_cam of the reference. Holes are filled smoothly. Detail finer than `spacing` px is lost, which is
+    intended: it is mostly noise of the matches.
     """
     depth = pose.inverse()(position)[:, 2]
-    return fit_depth(pixel[:, ::-1] + 0.5, depth, region, camera, spacing=spacing, noise_gsd=0.15)
+    return fit_depth(pixel[:, ::-1] + 0.5, depth, region, camera, spacing, DENSE_LANDMARKS)
 
 
 def fit_depth(
@@ -51,9 +78,7 @@ def fit_depth(
     region: Region,
     camera: Camera,
     spacing: int,
-    noise_gsd: float = 0.7,
-    curvature_per_px: float = 0.01,
-    sweeps: int = 6,
+    model: SurfaceModel = SPARSE_POINTS,
 ) -> np.ndarray:
     """Robust smooth depth at every pixel of a region, from samples at scattered pixels.
 
@@ -61,8 +86,8 @@ def fit_depth(
 
         sum rho((bilinear(z, xy_i) - depth_i) / noise) + sum (second differences of z / (curvature spacing^2))^2
 
-    with rho Cauchy's loss, reweighted `sweeps` times; lengths in ground sample distances (depth / focal), so
-    that a second difference is the change of slope expected of rough terrain: 0.01 per pixel.
+    with rho Cauchy's loss, by reweighting; noise and curvature are the model's, lengths in ground sample distances
+    (depth / focal), so that a second difference is a change of slope.
     xy: (n, 2) [px]; depth: (n,) along the optical axis. Returns (region.height, region.width).
     """
     from scipy.sparse import diags
@@ -70,22 +95,22 @@ def fit_depth(
 
     gsd = np.median(depth) / np.mean(camera.focal_px)
     offset = np.median(depth)
-    value = (depth - offset) / (noise_gsd * gsd)
+    value = (depth - offset) / (model.noise_gsd * gsd)
     origin, shape = _grid(xy, region, spacing)
     at_points = _bilinear_matrix((xy - origin) / spacing, shape)
-    bend = _second_differences(shape) * (noise_gsd / (curvature_per_px * spacing**2))
+    bend = _second_differences(shape) * (model.noise_gsd / (model.curvature_per_px * spacing**2))
     smooth = (bend.T @ bend).tocsc()
     weight = np.ones(len(value))
     nodes = np.zeros(shape[0] * shape[1])
-    for _ in range(sweeps):
+    for _ in range(REWEIGHTINGS):
         normal = (at_points.T @ diags(weight) @ at_points + smooth).tocsc()
         nodes = splu(normal, permc_spec="MMD_AT_PLUS_A").solve(at_points.T @ (weight * value))
         residual = at_points @ nodes - value
-        scale = max(1.0, 1.4826 * float(np.median(np.abs(residual))))
-        weight = 1.0 / (1.0 + (residual / (2.4 * scale)) ** 2)
+        scale = max(1.0, robust_sigma(residual))
+        weight = 1.0 / (1.0 + (residual / (CAUCHY_LIMIT * scale)) ** 2)
     grid = nodes.reshape(shape)
     fine = sample(grid, (region.pixel_centers() - origin) / spacing + 0.5)
-    return offset + fine * noise_gsd * gsd
+    return offset + fine * model.noise_gsd * gsd
 
 
 def _grid(xy: np.ndarray, region: Region, spacing: int) -> tuple[np.ndarray, tuple[int, int]]:
@@ -111,7 +136,7 @@ def _bilinear_matrix(uv: np.ndarray, shape: tuple[int, int]):
 
 
 def _second_differences(shape: tuple[int, int]):
-    """Sparse operator: second differences along rows, columns, and twice-weighted mixed ones."""
+    """Sparse operator: second differences along rows, columns, and mixed ones, which count twice in the square."""
     from scipy.sparse import eye, identity, kron, vstack
 
     def first(n):

@@ -1,4 +1,4 @@
-"""Triangles onto pixels: the mesh of a map, and a z-buffer that draws it as a pinhole camera sees it."""
+"""Triangles onto pixels: a z-buffer that draws a mesh as a pinhole camera sees it, or as a map."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import numpy as np
 from numba import njit
 
 _NEARER = 1.0 - 1e-12
-"""Depths that differ by rounding are equal."""
+"""A depth is nearer than another one if it is below this times it: depths that differ by rounding are equal."""
+
+_ON_EDGE = 1e-9
+"""A pixel centre that is outside a triangle by no more than this, in barycentric weight or in pixels, lies on its edge:
+so that rounding leaves no gaps between neighbouring triangles."""
 
 
 @njit(cache=True)
@@ -21,10 +25,10 @@ def _draw(pixel, depth, value, faces, image, nearest):
         if area == 0.0:
             continue
         # Pixel [row, col] has its centre at (col + 0.5, row + 0.5).
-        first_col = max(0, int(np.ceil(min(xi, xj, xk) - 0.5 - 1e-9)))
-        last_col = min(width - 1, int(np.floor(max(xi, xj, xk) - 0.5 + 1e-9)))
-        first_row = max(0, int(np.ceil(min(yi, yj, yk) - 0.5 - 1e-9)))
-        last_row = min(height - 1, int(np.floor(max(yi, yj, yk) - 0.5 + 1e-9)))
+        first_col = max(0, int(np.ceil(min(xi, xj, xk) - 0.5 - _ON_EDGE)))
+        last_col = min(width - 1, int(np.floor(max(xi, xj, xk) - 0.5 + _ON_EDGE)))
+        first_row = max(0, int(np.ceil(min(yi, yj, yk) - 0.5 - _ON_EDGE)))
+        last_row = min(height - 1, int(np.floor(max(yi, yj, yk) - 0.5 + _ON_EDGE)))
         for row in range(first_row, last_row + 1):
             y = row + 0.5
             for col in range(first_col, last_col + 1):
@@ -32,9 +36,9 @@ def _draw(pixel, depth, value, faces, image, nearest):
                 wi = ((xj - x) * (yk - y) - (xk - x) * (yj - y)) / area
                 wj = ((xk - x) * (yi - y) - (xi - x) * (yk - y)) / area
                 wk = 1.0 - wi - wj
-                if wi < -1e-9 or wj < -1e-9 or wk < -1e-9:
+                if wi < -_ON_EDGE or wj < -_ON_EDGE or wk < -_ON_EDGE:
                     continue
-                # 1/z is linear in the image; so is value/z.
+                # 1 / z is linear in the image; so is value / z.
                 wi, wj, wk = wi / depth[i], wj / depth[j], wk / depth[k]
                 z = 1.0 / (wi + wj + wk)
                 if z < _NEARER * nearest[row, col]:
@@ -46,12 +50,12 @@ def _draw(pixel, depth, value, faces, image, nearest):
 def draw_triangles(
     pixel: np.ndarray, depth: np.ndarray, value: np.ndarray, faces: np.ndarray, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What a pinhole camera sees of a mesh: image (H, W) or (H, W, n) of `value`, zero outside, and mask (H, W) bool.
+    """A mesh as a pinhole camera sees it: image (H, W) or (H, W, n) of `value`, zero outside, and mask (H, W) bool.
 
-    pixel: (V, 2) projected vertices; depth: (V,) along the camera's axis, triangles with a corner at or
-    behind the camera are dropped; value: (V,) or (V, n), interpolated linearly on the triangle (perspective-correct)
-    at pixel centres; the nearest triangle wins, of equally near ones the first. Ones for depth make a map, without
-    perspective.
+    pixel: (V, 2) projected vertices; depth: (V,) along the camera's axis; triangles with a corner at or behind the
+    camera are dropped; value: (V,) or (V, n), interpolated linearly on the triangle (perspective-correct) at pixel
+    centres; faces: (F, 3) vertices; shape: (H, W). The nearest triangle is seen, of equally near ones the first. With
+    all depths 1 the picture is a map, without perspective.
     """
     value = np.ascontiguousarray(value, float)
     columns = value.reshape(len(value), -1)

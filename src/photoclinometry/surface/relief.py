@@ -2,10 +2,12 @@
 
 The local frame has its origin in the middle of the map: x to the right and y up in the reference image, both
 along the mean plane, z out of the ground. Azimuths count clockwise from y ("up in the reference image"),
-elevations from the plane, so that they mean something before a map is georeferenced.
+elevations from the plane; so they are defined before a map is georeferenced.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
@@ -13,26 +15,32 @@ from numba import njit, prange
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Scene, Surroundings
 
+FIRST_STEP = 1.5
+"""Rays start this many steps from their landmark: past the grid cells around it, whose own slope would obstruct it."""
+
+PLANE_REWEIGHTINGS = 10
+"""Iterations of the robust mean plane."""
+
 _NOTHING_AROUND = Surroundings(depth=np.full((1, 1), np.nan), stride=1)
 
 
-def mean_plane(position: np.ndarray, iterations: int = 10) -> tuple[np.ndarray, np.ndarray]:
+def mean_plane(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A point (3,) and the unit normal (3,), of either sign, of the plane through points (n, 3).
 
-    Least squares re-weighted by 1 / (1 + (d / s)^2), s the median distance: spikes do not tilt it.
+    Least squares reweighted by 1 / (1 + (d / s)^2), s the median distance, so that spikes do not tilt it.
     """
-    weight = np.ones(len(position))
-    for _ in range(iterations):
+    weight, center, normal = np.ones(len(position)), position.mean(0), np.zeros(3)
+    for _ in range(PLANE_REWEIGHTINGS):
         center = weight @ position / weight.sum()
         offset = position - center
         normal = np.linalg.eigh((offset * weight[:, None]).T @ offset)[1][:, 0]
         distance = np.abs(offset @ normal)
-        weight = 1.0 / (1.0 + (distance / max(np.median(distance), 1e-300)) ** 2)
+        weight = 1.0 / (1.0 + (distance / max(np.median(distance), np.finfo(float).tiny)) ** 2)
     return center, normal
 
 
 def local_frame(scene: Scene) -> Rigid:
-    """body_from_local of the map (see the module)."""
+    """body_from_local of the map (the module's docstring defines the local frame)."""
     center, up = mean_plane(scene.landmarks.position)
     reference = scene.views.body_from_cam[scene.reference]
     if up @ (reference.translation - center) < 0:
@@ -43,7 +51,7 @@ def local_frame(scene: Scene) -> Rigid:
 
 
 def height_map(scene: Scene) -> np.ndarray:
-    """Heights (h, w) of the landmarks above their mean plane, in units of B; NaN where there is none."""
+    """Heights (h, w) of the landmarks above their mean plane, in units of B; NaN where there is no landmark."""
     return scene.grid(local_frame(scene).inverse()(scene.landmarks.position)[:, 2])
 
 
@@ -67,7 +75,7 @@ def lambert_shade(normal: np.ndarray, sun: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, inline="always")
 def _depth_at(depth, row, col):
-    """Depth (h, w) at a row and a column within the grid, linear in between; NaN beside what is missing."""
+    """Depth (h, w) at a row and a column within the grid, bilinear; NaN next to missing cells."""
     r, c = int(row), int(col)
     u, v = row - r, col - c
     return (1.0 - u) * ((1.0 - v) * depth[r, c] + v * depth[r, c + 1]) + u * (
@@ -75,14 +83,33 @@ def _depth_at(depth, row, col):
     )
 
 
+class _DepthGrid(NamedTuple):
+    """Depths at every so many pixels of the reference image."""
+
+    depth: np.ndarray
+    """(h, w) along the optical axis; NaN where unknown."""
+    row: int
+    """Of the reference image, of the first cell."""
+    col: int
+    stride: int
+
+
 @njit(cache=True, parallel=True)
-def _march(
-    point, towards, fx, fy, cx, cy, row0, col0, stride, depth, around, around_stride, nearest, farthest, step, free
-):
-    height, width = depth.shape
-    bottom, right = around_stride * (around.shape[0] - 1), around_stride * (around.shape[1] - 1)
+def _march(point, towards, intrinsics, ground, around, depths, step):
+    """(J,) bool: the rays from points (J, 3) towards (J, 3), in the reference camera's frame, meet no ground.
+
+    intrinsics: fx, fy, cx, cy; ground, around: `_DepthGrid`, the second where the first ends; depths: nearest and
+    farthest of both; step: length.
+    """
+    free = np.ones(point.shape[0], np.bool_)
+    fx, fy, cx, cy = intrinsics
+    nearest, farthest = depths
+    map_depth, map_stride, around_depth, around_stride = ground.depth, ground.stride, around.depth, around.stride
+    first_row, first_col = ground.row, ground.col
+    height, width = map_depth.shape
+    bottom, right = around_stride * (around_depth.shape[0] - 1), around_stride * (around_depth.shape[1] - 1)
     for j in prange(point.shape[0]):
-        travelled = 1.5 * step
+        travelled = FIRST_STEP * step
         while True:
             x = point[j, 0] + travelled * towards[j, 0]
             y = point[j, 1] + travelled * towards[j, 1]
@@ -90,56 +117,49 @@ def _march(
             travelled += step
             if z < nearest or z > farthest:
                 break
+            # Array position of the pixel: the centre of pixel [row, col] is at (col + 0.5, row + 0.5).
             col, row = fx * x / z + cx - 0.5, fy * y / z + cy - 0.5
-            map_row, map_col = (row - row0) / stride, (col - col0) / stride
+            map_row, map_col = (row - first_row) / map_stride, (col - first_col) / map_stride
             if 0.0 <= map_row < height - 1 and 0.0 <= map_col < width - 1:
-                ground = _depth_at(depth, map_row, map_col)
+                surface = _depth_at(map_depth, map_row, map_col)
             elif 0.0 <= row < bottom and 0.0 <= col < right:
-                ground = _depth_at(around, row / around_stride, col / around_stride)
+                surface = _depth_at(around_depth, row / around_stride, col / around_stride)
             else:
                 break
-            if z > ground:  # behind what the reference camera sees; False where nothing is known (NaN)
+            if z > surface:  # behind the ground; False where the depth is unknown (NaN)
                 free[j] = False
                 break
+    return free
 
 
 def unobstructed(scene: Scene, towards: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
     """(J,) bool: no other part of the map stands in the way from the landmarks towards (3,) or (J, 3), in B.
 
-    A ray from each landmark is followed over the reference camera's depth map, in steps as wide as landmarks are
-    apart, until it leaves the region or all relief. Ground outside the map, or hidden from the reference camera,
-    obstructs nothing; with `surroundings`, these do, but not in holes of the map.
+    A ray from each landmark is followed over the reference camera's depth map, in steps of the landmarks' spacing,
+    until it leaves the region or the range of depths. Ground outside the map, or hidden from the reference camera,
+    obstructs nothing. With `surroundings`, these obstruct where the map ends, but not in its holes.
     towards: of any length.
     """
     cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
     point = cam_from_body(scene.landmarks.position)
     direction = unit(np.asarray(towards, float)) @ cam_from_body.rotation.T
-    camera = scene.views.cameras[scene.reference]
+    camera, region = scene.views.cameras[scene.reference], scene.region
     around = surroundings or _NOTHING_AROUND
     depths = np.concatenate([point[:, 2], around.depth.ravel()])
-    free = np.ones(len(point), bool)
-    _march(
+    return _march(
         point,
         np.ascontiguousarray(np.broadcast_to(direction, point.shape)),
-        *camera.focal_px,
-        *camera.principal_px,
-        scene.region.row,
-        scene.region.col,
-        scene.region.stride,
-        scene.grid(point[:, 2]),
-        around.depth,
-        around.stride,
-        np.nanmin(depths),
-        np.nanmax(depths),
+        (*camera.focal_px, *camera.principal_px),
+        _DepthGrid(scene.grid(point[:, 2]), region.row, region.col, region.stride),
+        _DepthGrid(around.depth, 0, 0, around.stride),
+        (np.nanmin(depths), np.nanmax(depths)),
         scene.spacing,
-        free,
     )
-    return free
 
 
 def in_sunlight(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
-    """(J,) bool: no other part of the map, and no `surroundings`, shade the landmark from the Sun (3,), in B.
+    """(J,) bool: neither another part of the map nor the `surroundings` shade the landmark from the Sun (3,), in B.
 
-    As `unobstructed`. Attached shadow (incidence above 90 degrees) is the reflectance model's affair.
+    By `unobstructed`. In attached shadow (incidence above 90 degrees) the reflectance model is zero by itself.
     """
     return unobstructed(scene, sun, surroundings)

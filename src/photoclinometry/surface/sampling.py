@@ -1,8 +1,8 @@
 """Values between pixels.
 
 Cubic splines (Thevenaz, Blu and Unser 2000, doi:10.1109/42.875199), by SciPy. OpenCV's `remap` rounds positions to 1/32
-px, and its cubic kernel (Keys 1981, with a = -0.75) is off by up to 0.04 px on a ramp: with it, matches of texture
-moved by 0.3 px lay 0.07 px beside the truth at the median; with splines they lie 0.012 px beside it.
+px, and its cubic kernel (Keys 1981, with a = -0.75) errs by up to 0.04 px on a ramp. Matches of texture moved by 0.3 px
+err by 0.07 px at the median with it, and by 0.012 px with splines.
 """
 
 from __future__ import annotations
@@ -12,18 +12,21 @@ import numpy as np
 from photoclinometry.model.scene import Image
 
 COARSER = 1.2
-"""A grid is coarser than an image that has more pixels than this from point to point."""
+"""A grid counts as coarser than an image if it has a point at every so many pixels or fewer points [px]."""
+
+GRADIENT_STEP_PX = 0.25
+"""Half the base of central differences: short against the pixel, over which the spline bends."""
 
 _MARGIN_PX = 16
-"""Beyond it a spline does not reach: its weights are below 1e-9."""
+"""Pixels farther away than this do not enter a spline: their weights are below 1e-9."""
 
 
 def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness (n,) at pixel positions (n, 2), and (n,) bool: all four pixels around exist and are valid.
 
-    By a cubic spline, which passes through what was measured. Linear interpolation blurs by as much as a position lies
-    between pixels: of relief of a few pixels no reflectance model then fits all views at once. Invalid pixels are given
-    their nearest valid neighbour's value; where nothing is valid the brightness is 0 and means nothing.
+    By a cubic spline, which passes through the pixels' values. Linear interpolation blurs more, the farther a position
+    is from pixel centres, so that relief of a few pixels looks different in each view. Invalid pixels get their nearest
+    valid neighbour's value. Where the mask is False the brightness is 0 and undefined.
     """
     height, width = image.brightness.shape
     xy = np.asarray(xy, float)
@@ -47,20 +50,23 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return value, usable
 
 
-def sample_slope(image: Image, xy: np.ndarray, step_px: float = 0.25) -> np.ndarray:
-    """How brightness changes (n, 2) along x and y [1/px] at pixel positions (n, 2): central differences of the spline.
+def sample_gradient(image: Image, xy: np.ndarray) -> np.ndarray:
+    """Image gradient (n, 2) along x and y [brightness per px] at pixel positions (n, 2), by central differences.
 
-    Means nothing where `sample_image` says that nothing was measured.
+    Undefined where the mask of `sample_image` is False.
     """
-    slope = np.empty((len(xy), 2))
-    for axis, offset in enumerate(step_px * np.eye(2)):
+    gradient = np.empty((len(xy), 2))
+    for axis, offset in enumerate(GRADIENT_STEP_PX * np.eye(2)):
         after, before = (sample_image(image, xy + side * offset)[0] for side in (1, -1))
-        slope[:, axis] = (after - before) / (2 * step_px)
-    return slope
+        gradient[:, axis] = (after - before) / (2 * GRADIENT_STEP_PX)
+    return gradient
 
 
 def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """Values (h, w, ...), those not valid replaced by their nearest valid neighbour's; one is valid at least."""
+    """Values (h, w, ...) with the invalid ones replaced by their nearest valid neighbour's; at least one must be valid.
+
+    valid: (h, w) bool.
+    """
     from scipy.ndimage import distance_transform_edt
 
     if valid.all():
@@ -70,12 +76,16 @@ def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
 
 
 def smoothing_px(spacing_px: float) -> float:
-    """Standard deviation [px] that makes an image as coarse as a grid of so many of its pixels; 0 where it is so."""
+    """Standard deviation [px] of the Gaussian that makes an image as coarse as a grid of `spacing_px` of its pixels.
+
+    An image is taken to be blurred by a Gaussian of half a pixel's width (pixel and point-spread function): the coarse
+    one's, less the image's own in quadrature. 0 for grids that are not coarser.
+    """
     return 0.5 * float(np.sqrt(spacing_px**2 - 1.0)) if spacing_px > COARSER else 0.0
 
 
 def blurred(image: Image, sigma_px: float) -> Image:
-    """The image through a Gaussian, of what is valid; valid where it was and half of its surroundings are."""
+    """The image through a Gaussian over its valid pixels; valid where it was and half of the Gaussian's weight is."""
     import cv2
 
     share = cv2.GaussianBlur(image.valid.astype(np.float32), (0, 0), sigma_px)
@@ -84,7 +94,7 @@ def blurred(image: Image, sigma_px: float) -> Image:
 
 
 def as_coarse(image: Image, spacing_px: float) -> Image:
-    """The image as coarse as a grid of so many of its pixels; the image itself where it is so already."""
+    """The image smoothed to a grid of `spacing_px` of its pixels; the image itself if it is not finer."""
     sigma_px = smoothing_px(spacing_px)
     return blurred(image, sigma_px) if sigma_px else image
 

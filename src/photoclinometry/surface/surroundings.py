@@ -1,7 +1,7 @@
 """The ground around a map, roughly, from sparse points: its shadows fall onto the map.
 
-A map is a part of what the images show, and under a low Sun it is often the ground beside it (the rim of the crater
-that is mapped) that shades it. Structure from motion has points there.
+Images show more ground than the map holds. Under a low Sun the ground beside the map, such as the rim of the mapped
+crater, often shades it. Structure from motion has points there.
 """
 
 from __future__ import annotations
@@ -11,34 +11,37 @@ import numpy as np
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera, Region, Surroundings
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.surface.depth_fit import fit_depth
+from photoclinometry.surface.depth_fit import SurfaceModel, fit_depth
 
 FINEST, NODES = 4, 160
-"""The surface has a node at every fourth pixel of the reference image, and up to so many along its longer side."""
+"""Nodes of the surface are at least FINEST pixels of the reference image apart, and not many more than NODES along its
+longer side, which bounds the time."""
 
-NOISE_GSD, CURVATURE_PER_PX = 0.5, 0.1
-"""How well points are known, by which the ground is taken to lie lower than they say, so that nothing is shaded by
-noise; and how rough it is (`prewarp.fit_depth`): ten times as rough as for matching, since it is rims that cast
-shadows."""
+NOISE_GSD = 0.5
+"""Standard deviation of the points' depths [ground sample distances]. The surface is lowered by as much, so that noise
+casts no shadows."""
+
+GROUND = SurfaceModel(noise_gsd=NOISE_GSD, curvature_per_px=0.1)
+"""Ten times as rough as the surface used for matching: the shadows are those of rims, which that would flatten."""
 
 REACH_PX = 32.0
-"""How far from any point the surface counts [reference pixels]."""
+"""The surface is used up to this distance from a point [reference pixels]."""
 
 MIN_POINTS = 12
-"""Fewer points beside the map tell nothing."""
+"""Fewer points beside the map do not determine a surface."""
 
 FACING = 0.5
-"""Cosine between the directions from which a point was seen and from which the reference would see it: what no view saw
-from within 60 degrees may lie behind what the reference sees."""
+"""Least cosine between the directions from which a point was seen and from which the reference would see it. A point
+that no view saw from within 60 degrees may be hidden from the reference."""
 
 
 def surroundings_of(
     sparse: SparseModel, reference: int, region: Region, position: np.ndarray, pixel: np.ndarray, camera: Camera
 ) -> Surroundings | None:
-    """What lies around the map in the reference image, from a node beside it on; None where hardly anything is known.
+    """The ground around the map as depths in the reference image; None for fewer than MIN_POINTS points.
 
-    position, pixel: (J, 3) and (J, 2) row and column, of the map's landmarks, which the surface continues.
-    camera: of the reference.
+    position, pixel: (J, 3) and (J, 2) row and column of the map's landmarks, which the surface continues.
+    camera: of the reference. Depths are NaN within the map and up to a node around it, and far from any point.
     """
     pose = sparse.body_from_cam[reference]
     points = sparse.points[_facing(sparse, pose)]
@@ -55,7 +58,7 @@ def surroundings_of(
     samples = np.concatenate([xy[beside], pixel[kept, ::-1] + 0.5])
     depth = np.concatenate([local[beside, 2], pose.inverse()(position[kept])[:, 2]])
     frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=stride)
-    surface = fit_depth(samples, depth, frame, camera, stride, NOISE_GSD, CURVATURE_PER_PX)[frame.grid_slices]
+    surface = fit_depth(samples, depth, frame, camera, stride, GROUND)[frame.grid_slices]
     at = frame.pixel_centers()[frame.grid_slices]
     known = (_distance(at, samples) <= REACH_PX) & ~_within(region, at, margin_px=stride)
     lower = NOISE_GSD * np.median(depth) / np.mean(camera.focal_px)
@@ -63,19 +66,19 @@ def surroundings_of(
 
 
 def _within(region: Region, xy: np.ndarray, margin_px: float = 0.0) -> np.ndarray:
-    """(...,) bool: pixel positions (..., 2) in a region with a margin around it."""
+    """(...,) bool: pixel positions (..., 2) lie in a region or in the margin around it."""
     low = np.array([region.col, region.row]) - margin_px
     return np.all((xy > low) & (xy < low + 2 * margin_px + (region.width, region.height)), axis=-1)
 
 
 def _facing(sparse: SparseModel, pose: Rigid) -> np.ndarray:
-    """(P,) bool: points that some view saw from about where a camera at `pose` is."""
-    of = sparse.point_of_observation
-    seen_from = unit(sparse.body_from_cam.translation[sparse.point_view] - sparse.points[of])
-    cosine = np.sum(seen_from * unit(pose.translation - sparse.points)[of], -1)
-    nearest = np.full(len(sparse.points), -1.0)
-    np.maximum.at(nearest, of, cosine)
-    return nearest > FACING
+    """(P,) bool: points that some view saw from within 60 degrees (FACING) of a camera at `pose`."""
+    point = sparse.point_of_observation
+    seen_from = unit(sparse.body_from_cam.translation[sparse.point_view] - sparse.points[point])
+    cosine = np.sum(seen_from * unit(pose.translation - sparse.points)[point], -1)
+    largest = np.full(len(sparse.points), -1.0)
+    np.maximum.at(largest, point, cosine)
+    return largest > FACING
 
 
 def _distance(at: np.ndarray, samples: np.ndarray) -> np.ndarray:

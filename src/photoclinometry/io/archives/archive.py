@@ -1,4 +1,4 @@
-"""Images from archives, whatever their format, told apart by content."""
+"""Images from archives; the format is recognised by content."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from photoclinometry.io.reading import read_image_bytes
 from photoclinometry.model.errors import ImageError
 
 _HEAD_BYTES = 4096
+"""Bytes in which a format is recognised; PDS3 labels may begin with comments."""
 
 
 def read_product(path: Path | str) -> Product:
     """An ISIS cube, a PDS3 or PDS4 label with its image, a FITS file, a PNG or TIFF. Raises ImageError, InputError.
 
-    A data file with a label of its name beside it (.lbl, .xml) is read through that label. The keywords of FITS files
-    stand below those of their labels.
+    A data file with a label of the same name beside it (.lbl, .xml) is read through that label. The keywords of a FITS
+    file become the last block of its label.
     """
     product = _read(Path(path))
     if product.kind in ("PDS3", "PDS4") and read_image_bytes(product.data, limit=6) == b"SIMPLE":
@@ -46,8 +47,8 @@ def _read(path: Path) -> Product:
     if label is not None:
         return _read(label)
     raise ImageError(
-        f"{path}: is no PDS3 or PDS4 label, ISIS cube, FITS, PNG or TIFF image (it begins with {head[:8]!r}); "
-        "if it has a label, give that; else convert it"
+        f"{path}: is not a PDS3 or PDS4 label, ISIS cube, FITS, PNG or TIFF image (it begins with {head[:8]!r}); "
+        "if it has a label, give the label; otherwise convert it"
     )
 
 

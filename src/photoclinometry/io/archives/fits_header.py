@@ -11,7 +11,7 @@ from photoclinometry.model.errors import ImageError
 
 
 def read_fits_header(path: Path) -> Block:
-    """All keywords of all header-data units, the first's first. Raises ImageError."""
+    """The keywords of all header-data units, in their order. Raises ImageError."""
     from astropy.io import fits
 
     block = Block("")
@@ -24,7 +24,7 @@ def read_fits_header(path: Path) -> Block:
                     header = hdu.header
                     cards = [(key, header[key]) for key in header if key and key not in ("COMMENT", "HISTORY")]
                     block.statements.extend((key.upper(), value) for key, value in cards)
-    # astropy meets damage with nearly every built-in exception.
+    # A damaged file makes astropy raise nearly every built-in exception.
     except Exception as error:
         raise ImageError(f"{path}: its FITS header is damaged ({error}); fetch or export it again") from error
     return block

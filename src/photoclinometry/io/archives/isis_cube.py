@@ -33,9 +33,12 @@ _VALID = {
     "f4": (np.uint32(0xFF7FFFFA).view(np.float32), np.finfo(np.float32).max),
     "f8": (np.uint64(0xFFEFFFFFFFFFFFFA).view(np.float64), np.finfo(np.float64).max),
 }
-"""Lowest and highest value that is no NULL or saturation, by type."""
+"""Lowest and highest valid value by type; beyond them are NULL and the marks of saturation."""
 _FIELD_TYPES = {"DOUBLE": "f8", "REAL": "f4", "INTEGER": "i4"}
 _MAX_TABLE_BYTES = 1 << 26
+"""64 MiB: tables of frame cameras hold a few records; larger sizes are damage."""
+_MAX_FIELD_SIZE = 4096
+"""Values or characters in one field of a table; larger sizes are damage."""
 
 
 def read_isis_cube(path: Path) -> Product:
@@ -97,7 +100,7 @@ def _layout(path: Path, core: Block) -> Layout:
 
 
 def _window(path: Path, label: Block) -> Window | None:
-    """Of a cube that was cropped or reduced: ISIS's AlphaCube counts detector pixels from 0.5 at the outer edge."""
+    """The window of a cropped or reduced cube. ISIS's AlphaCube counts detector pixels from 0.5 at the outer edge."""
     alpha = label.block("ISISCUBE", "ALPHACUBE")
     if alpha is None:
         return None
@@ -114,7 +117,7 @@ def _window(path: Path, label: Block) -> Window | None:
 
 
 def _table(path: Path, block: Block) -> dict[str, np.ndarray]:
-    """Columns of one table; fields of text are left out."""
+    """The numeric columns of one table."""
     name, records = block.get("NAME"), whole(path, block, "RECORDS")
     start, size = whole(path, block, "STARTBYTE"), whole(path, block, "BYTES")
     order = ">" if str(block.get("BYTEORDER")).upper() == "MSB" else "<"
@@ -137,7 +140,7 @@ def _table(path: Path, block: Block) -> dict[str, np.ndarray]:
 
 def _field(path: Path, block: Block, order: str) -> tuple[str, np.dtype]:
     kind, size = str(block.get("TYPE")).upper(), whole(path, block, "SIZE", 1)
-    if not 1 <= size <= 4096:
+    if not 1 <= size <= _MAX_FIELD_SIZE:
         raise ImageError(f"{path}: a table field of size {size} is not understood; fetch or export it again")
     if kind == "TEXT":
         return str(block.get("NAME")), np.dtype(f"S{size}")

@@ -32,8 +32,11 @@ _SPECIAL = (
     "HIGH_REPR_SATURATION",
     "HIGH_INSTR_SATURATION",
 )
-"""Keys of values (as stored) that are no measurements."""
+"""Keys of values, as stored, that mark pixels without a measurement."""
 _FITS_BLOCK = 2880
+"""Bytes; FITS headers are whole blocks."""
+_FITS_CARD = 80
+"""Bytes of one keyword in a FITS header."""
 
 
 def read_pds3(path: Path) -> Product:
@@ -59,10 +62,10 @@ def read_pds3(path: Path) -> Product:
 
 
 def _place(path: Path, label: Block) -> tuple[Path, int]:
-    """The file that ^IMAGE names, and the byte in it."""
+    """The file that ^IMAGE names, and the offset of the pixels in it [bytes]."""
     pointer = label.get("^IMAGE")
     if pointer is None:
-        raise ImageError(f"{path}: the label has no ^IMAGE, so it does not say where its pixels are; correct it")
+        raise ImageError(f"{path}: the label has no ^IMAGE, so the place of its pixels is unknown; correct the label")
     parts: list[Any] = list(pointer) if isinstance(pointer, tuple) and not isinstance(pointer, Quantity) else [pointer]
     data = path
     if parts and isinstance(parts[0], str):
@@ -81,7 +84,7 @@ def _place(path: Path, label: Block) -> tuple[Path, int]:
 
 
 def find_beside(path: Path, name: str) -> Path:
-    """The file `name` in the folder of a label, whatever its case. Raises ImageError, also for other folders."""
+    """The file `name` in the folder of a label, ignoring case and any folder in `name`. Raises ImageError."""
     bare = name.replace("\\", "/").rsplit("/", 1)[-1]
     for found in sorted(path.parent.iterdir()):
         if found.name.lower() == bare.lower() and found.is_file():
@@ -114,7 +117,7 @@ def _dtype(path: Path, image: Block) -> np.dtype:
     known = first in _ORDER or name in ("INTEGER", "UNSIGNED_INTEGER", "REAL", "FLOAT")
     if not known or bits not in ((32, 64) if kind == "f" else (8, 16, 32)) or (first == "VAX" and kind == "f"):
         raise ImageError(f"{path}: pixels of type {name}, {bits} bits, are not known; convert it to FITS")
-    # Eight bits say "integer" and mean counts from 0 to 255: no camera's counts are negative.
+    # Labels call eight-bit counts from 0 to 255 "integer", but no camera's counts are negative.
     kind = "u" if bits == 8 else kind
     return np.dtype(f"{order}{kind}{bits // 8}")
 
@@ -141,7 +144,7 @@ def _special_values(image: Block, dtype: np.dtype) -> Iterator[Any]:
 
 
 def _from_bits(digits: str, dtype: np.dtype) -> Any:
-    """The value whose stored bits are written in hexadecimal, such as 16#FF7FFFFB#; NaN (equal to nothing) if none."""
+    """The value with these stored bits, such as FF7FFFFB of 16#FF7FFFFB#; NaN, equal to no pixel, for wrong digits."""
     try:
         bits = bytes.fromhex(digits.rjust(2 * dtype.itemsize, "0"))
     except ValueError:
@@ -150,13 +153,13 @@ def _from_bits(digits: str, dtype: np.dtype) -> Any:
 
 
 def check_fits(path: Path, data: Path, layout: Layout) -> None:
-    """Where the pixels lie in a FITS file, it must have as many as the label says."""
+    """Raises ImageError if the data file is FITS and holds another number of pixels than the label gives."""
     head = read_image_bytes(data, limit=10 * _FITS_BLOCK)
     if not head.startswith(b"SIMPLE"):
         return
     size = {}
-    for at in range(0, len(head) - 79, 80):
-        card = head[at : at + 80]
+    for at in range(0, len(head) - _FITS_CARD + 1, _FITS_CARD):
+        card = head[at : at + _FITS_CARD]
         if card[:6] in (b"NAXIS1", b"NAXIS2") and card[10:30].strip().isdigit():
             size[card[:6]] = int(card[10:30])
         if card.startswith(b"END "):
@@ -165,7 +168,7 @@ def check_fits(path: Path, data: Path, layout: Layout) -> None:
     check_size(data, *found)
     if found != (layout.lines, layout.samples):
         raise ImageError(
-            f"{path}: the label says {layout.lines} lines of {layout.samples} samples, but {data.name} holds "
+            f"{path}: the label gives {layout.lines} lines of {layout.samples} samples, but {data.name} holds "
             f"{found[0]} of {found[1]}; correct the label, or give the FITS file alone"
         )
 

@@ -17,7 +17,9 @@ from photoclinometry.model.errors import ImageError
 from photoclinometry.model.scene import Image
 
 _MAX_BYTES = 1 << 24
+"""16 MiB: labels have some kilobytes; larger files are something else."""
 _MAX_DEPTH = 40
+"""Nested elements; labels have about 10, and recursion must end."""
 _TYPES = {
     "IEEE754MSBSingle": ">f4",
     "IEEE754LSBSingle": "<f4",
@@ -64,19 +66,19 @@ def read_pds4(path: Path) -> Product:
 def _label(path: Path) -> Block:
     data = read_image_bytes(path, limit=_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
-        raise ImageError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no PDS4 label")
+        raise ImageError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is not a PDS4 label; check the path")
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise ImageError(f"{path}: declares a document type or entities, which no PDS4 label does; remove them")
     try:
         return _block(path, ElementTree.fromstring(data), 0)
     except (ElementTree.ParseError, UnicodeError, LookupError, ValueError) as error:
-        raise ImageError(f"{path}: the label is no whole XML ({error}); fetch it again") from error
+        raise ImageError(f"{path}: the label is not complete XML ({error}); fetch it again") from error
 
 
 def _block(path: Path, element: ElementTree.Element, depth: int) -> Block:
-    """Elements as blocks, and those with text alone as statements; names in upper case, without namespace."""
+    """An element as a block; children that hold text alone become statements. Names in upper case, no namespace."""
     if depth > _MAX_DEPTH:
-        raise ImageError(f"{path}: elements are nested more than {_MAX_DEPTH} deep, so it is no PDS4 label")
+        raise ImageError(f"{path}: elements are nested more than {_MAX_DEPTH} deep, so it is not a PDS4 label")
     block = Block(_name(element))
     for child in element:
         if len(child):
@@ -122,5 +124,5 @@ def _image(path: Path, array: Block, raw: np.ndarray) -> Image:
     return physical_image(path, raw, valid, factor, offset)
 
 
-def _direction(said: Any, yes: str, no: str) -> bool | None:
-    return {yes.lower(): True, no.lower(): False}.get(str(said).lower())
+def _direction(written: Any, yes: str, no: str) -> bool | None:
+    return {yes.lower(): True, no.lower(): False}.get(str(written).lower())

@@ -1,4 +1,4 @@
-"""One exposure from an archive: its pixels, its label, and how the two belong together."""
+"""One exposure from an archive: pixels, label, and the orientation that the label gives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from photoclinometry.model.scene import Image
 
 @dataclass(frozen=True)
 class Window:
-    """Which part of its detector an image shows: detector pixel = start + step * image pixel, in x and y."""
+    """The part of a detector that an image covers: detector pixel = start + step * image pixel, in x and y."""
 
     start: tuple[float, float] = (0.0, 0.0)
     step: tuple[float, float] = (1.0, 1.0)
@@ -21,7 +21,7 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True)
 class Product:
-    """An image as its file has it: nothing is turned, scaled to I/F, or undistorted yet."""
+    """An image as stored: not yet turned upright, converted to I/F, or undistorted."""
 
     path: Path
     """The file that was named: a label, or an image."""
@@ -30,14 +30,14 @@ class Product:
     kind: str
     """"PDS3", "PDS4", "ISIS", "FITS" or "plain"."""
     image: Image
-    """Row 0 is the first line of the file. Valid: finite, not special, not saturated."""
+    """Row 0 is the first line of the file. Valid: finite, not a special value, not saturated."""
     label: Block = field(default_factory=lambda: Block(""))
-    """What is written about the image; empty for plain images."""
+    """The label of the image; empty for plain images."""
     lines_up: bool | None = None
-    """Whether the first line belongs at the bottom; None where the file does not say."""
+    """Whether the first line belongs at the bottom; None if the label does not give it."""
     samples_left: bool | None = None
-    """Whether the first sample belongs at the right; None where the file does not say."""
+    """Whether the first sample belongs at the right; None if the label does not give it."""
     window: Window | None = None
-    """None where the file does not say; then the whole detector, binned if it is smaller."""
+    """None if the label does not give it; the image then covers the whole detector, binned if it is smaller."""
     tables: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     """ISIS's tables by name: columns (n,) or (n, size) by field."""

@@ -1,7 +1,7 @@
 """PVL: the labels of PDS3 files and ISIS cubes, `KEY = value` in nested objects and groups.
 
-Read in one pass: a label of a megabyte, whatever is in it, takes seconds at most. CCSDS 641.0-B-2, PDS3 Standards
-Reference chapter 12, and ISIS's hyphens at line ends.
+Read in one pass, so that the time grows with the label's length alone. Sources: CCSDS 641.0-B-2; PDS3 Standards
+Reference, chapter 12; words that ISIS breaks with a hyphen at the line's end.
 """
 
 from __future__ import annotations
@@ -14,7 +14,11 @@ from typing import Any, NamedTuple
 from photoclinometry.model.errors import ImageError, InputError
 
 MAX_LABEL_BYTES = 1 << 20
+"""1 MiB: labels have at most some 100 kB."""
 _MAX_DEPTH = 16
+"""Nested objects or lists; labels have about 4, and recursion must end."""
+_LONGEST_WORD = 1000
+"""A word that begins this near to the end of what was read may continue beyond it [characters]."""
 _TOKEN = re.compile(
     r"""(?P<space>[\s\0]+|/\*.*?\*/|\#[^\n]*) | (?P<text>"[^"]*"|'[^']*') | (?P<unit><[^<>\n]*>)
       | (?P<mark>[=(){},]) | (?P<word>[^\s\0=(){},<>"']+)""",
@@ -35,14 +39,14 @@ class Quantity(NamedTuple):
 
 
 class Real(float):
-    """A number as it was written: clocks count ticks after the point, so that 1.830 is not 1.83 to them."""
+    """A number with its text: spacecraft clocks count ticks after the point, where 1.830 is not 1.83."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Block:
-    """An object or group, and the label itself: statements in their order. Keys are upper case."""
+    """An object, a group, or the label itself, with its statements in order. Keys are in upper case."""
 
     name: str
     statements: list[tuple[str, Any]] = field(default_factory=list)
@@ -50,18 +54,18 @@ class Block:
     blocks: list[Block] = field(default_factory=list)
 
     def get(self, key: str, default: Any = None) -> Any:
-        """The value of the first statement `key` right in this block."""
+        """The value of the first statement `key` of this block, not of those below."""
         return next((value for name, value in self.statements if name == key), default)
 
     def block(self, *path: str) -> Block | None:
-        """The first block of that path below, each name in upper case; None where there is none."""
+        """The first block of that path below this one (names in upper case); None if there is none."""
         found: Block | None = self
         for name in path:
             found = next((b for b in found.blocks if b.name == name), None) if found else None
         return found
 
     def find(self, key: str) -> Any:
-        """The first value of `key` here or anywhere below, None where there is none."""
+        """The first value of `key` in this block or any below; None if there is none."""
         for block in self.walk():
             value = block.get(key)
             if value is not None:
@@ -76,7 +80,7 @@ class Block:
 
 
 def number(where: object, block: Block, key: str, default: float | None = None) -> float:
-    """The finite number that `key` has in a block, in its own unit; where: file for messages. Raises ImageError."""
+    """The value of `key` in a block as a finite number, in the label's unit; where: file. Raises ImageError."""
     value = block.get(key, default)
     value = getattr(value, "value", value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
@@ -93,7 +97,7 @@ def whole(where: object, block: Block, key: str, default: int | None = None) -> 
 
 
 def parse_pvl(data: bytes, where: str) -> Block:
-    """The label at the beginning of `data`, up to its END; where: file for messages. Raises InputError."""
+    """The label at the beginning of `data`, up to its END; where: file, for messages. Raises InputError."""
     text = data[:MAX_LABEL_BYTES].decode("latin-1")
     stack = [Block("")]
     tokens = _Tokens(text, where, cut=len(data) > MAX_LABEL_BYTES)
@@ -106,7 +110,7 @@ def parse_pvl(data: bytes, where: str) -> Block:
                 tokens.take()
                 tokens.take()
             if len(stack) == 1:
-                raise tokens.error(f"{key} ends nothing")
+                raise tokens.error(f"{key} without a beginning")
             stack.pop()
             continue
         if tokens.take() != "=":
@@ -131,7 +135,7 @@ class _Tokens:
         self.text, self.where, self.cut = text, where, cut
         self.at = 0
         self.ahead: list[str | None] = []
-        """At most one: what follows END is looked at by nobody."""
+        """At most one word, so that nothing after END is parsed."""
 
     def peek(self) -> str | None:
         if not self.ahead:
@@ -150,7 +154,7 @@ class _Tokens:
             self.at = found.end()
             if found.lastgroup != "space":
                 return self._joined(found) if found.lastgroup == "word" else found[0]
-        if self.cut and self.at > len(self.text) - 1000:
+        if self.cut and self.at > len(self.text) - _LONGEST_WORD:
             raise self.error(f"it has no END in its first {MAX_LABEL_BYTES >> 10} KiB")
         if self.at < len(self.text):
             raise self.error(f"{self.text[self.at : self.at + 20]!r} is not understood")

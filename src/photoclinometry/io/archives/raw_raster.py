@@ -1,4 +1,4 @@
-"""Pixels that lie raw in a file, at an offset that a label gives: read with every claim checked against the file."""
+"""Uncompressed pixels at an offset that a label gives; the label is checked against the file first."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from photoclinometry.model.scene import Image
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How one band of an image lies in a file."""
+    """The place and form of one band of an image in a file."""
 
     offset: int
     """First byte of the first pixel, from 0 (before any prefix of its line)."""
@@ -31,9 +31,9 @@ class Layout:
 
 
 def read_pixels(label: Path, path: Path, layout: Layout) -> np.ndarray:
-    """(lines, samples) of `layout.dtype`, in the order of the file `path`, by what its `label` says.
+    """(lines, samples) of `layout.dtype`, in the order of the file `path`.
 
-    Raises ImageError that names the label, before anything large is read.
+    Raises ImageError that names the `label` if the file cannot hold these pixels, before anything large is read.
     """
     check_size(label, layout.lines, layout.samples)
     if min(layout.offset, layout.prefix, layout.suffix) < 0:
@@ -43,7 +43,7 @@ def read_pixels(label: Path, path: Path, layout: Layout) -> np.ndarray:
         held = path.stat().st_size
         if held < layout.offset + size:
             raise ImageError(
-                f"{label}: the label asks for {layout.lines} x {layout.samples} pixels of {layout.dtype.itemsize} "
+                f"{label}: the label announces {layout.lines} x {layout.samples} pixels of {layout.dtype.itemsize} "
                 f"bytes from byte {layout.offset} on, but {path.name} ends after {held} bytes: it was cut short, or "
                 "the label is another file's; fetch it again"
             )
@@ -56,7 +56,7 @@ def read_pixels(label: Path, path: Path, layout: Layout) -> np.ndarray:
 
 
 def physical_image(name: Path, raw: np.ndarray, valid: np.ndarray, factor: float, offset: float) -> Image:
-    """Values factor * raw + offset as an image; what single precision cannot hold is not valid either."""
+    """Values factor * raw + offset as an image; values beyond single precision become invalid."""
     with np.errstate(over="ignore", invalid="ignore"):
         values = (np.where(valid, raw, 0).astype(np.float64) * factor + offset).astype(np.float32)
     valid = valid & np.isfinite(values)
@@ -64,9 +64,11 @@ def physical_image(name: Path, raw: np.ndarray, valid: np.ndarray, factor: float
 
 
 def check_size(path: Path, lines: int, samples: int) -> None:
-    """Raises ImageError for sizes that no image has."""
+    """Raises ImageError for an image of a single line or sample, or of more than MAX_PIXELS."""
     if lines < 2 or samples < 2:
-        raise ImageError(f"{path}: the label says {lines} lines of {samples} samples, which is no image; correct it")
+        raise ImageError(
+            f"{path}: the label gives {lines} lines of {samples} samples, which is not an image; correct the label"
+        )
     if lines * samples > MAX_PIXELS:
         raise ImageError(f"{path}: declares {samples} x {lines} pixels, more than {MAX_PIXELS}; crop it first")
 

@@ -1,7 +1,7 @@
 """glTF 2.0: a mesh with normals, albedo and texture as one binary file (GLB).
 
-https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html. Positions are single precision, so they count from the
-middle of the mesh, and a node moves them to their place, which is double. glTF's up is y: another node turns z there.
+https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html. Positions are in single precision, so they are relative to
+the middle of the mesh, and a node translates them in double precision. A second node turns z to y, glTF's upward axis.
 """
 
 from __future__ import annotations
@@ -18,7 +18,11 @@ from photoclinometry.io.atomic import write_bytes
 from photoclinometry.io.images import png_bytes
 
 _FLOAT, _INDEX = 5126, 5125
+"""componentType of 32-bit floats and unsigned integers."""
 _VERTICES, _FACES = 34962, 34963
+"""target of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER."""
+_CLAMP_TO_EDGE = 33071
+"""Wrapping mode of a texture."""
 _Z_TO_Y = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 """Quaternion x, y, z, w of a quarter turn about x."""
 
@@ -51,7 +55,10 @@ def write_glb(
         picture, uv = texture
         attributes["TEXCOORD_0"] = content.array(uv, "VEC2")
         extra["images"] = [{"bufferView": content.view(png_bytes(picture)), "mimeType": "image/png"}]
-        extra |= {"samplers": [{"wrapS": 33071, "wrapT": 33071}], "textures": [{"source": 0, "sampler": 0}]}
+        extra |= {
+            "samplers": [{"wrapS": _CLAMP_TO_EDGE, "wrapT": _CLAMP_TO_EDGE}],
+            "textures": [{"source": 0, "sampler": 0}],
+        }
         material["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
     indices = content.array(faces.reshape(-1), "SCALAR", indices=True)
     document = {
@@ -73,7 +80,7 @@ def write_glb(
 
 
 class _Content:
-    """The binary part of a file, and what describes it."""
+    """The binary part of a file, with the views and accessors that describe it."""
 
     def __init__(self):
         self.data = bytearray()

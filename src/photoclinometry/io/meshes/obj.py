@@ -1,4 +1,4 @@
-"""Wavefront OBJ: a mesh, written with normals and a texture; read are vertices and faces, all else is passed over.
+"""Wavefront OBJ meshes: written with normals and a texture, read as vertices and faces only.
 
 http://paulbourke.net/dataformats/obj/
 """
@@ -29,15 +29,15 @@ def read_obj(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
         vertices = np.array([line.split()[1:4] for line in vertex_lines], np.float64).reshape(-1, 3)
         faces = _faces(face_lines, len(vertices))
     except ValueError as error:
-        raise InputError(f"{path}: is no whole OBJ file ({error}); export it again") from error
+        raise InputError(f"{path}: is not a complete OBJ file ({error}); export it again") from error
     if len(vertices) == 0 or len(faces) == 0:
         raise InputError(
-            f"{path}: is no OBJ mesh ({len(vertices)} vertices, {len(faces)} faces); export a mesh as OBJ or PLY"
+            f"{path}: is not an OBJ mesh ({len(vertices)} vertices, {len(faces)} faces); export a mesh as OBJ or PLY"
         )
     if not np.isfinite(vertices).all():
         raise InputError(f"{path}: some vertices are not finite; remove them")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise InputError(f"{path}: faces name vertices that are not there; export it again")
+        raise InputError(f"{path}: faces refer to vertices that do not exist; export it again")
     return vertices, faces
 
 
@@ -74,10 +74,10 @@ def write_obj(
 
 
 def _faces(lines: list[bytes], vertices: int) -> np.ndarray:
-    """Triangles by row of the vertices. Corners are `v`, `v/vt/vn` or `v//vn`, counted from 1, or back from -1."""
+    """(F, 3) rows of the vertices. Corners are `v`, `v/vt/vn` or `v//vn`, counted from 1, or backwards from -1."""
     corners = [[word.split(b"/", 1)[0] for word in line.split()[1:]] for line in lines]
     index = np.array([word for corner in corners for word in corner], np.int64)
     if (index == 0).any():
-        raise ValueError("a face names vertex 0, and vertices count from 1")
+        raise ValueError("a face refers to vertex 0, but vertices count from 1")
     index = np.where(index > 0, index - 1, index + vertices)
     return fan_triangles(np.array([len(corner) for corner in corners], np.int64), index)

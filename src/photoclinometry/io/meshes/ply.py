@@ -1,9 +1,9 @@
-"""PLY: the landmark map as points or as a mesh, and surfaces from elsewhere.
+"""PLY: the landmark map as points or as a mesh, and surfaces from other programs.
 
-Written: binary little-endian; x y z double, nx ny nz albedo float, then the known standard deviations as
-float: sigma_x sigma_y sigma_z for "position", sigma_NAME for a number per landmark or, of a direction, for each of two
-axes [rad], sigma_NAME_x _y _z for a vector (of a covariance, the roots of its diagonal). Read: ascii and both binary
-forms. http://paulbourke.net/dataformats/ply/
+Written as binary little-endian: x y z double, nx ny nz albedo float, then the standard deviations that are known, as
+float: sigma_x sigma_y sigma_z of "position"; sigma_NAME of one number per landmark, or of a direction about each of its
+two tangent axes [rad]; sigma_NAME_x _y _z of a vector (of a covariance, the roots of its diagonal). Read: ascii and
+both binary forms. http://paulbourke.net/dataformats/ply/
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.io.atomic import atomic_path
-from photoclinometry.io.meshes.ply_elements import read_elements
+from photoclinometry.io.meshes.ply_elements import Columns, read_elements
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Scene
 
 
 @dataclass(frozen=True)
 class PlyMap:
-    """Points of a PLY file, with what else it says about them."""
+    """The points of a PLY file with their normals, albedos and faces, as far as it has them."""
 
     position: np.ndarray
     """(n, 3) float64."""
@@ -74,14 +74,16 @@ def read_ply(path: Path | str) -> PlyMap:
     if isinstance(polygons, tuple):
         faces = fan_triangles(*polygons)
         if len(faces) and (faces.min() < 0 or faces.max() >= len(position)):
-            raise InputError(f"{path}: faces name vertices that are not there; export it again")
+            raise InputError(f"{path}: faces refer to vertices that do not exist; export it again")
     normal = _columns(path, vertex, ("nx", "ny", "nz"))
     return PlyMap(position, normal, None if albedo is None else albedo[:, 0], faces)
 
 
 def grid_faces(scene: Scene) -> np.ndarray:
-    """(m, 3) int32 landmark indices: two triangles where all four corners of a cell of the map's
-    grid are landmarks, counter-clockwise as its camera sees them, so that they face outwards."""
+    """(m, 3) int32 landmark indices: two triangles per cell of the map's grid whose four corners are landmarks.
+
+    They turn counter-clockwise in the reference image, so that they face outwards.
+    """
     index = np.full(scene.region.grid_shape, -1, np.int32)
     index[scene.cells] = np.arange(len(scene.landmarks))
     upper_left, upper_right = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
@@ -114,8 +116,8 @@ def _vertices(scene: Scene) -> np.ndarray:
     return table
 
 
-def _columns(path: Path, vertex: dict, names: tuple[str, ...]) -> np.ndarray | None:
-    """(n, len(names)) float64, or None where the file lacks one."""
+def _columns(path: Path, vertex: Columns, names: tuple[str, ...]) -> np.ndarray | None:
+    """(n, len(names)) float64, or None if the file lacks one of them."""
     if not all(name in vertex for name in names):
         return None
     columns = [vertex[name] for name in names]
@@ -125,7 +127,7 @@ def _columns(path: Path, vertex: dict, names: tuple[str, ...]) -> np.ndarray | N
 
 
 def fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(m, 3) int64: polygons cut into fans about their first corner; fewer than 3 corners are no face."""
+    """(m, 3) int64: polygons cut into fans about their first corner; those of fewer than 3 corners are omitted."""
     with np.errstate(invalid="ignore"):
         corners = corners.astype(np.int64)
     start = np.cumsum(lengths) - lengths

@@ -1,4 +1,4 @@
-"""The elements of a PLY file as columns: header, ascii rows, and binary rows with or without lists."""
+"""The elements of a PLY file as columns, read from ascii or binary rows, with or without lists."""
 
 from __future__ import annotations
 
@@ -23,9 +23,12 @@ _TYPES = {
 }
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
 _MAX_HEADER = 65536
+"""Bytes in which the header must end; real ones have a few hundred."""
+_COUNT_DIGITS = 15
+"""Digits of an element's count; longer numbers are damage."""
 
 Lists = tuple[np.ndarray, np.ndarray]
-"""A list property: (n,) lengths, and all values one list after the other."""
+"""A list property: (n,) lengths, and the values of all lists in one array."""
 Columns = dict[str, np.ndarray | Lists]
 
 
@@ -34,7 +37,7 @@ class _Property:
     name: str
     type: str
     count_type: str | None = None
-    """Set for a list: the type of its length."""
+    """The type of a list's length; None if the property is no list."""
 
 
 @dataclass
@@ -57,15 +60,15 @@ def read_elements(path: Path) -> dict[str, Columns]:
             return _read_ascii(data[at:], elements)
         return _read_binary(data, at, elements, _ORDERS[form])
     except _Malformed as error:
-        raise InputError(f"{path}: is no whole PLY file ({error}); export it again") from error
+        raise InputError(f"{path}: is not a complete PLY file ({error}); export it again") from error
 
 
 class _Malformed(Exception):
-    """What is wrong with the file, without its name."""
+    """The fault of a file; the caller adds the file's name."""
 
 
 def _parse_header(data: bytes) -> tuple[str, list[_Element], int]:
-    """Format, elements, and where the body begins."""
+    """Format, elements, and the offset of the body [bytes]."""
     end = re.search(rb"end_header[ \t]*(\r\n|\n|\r)", data[:_MAX_HEADER])
     if not data.startswith(b"ply") or end is None:
         raise _Malformed("it does not begin with a header from `ply` to `end_header`")
@@ -77,7 +80,7 @@ def _parse_header(data: bytes) -> tuple[str, list[_Element], int]:
                 pass
             case ["format", kind, "1.0"] if kind in _ORDERS:
                 form = kind
-            case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 16:
+            case ["element", name, count] if count.isascii() and count.isdigit() and len(count) <= _COUNT_DIGITS:
                 elements.append(_Element(name, int(count)))
             case ["property", "list", count, kind, name] if (
                 elements and _TYPES.get(count, "f")[0] in "iu" and kind in _TYPES
@@ -133,7 +136,7 @@ def _ascii_columns(rows: list[bytes], element: _Element) -> Columns:
     return {p.name: _column(p, lengths[p.name], values[p.name]) for p in element.properties}
 
 
-def _column(p: _Property, lengths: list[int], values: list) -> np.ndarray | Lists:
+def _column(p: _Property, lengths: list[int], values: list[float]) -> np.ndarray | Lists:
     with np.errstate(invalid="ignore"):
         column = np.array(values, np.float64).astype(p.type)
     return (np.array(lengths, np.int64), column) if p.count_type else column
@@ -161,7 +164,7 @@ def _take(data: bytes, at: int, dtype: np.dtype, count: int, name: str) -> np.nd
 
 
 def _equal_rows(data: bytes, at: int, element: _Element, order: str) -> tuple[Columns, int] | None:
-    """All rows at once where every list is as long as in the first row (a mesh of triangles); else None."""
+    """All rows at once if every list is as long as in the first row (as in a mesh of triangles); otherwise None."""
     fields, lengths, probe = [], {}, at
     for p in element.properties:
         item = np.dtype(order + p.type)
@@ -190,7 +193,7 @@ def _equal_rows(data: bytes, at: int, element: _Element, order: str) -> tuple[Co
 
 
 def _ragged_rows(data: bytes, at: int, element: _Element, order: str) -> tuple[Columns, int]:
-    values: dict[str, list] = {p.name: [] for p in element.properties}
+    values: dict[str, list[float]] = {p.name: [] for p in element.properties}
     lengths: dict[str, list[int]] = {p.name: [] for p in element.properties}
     for _ in range(element.count):
         for p in element.properties:

@@ -1,29 +1,35 @@
-"""COLMAP's binary models (cameras.bin, images.bin, points3D.bin), read and written without COLMAP.
+"""COLMAP's binary models (cameras.bin, images.bin, points3D.bin), read and written without pycolmap.
 
-pycolmap 4.2 notices neither a model cut short (it allocates without bound, or never returns) nor a full disk
-(it writes half a model and reports success); this format is small enough to check here. Every version of
-COLMAP reads these three files. https://colmap.github.io/format.html#binary-file-format
+pycolmap 4.2 does not detect a truncated model (it allocates without bound, or never returns) nor a full disk (it
+writes half a model and reports success). The format is small enough to be checked here, and every version of COLMAP
+reads these three files. https://colmap.github.io/format.html#binary-file-format
 """
 
 from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.reading import read_bytes
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.scene import Camera, Scene
 
 MAX_POINTS = 20_000
-"""A model in a run folder holds at most so many landmarks, evenly chosen: viewers stay fast."""
+"""Landmarks in the model of a run folder, evenly chosen: viewers slow down beyond some ten thousand."""
 
 _MODELS = {0: ("SIMPLE_PINHOLE", 3), 1: ("PINHOLE", 4)}
+"""Camera models by COLMAP's number: name and count of parameters."""
 _MODEL_IDS = {name: number for number, (name, _) in _MODELS.items()}
 _PARAMETERS_OF_OTHERS = {2: 4, 3: 5, 4: 8, 5: 8, 6: 12, 7: 5, 8: 4, 9: 5, 10: 12}
+"""Count of parameters of the models with distortion, to skip them."""
+_UNIT_TOLERANCE = 1e-3
+"""A quaternion farther from unit length is damage."""
 _POINT2D = np.dtype([("xy", "<f8", 2), ("point", "<i8")])
 _ELEMENT = np.dtype([("image", "<u4"), ("index", "<u4")])
 
@@ -31,8 +37,8 @@ _ELEMENT = np.dtype([("image", "<u4"), ("index", "<u4")])
 def write_colmap(folder: Path | str, scene: Scene, max_points: int = MAX_POINTS) -> None:
     """The scene's poses, intrinsics and up to `max_points` landmarks with their tracks, coloured by albedo.
 
-    Camera, image and point identifiers count from 1, images in the order of the views. The folder is replaced
-    whole or not at all. Raises RunFolderError.
+    Identifiers of cameras, images and points count from 1, images in the order of the views. The folder is
+    replaced whole or not at all. Raises RunFolderError.
     """
     count = len(scene.landmarks)
     chosen = np.unique(np.linspace(0, count - 1, min(count, max_points)).astype(np.int64))
@@ -73,12 +79,12 @@ def _cameras_bytes(scene: Scene) -> bytes:
 
 
 def distinct_cameras(scene: Scene) -> list[Camera]:
-    """The intrinsics of the views, each once, in the order of their first use."""
+    """The distinct cameras of the views, in the order of their first use."""
     return list(dict.fromkeys(scene.views.cameras))
 
 
 def _images_bytes(scene: Scene, point_of_landmark: np.ndarray) -> tuple[bytes, np.ndarray]:
-    """images.bin, and (N,) the index of each observation within its image's list of 2-D points."""
+    """The content of images.bin, and (N,) the index of each observation among its image's keypoints."""
     from scipy.spatial.transform import Rotation
 
     views, tracks = scene.views, scene.tracks
@@ -100,7 +106,7 @@ def _images_bytes(scene: Scene, point_of_landmark: np.ndarray) -> tuple[bytes, n
 
 
 def _points_bytes(scene: Scene, chosen: np.ndarray, index: np.ndarray) -> bytes:
-    """points3D.bin; the error of a point is that of `reprojection_rms_px`."""
+    """The content of points3D.bin; a point's error is its `reprojection_rms_px`."""
     tracks, landmarks = scene.tracks, scene.landmarks
     errors = reprojection_rms_px(scene)
     grey = grey_levels(landmarks.albedo)
@@ -116,7 +122,7 @@ def _points_bytes(scene: Scene, chosen: np.ndarray, index: np.ndarray) -> bytes:
 
 
 def reprojection_rms_px(scene: Scene) -> np.ndarray:
-    """(J,) RMS distance between each landmark's keypoints and its projections [px]; COLMAP's -1 without any."""
+    """(J,) RMS distance between each landmark's keypoints and projections [px]; -1 (COLMAP's) without keypoints."""
     tracks = scene.tracks
     squared = np.sum(keypoint_residuals(scene) ** 2, -1)
     count = np.diff(tracks.start)
@@ -125,28 +131,23 @@ def reprojection_rms_px(scene: Scene) -> np.ndarray:
 
 
 def grey_levels(albedo: np.ndarray) -> np.ndarray:
-    """(J,) uint8: 0 for black, 255 for the 99th percentile of the albedo and above."""
+    """(J,) uint8: 0 for albedo 0, 255 for the 99th percentile and above (single bright points would darken all)."""
     top = float(np.nanpercentile(albedo, 99)) if len(albedo) else 1.0
     return np.clip(np.nan_to_num(255.0 * albedo / (top if top > 0 else 1.0)), 0, 255).astype(np.uint8)
 
 
 class _Bytes:
-    """A file's bytes, unpacked from the front; running past the end raises InputError."""
+    """A file's bytes, unpacked in order. Raises InputError at the end of the data."""
 
     def __init__(self, path: Path):
         self.path = path
         self.at = 0
-        try:
-            self.data = path.read_bytes()
-        except FileNotFoundError:
-            raise InputError(
-                f"{path}: there is no such file; give the folder of a COLMAP model in binary form "
-                "(`colmap model_converter --output_type BIN` makes one)"
-            ) from None
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        remedy = (
+            "give the folder of a COLMAP model in binary form (`colmap model_converter --output_type BIN` makes one)"
+        )
+        self.data = read_bytes(path, remedy=remedy)
 
-    def unpack(self, form: str) -> tuple:
+    def unpack(self, form: str) -> tuple[Any, ...]:
         form = "<" + form
         return struct.unpack(form, self.take(struct.calcsize(form)))
 
@@ -164,14 +165,14 @@ class _Bytes:
         try:
             return name.decode()
         except UnicodeDecodeError as error:
-            raise self.error(f"the name {name[:40]!r} is no UTF-8") from error
+            raise self.error(f"the name {name[:40]!r} is not UTF-8") from error
 
     def error(self, what: str) -> InputError:
-        return InputError(f"{self.path}: is no whole COLMAP model ({what}); export it again")
+        return InputError(f"{self.path}: is not a complete COLMAP model ({what}); export it again")
 
 
 def _read_cameras(data: _Bytes) -> dict[int, Camera | str]:
-    """Cameras by identifier; a text says why one cannot be used."""
+    """Cameras by identifier; instead of a camera with distortion, the reason why it cannot be used."""
     cameras: dict[int, Camera | str] = {}
     for _ in range(data.unpack("Q")[0]):
         number, model, width, height = data.unpack("IiQQ")
@@ -192,7 +193,7 @@ def _read_cameras(data: _Bytes) -> dict[int, Camera | str]:
     return cameras
 
 
-def _read_images(data: _Bytes, cameras: dict[int, Camera | str]) -> list[tuple]:
+def _read_images(data: _Bytes, cameras: dict[int, Camera | str]) -> list[tuple[str, list[float], list[float], Camera]]:
     """(name, wxyz, translation, camera) of each image, in the file's order."""
     images = []
     for _ in range(data.unpack("Q")[0]):
@@ -203,8 +204,8 @@ def _read_images(data: _Bytes, cameras: dict[int, Camera | str]) -> list[tuple]:
         if isinstance(camera, str):
             raise InputError(f"{data.path}: {camera}; undistort the model first (colmap image_undistorter)")
         if camera is None:
-            raise data.error(f"image {number} uses camera {camera_number}, which is not there")
-        if not np.isfinite(pose).all() or abs(np.linalg.norm(pose[:4]) - 1.0) > 1e-3:
+            raise data.error(f"image {number} uses camera {camera_number}, which does not exist")
+        if not np.isfinite(pose).all() or abs(np.linalg.norm(pose[:4]) - 1.0) > _UNIT_TOLERANCE:
             raise data.error(f"image {number} has no valid pose")
         images.append((name, pose[:4], pose[4:], camera))
     if not images:

@@ -1,6 +1,6 @@
-"""Text files of whitespace-separated numbers, read fast, with complaints that name file, line and value.
+"""Text files of whitespace-separated numbers, parsed in large blocks, with errors that name file, line and value.
 
-A fault is looked for only where the fast way has found that there is one.
+Only a block that cannot be parsed is searched line by line for its fault.
 """
 
 from __future__ import annotations
@@ -16,15 +16,18 @@ import numpy as np
 from photoclinometry.model.errors import InputError
 
 BLOCK_BYTES = 1 << 24
-"""Lines are read and parsed in blocks of about this size."""
+"""Size of the blocks that are read and parsed at once: 16 MiB."""
 
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _COMMENT = re.compile(rb"^[ \t]*#[^\n]*", re.MULTILINE)
 _MAX_WHOLE = 2.0**53
+"""Largest whole number up to which doubles hold every whole number."""
+_SHOWN = 40
+"""Characters of a wrong value that an error shows."""
 
 
 class Rows(NamedTuple):
-    """Numbers of a block of lines; lines that are blank or comments have none and are left out."""
+    """The numbers of a block of lines, without blank lines and comments."""
 
     value: np.ndarray
     """(n,) float64, all finite."""
@@ -35,14 +38,14 @@ class Rows(NamedTuple):
 
 
 def fault(path: Path, line: int, what: str) -> InputError:
-    """The complaint `what` about a line of a file."""
+    """The error `what` about a line of a file."""
     return InputError(f"{path}, line {line}: {what}")
 
 
 def read_lines(path: Path, what: str) -> Iterator[bytes]:
-    """The lines of a file, each with its newline; what: the file's part, for the complaint that it is missing.
+    """The lines of a file, each with its newline. what: kind of model, for the error if the file is missing.
 
-    Raises InputError for a file that is missing, unreadable, empty, or ends in the middle of a line.
+    Raises InputError if the file is missing, unreadable, empty, or ends in the middle of a line.
     """
     for block in _blocks(path, what, 1):
         yield from block
@@ -62,13 +65,13 @@ def parse_numbers(path: Path, line: int, text: bytes) -> np.ndarray:
 
 
 def first_not_whole(values: np.ndarray, lowest: int = 0) -> int | None:
-    """Index of the first of the values (n,) that is no whole number from `lowest` on that a double holds exactly."""
+    """Index of the first value (n,) that is not a whole number from `lowest` to 2^53; None if all are."""
     bad = np.flatnonzero((values < lowest) | (values > _MAX_WHOLE) | (values != np.floor(values)))
     return int(bad[0]) if len(bad) else None
 
 
 def announced_count(path: Path, what: str) -> int | None:
-    """The n of a comment "# Number of WHAT: n" among the file's first lines, None where there is none."""
+    """The n of a comment "# Number of WHAT: n" among the file's first lines; None if there is none."""
     with open(path, "rb") as file:
         for text in file:
             if not text.startswith(b"#"):
@@ -112,7 +115,7 @@ def _rows(path: Path, first: int, text: bytes) -> Rows:
 
 
 def _beginnings(text: bytes) -> np.ndarray:
-    """(bytes,) bool: a word begins here."""
+    """(bytes,) bool: True where a word begins."""
     raw = np.frombuffer(text, np.uint8)
     word = (raw != 32) & ((raw < 9) | (raw > 13))
     word[1:] &= ~word[:-1]
@@ -120,7 +123,7 @@ def _beginnings(text: bytes) -> np.ndarray:
 
 
 def _checked(path: Path, first: int, text: bytes, words: int) -> np.ndarray:
-    """The numbers of a text of so many words. NumPy would read "1-2" as two numbers: hence the count."""
+    """The numbers of a text of `words` words. The count detects words such as "1-2", two numbers to NumPy."""
     if words == 0:
         return np.empty(0)
     try:
@@ -138,6 +141,6 @@ def _first_fault(path: Path, first: int, text: bytes) -> InputError:
     for line, content in enumerate(text.split(b"\n"), first):
         for place, word in enumerate(content.split(), 1):
             if not _NUMBER.fullmatch(word) or not np.isfinite(float(word)):
-                shown = word[:40].decode("utf-8", "backslashreplace")
+                shown = word[:_SHOWN].decode("utf-8", "backslashreplace")
                 return fault(path, line, f"value {place} is {shown!r}, expected a finite number")
-    raise AssertionError("text that NumPy cannot read, but whose every word is a number")
+    raise AssertionError("NumPy cannot parse a text whose words are all numbers")

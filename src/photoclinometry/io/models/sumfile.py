@@ -1,8 +1,8 @@
-"""SUMFILE: one image's camera, pose and Sun as SPC (stereophotoclinometry) keeps them, read and written.
+"""SUMFILE: the camera, pose and Sun of one image, in the format of SPC (stereophotoclinometry).
 
-The body-fixed frame is in km. The frame of CX, CY, CZ is the camera's, CZ along the boresight; a direction
-(x, y, z) of it falls on the focal plane at MMFL * (x / z, y / z) [mm], and from there, by K-MATRIX and CTR, on
-(sample, line). Samples and lines count from 1 at the centre of the first pixel, hence half a pixel more than ours.
+The body-fixed frame is in km. CX, CY, CZ are the axes of the camera, CZ along the boresight. A direction (x, y, z) in
+that frame falls on the focal plane at MMFL * (x / z, y / z) [mm], which K-MATRIX and CTR take to (sample, line).
+Samples and lines count from 1 at the centre of the first pixel, half a pixel more than this package's.
 Gaskell et al. (2008), Meteoritics & Planetary Science 43, 1049-1061, doi:10.1111/j.1945-5100.2008.tb00692.x.
 """
 
@@ -15,14 +15,18 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.io.atomic import write_text
-from photoclinometry.io.reading import read_bytes
+from photoclinometry.io.reading import read_limited
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera
 
+_Point = tuple[str, tuple[float, ...]]
+"""A landmark's name and its numbers."""
+
 PIXEL_OFFSET = 0.5
-"""SUMFILE pixel minus ours: they count from 1 at a pixel's centre, where ours begin at 0.5."""
+"""SUMFILE coordinate minus this package's: the first pixel's centre is 1 there and 0.5 here [px]."""
 _MAX_BYTES = 1 << 24
+"""16 MiB: SUMFILEs have some kilobytes; larger files are something else."""
 _HEADER = (
     ("NPX, NLN, THRSH", 4),
     ("MMFL, CTR", 3),
@@ -36,12 +40,14 @@ _HEADER = (
     ("SIGMA_VSO", 3),
     ("SIGMA_PTG", 3),
 )
+"""The lines after name and time: key, and count of numbers."""
 _UNIT_TOLERANCE = 1e-6
+"""Unit vectors written with eleven digits are nearer than this to orthonormal."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SumFile:
-    """What a SUMFILE holds, in its own units: km, mm, radians, pixels that count from 1."""
+    """The content of a SUMFILE, in its units: km, mm, radians, pixels counted from 1."""
 
     name: str
     utc: str
@@ -82,7 +88,8 @@ def sumfile_of_view(
 ) -> SumFile:
     """The SUMFILE of a view: body_from_cam in km, sun (3,) towards the Sun in B.
 
-    A SUMFILE splits a focal length in pixels into mm and pixels per mm: `pixel_mm` is the pitch of a sample.
+    A SUMFILE gives the focal length in mm and pixels per mm; only their product matters. pixel_mm: the pitch of a
+    sample to write.
     """
     focal, pitch = camera.focal_px, 1.0 / pixel_mm
     rotation = body_from_cam.rotation
@@ -102,7 +109,7 @@ def sumfile_of_view(
 
 
 def read_sumfile(path: Path | str) -> SumFile:
-    """The SUMFILE at `path`. Raises InputError that names the line, what it holds, and what was expected."""
+    """The SUMFILE at `path`. Raises InputError that names the line, its content, and what was expected."""
     path = Path(path)
     lines = _lines(path)
     if len(lines) < 2 + len(_HEADER):
@@ -135,8 +142,8 @@ def read_sumfile(path: Path | str) -> SumFile:
 def write_sumfile(path: Path | str, summary: SumFile) -> None:
     """`summary` in SPC's columns. Raises RunFolderError.
 
-    The columns hold 11 digits of lengths and directions, 4 or 5 decimals of K-MATRIX, 2 of keypoints: what was read
-    from a SUMFILE reads back the same, other numbers are rounded to that.
+    The columns hold 11 digits of lengths and directions, 4 or 5 decimals of K-MATRIX, 2 of keypoints. Numbers read
+    from a SUMFILE are written back unchanged; others are rounded.
     """
     write_text(path, format_sumfile(summary))
 
@@ -166,22 +173,22 @@ def _row(form: str, values: Sequence[float], key: str) -> str:
 
 
 def _ten_columns(value: float) -> str:
-    """As many decimals as leave a space before the number, for readers that split at spaces."""
+    """The number with as many decimals as leave a space before it, for readers that split lines at spaces."""
     return next(text for decimals in (5, 4, 3, 2, 1, 0) if len(text := f"{value:.{decimals}f}") < 10 or not decimals)
 
 
 def _lines(path: Path) -> list[str]:
-    data = read_bytes(path, "SUMFILE", limit=_MAX_BYTES + 1)
-    if len(data) > _MAX_BYTES:
-        raise InputError(f"{path}: is larger than {_MAX_BYTES >> 20} MiB, so it is no SUMFILE")
+    data = read_limited(path, "SUMFILE", _MAX_BYTES)
     try:
         return data.decode("ascii").splitlines()
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start} is not ASCII, so it is no SUMFILE; check the path") from error
+        raise InputError(
+            f"{path}: byte {error.start} is not ASCII, so this is not a SUMFILE; check the path"
+        ) from error
 
 
 def _numbers(path: Path, number: int, line: str, key: str, count: int) -> tuple[float, ...]:
-    """The first `count` numbers of a line; FORTRAN's exponents D are understood."""
+    """The first `count` numbers of a line, which may have FORTRAN's exponent D."""
     words = line.replace("D+", "E+").replace("D-", "E-").split()[:count]
     try:
         values = tuple(float(word) for word in words)
@@ -195,7 +202,7 @@ def _numbers(path: Path, number: int, line: str, key: str, count: int) -> tuple[
 
 
 def _check(path: Path, value: dict[str, tuple[float, ...]]) -> None:
-    """Raises InputError for numbers that no camera has."""
+    """Raises InputError for sizes, a focal length, axes, a Sun or a K-MATRIX that no camera can have."""
     if (
         any(v != int(v) or not 0 <= v < 2**31 for v in value["NPX, NLN, THRSH"])
         or min(value["NPX, NLN, THRSH"][:2]) < 1
@@ -207,7 +214,7 @@ def _check(path: Path, value: dict[str, tuple[float, ...]]) -> None:
         raise InputError(f"{path}: the focal length MMFL is {value['MMFL, CTR'][0]:g} mm, expected a positive one")
     axes = np.array([value[key] for key in ("CX", "CY", "CZ")])
     if np.abs(axes @ axes.T - np.eye(3)).max() > _UNIT_TOLERANCE or np.linalg.det(axes) < 0:
-        raise InputError(f"{path}: CX, CY, CZ are no right-handed unit vectors at right angles; get it again")
+        raise InputError(f"{path}: CX, CY, CZ are not right-handed unit vectors at right angles; get it again")
     if abs(np.linalg.norm(value["SZ"]) - 1.0) > _UNIT_TOLERANCE:
         raise InputError(f"{path}: SZ has length {np.linalg.norm(value['SZ']):.6g}, expected the Sun's unit vector")
     k = value["K-MATRIX"]
@@ -215,9 +222,9 @@ def _check(path: Path, value: dict[str, tuple[float, ...]]) -> None:
         raise InputError(f"{path}: K-MATRIX {k} puts the focal plane on a line; get it again")
 
 
-def _points(path: Path, lines: list[str], at: int) -> tuple[list, list]:
+def _points(path: Path, lines: list[str], at: int) -> tuple[list[_Point], list[_Point]]:
     """(name, numbers) of the landmarks and of the limb points."""
-    sections: dict[str, list] = {"LANDMARKS": [], "LIMB FITS": []}
+    sections: dict[str, list[_Point]] = {"LANDMARKS": [], "LIMB FITS": []}
     count = {"LANDMARKS": 2, "LIMB FITS": 3}
     section = ""
     for number, line in enumerate(lines[at:], start=at + 1):

@@ -1,4 +1,4 @@
-"""The text models of the paper's authors: COLMAP's text format with Suns, brightness, normals and albedos.
+"""The text format of the paper's authors: COLMAP's, with Suns, brightness, normals and albedos added.
 
     cameras.txt    CAMERA_ID MODEL WIDTH HEIGHT PARAMS...
     images.txt     IMAGE_ID QW QX QY QZ TX TY TZ SX SY SZ CAMERA_ID NAME SCALE BIAS, and on the next line
@@ -6,8 +6,8 @@
     points3D.txt   POINT3D_ID X Y Z NX NY NZ ALBEDO R G B ERROR, and IMAGE_ID POINT2D_IDX of each observation
 
 Q and T are cam_from_body, S is the unit vector from the body towards the Sun in the camera frame. Keypoints and
-principal points are as in `Camera`. POINT3D_ID of a keypoint is -1 where the tracks alone say it, which the authors'
-models do throughout; INTENSITY is negative where brightness was left out.
+principal points are as in `Camera`. POINT3D_ID of a keypoint may be -1 (the authors' files have -1 throughout); the
+tracks of points3D.txt are decisive. INTENSITY is negative where the brightness was omitted.
 Driver et al. (2025), data and code: github.com/travisdriver/phomo, huggingface.co/datasets/travisdriver/phomo-data.
 """
 
@@ -43,16 +43,16 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 
 DEFAULT_KEYPOINT_SIGMA_PX = 1.0
-"""The paper's value; the files hold no standard deviations."""
+"""Standard deviation of keypoints [px], which the files do not hold: the paper's value."""
 
 _FILES = ("cameras.txt", "images.txt", "points3D.txt")
 _UNIT = 1e-12
-"""Vectors this near to unit length are taken as they stand, so that what was written reads back the same."""
+"""Vectors this near to unit length are kept as read, so that what was written reads back the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TextModel:
-    """A model's scene, and the files' own numbers for what is in it."""
+    """A model as a scene, with the identifiers of its images and points in the files."""
 
     scene: Scene
     image_id: np.ndarray
@@ -74,13 +74,12 @@ def read_text_model(
 ) -> TextModel:
     """The model in a folder as a Scene; views and landmarks in the files' order.
 
-    What the files do not say is given: what the brightness is ("iof" or "dn"), the reflectance, the body, the name of
-    the reference image (the first, if left out), the standard deviations of keypoints [px] and Suns [rad], and below
-    which brightness a keypoint is in shadow. Albedos stay as they are: those of the authors are in units of
-    their phase function at zero phase. The Sun of each image is taken both as measured and as the first estimate.
-    Landmarks get pixels of the reference image by `pixels_of_landmarks`. Colours, point errors and keypoints of no
-    track are not kept. Raises InputError, with file and line, for models that are missing, damaged or contradict
-    themselves.
+    The arguments complete what the files do not hold: the kind of brightness ("iof" or "dn"), the reflectance, the
+    body, the name of the reference image (default: the first), the standard deviations of keypoints [px] and Suns
+    [rad], and the brightness below which a keypoint is in shadow. Albedos are not rescaled: the authors' are in units
+    of their phase function at zero phase. The Sun of each image serves as measurement and as first estimate.
+    Landmarks get pixels of the reference image by `pixels_of_landmarks`. Colours, point errors and keypoints without a
+    track are dropped. Raises InputError, with file and line, for models that are missing, damaged or contradictory.
     """
     folder = Path(folder)
     cameras_file, images_file, points_file = (folder / name for name in _FILES)
@@ -123,7 +122,7 @@ def read_text_model(
 
 
 def model_fingerprint(folder: Path) -> str:
-    """A digest of the files of a model that has been read: another model has another."""
+    """SHA-256 (hex) of the three files of a model."""
     whole = hashlib.sha256()
     for name in _FILES:
         with open(folder / name, "rb") as file:
@@ -134,14 +133,14 @@ def model_fingerprint(folder: Path) -> str:
 def write_text_model(
     folder: Path | str, scene: Scene, *, image_id: np.ndarray | None = None, point_id: np.ndarray | None = None
 ) -> None:
-    """The scene as a text model, from which `read_text_model` gives back all that the files can hold.
+    """Write the scene as a text model, which `read_text_model` reads back.
 
-    Keypoints, brightness, positions, normals, albedos, scales, biases and intrinsics come back bit by bit, poses and
-    Suns to 1e-15. The Suns are those estimated: to refine a refined model counts them as measured. Brightness that is
-    no measurement is written as -1; a point's colour is its albedo, its error the RMS of its keypoints' residuals [px].
-    image_id (K,), point_id (J,): the files' numbers, by default from 0. The folder is replaced whole or not at all.
-    Raises InputError for what the format cannot hold (names with spaces, negative brightness that is lit), and
-    RunFolderError if it cannot be written.
+    Keypoints, brightness, positions, normals, albedos, scales, biases and intrinsics are kept to the last bit, poses
+    and Suns to 1e-15. The Suns are the estimated ones, so that refining a refined model takes them for measurements.
+    Brightness that is not lit is written as -1. A point's colour is its albedo, its error the RMS residual of its
+    keypoints [px]. image_id (K,), point_id (J,): identifiers in the files, by default from 0. The folder is replaced
+    whole or not at all. Raises InputError for values that the format cannot hold (names with spaces, negative
+    brightness that is lit), and RunFolderError if it cannot be written.
     """
     images = np.arange(len(scene.views)) if image_id is None else np.asarray(image_id)
     points = np.arange(len(scene.landmarks)) if point_id is None else np.asarray(point_id)
@@ -168,13 +167,13 @@ def _check_writable(scene: Scene) -> None:
     if len(negative):
         level, name = tracks.brightness[negative[0]], scene.views.name[tracks.view[negative[0]]]
         raise InputError(
-            f"the brightness {level:g} of a keypoint in {name} is lit and negative, which a text model takes for none; "
+            f"the brightness {level:g} of a keypoint in {name} is lit and negative, which a text model omits; "
             "mark it as not lit, or give the images an offset"
         )
 
 
 def _index_in_view(tracks: Tracks, view_count: int) -> np.ndarray:
-    """(N,) place of each observation among its view's own, in the order of the tracks."""
+    """(N,) index of each observation among those of its view, in the order of the tracks."""
     index = np.empty(len(tracks), np.int64)
     for k in range(view_count):
         seen = np.flatnonzero(tracks.view == k)
@@ -253,7 +252,7 @@ def _reference(path: Path, names: Sequence[str], name: str) -> int:
 
 
 def _reference_xy(views: Views, tracks: Tracks, position: np.ndarray, reference: int) -> np.ndarray:
-    """(J, 2) where each landmark lies in the reference image [px]: its keypoint there, or else its projection."""
+    """(J, 2) position of each landmark in the reference image [px]: its keypoint there, or else its projection."""
     xy = views.project(reference, position)
     seen = tracks.view == reference
     xy[tracks.landmark[seen]] = tracks.keypoint[seen]
@@ -261,6 +260,6 @@ def _reference_xy(views: Views, tracks: Tracks, position: np.ndarray, reference:
 
 
 def _units(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3) at unit length; those that have it but for rounding as they are."""
+    """Vectors (n, 3) scaled to unit length, unless they have it up to rounding."""
     good = np.abs(np.linalg.norm(vectors, axis=-1) - 1.0) < _UNIT
     return np.where(good[:, None], vectors, unit(vectors))

@@ -1,4 +1,4 @@
-"""What the three files of a text model say (`text_model.py` names the format), each checked, and against each other."""
+"""The three files of a text model (format: `text_model.py`), read and checked, also against each other."""
 
 from __future__ import annotations
 
@@ -29,15 +29,19 @@ POINT_FIELDS = "POINT3D_ID X Y Z NX NY NZ ALBEDO R G B ERROR"
 
 _PARTS = "with cameras.txt, images.txt and points3D.txt"
 _POINT_NUMBERS = len(POINT_FIELDS.split())
+_UNIT_TOLERANCE = 1e-3
+"""A quaternion farther from unit length is damage."""
+_MAX_DIGITS = 15
+"""Digits of an identifier that a double holds exactly."""
 
 
 @dataclass(frozen=True)
 class ImageLines:
-    """An image's two lines, its quaternion at unit length, the rest as it stands."""
+    """The two lines of an image: its quaternion scaled to unit length, other values as written."""
 
     id: int
     line: int
-    """That of the keypoints."""
+    """Line of the file that holds the keypoints."""
     name: str
     camera: Camera
     wxyz: np.ndarray
@@ -53,7 +57,7 @@ class ImageLines:
     brightness: np.ndarray
     """(n,)."""
     point_id: np.ndarray
-    """(n,) int64, -1 where left out."""
+    """(n,) int64, -1 where omitted."""
 
 
 class PointLines(NamedTuple):
@@ -69,12 +73,12 @@ class PointLines(NamedTuple):
     """(J + 1,) int64: observations of point j are start[j]:start[j + 1]."""
     image_id: np.ndarray
     """(N,) int64."""
-    index: np.ndarray
-    """(N,) int64 POINT2D_IDX: which of the image's keypoints."""
+    keypoint_index: np.ndarray
+    """(N,) int64 POINT2D_IDX: index among the image's keypoints."""
 
 
 def read_cameras(path: Path) -> dict[int, Camera]:
-    """The cameras by number. Raises InputError."""
+    """The cameras by identifier. Raises InputError."""
     cameras: dict[int, Camera] = {}
     for line, text in enumerate(read_lines(path, _PARTS), 1):
         if not (words := _words(path, line, text)):
@@ -108,16 +112,18 @@ def read_images(path: Path, cameras: dict[int, Camera]) -> list[ImageLines]:
         raise fault(path, header[0], "the line of this image's keypoints is missing; get the file again")
     _check_count(path, "images", len(images))
     for what, values in (("number", [i.id for i in images]), ("name", [i.name for i in images])):
-        seen: set = set()
+        seen: set[int | str] = set()
         for image, value in zip(images, values, strict=True):
             if value in seen:
-                raise fault(path, image.line - 1, f"the {what} {value} is that of an earlier image, too")
+                raise fault(
+                    path, image.line - 1, f"the {what} {value} is that of an earlier image; give each image its own"
+                )
             seen.add(value)
     return images
 
 
 def _image(path: Path, at: int, words: list[str], line: int, text: bytes, cameras: dict[int, Camera]) -> ImageLines:
-    """The image of the words in line `at` and the keypoints in `line`."""
+    """The image of the words in line `at` and of the keypoints in the next one, `line`."""
     if len(words) != len(IMAGE_FIELDS.split()):
         raise fault(path, at, f"holds {len(words)} values, expected {IMAGE_FIELDS} (names cannot hold spaces)")
     number, camera = _integers(path, at, "IMAGE_ID and CAMERA_ID", words[0], words[11])
@@ -125,8 +131,10 @@ def _image(path: Path, at: int, words: list[str], line: int, text: bytes, camera
     wxyz, translation, sun, scale, bias = values[1:5], values[5:8], values[8:11], values[13], values[14]
     if camera not in cameras:
         raise fault(path, at, f"image {number} uses camera {camera}, which cameras.txt does not hold")
-    if abs(np.linalg.norm(wxyz) - 1.0) > 1e-3:
-        raise fault(path, at, f"image {number}: QW QX QY QZ is no rotation (its length is {np.linalg.norm(wxyz):.4g})")
+    if abs(np.linalg.norm(wxyz) - 1.0) > _UNIT_TOLERANCE:
+        raise fault(
+            path, at, f"image {number}: QW QX QY QZ is not a rotation (its length is {np.linalg.norm(wxyz):.4g})"
+        )
     if not np.any(sun):
         raise fault(path, at, f"image {number} has no Sun (SX SY SZ are zero); was this model made of geometry alone?")
     if scale <= 0:
@@ -182,7 +190,7 @@ def _points(path: Path, rows: Rows) -> tuple[np.ndarray, ...]:
     for values, row in ((column[:, 0], each), (pair.ravel(), np.repeat(each, 2 * length))):
         bad = first_not_whole(values)
         if bad is not None:
-            what = f"{values[bad]:.17g} is no POINT3D_ID, IMAGE_ID or POINT2D_IDX, which are whole numbers from 0"
+            what = f"{values[bad]:.17g} is not a POINT3D_ID, IMAGE_ID or POINT2D_IDX, which are whole numbers from 0"
             raise fault(path, int(rows.line[row[bad]]), what)
     ids, pair = column[:, 0].astype(np.int64), pair.astype(np.int64)
     return rows.line, ids, column, length, pair[:, 0], pair[:, 1]
@@ -191,11 +199,12 @@ def _points(path: Path, rows: Rows) -> tuple[np.ndarray, ...]:
 def keypoint_rows(path: Path, points: PointLines, images: Sequence[ImageLines]) -> tuple[np.ndarray, np.ndarray]:
     """(N,) index of each observation's image, and (N,) row of its keypoint in the keypoints of all images.
 
-    path: points3D.txt. Raises InputError for tracks that name what images.txt does not hold, or the same thing twice.
+    path: points3D.txt. Raises InputError for tracks that name an image or keypoint that images.txt does not hold, an
+    image twice, or a keypoint of another track.
     """
     point = np.repeat(np.arange(len(points.id)), np.diff(points.start))
 
-    def complain(observation: int, what: str) -> InputError:
+    def error(observation: int, what: str) -> InputError:
         j = point[observation]
         return fault(path, int(points.line[j]), f"the track of point {points.id[j]} {what}")
 
@@ -203,60 +212,63 @@ def keypoint_rows(path: Path, points: PointLines, images: Sequence[ImageLines]) 
     order = np.argsort(numbers)
     image = order[np.minimum(np.searchsorted(numbers, points.image_id, sorter=order), len(order) - 1)]
     for o in np.flatnonzero(numbers[image] != points.image_id)[:1]:
-        raise complain(o, f"names image {points.image_id[o]}, which images.txt does not hold")
+        raise error(o, f"names image {points.image_id[o]}, which images.txt does not hold")
     count = np.array([len(i.xy) for i in images])
-    for o in np.flatnonzero((points.index < 0) | (points.index >= count[image]))[:1]:
-        what = f"names keypoint {points.index[o]} of image {points.image_id[o]}, which has {count[image[o]]} (from 0)"
-        raise complain(o, what + " in images.txt")
+    for o in np.flatnonzero((points.keypoint_index < 0) | (points.keypoint_index >= count[image]))[:1]:
+        index, holder = points.keypoint_index[o], points.image_id[o]
+        what = f"names keypoint {index} of image {holder}, which has {count[image[o]]} (from 0)"
+        raise error(o, what + " in images.txt")
     twice = _repeated(point * len(images) + image)
     if twice is not None:
-        raise complain(twice, f"names image {points.image_id[twice]} twice; keep one of its keypoints")
-    row = (np.cumsum(count) - count)[image] + points.index
+        raise error(twice, f"names image {points.image_id[twice]} twice; keep one of its keypoints")
+    row = (np.cumsum(count) - count)[image] + points.keypoint_index
     twice = _repeated(row)
     if twice is not None:
-        what = f"names keypoint {points.index[twice]} of image {points.image_id[twice]}, as an earlier track does"
-        raise complain(twice, what)
+        what = (
+            f"names keypoint {points.keypoint_index[twice]} of image {points.image_id[twice]}, as an earlier track does"
+        )
+        raise error(twice, what)
     return image, row
 
 
 def _repeated(values: np.ndarray) -> int | None:
-    """Where a value (n,) first stands that has stood before; None where all differ."""
+    """Index of the first value (n,) that equals an earlier one; None if all differ."""
     order = np.argsort(values, kind="stable")
     again = order[1:][np.diff(values[order]) == 0]
     return int(again.min()) if len(again) else None
 
 
 def check_point_ids(path: Path, images: Sequence[ImageLines], points: PointLines, row: np.ndarray) -> None:
-    """Raises InputError unless every keypoint's POINT3D_ID is -1, or that of the point whose track holds it.
+    """Raises InputError unless every keypoint's POINT3D_ID is -1 or the point whose track names it.
 
     path: images.txt; row: (N,) of `keypoint_rows`.
     """
-    said = np.concatenate([i.point_id for i in images])
-    tracked = np.full(len(said), -1)
+    stated = np.concatenate([i.point_id for i in images])
+    tracked = np.full(len(stated), -1)
     tracked[row] = np.repeat(points.id, np.diff(points.start))
-    for bad in np.flatnonzero((said != -1) & (said != tracked))[:1]:
+    for bad in np.flatnonzero((stated != -1) & (stated != tracked))[:1]:
         first = np.cumsum([0] + [len(i.xy) for i in images])
         k = int(np.searchsorted(first, bad, side="right")) - 1
-        if said[bad] not in points.id:
+        if stated[bad] not in points.id:
             what = "points3D.txt does not hold"
         elif tracked[bad] < 0:
             what = "whose track in points3D.txt does not name it"
         else:
             what = f"but points3D.txt has it in the track of point {tracked[bad]}"
-        where = f"keypoint {bad - first[k]} of image {images[k].id} has POINT3D_ID {said[bad]}, "
+        where = f"keypoint {bad - first[k]} of image {images[k].id} has POINT3D_ID {stated[bad]}, "
         raise fault(path, images[k].line, where + what + "; write the track's point, or -1")
 
 
 def _check_count(path: Path, what: str, found: int) -> None:
-    """Raises InputError unless a file holds something, and as many as its first comments say, if they do."""
+    """Raises InputError if a file holds nothing, or not as many items as its first comments announce."""
     announced = announced_count(path, what)
     if not found or (announced is not None and announced != found):
-        said = "" if announced is None else f", {announced} are announced"
-        raise InputError(f"{path}: holds {found} {what}{said}: it was cut short or changed; get it again")
+        expected = "" if announced is None else f", {announced} are announced"
+        raise InputError(f"{path}: holds {found} {what}{expected}: it was cut short or changed; get it again")
 
 
 def _words(path: Path, line: int, text: bytes) -> list[str]:
-    """The words of a line; none of a comment. Raises InputError unless they are UTF-8."""
+    """The words of a line; empty for a comment. Raises InputError unless the line is UTF-8."""
     try:
         words = text.decode("utf-8").split()
     except UnicodeDecodeError as error:
@@ -265,8 +277,8 @@ def _words(path: Path, line: int, text: bytes) -> list[str]:
 
 
 def _integers(path: Path, line: int, what: str, *words: str) -> Iterator[int]:
-    """The words as whole numbers from 0; what: they are, for the complaint."""
+    """The words as whole numbers from 0; what: their names, for the error."""
     for word in words:
-        if not (word.isascii() and word.isdigit() and len(word) < 16):
+        if not (word.isascii() and word.isdigit() and len(word) <= _MAX_DIGITS):
             raise fault(path, line, f"{what} must be whole numbers from 0, found {word!r}")
         yield int(word)

@@ -1,4 +1,4 @@
-"""Cloud-optimised GeoTIFF: layers of a north-up map, with overviews and gaps. Needs the extra `geo` (rasterio)."""
+"""Cloud-optimised GeoTIFF: bands of a north-up map, with overviews. Needs the extra `geo` (rasterio)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,28 @@ from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.errors import RunFolderError
 
 BLOCK = 256
-"""Width and height of a tile [px]; maps larger than that get overviews, each half as large as the one before."""
+"""Width and height of a tile [px]; larger maps get overviews, each half the size of the one before."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """What one band of a file holds."""
+    """Description and unit of one band."""
 
     description: str
     unit: str
     """As written into the file; empty for pure numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RasterPlace:
+    """The place of a raster on a map."""
+
+    corner: tuple[float, float]
+    """(x, y) of the outer corner of the top-left pixel, in the unit of the map."""
+    pixel: float
+    """Width and height of a pixel, in the unit of the map."""
+    crs: Any
+    """rasterio's CRS; None for a map in an unknown unit."""
 
 
 def write_cog(
@@ -31,16 +43,12 @@ def write_cog(
     valid: np.ndarray,
     bands: tuple[Band, ...],
     *,
-    corner: tuple[float, float],
-    pixel: float,
-    crs: Any,
+    place: RasterPlace,
     about: dict[str, str],
 ) -> None:
     """Bands (h, w, n) of a map as single-precision numbers, with NaN as no-data where not `valid` (h, w).
 
-    corner: (x, y) of the outer corner of the top-left pixel; pixel: its width and height, both in the unit of the map;
-    rows go down, columns right. crs: rasterio's CRS, or None for a map in no known unit. about: what else to write into
-    the file, by key. Raises RunFolderError.
+    Rows go down, columns right. about: tags of the file, by key. Raises RunFolderError.
     """
     import rasterio
     import rasterio.shutil
@@ -48,10 +56,10 @@ def write_cog(
     from rasterio.io import MemoryFile
 
     height, width, count = values.shape
-    profile = {"driver": "GTiff", "dtype": "float32", "width": width, "height": height, "count": count, "crs": crs}
-    place = rasterio.Affine(pixel, 0.0, corner[0], 0.0, -pixel, corner[1])
+    profile = {"driver": "GTiff", "dtype": "float32", "width": width, "height": height, "count": count}
+    transform = rasterio.Affine(place.pixel, 0.0, place.corner[0], 0.0, -place.pixel, place.corner[1])
     with MemoryFile() as memory, atomic_path(path) as temporary:
-        with memory.open(**profile, transform=place, nodata=np.nan) as file:
+        with memory.open(**profile, crs=place.crs, transform=transform, nodata=np.nan) as file:
             for number, band in enumerate(bands, start=1):
                 file.write(np.where(valid, values[..., number - 1], np.nan).astype(np.float32), number)
                 file.set_band_description(number, band.description)

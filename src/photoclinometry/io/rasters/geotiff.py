@@ -28,12 +28,12 @@ class Dtm:
     pixel: tuple[float, float]
     """(width, height) of a pixel [m], both positive."""
     radius: float | None
-    """Mean radius of the map's ellipsoid [m], or None if the file names no body."""
+    """Mean radius of the map's ellipsoid [m]; None if the file has no reference system."""
 
 
 @dataclass(frozen=True)
 class _Band:
-    """The first band of a file, scale and offset applied, on its grid as it is."""
+    """The first band of a file, scale and offset applied, on the grid of the file."""
 
     height: np.ndarray
     valid: np.ndarray
@@ -58,11 +58,11 @@ def read_dtm(path: Path | str) -> Dtm:
 
 
 def read_dtm_mesh(path: Path | str) -> PlyMap:
-    """The first band of a GeoTIFF as a mesh; cells without a value are left out.
+    """The first band of a GeoTIFF as a mesh without the cells that have no value.
 
-    With a coordinate reference system, heights are above its ellipsoid, and positions come in the body-fixed
-    frame: origin in the body's centre, z to the north pole, x to longitude zero, in metres. Without one, they are
-    (x, y, height) as the file's transform gives them. Raises InputError.
+    If the file has a coordinate reference system, heights are above its ellipsoid, and positions are returned in the
+    body-fixed frame [m]: origin in the body's centre, z to the north pole, x to longitude zero. Otherwise positions
+    are (x, y, height) by the file's transform. Raises InputError.
     """
     band = _read_band(path)
     transform = band.transform
@@ -77,7 +77,7 @@ def read_dtm_mesh(path: Path | str) -> PlyMap:
             raise InputError(f"{path}: the coordinate reference system names no ellipsoid; write one into the file")
         grid = body_fixed(band.crs, axes, grid.reshape(-1, 3)).reshape(grid.shape)
     faces = grid_faces(grid, band.valid)
-    if transform.determinant > 0:  # rows go north: the grid is a mirror image of what an image would be
+    if transform.determinant > 0:  # rows go north: faces turn clockwise
         faces = faces[:, ::-1]
     index = np.cumsum(band.valid.ravel()) - 1
     return PlyMap(grid[band.valid], None, None, index[faces])
@@ -109,12 +109,12 @@ def _read_band(path: Path | str) -> _Band:
 
 
 def _metres_per_unit(path: Path | str, band: _Band) -> float:
-    """Of the map's coordinates. Raises InputError for maps that heights cannot be taken from as they are."""
+    """Metres in the unit of the map's coordinates. Raises InputError for maps that are not projected and north up."""
     transform, crs = band.transform, band.crs
     if transform.is_identity:
         raise InputError(f"{path}: has no map coordinates; export it as a georeferenced GeoTIFF")
     if transform.b or transform.d or transform.a <= 0 or transform.e >= 0:
-        raise InputError(f"{path}: is rotated or not north up; make it so with gdalwarp")
+        raise InputError(f"{path}: is rotated or not north up; resample it with gdalwarp")
     if crs and crs.is_geographic:
         raise InputError(
             f"{path}: is a map in degrees; project it about the site first, for example with gdalwarp -t_srs "

@@ -1,9 +1,8 @@
-"""The globes that maps are drawn on, and longitudes and latitudes on them. Needs the extra `geo` (rasterio).
+"""Reference spheres and spheroids of bodies, with longitudes and latitudes. Needs the extra `geo` (rasterio).
 
 A body's frame has its origin in the centre, z to the north pole and x to longitude zero; longitudes count eastward.
-Globes are those of PROJ's IAU_2015 where it knows the body (Archinal et al. 2018,
-doi:10.1007/s10569-017-9805-5): the sphere that the IAU recommends for maps. Other bodies' are made of the radii
-given, and named so.
+Bodies in PROJ's IAU_2015 (Archinal et al. 2018, doi:10.1007/s10569-017-9805-5) have the sphere that the IAU recommends
+for maps. Other bodies need radii.
 """
 
 from __future__ import annotations
@@ -41,15 +40,15 @@ NAIF_NUMBER = {
     "ida": 2431010,
     "gaspra": 9511010,
 }
-"""NAIF's numbers of bodies in PROJ's IAU_2015; a code there is 100 times that, plus what kind of system it is."""
-
+"""NAIF identifiers of bodies in PROJ's IAU_2015. A code there is 100 times that, plus the kind of system."""
 
 _LATITUDE_STEPS = 30
+"""Steps of Bowring's iteration: three reach rounding near a spheroid as flat as Vesta, points deep inside need more."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Globe:
-    """The sphere or spheroid that a body's maps are drawn on."""
+    """The sphere or spheroid that maps of a body refer to."""
 
     name: str
     radii_m: tuple[float, float]
@@ -61,14 +60,14 @@ class Globe:
 
     @property
     def shape(self) -> str:
-        """In words."""
+        """Shape and radii in words."""
         return _shape(*self.radii_m)
 
 
 def find_globe(body: str | None, radii_m: tuple[float, ...] | None = None) -> Globe:
-    """The globe of a body that PROJ knows by name, or of radii: one of a sphere, or equatorial and polar [m].
+    """The globe of a body in IAU_2015, or one with given radii [m]: that of a sphere, or equatorial and polar.
 
-    Raises InputError for a body that is not known where no radii are given.
+    Raises InputError for a body that is not in IAU_2015, unless radii are given.
     """
     need_rasterio()
     if radii_m is not None:
@@ -89,12 +88,12 @@ def geographic(globe: Globe, position: np.ndarray) -> np.ndarray:
     """Longitude in [-180, 180] and latitude [degrees], and height above the globe [m], (n, 3), of positions (n, 3) [m].
 
     Latitudes are planetocentric on a sphere, planetographic on a spheroid: Bowring's formula, Survey Review 23 (1976)
-    323, repeated until it stands still. PROJ takes it once, and errs by 20 m 15 km above a spheroid as flat as Vesta.
+    323, iterated to convergence. PROJ applies it once, with an error of 20 m 15 km above a spheroid as flat as Vesta.
     """
     a, c = globe.radii_m
     x, y, z = np.asarray(position, float).T
     across = np.hypot(x, y)
-    reduced = np.arctan2(a * z, c * across)
+    latitude = reduced = np.arctan2(a * z, c * across)
     for _ in range(_LATITUDE_STEPS):
         sine, cosine = np.sin(reduced), np.cos(reduced)
         latitude = np.arctan2(z + (a * a - c * c) / c * sine**3, across - (a * a - c * c) / a * cosine**3)
@@ -105,7 +104,7 @@ def geographic(globe: Globe, position: np.ndarray) -> np.ndarray:
 
 
 def need_rasterio() -> None:
-    """Raises InputError where it is not installed."""
+    """Raises InputError if rasterio is not installed."""
     try:
         import rasterio  # noqa: F401
     except ImportError as error:
@@ -115,12 +114,12 @@ def need_rasterio() -> None:
 
 
 def name_of(crs: Any) -> str:
-    """What a rasterio CRS calls itself."""
+    """The name of a rasterio CRS."""
     return str(crs.to_dict(projjson=True).get("name", "unnamed"))
 
 
 def semi_axes(crs: Any) -> tuple[float, float] | None:
-    """Equatorial and polar radius [m] of a reference system's ellipsoid, or None where it names none."""
+    """Equatorial and polar radius [m] of a reference system's ellipsoid; None if it has none."""
     return _ellipsoid_below(crs.to_dict(projjson=True)) if crs else None
 
 
@@ -133,7 +132,7 @@ def body_fixed(crs: Any, radii_m: tuple[float, float], east_north_height: np.nda
 
 
 def iau_crs(code: int) -> Any:
-    """rasterio's CRS of a code in IAU_2015."""
+    """The rasterio CRS of a code in IAU_2015."""
     from rasterio.crs import CRS
 
     return CRS.from_user_input(f"IAU_2015:{code}")
@@ -145,7 +144,7 @@ def quoted(name: str) -> str:
 
 
 def transform_points(source: Any, target: Any, points: np.ndarray) -> np.ndarray:
-    """Points (n, 3) of one of rasterio's CRS in another, by PROJ."""
+    """Points (n, 3) transformed from one rasterio CRS to another by PROJ."""
     from rasterio.warp import transform
 
     moved = transform(source, target, *np.asarray(points, float).T)
@@ -162,7 +161,7 @@ def _globe_of_radii(body: str | None, radii_m: tuple[float, ...]) -> Globe:
     if not (len(radii_m) in (1, 2) and all(math.isfinite(r) and r > 0 for r in radii_m) and radii_m[-1] <= radii_m[0]):
         raise InputError(
             f"radii {' '.join(map(str, radii_m))}: give one of a sphere, or the equatorial and a polar one that is not "
-            "larger [m]; PROJ draws no maps on other shapes (take the mean radius)"
+            "larger [m]; PROJ has no maps of other shapes (take the mean radius)"
         )
     a, c = radii_m[0], radii_m[-1]
     flattening = 0.0 if a == c else a / (a - c)
@@ -175,7 +174,7 @@ def _globe_of_radii(body: str | None, radii_m: tuple[float, ...]) -> Globe:
 
 
 def _ellipsoid_below(node: Any) -> tuple[float, float] | None:
-    """Semi-axes of the first ellipsoid in a node of PROJJSON and what is below it."""
+    """Semi-axes of the first ellipsoid in a node of PROJJSON or below it."""
     for key, value in node.items() if isinstance(node, dict) else ():
         if key == "ellipsoid":
             if "radius" in value:

@@ -1,4 +1,4 @@
-"""Projected maps of a globe: reference systems, and body-fixed positions in them. Needs the extra `geo` (rasterio)."""
+"""Map projections of a globe, from and to body-fixed positions. Needs the extra `geo` (rasterio)."""
 
 from __future__ import annotations
 
@@ -22,10 +22,13 @@ from photoclinometry.model.geometry import unit
 Projection = Literal["equirectangular", "orthographic", "polar-stereographic"]
 
 _CODE = {"geographic": 0, "equirectangular": 10, "equirectangular-180": 15, "north": 30, "south": 35}
-_STEEPEST_EQUIRECTANGULAR_DEG = 85.0
+"""Kinds of systems in IAU_2015: the last two digits of a code."""
+_HIGHEST_EQUIRECTANGULAR_DEG = 85.0
+"""Latitude beyond which equirectangular pixels are stretched more than eleven times from west to east."""
 _FLATTEST_POLAR = 0.01
+"""Flattening beyond which PROJ's polar stereographic maps do not read back to their positions."""
 _HORIZON = 0.05
-"""Cosine of the angle from its centre up to which an orthographic map is drawn."""
+"""Cosine of the angle from the centre to which an orthographic map extends: 87 degrees, nearly edge-on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +37,7 @@ class MapProjection:
 
     globe: Globe
     crs: Any
-    """rasterio's CRS."""
+    """The rasterio CRS."""
 
     def from_body(self, position: np.ndarray) -> np.ndarray:
         """Easting, northing and height above the globe (n, 3) [m] of body-fixed positions (n, 3) [m]."""
@@ -50,16 +53,16 @@ def site_projection(
 ) -> MapProjection:
     """The projection for a map of landmarks (n, 3) [m].
 
-    equirectangular: true to scale along the equator; about longitude 180 where the map would tear at it otherwise.
-    orthographic: as seen from far above `center_deg`, a longitude and a latitude, or the middle of the landmarks, to
-    a hundredth of a degree. polar-stereographic: about the nearer pole, true to scale there. Raises InputError for maps
-    that cannot be drawn so.
+    equirectangular: true to scale along the equator, centred on longitude 0, or on 180 for landmarks on both sides of
+    it. orthographic: as seen from far above `center_deg` (longitude, latitude), by default the middle of the landmarks
+    rounded to 0.01 degrees. polar-stereographic: about the nearer pole, true to scale there. Raises InputError if the
+    projection cannot show the landmarks.
     """
     if projection == "orthographic":
         middle = geographic(globe, unit(position).mean(0, keepdims=True) * globe.radii_m[0])[0]
         lon, lat = (round(float(x), 2) for x in middle[:2]) if center_deg is None else center_deg
         if not (-360.0 <= lon <= 360.0 and -90.0 <= lat <= 90.0):
-            raise InputError(f"--center-deg {lon} {lat} is no longitude and latitude")
+            raise InputError(f"--center-deg {lon} {lat} is not a longitude and latitude")
         _check_seen(lon, lat, geographic(globe, position)[:, :2])
         name = f"Orthographic about {lon:g} E, {lat:g} N"
         return MapProjection(globe=globe, crs=_projected(globe, name, "Orthographic", lat, lon))
@@ -77,9 +80,9 @@ def site_projection(
             raise InputError(f"the map crosses the equator; a {projection} map shows one hemisphere: choose another")
         crs = _iau_or(globe, kind) or _projected(globe, f"{kind.title()} Polar", "Polar_Stereographic", pole, 0.0)
         return MapProjection(globe=globe, crs=crs)
-    if np.abs(lat).max() > _STEEPEST_EQUIRECTANGULAR_DEG:
+    if np.abs(lat).max() > _HIGHEST_EQUIRECTANGULAR_DEG:
         raise InputError(
-            f"the map reaches latitude {lat[np.argmax(np.abs(lat))]:.1f}, where an equirectangular map is torn apart; "
+            f"the map reaches latitude {lat[np.argmax(np.abs(lat))]:.1f}, where equirectangular maps are stretched; "
             "choose --projection polar-stereographic or orthographic"
         )
     middle = 0.0
@@ -93,7 +96,7 @@ def site_projection(
 
 
 def _check_seen(lon_deg: float, lat_deg: float, points_deg: np.ndarray) -> None:
-    """Raises InputError for longitudes and latitudes (n, 2) that are not on the side of the centre."""
+    """Raises InputError if points (longitude, latitude) (n, 2) lie on the far side of the body from the centre."""
     lon, lat = np.radians(points_deg).T
     center = np.radians(lat_deg)
     cosine = np.sin(center) * np.sin(lat) + np.cos(center) * np.cos(lat) * np.cos(lon - np.radians(lon_deg))
@@ -106,7 +109,7 @@ def _check_seen(lon_deg: float, lat_deg: float, points_deg: np.ndarray) -> None:
 
 
 def local_crs(name: str) -> Any:
-    """rasterio's CRS of a plane [m] that is on no known place of a body (an engineering CRS)."""
+    """The rasterio CRS of a plane [m] whose place on the body is unknown (an engineering CRS)."""
     need_rasterio()
     from rasterio.crs import CRS
 
@@ -114,7 +117,7 @@ def local_crs(name: str) -> Any:
 
 
 def _iau_or(globe: Globe, kind: str) -> Any:
-    """The IAU's own reference system of this kind, or None for a globe that is not the IAU's."""
+    """The IAU's reference system of this kind; None for a globe with given radii."""
     return None if globe.iau is None else iau_crs(globe.iau + _CODE[kind])
 
 

@@ -6,27 +6,20 @@ import json
 import logging
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from photoclinometry import __version__
 from photoclinometry.io.atomic import atomic_path, write_text
-from photoclinometry.io.meshes.ply import write_ply
-from photoclinometry.io.models.colmap import write_colmap
-from photoclinometry.io.models.text_model import write_text_model
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.scene import Scene
+from photoclinometry.output.export.formats import FORMATS
 from photoclinometry.output.export.frame import Framed, framed
-from photoclinometry.output.export.maps import possible_maps, write_maps
-from photoclinometry.output.export.meshes import write_meshes
-from photoclinometry.output.export.options import ExportOptions, MapProduct, Product
-from photoclinometry.output.export.sumfiles import write_sumfiles
-from photoclinometry.output.export.tables import write_tables
+from photoclinometry.output.export.options import ExportOptions
 
 log = logging.getLogger(__name__)
 
 MANIFEST = "export.json"
 FORMAT = "photoclinometry export"
-_MAPS: tuple[MapProduct, ...] = get_args(MapProduct)
 
 
 def export_scene(scene: Scene, out: Path | str, options: ExportOptions | None = None) -> dict[str, Any]:
@@ -56,45 +49,32 @@ def export_scene(scene: Scene, out: Path | str, options: ExportOptions | None = 
     return about
 
 
-def _write(folder: Path, placed: Framed, products: list[Product], options: ExportOptions) -> dict[str, str]:
-    scene, files = placed.scene, {}
-    maps: list[MapProduct] = [product for product in _MAPS if product in products]
-    if maps:
-        files |= write_maps(folder, placed, maps, options)
-    if "obj" in products or "gltf" in products:
-        files |= write_meshes(folder, placed, "obj" in products, "gltf" in products)
-    if "ply" in products:
-        write_ply(folder / "landmarks.ply", scene, mesh=True)
-        files["landmarks.ply"] = "landmarks as a mesh, with normals, albedos and standard deviations"
-    if "colmap" in products:
-        write_colmap(folder / "sparse", scene, max_points=len(scene.landmarks))
-        files["sparse"] = "COLMAP model with all landmarks"
-    if "text-model" in products:
-        write_text_model(folder / "model", scene)
-        files["model"] = "text model of the paper's authors, albedos are normal albedos"
-    if "sumfile" in products:
-        files |= write_sumfiles(folder / "sumfiles", placed)
-    if "csv" in products:
-        files |= write_tables(folder, placed)
+def _write(folder: Path, placed: Framed, products: list[str], options: ExportOptions) -> dict[str, str]:
+    """Each writer once, for all its products. Raises InputError where a package that a writer needs is missing."""
+    files: dict[str, str] = {}
+    for write in dict.fromkeys(FORMATS[name].write for name in FORMATS if name in products):
+        own = tuple(name for name in products if FORMATS[name].write is write)
+        try:
+            files |= write(folder, placed, own, options)
+        except ModuleNotFoundError as error:
+            extra = FORMATS[own[0]].extra
+            if extra is None:
+                raise
+            cure = f"pip install 'photoclinometry[{extra}]', or leave it out of --products"
+            raise InputError(f"{own[0]} needs {error.name}: {cure}") from error
     return files
 
 
-def _chosen(placed: Framed, options: ExportOptions) -> list[Product]:
-    """What to write. Raises InputError for what there is nothing for."""
-    others: tuple[Product, ...] = ("obj", "gltf", "ply", "colmap", "text-model", "csv")
-    of_body: tuple[Product, ...] = ("sumfile",) if placed.globe is not None else ()
-    possible: list[Product] = [*possible_maps(placed), *others, *of_body]
+def _chosen(placed: Framed, options: ExportOptions) -> list[str]:
+    """What to write: what is asked for, or all that is possible. Raises InputError for what there is nothing for."""
     if not options.products:
-        return possible
-    why = {
-        "sigma": "it states no uncertainties",
-        "albedo": "it holds geometry alone",
-        "reflectance": "it holds geometry alone",
-        "sumfile": "it is in no body-fixed frame; give --transform, or --body-fixed with --unit-m",
-    }
-    for product in options.products:
-        if product not in possible:
-            raise InputError(f"scene {placed.scene.name!r} cannot be exported as {product}: {why[product]}")
+        return [name for name, product in FORMATS.items() if product.lacks(placed) is None]
+    for name in options.products:
+        if name not in FORMATS:
+            raise InputError(f"no export format {name!r}; known: {', '.join(FORMATS)}")
+        why = FORMATS[name].lacks(placed)
+        if why is not None:
+            raise InputError(f"scene {placed.scene.name!r} cannot be exported as {name}: {why}")
     return list(dict.fromkeys(options.products))
 
 

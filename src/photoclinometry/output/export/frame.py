@@ -1,9 +1,10 @@
-"""The frame of what is exported: body-fixed in metres, or the scene's own."""
+"""The frame of an export: body-fixed in metres, or that of the scene."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +14,14 @@ from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, unit
 from photoclinometry.model.scene import BODY_FIXED, Scene
-from photoclinometry.output.export.options import ExportOptions
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.registration.georeference import georeferenced
 
+if TYPE_CHECKING:
+    from photoclinometry.output.export.options import ExportOptions
+
 _RADIUS_RANGE = (0.3, 3.0)
-"""Landmarks are this near to the globe's radius, on the longest and on the shortest axis of bodies like Eros."""
+"""Range of the landmarks' distance from the centre, in radii of the globe: bodies like Eros are that elongated."""
 
 _NOT_BODY_FIXED = (
     "the pose priors of its site are not body-fixed, or the body is another; --unit-m 1 exports the map in metres, on "
@@ -28,15 +31,15 @@ _NOT_BODY_FIXED = (
 
 @dataclass(frozen=True, kw_only=True)
 class Framed:
-    """A scene in the frame that it is exported in."""
+    """A scene in the frame of the export."""
 
     scene: Scene
     globe: Globe | None
-    """The body's globe where the frame is body-fixed [m]; None in the scene's own frame."""
+    """The body's globe if the frame is body-fixed [m]; None in the frame of the scene."""
     metric: bool
-    """Lengths are metres; else in the scene's own unit."""
+    """Whether lengths are in metres; otherwise they are in the unit of the scene."""
     how: str = ""
-    """Who says where on the body it lies."""
+    """The source of the place on the body, in words."""
 
     @property
     def unit(self) -> str:
@@ -44,7 +47,7 @@ class Framed:
 
     @property
     def words(self) -> str:
-        """The frame and unit of positions, for people."""
+        """The frame and unit of positions, in words."""
         if self.globe is not None:
             axes = "origin in the body's centre, z to the north pole, x to longitude 0"
             return f"body-fixed, {axes}, in metres; {self.how}"
@@ -52,17 +55,17 @@ class Framed:
 
 
 def framed(scene: Scene, options: ExportOptions) -> Framed:
-    """The scene in its body-fixed frame where the options tell it, else in its own.
+    """The scene in the body-fixed frame if the options or the run give it, else in its own frame.
 
-    Raises InputError where they contradict themselves, or the landmarks cannot be ground of the body.
+    Raises InputError if options contradict each other, or if the landmarks cannot lie on the body.
     """
-    marks = scene.landmarks
-    if not len(marks) or not (np.isfinite(marks.position).all() and np.isfinite(marks.normal).all()):
+    landmarks = scene.landmarks
+    if not len(landmarks) or not (np.isfinite(landmarks.position).all() and np.isfinite(landmarks.normal).all()):
         raise InputError(f"scene {scene.name!r}: it has no landmarks, or some are not finite; run the site again")
-    told = _body_from_scene(scene, options)
-    if told is None:
+    found = _body_from_scene(scene, options)
+    if found is None:
         return _in_own_frame(scene, options)
-    body_from_scene, how = told
+    body_from_scene, how = found
     globe = find_globe(options.body or scene.body, options.radii_m)
     moved = replace(transform_scene(body_from_scene, scene), frame=BODY_FIXED)
     by_run = scene.frame == BODY_FIXED and not (options.transform or options.site)
@@ -71,13 +74,13 @@ def framed(scene: Scene, options: ExportOptions) -> Framed:
 
 
 def _body_from_scene(scene: Scene, options: ExportOptions) -> tuple[Similarity, str] | None:
-    """The transform to the body-fixed frame [m], and who says so; None where nothing does."""
+    """The transform to the body-fixed frame [m] and its source; None if neither options nor run give it."""
     ways = {"--transform": options.transform, "--site": options.site, "--body-fixed": options.body_fixed or None}
     given = [flag for flag, value in ways.items() if value is not None]
     if len(given) > 1:
-        raise InputError(f"{' and '.join(given)} both say where on the body the scene lies: give one")
+        raise InputError(f"{' and '.join(given)} both give the scene's place on the body: pass one of them")
     if (options.transform or options.site) is not None and options.unit_m is not None:
-        raise InputError(f"{given[0]} already tells the unit: leave out --unit-m")
+        raise InputError(f"{given[0]} already gives the unit: leave out --unit-m")
     if options.transform is not None:
         return read_similarity(options.transform), f"by {options.transform}"
     if options.site is not None:
@@ -88,7 +91,7 @@ def _body_from_scene(scene: Scene, options: ExportOptions) -> tuple[Similarity, 
         return None
     if options.unit_m is None:
         raise InputError("--body-fixed needs the scene's unit of length: give --unit-m (1, or 1000 for km)")
-    return _scaling(options.unit_m), "as it was"
+    return _scaling(options.unit_m), "by --body-fixed"
 
 
 def _by_priors(scene: Scene, site: Path) -> tuple[Similarity, str]:
@@ -103,7 +106,7 @@ def _in_own_frame(scene: Scene, options: ExportOptions) -> Framed:
         if getattr(options, name) is not None:
             flag = "--" + name.replace("_", "-")
             raise InputError(
-                f"{flag} is for maps of a body, and the scene is in a frame of its own; say where on the body it lies: "
+                f"{flag} is for maps of a body, and the scene is in a frame of its own; give its place on the body: "
                 "--transform FILE, --site with pose priors, or --body-fixed with --unit-m if it is there already"
             )
     if options.unit_m is None:
@@ -118,7 +121,7 @@ def _scaling(unit_m: float) -> Similarity:
 
 
 def _check_on_body(scene: Scene, globe: Globe, cure: str) -> None:
-    """Raises InputError unless the landmarks lie about a radius from the centre and their normals look away from it."""
+    """Raises InputError unless the landmarks lie about a radius from the centre with normals that point outwards."""
     position, normal = scene.landmarks.position, scene.landmarks.normal
     distance = float(np.median(np.linalg.norm(position, axis=-1)))
     low, high = _RADIUS_RANGE[0] * globe.radii_m[1], _RADIUS_RANGE[1] * globe.radii_m[0]
@@ -129,6 +132,6 @@ def _check_on_body(scene: Scene, globe: Globe, cure: str) -> None:
         )
     if np.median(np.sum(unit(position) * normal, axis=-1)) <= 0:
         raise InputError(
-            f"the normals of scene {scene.name!r} would look into {globe.name}: this is not the body-fixed frame; "
+            f"the normals of scene {scene.name!r} would point into {globe.name}: this is not the body-fixed frame; "
             f"{cure}"
         )

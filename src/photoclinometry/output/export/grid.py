@@ -1,4 +1,4 @@
-"""From a mesh to a north-up grid: linear interpolation on the triangles, and gaps where there are none."""
+"""Resampling of a mesh to a north-up grid, by linear interpolation on its triangles."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.surface.rasterise import draw_triangles
 
 MAX_PIXELS = 25_000_000
+"""Largest map [px]: 100 MB per band; a finer --resolution than the landmarks' shows nothing more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +18,7 @@ class MapGrid:
     """Square pixels of a map, rows down (south), columns right (east)."""
 
     corner: tuple[float, float]
-    """(x, y) of the outer corner of the top-left pixel, whole pixels from the map's origin."""
+    """(x, y) of the outer corner of the top-left pixel; multiples of `pixel`."""
     pixel: float
     """Width and height of a pixel, in the map's unit."""
     shape: tuple[int, int]
@@ -34,7 +35,7 @@ class MapGrid:
 
 
 def grid_around(xy: np.ndarray, pixel: float) -> MapGrid:
-    """The grid that holds points (n, 2) of the map. Raises InputError for pixels of no size, or far too small."""
+    """The grid that covers points (n, 2) of the map. Raises InputError for invalid or far too small pixels."""
     if not (np.isfinite(pixel) and pixel > 0):
         raise InputError(f"--resolution {pixel}: give a positive width of a pixel")
     low, high = np.floor(xy.min(0) / pixel), np.ceil(xy.max(0) / pixel)
@@ -48,10 +49,10 @@ def grid_around(xy: np.ndarray, pixel: float) -> MapGrid:
 
 
 def resample(grid: MapGrid, xyz: np.ndarray, values: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values (J, n) of a mesh's vertices at the grid's pixel centres, (h, w, n), and where there are any, (h, w).
+    """Values (J, n) of a mesh's vertices at the grid's pixel centres (h, w, n), and (h, w) True where defined.
 
-    xyz: (J, 3) map coordinates and heights; faces: (F, 3). Linear on each triangle; where one lies over another, the
-    upper. Pixels without a triangle over their centre are gaps.
+    xyz: (J, 3) map coordinates and heights; faces: (F, 3). Values are linear on each triangle; of triangles above each
+    other the upper is used. Pixels whose centre is under no triangle are gaps.
     """
     pixel = grid.pixel_from_map(xyz[:, :2])
     top_first = faces[np.argsort(-xyz[faces, 2].mean(1), kind="stable")]
@@ -61,11 +62,11 @@ def resample(grid: MapGrid, xyz: np.ndarray, values: np.ndarray, faces: np.ndarr
 def resample_heights(
     grid: MapGrid, xyz: np.ndarray, gradient: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Heights (h, w) at the grid's pixel centres, as `resample`, but with the slopes of the ground at the vertices.
+    """Heights (h, w) at the grid's pixel centres, as `resample`, using the slopes of the ground at the vertices too.
 
-    gradient: (J, 2) of the height by x and y. To the height at p of a triangle, half of what the tangent planes at its
-    corners say is added, sum w_i (h_i + g_i . (p - p_i) / 2). That is exact for quadratic ground, where linear
-    interpolation cuts off what bulges.
+    gradient: (J, 2) of the height by x and y. With weights w_i of the corners, the height at p of a triangle is
+    sum w_i (h_i + g_i . (p - p_i) / 2): half the slopes of the tangent planes are added. That is exact for quadratic
+    ground, which linear interpolation flattens.
     """
     at_vertex = xyz[:, 2] - 0.5 * np.sum(gradient * xyz[:, :2], -1)
     image, valid = resample(grid, xyz, np.concatenate([at_vertex[:, None], gradient], -1), faces)

@@ -6,44 +6,40 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from photoclinometry.io.rasters.cog import Band, write_cog
+from photoclinometry.io.rasters.cog import Band, RasterPlace, write_cog
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import Scene
 from photoclinometry.output.export.corrected import corrected_reflectance
 from photoclinometry.output.export.frame import Framed
 from photoclinometry.output.export.grid import MapGrid, grid_around, resample, resample_heights
-from photoclinometry.output.export.options import ExportOptions, MapProduct
 from photoclinometry.output.export.plane import Plane, map_plane
 from photoclinometry.output.export.sigma import sigma_along, sigma_mean
 from photoclinometry.photometry.render import landmark_faces
 
+if TYPE_CHECKING:
+    from photoclinometry.output.export.options import ExportOptions
+
 
 @dataclass(frozen=True, kw_only=True)
 class Map:
-    """One file's content."""
+    """The content of one file."""
 
     name: str
-    """Of the file, without suffix."""
+    """Name of the file, without suffix."""
     bands: tuple[Band, ...]
     values: np.ndarray
-    """(h, w, n)."""
+    """(h, w, n), NaN where there is no ground."""
     about: str
+    """Description for people."""
 
 
-def possible_maps(framed: Framed) -> tuple[MapProduct, ...]:
-    """The maps that the scene has something for."""
-    shape: tuple[MapProduct, ...] = ("dtm", "normals", "slope")
-    light: tuple[MapProduct, ...] = ("albedo", "reflectance") if framed.scene.reflectance is not None else ()
-    stated = {"position", "normal", "albedo"} & set(framed.scene.uncertainty)
-    return (*shape, *light, "sigma") if stated else (*shape, *light)
-
-
-def write_maps(folder: Path, framed: Framed, products: Sequence[MapProduct], options: ExportOptions) -> dict[str, str]:
-    """The maps as `folder`/NAME.tif; what is in each, by file name. Raises InputError and RunFolderError."""
+def write_maps(folder: Path, framed: Framed, products: Sequence[str], options: ExportOptions) -> dict[str, str]:
+    """Writes the maps as `folder`/NAME.tif; returns descriptions by file name. Raises InputError and RunFolderError."""
     plane = map_plane(framed, options)
     pixel = _three_digits(framed.scene.spacing) if options.resolution is None else options.resolution
     grid = grid_around(plane.place[:, :2], pixel)
@@ -55,9 +51,7 @@ def write_maps(folder: Path, framed: Framed, products: Sequence[MapProduct], opt
             drawn.values,
             np.asarray(np.isfinite(drawn.values).all(-1)),
             drawn.bands,
-            corner=grid.corner,
-            pixel=grid.pixel,
-            crs=plane.crs,
+            place=RasterPlace(corner=grid.corner, pixel=grid.pixel, crs=plane.crs),
             about=about | {"PRODUCT": drawn.about},
         )
         unit_name = framed.unit or "the scene's unit"
@@ -66,7 +60,7 @@ def write_maps(folder: Path, framed: Framed, products: Sequence[MapProduct], opt
 
 
 def draw_maps(
-    framed: Framed, plane: Plane, grid: MapGrid, products: Sequence[MapProduct], options: ExportOptions
+    framed: Framed, plane: Plane, grid: MapGrid, products: Sequence[str], options: ExportOptions
 ) -> list[Map]:
     """The maps on a grid, NaN where there is no ground."""
     scene = framed.scene
@@ -96,7 +90,7 @@ Layer = tuple[str, str, str, np.ndarray]
 """Name, unit, meaning, and a value (J,) for every landmark."""
 
 
-def _light(scene: Scene, products: Sequence[MapProduct], options: ExportOptions) -> list[Layer]:
+def _light(scene: Scene, products: Sequence[str], options: ExportOptions) -> list[Layer]:
     absolute, found = scene.brightness == "iof", []
     if "albedo" in products:
         found.append(("albedo", "", "normal albedo" if absolute else "relative albedo", scene.landmarks.albedo))
@@ -121,9 +115,9 @@ def _sigmas(framed: Framed, up: np.ndarray) -> list[Layer]:
 
 
 def _orientation(
-    normal: np.ndarray, up: np.ndarray, north: np.ndarray, axes: Sequence[str], products: Sequence[MapProduct]
+    normal: np.ndarray, up: np.ndarray, north: np.ndarray, axes: Sequence[str], products: Sequence[str]
 ) -> list[Map]:
-    """Maps of normals and slopes from normals and verticals (h, w, 3), NaN where there is none. axes: their names."""
+    """Maps of normals and slopes from normals and verticals (h, w, 3), NaN in gaps. axes: names of the components."""
     east = unit(np.cross(north, up))
     parts = np.stack([np.sum(normal * axis, -1) for axis in (east, np.cross(up, east), up)], -1)
     maps = []

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from photoclinometry.io.rasters.projection import Projection
+from photoclinometry.output.export.formats import FORMATS
 
-MapProduct = Literal["dtm", "albedo", "normals", "slope", "reflectance", "sigma"]
-Product = MapProduct | Literal["obj", "gltf", "ply", "colmap", "text-model", "sumfile", "csv"]
+if TYPE_CHECKING:
+    Product = str
+else:
+    Product = Literal[*FORMATS]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,9 +20,7 @@ class ExportOptions:
     """What to export, and what is known of the scene's frame."""
 
     products: tuple[Product, ...] = ()
-    """dtm, albedo, normals, slope, reflectance, sigma: GeoTIFF maps. obj, gltf: meshes with albedo as texture. ply:
-    landmarks as a mesh. colmap: poses and landmarks. text-model: in the format of the paper's authors. sumfile: one per
-    view, for SPC. csv: landmarks and views. Left out: all that the scene holds and its frame allows."""
+    """Formats to write, of `formats.FORMATS`. Left out: all that the scene holds and its frame allows."""
     transform: Path | None = None
     """TOML file with scale, rotation (3 rows), translation [m]: body-fixed = scale rotation @ scene + translation."""
     site: Path | None = None

@@ -1,11 +1,11 @@
-"""The plane that a scene is mapped on: of a body's map projection, or its own mean plane."""
+"""The plane of a scene's maps: a map projection of the body, or the mean plane of the scene."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,34 +13,40 @@ from photoclinometry.io.rasters.globe import geographic, name_of, need_rasterio
 from photoclinometry.io.rasters.projection import local_crs, site_projection
 from photoclinometry.model.geometry import tangent_basis
 from photoclinometry.output.export.frame import Framed
-from photoclinometry.output.export.options import ExportOptions
 from photoclinometry.surface.relief import local_frame
 
+if TYPE_CHECKING:
+    from photoclinometry.output.export.options import ExportOptions
+
 _STEEPEST_DEG = 70.0
-"""Normals that lean more do not bend heights between landmarks any further."""
+"""Slope to which gradients of heights are limited: normals of steeper ground are too uncertain to interpolate with."""
+_STEP_GSD = 0.01
+"""Step of the numerical derivative of the projection [ground samples]."""
+_UPRIGHT = 1e-9
+"""Ratio of a tangent plane's area on the map to the largest, below which the ground is vertical."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plane:
-    """The plane of a map, and where the landmarks are on it."""
+    """The plane of a map, and the landmarks on it."""
 
     crs: Any
-    """rasterio's CRS; None where the unit of length is not known."""
+    """rasterio's CRS; None if the unit of length is unknown."""
     name: str
     place: np.ndarray
     """(J, 3) x, y and height in the map's unit."""
     gradient: np.ndarray
-    """(J, 2) of the height by x and y, from the normals."""
+    """(J, 2) derivatives of the height by x and y, from the normals."""
     up: np.ndarray
-    """(J, 3) unit vectors, in the frame of the scene."""
+    """(J, 3) unit vectors of the vertical, in the frame of the scene."""
     north: np.ndarray
-    """(3,) the direction that a map's north is the horizontal part of: the pole's, or a local map's y."""
+    """(3,) direction whose horizontal part is the map's north: that of the pole, or a local map's y."""
 
 
 def map_plane(framed: Framed, options: ExportOptions) -> Plane:
-    """A map of the body, or the mean plane of a scene in its own frame. Raises InputError."""
+    """The map projection of a body-fixed scene, else the mean plane of the scene. Raises InputError."""
     need_rasterio()
-    position, step = framed.scene.landmarks.position, 0.01 * framed.scene.gsd
+    position, step = framed.scene.landmarks.position, _STEP_GSD * framed.scene.gsd
     if framed.globe is not None:
         drawn = site_projection(framed.globe, options.projection or "equirectangular", position, options.center_deg)
         lon, lat, _ = np.radians(geographic(framed.globe, position)).T
@@ -71,13 +77,13 @@ def height_gradient(
 ) -> np.ndarray:
     """(J, 2) derivatives of the height by x and y on a map, of ground through points (J, 3) with normals (J, 3).
 
-    place_of: map coordinates and height of points (n, 3); step: a length small against the relief. Not steeper than
-    _STEEPEST_DEG; zero where the ground is upright.
+    place_of: map coordinates and height of points (n, 3); step: a length small compared with the relief. Limited to
+    _STEEPEST_DEG; zero where the ground is vertical.
     """
     tangent, here = tangent_basis(normal), place_of(position)
     (x1, y1, z1), (x2, y2, z2) = ((place_of(position + step * tangent[..., i]) - here).T for i in range(2))
     area = x1 * y2 - x2 * y1
-    upright = np.abs(area) < 1e-9 * np.abs(area).max()
+    upright = np.abs(area) < _UPRIGHT * np.abs(area).max()
     rise = np.stack([z1 * y2 - z2 * y1, x1 * z2 - x2 * z1], -1)
     gradient = np.where(upright[:, None], 0.0, rise / np.where(upright, 1.0, area)[:, None])
     steepness = np.linalg.norm(gradient, axis=-1, keepdims=True)

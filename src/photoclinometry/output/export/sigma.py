@@ -1,4 +1,4 @@
-"""Standard deviations of landmarks as numbers for maps and tables, from any form that `calibrate.py` lists."""
+"""Standard deviations of landmarks for maps and tables, from any form of `evaluate/sigma_calibration.py`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from photoclinometry.model.errors import InputError
 
 
 def sigma_along(stated: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(n,) standard deviation along unit vectors (n, d) of what is stated as (n,), (n, d) or (n, d, d)."""
+    """(n,) standard deviation along unit vectors (n, d) of uncertainties stated as (n,), (n, d) or (n, d, d)."""
     stated, direction = np.asarray(stated, float), np.asarray(direction, float)
     _check(stated, len(direction), direction.shape[1])
     if stated.ndim == 1:
@@ -19,7 +19,7 @@ def sigma_along(stated: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def sigma_mean(stated: np.ndarray, size: int) -> np.ndarray:
-    """(n,) root mean square over `size` axes of the standard deviations, stated as `sigma_along` takes them."""
+    """(n,) root mean square over `size` axes of the standard deviations, in any form of `sigma_along`."""
     stated = np.asarray(stated, float)
     _check(stated, len(stated), size)
     if stated.ndim == 1:
@@ -30,4 +30,6 @@ def sigma_mean(stated: np.ndarray, size: int) -> np.ndarray:
 
 def _check(stated: np.ndarray, count: int, size: int) -> None:
     if stated.shape not in ((count,), (count, size), (count, size, size)):
-        raise InputError(f"an uncertainty has shape {stated.shape}, expected {count} of {size} numbers; run again")
+        raise InputError(
+            f"an uncertainty has shape {stated.shape}, expected {count} of {size} numbers; run the site again"
+        )

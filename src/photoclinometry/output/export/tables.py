@@ -1,4 +1,4 @@
-"""Landmarks and views as CSV, one row each, units in the names of the columns."""
+"""Landmarks and views as CSV tables, one row each; names of columns end in the unit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from photoclinometry.output.export.sigma import sigma_along, sigma_mean
 
 
 def write_tables(folder: Path, framed: Framed) -> dict[str, str]:
-    """landmarks.csv and views.csv; what is in each, by file name. Raises RunFolderError."""
+    """Writes landmarks.csv and views.csv; returns descriptions by file name. Raises RunFolderError."""
     write_csv(folder / "landmarks.csv", landmark_columns(framed))
     write_csv(folder / "views.csv", view_columns(framed))
     return {
@@ -23,25 +23,25 @@ def write_tables(folder: Path, framed: Framed) -> dict[str, str]:
 
 
 def landmark_columns(framed: Framed) -> Columns:
-    """Position, place on the globe where it is known, normal, albedo, standard deviations, pixel, observations."""
-    scene, marks = framed.scene, framed.scene.landmarks
+    """Position, longitude and latitude if known, normal, albedo, standard deviations, pixel, observations."""
+    scene, landmarks = framed.scene, framed.scene.landmarks
     length = "_m" if framed.metric else ""
-    columns: Columns = {axis + length: marks.position[:, i] for i, axis in enumerate("xyz")}
+    columns: Columns = {axis + length: landmarks.position[:, i] for i, axis in enumerate("xyz")}
     if framed.globe is not None:
-        lon, lat, height = geographic(framed.globe, marks.position).T
+        lon, lat, height = geographic(framed.globe, landmarks.position).T
         columns |= {"longitude_deg": lon, "latitude_deg": lat, "height_m": height}
-    columns |= {f"normal_{axis}": marks.normal[:, i] for i, axis in enumerate("xyz")}
+    columns |= {f"normal_{axis}": landmarks.normal[:, i] for i, axis in enumerate("xyz")}
     if scene.reflectance is not None:
-        columns["albedo"] = marks.albedo
+        columns["albedo"] = landmarks.albedo
     stated = scene.uncertainty
     if "position" in stated:
-        axes = np.broadcast_to(np.eye(3)[:, None], (3, len(marks), 3))
+        axes = np.broadcast_to(np.eye(3)[:, None], (3, len(landmarks), 3))
         columns |= {f"sigma_{a}{length}": sigma_along(stated["position"], axes[i]) for i, a in enumerate("xyz")}
     if "normal" in stated:
         columns["sigma_normal_deg"] = np.degrees(sigma_mean(stated["normal"], 2))
     if "albedo" in stated:
         columns["sigma_albedo"] = sigma_mean(stated["albedo"], 1)
-    columns |= {"row_px": marks.pixel[:, 0], "col_px": marks.pixel[:, 1]}
+    columns |= {"row_px": landmarks.pixel[:, 0], "col_px": landmarks.pixel[:, 1]}
     return columns | {"observations": np.diff(scene.tracks.start)}
 
 

@@ -1,9 +1,10 @@
-"""Renderings beside real images, and how the estimate converged."""
+"""Figures of renderings beside real images, and of the estimate's convergence."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +23,15 @@ from photoclinometry.output.report.draw import (
 from photoclinometry.photometry.render import render_view
 
 RENDERINGS = 6
+"""Renderings in a report."""
+_STRETCH_PERCENT = (0.5, 99.5)
+"""Percentiles of brightness that are shown black and white."""
+_TICKS = 12
+"""Most labels on the axis of iterations."""
 
 
-def choose_views(scene: Scene, rows: Sequence[Mapping], count: int = RENDERINGS) -> list[int]:
-    """View indices from the best to the worst PSNR, evenly spaced: neither flattering nor alarming."""
+def choose_views(scene: Scene, rows: Sequence[Mapping[str, Any]], count: int = RENDERINGS) -> list[int]:
+    """View indices evenly spaced from the best to the worst PSNR, so that the choice is typical."""
     quality = {row["name"]: row["psnr_db"] for row in rows if "psnr_db" in row}
     known = [k for k, name in enumerate(scene.views.name) if name in quality]
     ranked = sorted(known, key=lambda k: -quality[scene.views.name[k]])
@@ -42,7 +48,7 @@ def draw_rendering(path: Path, scene: Scene, view: int, image: Image) -> Path:
     quality = psnr(image.brightness, rendered, mask, float(image.brightness[image.valid].max()))
     real = np.where(image.valid, image.brightness, np.nan)[window]
     drawn = np.where(mask, rendered, np.nan)[window]
-    clim = limits(np.where(mask[window], real, np.nan), 0.5, 99.5)
+    clim = limits(np.where(mask[window], real, np.nan), *_STRETCH_PERCENT)
     percent = 100.0 * (drawn - real) / np.nanmean(np.where(mask[window], real, np.nan))
     unit = "I/F" if scene.brightness == "iof" else "DN"
     with style():
@@ -64,7 +70,7 @@ def draw_rendering(path: Path, scene: Scene, view: int, image: Image) -> Path:
 
 
 def draw_renderings(
-    folder: Path, scene: Scene, images: Mapping[str, Image], rows: Sequence[Mapping]
+    folder: Path, scene: Scene, images: Mapping[str, Image], rows: Sequence[Mapping[str, Any]]
 ) -> list[tuple[str, str]]:
     """Up to RENDERINGS views as files: (file name, caption) of each, best PSNR first."""
     figures = []
@@ -77,7 +83,7 @@ def draw_renderings(
 
 
 def draw_convergence(path: Path, convergence: Sequence[Mapping[str, float]]) -> Path:
-    """Cost by factor type over the iterations, and their sum, on a logarithmic axis."""
+    """Cost by type of factor over the iterations, and the sum, on a logarithmic axis."""
     kinds = list(dict.fromkeys(kind for step in convergence for kind in step))
     steps = np.arange(len(convergence))
     cost = {kind: np.array([step.get(kind, np.nan) for step in convergence], float) for kind in kinds}
@@ -90,7 +96,7 @@ def draw_convergence(path: Path, convergence: Sequence[Mapping[str, float]]) -> 
             if (values > 0).any():
                 axes.plot(steps, np.where(values > 0, values, np.nan), marker=".", lw=1.2, label=kind)
         axes.set_yscale("log")
-        axes.set_xticks(steps[:: max(1, len(steps) // 12)])
+        axes.set_xticks(steps[:: max(1, len(steps) // _TICKS)])
         axes.set_xlabel("iteration")
         axes.set_ylabel("cost [-]")
         axes.grid(alpha=0.25)

@@ -1,10 +1,11 @@
-"""How figures look: sizes, colours, bars and scales, in one place.
+"""The layout and style of figures: sizes, colours, colour bars, limits.
 
-Figures are made without pyplot, so that nothing global is touched and no display is needed.
+Figures are made without pyplot, so that no global state changes and no display is needed.
 """
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,11 @@ from matplotlib.figure import Figure
 from photoclinometry.model.scene import Region
 
 MISSING = (0.66, 0.71, 0.77)
-"""Pixels without a value: a bluish grey, so that nobody takes it for a brightness."""
+"""Colour of pixels without a value: a bluish grey, which is not mistaken for a brightness."""
 DPI = 130
+"""Resolution of figures [px/inch]."""
+_ASPECT = (0.3, 2.0)
+"""Range of a panel's height over its width; maps beyond it are drawn with margins."""
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
@@ -30,18 +34,21 @@ STYLE: dict[Any, Any] = {
 
 
 def save(figure: Figure, path: Path) -> Path:
+    """Writes the figure; returns its path."""
     figure.savefig(path, dpi=DPI)
     return path
 
 
-def panels(rows: int, cols: int, width: float, aspect: float, gap: tuple[float, float], margin: tuple[float, ...]):
+def panels(
+    rows: int, cols: int, width: float, aspect: float, gap: tuple[float, float], margin: tuple[float, ...]
+) -> tuple[Figure, np.ndarray]:
     """A figure and its axes (rows, cols), every panel `width` wide and width x aspect high, all in inches.
 
-    gap: across and down between panels; margin: left, right, bottom, top. Placed by hand, since matplotlib's
-    own layout draws everything twice. Drawing should happen inside `style()`.
+    gap: across and down between panels; margin: left, right, bottom, top. Placed by hand, since matplotlib's layout
+    engines draw everything twice. Draw inside `style()`.
     """
     left, right, bottom, top = margin
-    height = width * float(np.clip(aspect, 0.3, 2.0))
+    height = width * float(np.clip(aspect, *_ASPECT))
     full_width = left + right + cols * width + (cols - 1) * gap[0]
     full_height = bottom + top + rows * height + (rows - 1) * gap[1]
     figure = Figure(figsize=(full_width, full_height))
@@ -58,18 +65,18 @@ def one_panel(aspect: float) -> tuple[Figure, Axes]:
     return figure, axes[0, 0]
 
 
-def style():
+def style() -> AbstractContextManager[None]:
     """The report's matplotlib settings, as a context."""
     return matplotlib.rc_context(STYLE)
 
 
 def colour_map(name: str):
-    """A matplotlib colour map whose missing values are grey."""
+    """A matplotlib colour map that shows missing values in MISSING."""
     return matplotlib.colormaps[name].with_extremes(bad=MISSING)
 
 
 def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False):
-    """Percentiles of the finite values, so that single outliers do not flatten a picture; (0, 1) without any."""
+    """Percentiles of the finite values, which single outliers do not change; (0, 1) if there are none."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return 0.0, 1.0
@@ -79,22 +86,29 @@ def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bo
 
 
 def symmetric_limits(values: np.ndarray, high: float = 99.0):
-    """Limits (-x, x) around zero, x a percentile of the finite values' sizes."""
+    """Limits (-x, x) around zero; x is a percentile of the absolute finite values."""
     top = limits(np.abs(values), high=high, zero=True)[1]
     return -top, top
 
 
 def region_extent(region: Region) -> tuple[float, float, float, float]:
-    """imshow's extent (left, right, bottom, top) of the map's grid, so that axes count reference pixels."""
+    """The extent (left, right, bottom, top) of the map's grid for imshow, in reference pixels."""
     rows, cols = region.grid_shape
     left, top = region.col + 0.5 * (1 - region.stride), region.row + 0.5 * (1 - region.stride)
     return left, left + region.stride * cols, top + region.stride * rows, top
 
 
 def show_map(
-    axes: Axes, values: np.ndarray, region: Region, title: str, *, label: str = "", cmap: str = "gray", clim=None
+    axes: Axes,
+    values: np.ndarray,
+    region: Region,
+    title: str,
+    *,
+    label: str = "",
+    cmap: str = "gray",
+    clim: tuple[float, float] | None = None,
 ) -> None:
-    """One map (h, w) on the region's grid with its colour bar; an RGB image (h, w, 3) goes without a bar."""
+    """A map (h, w) on the region's grid with its colour bar, or an RGB image (h, w, 3) without one."""
     axes.set_title(title)
     axes.set_xlabel("reference column [px]")
     axes.set_ylabel("reference row [px]")
@@ -109,7 +123,7 @@ def show_map(
 
 
 def add_bar(axes: Axes, drawn, values: np.ndarray, label: str) -> None:
-    """A colour bar as high as the axes, with arrows where values lie beyond it."""
+    """A colour bar as high as the axes, with arrows if values lie beyond its limits."""
     finite = values[np.isfinite(values)]
     low, high = drawn.get_clim()
     under, over = (finite < low).any(), (finite > high).any()

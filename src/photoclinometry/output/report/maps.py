@@ -1,4 +1,4 @@
-"""Maps on the reference grid: image, albedo, normals, slope, height, errors, coverage, relit views."""
+"""Figures of maps on the reference grid: image, albedo, normals, slope, height, errors, coverage, relit views."""
 
 from __future__ import annotations
 
@@ -29,14 +29,28 @@ from photoclinometry.output.report.draw import (
 from photoclinometry.photometry.render import render_reference
 from photoclinometry.surface.relief import height_map, lambert_shade, local_frame, sun_from_angles
 
+_STEEP_PERCENT = 98.0
+"""Percentile of values at which a colour scale ends; the steepest and worst few saturate."""
+_SLOPE_PERCENT = 99.5
+"""As above, of slopes and of brightness, whose tails are short."""
+_HILLSHADE_SUN_DEG = (315.0, 35.0)
+"""Azimuth and elevation of the light of hillshades: from the upper left, the cartographers' convention."""
+_HILLSHADE_MIX = (0.35, 0.65, 1.45)
+"""Colour of a hillshaded map: share without light, share by shade over its median, and upper limit."""
 RELIGHT_AZIMUTHS_DEG = (0.0, 90.0, 180.0, 270.0)
 RELIGHT_ELEVATIONS_DEG = (60.0, 30.0, 12.0)
 
 
 def draw_one(
-    path: Path, values: np.ndarray, region: Region, title: str, label: str = "", cmap: str = "gray", clim=None
+    path: Path,
+    values: np.ndarray,
+    region: Region,
+    title: str,
+    label: str = "",
+    cmap: str = "gray",
+    clim: tuple[float, float] | None = None,
 ) -> Path:
-    """One map as one file."""
+    """A single map as a file."""
     with style():
         figure, axes = one_panel(region.height / region.width)
         show_map(axes, values, region, title, label=label, cmap=cmap, clim=clim)
@@ -44,13 +58,14 @@ def draw_one(
 
 
 def draw_reference(path: Path, scene: Scene, image: Image) -> Path:
-    """The reference image's own brightness over the region."""
+    """The brightness of the reference image over the region."""
     brightness = np.where(image.valid, image.brightness, np.nan)[scene.region.slices]
     unit = "I/F" if scene.brightness == "iof" else "DN (linear)"
     return draw_one(path, brightness, replace(scene.region, stride=1), "Reference image", unit)
 
 
 def draw_albedo(path: Path, scene: Scene) -> Path:
+    """Normal albedo, or relative albedo of uncalibrated images."""
     albedo = scene.grid(scene.landmarks.albedo)
     label = "normal albedo (I/F)" if scene.brightness == "iof" else "relative albedo"
     return draw_one(path, albedo, scene.region, "Albedo", label)
@@ -64,16 +79,17 @@ def local_normals(scene: Scene) -> np.ndarray:
 def normal_colours(scene: Scene) -> np.ndarray:
     """Normals as colours (h, w, 3): red to the right, green up in the image, blue out of the ground.
 
-    Components along the ground are stretched alike, so that the steepest two per cent saturate.
+    Both components along the ground are stretched by one factor, so that the steepest two percent saturate.
     """
     normal = local_normals(scene)
-    across = limits(np.hypot(normal[..., 0], normal[..., 1]), high=98.0, zero=True)[1]
+    across = limits(np.hypot(normal[..., 0], normal[..., 1]), high=_STEEP_PERCENT, zero=True)[1]
     red, green = (0.5 + 0.5 * normal[..., k] / across for k in (0, 1))
     colour = np.clip(np.stack([red, green, normal[..., 2]], -1), 0.0, 1.0)
     return np.where(np.isfinite(colour), colour, MISSING)
 
 
 def draw_normals(path: Path, scene: Scene) -> Path:
+    """The colours of `normal_colours`."""
     return draw_one(path, normal_colours(scene), scene.region, "Normals")
 
 
@@ -81,19 +97,20 @@ def draw_slope(path: Path, scene: Scene) -> Path:
     """Angle between normals and the normal of the mean plane."""
     normal = local_normals(scene)
     slope = np.degrees(np.arctan2(np.hypot(normal[..., 0], normal[..., 1]), normal[..., 2]))
-    clim = limits(slope, high=99.5, zero=True)
+    clim = limits(slope, high=_SLOPE_PERCENT, zero=True)
     return draw_one(path, slope, scene.region, "Slope against the mean plane", "degrees", "inferno", clim)
 
 
 def draw_height(path: Path, scene: Scene, unit: str | None) -> Path:
-    """Heights over a hillshade from the upper left; in GSD where the scene's unit means nothing."""
+    """Heights over a hillshade from the upper left, in the scene's unit, or in GSD if `unit` is None."""
     height = height_map(scene) if unit else height_map(scene) / scene.gsd
     frame = local_frame(scene)
-    sun = frame.rotation.T @ sun_from_angles(frame, np.deg2rad(315.0), np.deg2rad(35.0))
+    sun = frame.rotation.T @ sun_from_angles(frame, *np.deg2rad(_HILLSHADE_SUN_DEG))
     shade = lambert_shade(local_normals(scene), sun)
+    dark, by_shade, brightest = _HILLSHADE_MIX
     low, high = limits(height)
     colour = colour_map("viridis")(np.clip((height - low) / (high - low), 0.0, 1.0))[..., :3]
-    relief = np.clip(0.35 + 0.65 * shade / np.nanmedian(shade), 0.0, 1.45)[..., None]
+    relief = np.clip(dark + by_shade * shade / np.nanmedian(shade), 0.0, brightest)[..., None]
     mixed = np.where(np.isfinite(height)[..., None], np.clip(colour * relief, 0.0, 1.0), MISSING)
     with style():
         figure, axes = one_panel(scene.region.height / scene.region.width)
@@ -104,9 +121,9 @@ def draw_height(path: Path, scene: Scene, unit: str | None) -> Path:
 
 
 def draw_photometric_error(path: Path, scene: Scene) -> Path:
-    """Eq. 39 after scale and bias, in per cent."""
+    """Photometric error (Eq. 39) without scale and bias [%]."""
     percent = 100.0 * scene.grid(landmark_photometric_error(scene, remove_scale_and_bias=True))
-    clim = limits(percent, high=98.0, zero=True)
+    clim = limits(percent, high=_STEEP_PERCENT, zero=True)
     title = "Photometric error (Eq. 39)"
     return draw_one(path, percent, scene.region, title, "% of brightness", "magma", clim)
 
@@ -119,19 +136,19 @@ def draw_coverage(path: Path, scene: Scene) -> Path:
 
 
 def draw_landmark_values(path: Path, scene: Scene, name: str, values: np.ndarray) -> Path:
-    """Any values (J,) of landmarks, such as errors against truth; the unit ends the name."""
+    """Values (J,) of landmarks, such as errors against truth; `name` ends in the unit."""
     quantity, unit = split_unit(name)
     signed = np.nanmin(values, initial=0.0) < 0
     grid = scene.grid(values)
     if signed:
-        top = limits(np.abs(grid), high=98.0, zero=True)[1]
+        top = limits(np.abs(grid), high=_STEEP_PERCENT, zero=True)[1]
         return draw_one(path, grid, scene.region, words(quantity).capitalize(), unit, "RdBu_r", (-top, top))
-    clim = limits(grid, high=98.0, zero=True)
+    clim = limits(grid, high=_STEEP_PERCENT, zero=True)
     return draw_one(path, grid, scene.region, words(quantity).capitalize(), unit, "magma", clim)
 
 
 def draw_relit(path: Path, scene: Scene) -> Path:
-    """The map seen by the reference camera under other Suns, cast shadows included (paper, Fig. 13)."""
+    """The map in the reference camera under other Suns, with cast shadows (paper, Fig. 13)."""
     frame = local_frame(scene)
     rows, cols = len(RELIGHT_ELEVATIONS_DEG), len(RELIGHT_AZIMUTHS_DEG)
     with style():
@@ -142,7 +159,7 @@ def draw_relit(path: Path, scene: Scene) -> Path:
                 sun = sun_from_angles(frame, np.deg2rad(azimuth), np.deg2rad(elevation))
                 image, mask = render_reference(scene, sun=sun, with_scale_and_bias=False, cast_shadows=True)
                 image = np.where(mask, image, np.nan)
-                top = limits(image, high=99.5, zero=True)[1]
+                top = limits(image, high=_SLOPE_PERCENT, zero=True)[1]
                 panel = bare(axes[i, j], f"azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
                 panel.imshow(image, cmap=colour_map("gray"), vmin=0.0, vmax=top, extent=region_extent(scene.region))
         return save(figure, path)
@@ -156,7 +173,7 @@ def draw_maps(folder: Path, scene: Scene, image: Image | None, unit: str | None)
         figures.append(("reference.png", f"The region of {scene.views.name[scene.reference]}, the reference image."))
     if scene.reflectance is not None:
         draw_albedo(folder / "albedo.png", scene)
-        figures.append(("albedo.png", "Albedo: should show no shading of the relief."))
+        figures.append(("albedo.png", "Albedo. Shading of the relief must not be visible in it."))
     draw_height(folder / "height.png", scene, unit)
     figures.append(("height.png", "Height above the robust mean plane; hillshade from the upper left."))
     draw_normals(folder / "normals.png", scene)
@@ -170,7 +187,7 @@ def draw_maps(folder: Path, scene: Scene, image: Image | None, unit: str | None)
             ("photometric_error.png", "Photometric error of each landmark (Eq. 39), scale and bias removed.")
         )
     draw_coverage(folder / "views_per_landmark.png", scene)
-    figures.append(("views_per_landmark.png", "How many views measured each landmark."))
+    figures.append(("views_per_landmark.png", "Number of views that measure each landmark."))
     return figures
 
 

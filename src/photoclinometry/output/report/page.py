@@ -1,4 +1,4 @@
-"""The page: HTML with its style inside, figures beside it. Nothing is fetched, nothing runs."""
+"""The page of a report: static HTML with its style inside and its figures beside it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ pre { margin: 0; padding: 12px 14px; font-size: 12.5px; line-height: 1.45; overf
 footer { color: var(--soft); font-size: 13px; padding: 18px 0 40px; }
 """
 
-HEADLINES = (
+HEADLINES: tuple[tuple[str, str], ...] = (
     ("views", "views"),
     ("landmarks", "landmarks"),
     ("completeness_percent", "of the lit region mapped"),
@@ -60,7 +60,7 @@ HEADLINES = (
 
 
 def tiles(metrics: Mapping[str, Any]) -> str:
-    """The few numbers that one looks at first."""
+    """The most important figures."""
     shown = []
     for key, caption in HEADLINES:
         if key in metrics:
@@ -81,7 +81,7 @@ def figures(items: Sequence[tuple[str, str]], kind: str = "grid") -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequence[bool] = ()) -> str:
-    """A table of ready strings; `marked` rows are red. Columns of words are aligned left."""
+    """A table of strings; `marked` rows are red. Columns with words are aligned left."""
     text = [any(ch.isalpha() for row in rows for ch in row[c]) for c in range(len(head))]
 
     def cells(tag: str, row: Sequence[str]) -> str:
@@ -97,7 +97,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], marked: Sequence[b
 
 
 def mapping_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows of mappings; units are read from the keys; rows with used = False are red."""
+    """A table of mappings; units are taken from the keys; rows with used = False are red."""
     keys = list(dict.fromkeys(key for row in rows for key in row))
     head = []
     for key in keys:
@@ -109,6 +109,7 @@ def mapping_table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def cell(value: Any) -> str:
+    """A value of a table as text."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     return number(value) if value is None or isinstance(value, (int, float, str)) else str(value)

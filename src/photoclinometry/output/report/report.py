@@ -1,4 +1,4 @@
-"""From a scene and what happened during its run to a folder that one opens in a browser."""
+"""The report of a run as a folder for the browser: maps, renderings, figures and options."""
 
 from __future__ import annotations
 
@@ -95,9 +95,9 @@ def _map_sections(work: Path, scene: Scene, images: Sequence[Image], content: Re
         sections.append(("Differences", "Against the reference, after alignment.", page.figures(found)))
     found = draw_values(work, scene, landmark_sigmas(scene), "uncertainty")
     if found:
-        note = "One standard deviation, of what measurements and smoothness determine; not of what the models miss."
+        note = "One standard deviation by measurement noise and smoothness; errors of the models are not included."
         if scene.frame == BODY_FIXED:
-            note += " That of the whole map's place on the body, by the pose priors, is in that of position and height."
+            note += " Position and height include the uncertainty of the map's place on the body, from the pose priors."
         sections.append(("Uncertainty", note, page.figures(found)))
     return sections
 
@@ -134,7 +134,7 @@ def _estimate_sections(work: Path, content: ReportContent) -> list[Section]:
 
 
 def _subtitle(scene: Scene) -> str:
-    model = "geometry alone" if scene.reflectance is None else f"{scene.reflectance.disk} reflectance"
+    model = "geometry alone" if scene.reflectance is None else f"{scene.reflectance.name} reflectance"
     kind = "radiance factor I/F" if scene.brightness == "iof" else "uncalibrated brightness"
     every = "" if scene.region.stride == 1 else f" at a stride of {scene.region.stride}"
     size = f"{scene.region.width} x {scene.region.height} pixels{every} of {scene.views.name[scene.reference]}"

@@ -1,0 +1,1 @@
+"""Marginal covariances at the minimum."""

@@ -1,0 +1,180 @@
+"""The information matrix J^T J of the joint estimate, in double precision, for any run of landmarks.
+
+The solver never forms it. The covariances need it, a patch of the map at a time: each landmark's own block, how it is
+coupled with the views that see it, and what it tells them. `graph.rows` states the rows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
+from photoclinometry.adjust.graph.rows import (
+    COMPILED,
+    along_basis,
+    angles,
+    brightness_by_vectors,
+    direction,
+    huber,
+    orbit_of,
+    pixel_by_position,
+    view_numbers,
+)
+from photoclinometry.model.projection import project_point
+from photoclinometry.model.reflectance import photometric_function
+
+
+class Observed(NamedTuple):
+    """N observations, landmark by landmark, and how much each counts."""
+
+    start: np.ndarray
+    """(J + 1,) as in `Tracks`."""
+    seen_by: np.ndarray
+    """(N,) int32, the view of each."""
+    keypoint: np.ndarray
+    """(N, 2) [px]."""
+    brightness: np.ndarray
+    """(N,) what the straight line `slope` has at pixel (0, 0); without slope, the brightness."""
+    slope: np.ndarray
+    """(N, 2) how brightness changes with the projected pixel [1/px]."""
+    keypoint_weight: np.ndarray
+    """(N,) 1 / sigma [1/px] as the estimate has it."""
+    brightness_weight: np.ndarray
+    """(N,) 1 / sigma as the estimate has it, zero where brightness does not count."""
+    keypoint_limit: np.ndarray
+    """(J,) Huber limit, in sigmas."""
+    brightness_limit: float
+
+
+@njit(**COMPILED)
+def _set_rows(j, i, k, cameras, points, observed, pivot, packed, by_landmark, by_camera):
+    """Rows of observation i, of landmark j in view k: 0 and 1 of its keypoint, 2 of its brightness (`rows`)."""
+    p, c = points.position[j], cameras.center[k]
+    intrinsics, rotation = view_numbers(k, cameras)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
+    inverse, x, y = project_point(r00, r01, r02, r10, r11, r12, r20, r21, r22, p[0] - c[0], p[1] - c[1], p[2] - c[2])
+    pixel = intrinsics[0] * x + intrinsics[2], intrinsics[1] * y + intrinsics[3]
+    by_x, by_y = pixel_by_position(intrinsics, rotation, inverse, x, y)
+    weight, arm = observed.keypoint_weight[i], (p[0] - pivot[0], p[1] - pivot[1], p[2] - pivot[2])
+    off = math.hypot(weight * (pixel[0] - observed.keypoint[i, 0]), weight * (pixel[1] - observed.keypoint[i, 1]))
+    weight *= huber(off, observed.keypoint_limit[j])[1]
+    for m in range(3):
+        by_landmark[0, m], by_landmark[1, m] = weight * by_x[m], weight * by_y[m]
+    for r in range(2):
+        _set_pose(by_landmark[r], arm, by_camera[r])
+    by_landmark[2] = 0.0
+    by_camera[2] = 0.0
+    if observed.brightness_weight[i] != 0.0:
+        _set_brightness_row(j, i, k, cameras, points, observed, arm, packed, pixel, by_x, by_y, by_landmark, by_camera)
+
+
+@njit(**COMPILED)
+def _set_pose(a, arm, out):
+    """The row by pose (orbit 3, shift 3) that belongs to the row a by position."""
+    turn = orbit_of(a, arm)
+    for m in range(3):
+        out[m], out[3 + m] = turn[m], -a[m]
+
+
+@njit(**COMPILED)
+def _set_brightness_row(j, i, k, cameras, points, observed, arm, packed, pixel, by_x, by_y, by_landmark, by_camera):
+    """Row 2 of observation i, scaled down beyond Huber's limit."""
+    p, c, scale, albedo = points.position[j], cameras.center[k], cameras.scale[k], points.albedo[j]
+    sun = cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]
+    normal = points.normal[j, 0], points.normal[j, 1], points.normal[j, 2]
+    e, inverse_range = direction(c[0] - p[0], c[1] - p[1], c[2] - p[2])
+    mu0, mu, cosine, sine = angles(sun, e, normal)
+    rho, by_mu0, by_mu, by_phase = photometric_function(packed, mu0, mu, math.atan2(sine, cosine))
+    gx, gy = observed.slope[i, 0], observed.slope[i, 1]
+    predicted = scale * albedo * rho + cameras.bias[k] - gx * pixel[0] - gy * pixel[1]
+    weight = observed.brightness_weight[i]
+    weight *= huber(abs(weight * (predicted - observed.brightness[i])), observed.brightness_limit)[1]
+    by_position, by_normal, by_sun, turn = brightness_by_vectors(
+        weight * scale * albedo, by_mu0, by_mu, by_phase, sine, sun, e, normal, inverse_range
+    )
+    for m in range(3):
+        by_landmark[2, m] = by_position[m] - weight * (gx * by_x[m] + gy * by_y[m])
+    _set_pose(by_landmark[2], arm, by_camera[2])
+    for m in range(3):
+        by_camera[2, m] += turn[m]
+    basis, sun_basis = points.normal_basis[j], cameras.sun_basis[k]
+    by_landmark[2, 3], by_landmark[2, 4] = along_basis(
+        by_normal, (basis[0, 0], basis[0, 1], basis[1, 0], basis[1, 1], basis[2, 0], basis[2, 1])
+    )
+    by_camera[2, 6], by_camera[2, 7] = along_basis(
+        by_sun,
+        (sun_basis[0, 0], sun_basis[0, 1], sun_basis[1, 0], sun_basis[1, 1], sun_basis[2, 0], sun_basis[2, 1]),
+    )
+    by_landmark[2, 5] = weight * scale * rho
+    by_camera[2, 8] = weight * albedo * rho
+    by_camera[2, 9] = weight
+
+
+@njit(nogil=True, **COMPILED)
+def _add_patch(first, last, slot, cameras, points, observed, pivot, packed, patch):
+    by_landmark, by_camera = np.zeros((3, LANDMARK_SIZE)), np.zeros((3, CAMERA_SIZE))
+    for j in range(first, last):
+        n = j - first
+        for i in range(observed.start[j], observed.start[j + 1]):
+            k = observed.seen_by[i]
+            s = slot[k]
+            _set_rows(j, i, k, cameras, points, observed, pivot, packed, by_landmark, by_camera)
+            for r in range(3):
+                touched, moved = (3, 6) if r < 2 else (LANDMARK_SIZE, CAMERA_SIZE)
+                for a in range(touched):
+                    x = by_landmark[r, a]
+                    patch.shifts[n, a, s, r] += x
+                    for b in range(touched):
+                        patch.own[n, r // 2, a, b] += x * by_landmark[r, b]
+                    for b in range(moved):
+                        patch.coupling[n, a, s, b] += x * by_camera[r, b]
+                for a in range(moved):
+                    for b in range(a + 1):
+                        patch.camera[s, a, b] += by_camera[r, a] * by_camera[r, b]
+
+
+class Patch(NamedTuple):
+    """J^T J from the observations of a run of n landmarks, which m views see; and their rows."""
+
+    views: np.ndarray
+    """(m,) indices."""
+    own: np.ndarray
+    """(n, 2, 6, 6) each landmark's block, by keypoints and by brightness."""
+    coupling: np.ndarray
+    """(n, 6, m, 10) landmark with view."""
+    shifts: np.ndarray
+    """(n, 6, m, 3) rows by landmark: what a unit whitened error of u, v and brightness in a view adds to -gradient."""
+    camera: np.ndarray
+    """(m, 10, 10) each view's block."""
+
+
+def observed_patch(
+    first: int,
+    last: int,
+    cameras: CameraState,
+    points: LandmarkState,
+    observed: Observed,
+    pivot: np.ndarray,
+    packed: np.ndarray,
+    others: np.ndarray,
+) -> Patch:
+    """The patch of landmarks first:last. pivot: (3,) of `Estimate`; packed: `Reflectance.packed`; others: views that
+    general factors couple with these landmarks."""
+    views = np.unique(np.concatenate([observed.seen_by[observed.start[first] : observed.start[last]], others]))
+    slot = np.zeros(len(cameras.scale), np.int64)
+    slot[views] = np.arange(len(views))
+    n, m = last - first, len(views)
+    patch = Patch(
+        views,
+        np.zeros((n, 2, LANDMARK_SIZE, LANDMARK_SIZE)),
+        np.zeros((n, LANDMARK_SIZE, m, CAMERA_SIZE)),
+        np.zeros((n, LANDMARK_SIZE, m, 3)),
+        np.zeros((m, CAMERA_SIZE, CAMERA_SIZE)),
+    )
+    _add_patch(first, last, slot, cameras, points, observed, pivot, packed, patch)
+    patch.camera[:] += np.swapaxes(np.tril(patch.camera, -1), 1, 2)
+    return patch

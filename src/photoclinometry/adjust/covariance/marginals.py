@@ -1,0 +1,381 @@
+"""How uncertain the joint estimate is: marginal covariances of every view and of every landmark.
+
+With H = J^T J at the minimum, c the views' local coordinates and l the landmarks',
+
+    S = H_cc - H_cl H_ll^-1 H_lc                 cov(c)   = S^-1
+    X_j = (H_ll^-1 H_lc)_j                       cov(l_j) = (H_ll^-1)_jj + X_j cov(c) X_j^T
+
+Exact for small maps. In larger ones smoothness couples too many landmarks, and three things are approximated: S leaves
+out the links between patches of landmarks, which makes the views a little less certain than they are; X_j takes the
+neighbours to move as the landmark does; (H_ll^-1)_jj is inverted in windows (`windows.py`). docs/estimate.md states
+what that costs in accuracy.
+
+What the estimate takes for a measurement's sigma need not be the sigma of its error: sigmas are enlarged for errors
+that neighbours share (`noise.py`), and smoothness holds of no ground. `ErrorModel` says what the errors are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
+
+from photoclinometry.adjust.covariance.information import Observed, Patch, observed_patch
+from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views, hold
+from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
+from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
+from photoclinometry.model.geometry import skew
+
+EXACT = 1000
+"""Landmarks up to which nothing is approximated."""
+
+WINDOW, PATCH, LARGE_PATCH = 32, 32, 256
+"""Landmarks in a window, and in a patch: 8 x 4 in the solver's order, or, in maps up to LARGE, 16 x 16."""
+
+LARGE = 20_000
+
+UNMEASURED = 1e8
+"""Of a variance over what it would be were all else known; beyond, it counts as infinite."""
+
+(_syrk,) = get_blas_funcs(("syrk",), dtype=np.float64)
+
+_BATCH = 128
+"""Landmarks treated at a time where each is by itself."""
+
+_SIMILARITY = 7
+_STEP = 1e-3
+"""Relative change of weights in the differences that tell apart what each kind of measurement contributes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorModel:
+    """Variances of the errors, over those that the estimate weighs with. The default: as weighed, and independent."""
+
+    keypoint: float = 1.0
+    brightness: float = 1.0
+    smoothness: float = 1.0
+    keypoint_common: float = 0.0
+    """The part of a keypoint's variance that all landmarks nearby share, between 0 and 1."""
+    brightness_common: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linearised:
+    """A joint estimate at its minimum: all that its covariances depend on."""
+
+    cameras: CameraState
+    points: LandmarkState
+    observed: Observed
+    links: Links
+    """Smoothness."""
+    camera_prior: np.ndarray
+    """(K, 10, 10) information from Suns and priors."""
+    prior: np.ndarray
+    """(J, 6, 6) information on landmarks from priors."""
+    several: tuple[Rows, ...]
+    """General factors that touch a landmark and a view."""
+    pivot: np.ndarray
+    """(3,) as in `Estimate`."""
+    packed: np.ndarray
+    """`Reflectance.packed`."""
+
+    def __len__(self) -> int:
+        return len(self.prior)
+
+    def patch(self, first: int, last: int) -> Patch:
+        more = [part for rows in self.several if (part := _within(rows, first, last)) is not None]
+        views = np.concatenate([np.zeros(0, int), *(touch.index for rows in more for touch in rows.touches[1:])])
+        patch = observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.packed, views)
+        for rows in more:
+            _add_general(rows, patch)
+        return patch
+
+
+def _within(rows: Rows, first: int, last: int) -> Rows | None:
+    """The factors of landmarks first:last, counted from `first`, the landmark's derivatives first; None without any.
+
+    Raises ValueError for factors that do not touch one landmark and one view.
+    """
+    by_kind = {touch.variable: touch for touch in rows.touches}
+    if len(rows.touches) != 2 or set(by_kind) != {"landmark", "view"}:
+        raise ValueError("covariances know general factors of one variable, or of one landmark and one view")
+    landmark, view = by_kind["landmark"], by_kind["view"]
+    mine = np.flatnonzero((landmark.index >= first) & (landmark.index < last))
+    if not len(mine):
+        return None
+    return Rows(
+        rows.residual[mine],
+        (
+            Touch("landmark", landmark.index[mine] - first, landmark.jacobian[mine]),
+            Touch("view", view.index[mine], view.jacobian[mine]),
+        ),
+    )
+
+
+def _add_general(rows: Rows, patch: Patch) -> None:
+    """Adds the factors of `_within` to a patch's blocks."""
+    landmark, view = rows.touches
+    slot = np.searchsorted(patch.views, view.index)
+    for n in range(len(rows.residual)):
+        by_landmark, by_view, j, s = landmark.jacobian[n], view.jacobian[n], landmark.index[n], slot[n]
+        patch.own[j, 0] += by_landmark.T @ by_landmark
+        patch.coupling[j, :, s, :] += by_landmark.T @ by_view
+        patch.camera[s] += by_view.T @ by_view
+
+
+@dataclass(frozen=True, kw_only=True)
+class Marginals:
+    """Covariances in the local coordinates of `factors`; infinite variances where nothing was measured."""
+
+    camera: np.ndarray
+    """(10 K, 10 K) of all views together."""
+    landmark: np.ndarray
+    """(J, 6, 6)."""
+
+
+def marginals(
+    at: Linearised,
+    errors: ErrorModel | None = None,
+    *,
+    frame: np.ndarray | None = None,
+    exact: int = EXACT,
+    patch: int | None = None,
+) -> Marginals:
+    """Marginal covariances of all views and landmarks.
+
+    frame: (J,) bool, landmarks whose positions define the frame: covariances are those after the best similarity
+    of theirs has been taken out (an S-transformation, Baarda 1973), as a map made from images alone has no frame of
+    its own. None: the frame of the priors, which hold one view and one landmark.
+    exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond.
+    """
+    errors = errors or ErrorModel()
+    count = len(at)
+    patch = patch or (LARGE_PATCH if count <= LARGE else PATCH)
+    patches, windows, batches = (
+        [(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW, _BATCH)
+    )
+    reduced = _reduce(at, patches, frame)
+    camera = _inverse(reduced.information)
+    if frame is not None:
+        kept = np.eye(len(camera)) - _move_cameras(at) @ reduced.frame_by_camera
+        camera = kept @ camera @ kept.T
+    landmark = _given_views(at, reduced.own, errors, windows)
+    _add_views(landmark, at, errors, camera, batches)
+    _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
+    unmeasured = np.diag(reduced.information) == 0.0
+    camera[unmeasured, unmeasured] = np.inf
+    return Marginals(camera=camera, landmark=landmark)
+
+
+def with_parameters(
+    given: Marginals, at: Linearised, response: ParameterResponse, frame: np.ndarray | None = None
+) -> Marginals:
+    """Marginals as if the reflectance parameters were known, plus what the parameters' own errors do.
+
+        cov(x) = cov(x | p) + M cov(p) M^T,   M the moves of x that follow p
+
+    frame: as for `marginals`; the moves, too, are those that remain after the best similarity of the landmarks.
+    """
+    of_cameras, of_landmarks = response.of_cameras, response.of_landmarks
+    if frame is not None:
+        basis = _move_landmarks(at, 0, len(at))
+        own = basis[frame, :3].reshape(-1, _SIMILARITY)
+        moved = of_landmarks[frame, :3].reshape(len(own), -1)
+        similarity = np.linalg.solve(own.T @ own, own.T @ moved)
+        of_cameras, of_landmarks = of_cameras - _move_cameras(at) @ similarity, of_landmarks - basis @ similarity
+    return Marginals(
+        camera=given.camera + of_cameras @ response.covariance @ of_cameras.T,
+        landmark=given.landmark + of_landmarks @ response.covariance @ np.swapaxes(of_landmarks, 1, 2),
+    )
+
+
+def _runs(count: int, size: int) -> list[tuple[int, int]]:
+    return [(first, min(first + size, count)) for first in range(0, count, size)]
+
+
+@dataclass(frozen=True)
+class _Reduced:
+    """The landmarks eliminated."""
+
+    information: np.ndarray
+    """(10 K, 10 K) S, of the views."""
+    own: np.ndarray
+    """(J, 2, 6, 6) of each landmark, by keypoints and by brightness."""
+    frame_by_camera: np.ndarray
+    """(7, 10 K) how the similarity that fits the landmarks best follows from errors of the views; zero without one."""
+
+
+def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | None) -> _Reduced:
+    views = len(at.cameras.scale)
+    total = np.zeros((views, CAMERA_SIZE, views, CAMERA_SIZE))
+    total[range(views), :, range(views), :] = at.camera_prior
+    total = total.reshape(views * CAMERA_SIZE, -1)
+    own = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE))
+    moved = np.zeros((_SIMILARITY, len(total)))
+    for first, last in patches:
+        patch = at.patch(first, last)
+        own[first:last] = patch.own
+        index = _index(patch.views)
+        for k, block in zip(patch.views, patch.camera, strict=True):
+            here = slice(CAMERA_SIZE * k, CAMERA_SIZE * (k + 1))
+            total[here, here] += block
+        coupling = patch.coupling.reshape(-1, len(index))
+        factor = _factor(at, patch, first, last)
+        half = solve_triangular(factor, coupling, lower=True, check_finite=False)
+        _subtract(total, index, _syrk(1.0, half, trans=1, lower=1))
+        if frame is not None:
+            move = _move_landmarks(at, first, last)
+            move[:, 3:] = 0.0
+            move[~frame[first:last]] = 0.0
+            moved[:, index] -= cho_solve((factor, True), move.reshape(-1, _SIMILARITY), check_finite=False).T @ coupling
+    total = np.tril(total) + np.tril(total, -1).T
+    if frame is None:
+        return _Reduced(total, own, moved)
+    move = _move_landmarks(at, 0, len(at))[frame, :3].reshape(-1, _SIMILARITY)
+    return _Reduced(total, own, np.linalg.solve(move.T @ move, moved))
+
+
+@njit(cache=True, nogil=True)
+def _subtract(total, index, part):
+    """total[index, index] -= part, lower triangles; index ascends."""
+    for b in range(index.size):
+        for a in range(b, index.size):
+            total[index[a], index[b]] -= part[a, b]
+
+
+def _index(views: np.ndarray) -> np.ndarray:
+    """Places of the views' coordinates among all."""
+    return (CAMERA_SIZE * views[:, None] + np.arange(CAMERA_SIZE)).ravel()
+
+
+def _factor(at: Linearised, patch: Patch, first: int, last: int) -> np.ndarray:
+    """Lower Cholesky factor (6n, 6n) of a patch's H_ll, without the links to other patches."""
+    blocks = patch.own.sum(1) + at.prior[first:last]
+    dense = np.zeros((last - first, LANDMARK_SIZE, last - first, LANDMARK_SIZE))
+    _add_links(first, last, at.links, dense)
+    dense[range(last - first), :, range(last - first), :] += blocks
+    dense = dense.reshape(LANDMARK_SIZE * (last - first), -1)
+    np.einsum("aa->a", dense)[:] = hold(np.diag(dense))
+    return cho_factor(dense, lower=True, overwrite_a=True, check_finite=False)[0]
+
+
+@njit(cache=True, nogil=True)
+def _add_links(first, last, links, dense):
+    row = np.zeros((2, 5))
+    for p in range(links.start[first], links.start[last]):
+        a, b = links.source[p] - first, links.target[p] - first
+        if b < 0 or b >= last - first:
+            continue
+        for x in range(5):
+            row[0, x] = links.rows[p, x] if x >= 3 else -links.rows[p, x]
+            row[1, x] = links.rows[p, x] if x < 3 else 0.0
+        for x in range(5):
+            for y in range(5):
+                dense[a, x, a, y] += row[0, x] * row[0, y]
+                dense[a, x, b, y] += row[0, x] * row[1, y]
+                dense[b, x, a, y] += row[1, x] * row[0, y]
+                dense[b, x, b, y] += row[1, x] * row[1, y]
+
+
+def _inverse(information: np.ndarray) -> np.ndarray:
+    """Of S; coordinates that nothing determines are left with a variance of one."""
+    size = np.sqrt(np.diag(information))
+    size = np.where(size > 0, size, 1.0)
+    scaled = information / np.outer(size, size)
+    np.fill_diagonal(scaled, 1.0)
+    factor = cho_factor(scaled, lower=True, check_finite=False)
+    return cho_solve(factor, np.eye(len(size)), check_finite=False) / np.outer(size, size)
+
+
+def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, windows) -> np.ndarray:
+    """(J, 6, 6) covariances given the views, of all errors but the common ones."""
+    information = own.sum(1) + at.prior
+    covariance = covariances_given_views(information, at.links, windows)
+    if errors == ErrorModel():
+        return covariance
+    # A measurement contributes H^-1 J^T J H^-1: how much less uncertainty there is when it counts more.
+    beyond = errors.keypoint * (1.0 - errors.keypoint_common) - errors.smoothness
+    information = information + _STEP * (beyond * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
+    beyond = errors.brightness * (1.0 - errors.brightness_common) - errors.smoothness
+    information += _STEP * beyond * own[:, 1]
+    changed = covariances_given_views(information, at.links, windows)
+    return errors.smoothness * covariance + (covariance - changed) / _STEP
+
+
+def _add_views(landmark: np.ndarray, at: Linearised, errors: ErrorModel, camera: np.ndarray, batches) -> None:
+    """Adds to (J, 6, 6) what errors of the views, and errors that neighbours share, do to the landmarks."""
+    common = np.array([errors.keypoint * errors.keypoint_common] * 2 + [errors.brightness * errors.brightness_common])
+    stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
+    for first, last in batches:
+        patch = at.patch(first, last)
+        index = _index(patch.views)
+        parts = [patch.coupling.reshape(-1, len(index))]
+        if common.any():
+            parts.append((patch.shifts * np.sqrt(common)).reshape(len(parts[0]), -1))
+        if stiffness is None:
+            response = cho_solve((_factor(at, patch, first, last), True), np.hstack(parts), check_finite=False)
+        else:
+            alone = _inverse_blocks(patch.own.sum(1) + at.prior[first:last] + stiffness[first:last])
+            response = (alone @ np.hstack(parts).reshape(len(alone), LANDMARK_SIZE, -1)).reshape(len(parts[0]), -1)
+            response = response.astype(np.float32)
+        by_camera, shared = response[:, : len(index)], response[:, len(index) :]
+        covariance = camera[np.ix_(index, index)].astype(response.dtype)
+        landmark[first:last] += _products(by_camera @ covariance, by_camera) + _products(shared, shared)
+
+
+def _stiffness(links: Links, count: int) -> np.ndarray:
+    """(J, 6, 6) smoothness where neighbours move alike, as they do when a view moves: it holds the normal alone."""
+    turn = links.rows[:, 3:]
+    out = np.zeros((count, LANDMARK_SIZE, LANDMARK_SIZE))
+    np.add.at(out[:, 3:5, 3:5], links.source, turn[:, :, None] * turn[:, None, :])
+    return out
+
+
+def _inverse_blocks(blocks: np.ndarray) -> np.ndarray:
+    """Of (n, 6, 6)."""
+    size = np.sqrt(np.einsum("naa->na", blocks))
+    size = np.where(size > 0, size, 1.0)
+    scaled = blocks / (size[:, :, None] * size[:, None, :])
+    np.einsum("naa->na", scaled)[:] = 1.0 + RIDGE
+    return np.linalg.inv(scaled) / (size[:, :, None] * size[:, None, :])
+
+
+def _products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of a (6n, m) and b (6n, m): a_j b_j^T (n, 6, 6)."""
+    shape = (len(a) // LANDMARK_SIZE, LANDMARK_SIZE, a.shape[1])
+    return a.reshape(shape) @ np.swapaxes(b.reshape(shape), 1, 2)
+
+
+def _move_landmarks(at: Linearised, first: int, last: int) -> np.ndarray:
+    """(n, 6, 7): local coordinates of landmarks first:last by rotation, translation and scale about the pivot."""
+    position, normal = at.points.position[first:last] - at.pivot, at.points.normal[first:last]
+    out = np.zeros((last - first, LANDMARK_SIZE, _SIMILARITY))
+    out[:, :3, :3] = -skew(position)
+    out[:, range(3), range(3, 6)] = 1.0
+    out[:, :3, 6] = position
+    out[:, 3:5, :3] = -np.einsum("jia,jib->jab", at.points.normal_basis[first:last], skew(normal))
+    return out
+
+
+def _move_cameras(at: Linearised) -> np.ndarray:
+    """(10 K, 7): local coordinates of views likewise."""
+    cameras = at.cameras
+    out = np.zeros((len(cameras.scale), CAMERA_SIZE, _SIMILARITY))
+    out[:, range(3), range(3)] = 1.0
+    out[:, range(3, 6), range(3, 6)] = 1.0
+    out[:, 3:6, 6] = cameras.center - at.pivot
+    out[:, 6:8, :3] = -np.einsum("kia,kib->kab", cameras.sun_basis, skew(cameras.sun))
+    return out.reshape(-1, _SIMILARITY)
+
+
+def _forget_unmeasured(landmark: np.ndarray, own: np.ndarray, links: Links) -> None:
+    """Infinite variances (J, 6, 6) of what no factor touches, or only together with what else they leave open."""
+    information = np.einsum("jaa->ja", own).copy()
+    np.add.at(information, (links.source[:, None], np.arange(3, 5)), links.rows[:, 3:] ** 2)
+    variance = np.einsum("jaa->ja", landmark)
+    j, a = np.nonzero((information == 0.0) | (variance * information > UNMEASURED))
+    landmark[j, a, :] = landmark[j, :, a] = 0.0
+    landmark[j, a, a] = np.inf

@@ -1,0 +1,171 @@
+"""The uncertainties of an adjusted scene: covariances as `Scene.uncertainty` holds them.
+
+They are those of the errors, not of the weights. The estimate weighs n measurements that share an error as one, which
+is right for what all landmarks determine together. A landmark's own error is another matter: n shared errors are not
+larger than each, so its measurements count there with their own sigmas, and errors that all neighbours share are
+passed on whole, since smoothing over neighbours does not lessen them. Smoothness counts as it was found to hold.
+
+Where no pose is known but the gauge's, errors are those that are left after the best similarity of the map: its own
+origin, orientation and size mean nothing. Otherwise they are in the frame of the pose priors.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+
+from photoclinometry.adjust.covariance.information import Observed
+from photoclinometry.adjust.covariance.marginals import (
+    ErrorModel,
+    Linearised,
+    Marginals,
+    marginals,
+    with_parameters,
+)
+from photoclinometry.adjust.covariance.windows import links
+from photoclinometry.adjust.graph.graph import FactorGraph
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
+from photoclinometry.adjust.graph.observations import states
+from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.geometry import skew
+from photoclinometry.model.scene import Views
+
+log = logging.getLogger(__name__)
+
+OF_LANDMARKS = ("position", "normal", "albedo")
+"""What there is one of for each landmark; the rest is of views."""
+
+LOOSE = 1e-4
+"""In the map's own frame the prior that holds one landmark counts this much: enough for the scale, too little to make
+its surroundings look known."""
+
+_NEARBY = 25
+"""Landmarks over which smoothness averages errors that are not shared."""
+
+
+def estimate_uncertainty(
+    graph: FactorGraph,
+    estimate: Estimate,
+    *,
+    keypoint_correlation: float,
+    brightness_correlation: float,
+    mapped: np.ndarray,
+    own_frame: bool,
+    response: ParameterResponse | None = None,
+) -> dict[str, np.ndarray]:
+    """`Scene.uncertainty` of an estimate, of the landmarks in `mapped` (J,).
+
+    keypoint_correlation, brightness_correlation: sides of the squares of landmarks that share an error; own_frame: only
+    the gauge is known of the frame. response: of reflectance parameters that were estimated along; without it they
+    count as known. Empty, with a warning, where the measurements do not determine the views.
+    """
+    at = linearised(graph, estimate)
+    smoothness = graph.smoothness.linearize(estimate, float).residual
+    photometric = graph.with_brightness
+    errors = error_model(keypoint_correlation, brightness_correlation, smoothness, photometric=photometric)
+    frame = None
+    if own_frame:
+        frame = mapped
+        at = loosely_held(at)
+    try:
+        found = marginals(at, errors, frame=frame)
+    except np.linalg.LinAlgError:
+        log.warning("no uncertainties: the measurements do not determine all views")
+        return {}
+    if response is not None:
+        found = with_parameters(found, at, response, frame)
+    uncertainty = scene_uncertainty(found, estimate.views, estimate.pivot, mapped)
+    estimated = uncertainty if photometric else ("position", "rotation", "center")
+    return {name: uncertainty[name] for name in estimated}
+
+
+def loosely_held(at: Linearised) -> Linearised:
+    """With little of the priors on positions."""
+    prior = at.prior.copy()
+    prior[:, :3, :3] *= LOOSE
+    return replace(at, prior=prior)
+
+
+def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
+    """A graph at an estimate: all that its covariances depend on."""
+    cameras, landmarks = states(estimate.views, estimate.landmarks)
+    observations, tracks = graph.observations, graph.observations.table.tracks
+    smooth = graph.smoothness.linearize(estimate, float)
+    brightness, slope = observations.brightness_lines
+    rest = graph.rest(estimate)
+    plain = np.ascontiguousarray
+    return Linearised(
+        cameras=cameras,
+        points=landmarks,
+        observed=Observed(
+            plain(tracks.start),
+            plain(tracks.view),
+            plain(tracks.keypoint),
+            plain(brightness),
+            plain(slope, float),
+            observations.keypoint_weight,
+            observations.brightness_weight,
+            observations.keypoint_limit,
+            observations.brightness_limit,
+        ),
+        links=links(smooth.neighbours, smooth.rows),
+        camera_prior=rest["view"].rest,
+        prior=rest["landmark"].rest.astype(float),
+        several=graph.several(estimate),
+        pivot=estimate.pivot,
+        packed=observations.packed_at(estimate),
+    )
+
+
+def error_model(
+    keypoint_correlation: float, brightness_correlation: float, smoothness: np.ndarray, *, photometric: bool = True
+) -> ErrorModel:
+    """What the errors are, over what the estimate takes them for. smoothness: (P,) whitened residuals.
+
+    Correlations are sides of the squares of landmarks that share an error. An error that n landmarks share has 1/n of
+    the variance that it is weighed with. Of those nearby, all share it if n is as large as their number.
+    """
+    keypoint, brightness = keypoint_correlation**2, brightness_correlation**2
+
+    def common(shared: float) -> float:
+        return (min(shared, _NEARBY) - 1.0) / (_NEARBY - 1.0)
+
+    return ErrorModel(
+        keypoint=1.0 / keypoint,
+        keypoint_common=common(keypoint),
+        brightness=1.0 / brightness if photometric else 1.0,
+        brightness_common=common(brightness) if photometric else 0.0,
+        smoothness=float(np.mean(smoothness**2)) if len(smoothness) else 1.0,
+    )
+
+
+def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped: np.ndarray) -> dict[str, np.ndarray]:
+    """From local coordinates to those of `calibrate`; what was not measured is left out.
+
+    Covariances of position, normal, rotation, center and sun, standard deviations of albedo, scale and bias.
+    """
+    count = len(views)
+    blocks = found.camera.reshape(count, CAMERA_SIZE, count, CAMERA_SIZE)[range(count), :, range(count), :]
+    to_cam = np.swapaxes(views.body_from_cam.rotation, 1, 2)
+    to_center = np.concatenate(
+        [-skew(views.body_from_cam.translation - pivot), np.broadcast_to(np.eye(3), (count, 3, 3))], axis=2
+    )
+    landmark = found.landmark[mapped]
+    values = {
+        "position": landmark[:, :3, :3],
+        "normal": landmark[:, 3:5, 3:5],
+        "albedo": np.sqrt(landmark[:, 5, 5]),
+        "rotation": _transformed(to_cam, blocks[:, :3, :3]),
+        "center": _transformed(to_center, blocks[:, :6, :6]),
+        "sun": blocks[:, 6:8, 6:8],
+        "scale": np.sqrt(blocks[:, 8, 8]),
+        "bias": np.sqrt(blocks[:, 9, 9]),
+    }
+    return {name: np.ascontiguousarray(value) for name, value in values.items() if np.isfinite(value).any(0).all()}
+
+
+def _transformed(by: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    return by @ covariance @ np.swapaxes(by, 1, 2)

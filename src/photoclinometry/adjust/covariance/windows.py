@@ -1,0 +1,217 @@
+"""Each landmark's covariance given all views, from a window of the map around it.
+
+Given the views, landmarks are coupled by smoothness alone, which links a landmark's normal with the neighbours'
+positions. So normals and albedos are eliminated landmark by landmark, and what is left of a window, three numbers a
+landmark, is inverted whole. What lies outside is approximated: links that leave the window count a fifth of what they
+would if their far ends were fixed. Cut altogether, they leave the depth too uncertain, fixed too certain.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.linalg import get_lapack_funcs
+
+from photoclinometry.adjust.graph.kernels import LANDMARK_SIZE
+from photoclinometry.adjust.graph.smoothness import Neighbours
+
+OUTSIDE = 0.2
+"""Weight of links that leave a window."""
+
+RIDGE = 1e-10
+"""Relative information added to every coordinate, so that one that is not determined does not stop the rest."""
+
+_potrf, _potri = get_lapack_funcs(("potrf", "potri"), dtype=np.float64)
+
+_COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", nogil=True)
+
+
+def hold(diagonal: np.ndarray) -> np.ndarray:
+    """The diagonal of an information matrix with the ridge; one where there is nothing."""
+    return np.where(diagonal > 0.0, diagonal * (1.0 + RIDGE), 1.0)
+
+
+class Links(NamedTuple):
+    """The smoothness factors, linearised: `Neighbours` with their whitened rows."""
+
+    start: np.ndarray
+    target: np.ndarray
+    source: np.ndarray
+    incoming_start: np.ndarray
+    incoming: np.ndarray
+    rows: np.ndarray
+    """(P, 5): by the neighbour's position 3 (the landmark's own is the opposite) and by the normal 2."""
+
+
+def links(neighbours: Neighbours, rows: np.ndarray) -> Links:
+    """With signed indices, which NumPy and Numba mix without converting to floats."""
+    start, target, source, incoming_start, incoming = (np.asarray(part, np.int64) for part in neighbours)
+    return Links(start, target, source, incoming_start, incoming, np.asarray(rows, float))
+
+
+def covariances_given_views(own: np.ndarray, links: Links, patches: list[tuple[int, int]]) -> np.ndarray:
+    """(J, 6, 6) from every landmark's own information (J, 6, 6), everything but smoothness.
+
+    patches: runs of landmarks first:last, each treated in one window with the neighbours of its landmarks.
+    """
+    out = np.empty_like(own)
+    local = np.full(len(own), -1)
+    for first, last in patches:
+        ids = _window(first, last, links)
+        local[ids] = np.arange(len(ids))
+        out[first:last] = _invert_window(ids, last - first, local, own, links)
+        local[ids] = -1
+    return out
+
+
+def _window(first: int, last: int, links: Links) -> np.ndarray:
+    """Landmarks first:last, then those linked with them."""
+    out = links.target[links.start[first] : links.start[last]]
+    into = links.source[links.incoming[links.incoming_start[first] : links.incoming_start[last]]]
+    around = np.unique(np.concatenate([out, into]))
+    return np.concatenate([np.arange(first, last), around[(around < first) | (around >= last)]])
+
+
+def _invert_window(ids: np.ndarray, core: int, local: np.ndarray, own: np.ndarray, links: Links) -> np.ndarray:
+    """Covariances (core, 6, 6) of the window's first `core` landmarks."""
+    count = len(ids)
+    most = 1 + int(np.max(np.diff(links.start)[ids], initial=0))
+    positions = np.zeros((3 * count, 3 * count))
+    inverse = np.empty((count, 3, 3))
+    partner, through = np.full((count, most), -1), np.zeros((count, most, 3, 3))
+    _eliminate(ids, local, own, links, OUTSIDE, positions, inverse, partner, through)
+    np.einsum("aa->a", positions)[:] = hold(np.diag(positions))
+    factor, failed = _potrf(positions.T, lower=1, overwrite_a=1)
+    covariance, also = _potri(factor, lower=1, overwrite_c=1)
+    assert not failed
+    assert not also
+    out = np.empty((core, LANDMARK_SIZE, LANDMARK_SIZE))
+    _substitute(core, covariance.T, inverse, partner, through, out)
+    return out
+
+
+@njit(**_COMPILED)
+def _eliminate(ids, local, own, links, outside, positions, inverse, partner, through):
+    """Fills positions (3n, 3n), the information of positions alone; and how normals and albedos follow from them:
+    their own covariance, inverse (n, 3, 3), and through (n, m, 3, 3), minus the response to positions `partner`."""
+    response, at_normal = np.empty(through.shape[1:]), np.empty((3, 3))
+    for a in range(ids.size):
+        j = ids[a]
+        first = 3 * a
+        partner[a, 0] = a
+        used = 1
+        for x in range(3):
+            for y in range(3):
+                at_normal[x, y] = own[j, 3 + x, 3 + y]
+                through[a, 0, x, y] = own[j, 3 + x, y]
+                positions[first + x, first + y] += own[j, x, y]
+        for p in range(links.start[j], links.start[j + 1]):
+            v, t = links.rows[p, :3], links.rows[p, 3:]
+            b = local[links.target[p]]
+            weight = 1.0 if b >= 0 else outside
+            for x in range(3):
+                for y in range(3):
+                    positions[first + x, first + y] += weight * v[x] * v[y]
+                    if b >= 0:
+                        positions[3 * b + x, 3 * b + y] += v[x] * v[y]
+                        positions[first + x, 3 * b + y] -= v[x] * v[y]
+                        positions[3 * b + x, first + y] -= v[x] * v[y]
+                for y in range(2):
+                    through[a, 0, y, x] -= weight * t[y] * v[x]
+                    if b >= 0:
+                        through[a, used, y, x] = t[y] * v[x]
+            for x in range(2):
+                for y in range(2):
+                    at_normal[x, y] += weight * t[x] * t[y]
+            if b >= 0:
+                partner[a, used] = b
+                used += 1
+        for e in range(links.incoming_start[j], links.incoming_start[j + 1]):
+            p = links.incoming[e]
+            if local[links.source[p]] < 0:
+                v = links.rows[p, :3]
+                for x in range(3):
+                    for y in range(3):
+                        positions[first + x, first + y] += outside * v[x] * v[y]
+        for x in range(3):
+            at_normal[x, x] = at_normal[x, x] * (1.0 + RIDGE) if at_normal[x, x] > 0.0 else 1.0
+        _invert(at_normal, inverse[a])
+        for m in range(used):
+            _multiply(inverse[a], through[a, m], response[m])
+        for m in range(used):
+            for l in range(used):
+                b, c = 3 * partner[a, l], 3 * partner[a, m]
+                for x in range(3):
+                    for y in range(3):
+                        for z in range(3):
+                            positions[b + x, c + y] -= through[a, l, z, x] * response[m, z, y]
+        for m in range(used):
+            for x in range(3):
+                for y in range(3):
+                    through[a, m, x, y] = response[m, x, y]
+
+
+@njit(**_COMPILED)
+def _invert(a, out):
+    """out = a^-1, of (3, 3), by cofactors."""
+    for x in range(3):
+        for y in range(3):
+            p, q, r, s = (y + 1) % 3, (y + 2) % 3, (x + 1) % 3, (x + 2) % 3
+            out[x, y] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
+    determinant = a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]
+    for x in range(3):
+        for y in range(3):
+            out[x, y] /= determinant
+
+
+@njit(**_COMPILED)
+def _multiply(a, b, out):
+    """out = a b, of (3, 3)."""
+    for x in range(3):
+        for y in range(3):
+            out[x, y] = a[x, 0] * b[0, y] + a[x, 1] * b[1, y] + a[x, 2] * b[2, y]
+
+
+@njit(**_COMPILED)
+def _substitute(core, covariance, inverse, partner, through, out):
+    """Fills out (core, 6, 6) from the positions' covariance (3n, 3n), of which the upper triangle is given."""
+    block, half = np.empty((3, 3)), np.empty((3, 3))
+    for a in range(core):
+        _block(covariance, a, a, block)
+        for x in range(3):
+            for y in range(3):
+                out[a, x, y] = block[x, y]
+                out[a, 3 + x, 3 + y] = inverse[a, x, y]
+                out[a, 3 + x, y] = 0.0
+        for m in range(partner.shape[1]):
+            b = partner[a, m]
+            if b < 0:
+                break
+            _block(covariance, b, a, block)
+            _multiply(through[a, m], block, half)
+            for x in range(3):
+                for y in range(3):
+                    out[a, 3 + x, y] -= half[x, y]
+            for l in range(partner.shape[1]):
+                if partner[a, l] < 0:
+                    break
+                _block(covariance, b, partner[a, l], block)
+                _multiply(through[a, m], block, half)
+                for x in range(3):
+                    for y in range(3):
+                        for z in range(3):
+                            out[a, 3 + x, 3 + y] += half[x, z] * through[a, l, y, z]
+        for x in range(3):
+            for y in range(3):
+                out[a, y, 3 + x] = out[a, 3 + x, y]
+
+
+@njit(**_COMPILED)
+def _block(covariance, a, b, out):
+    """Block (3, 3) of two landmarks."""
+    for x in range(3):
+        for y in range(3):
+            i, k = 3 * a + x, 3 * b + y
+            out[x, y] = covariance[min(i, k), max(i, k)]

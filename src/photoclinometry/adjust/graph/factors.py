@@ -1,0 +1,115 @@
+"""The factors of the graph, one whitened residual per measurement, in plain NumPy.
+
+    projection   f_L       (predicted pixel - keypoint) / sigma                      Eqs. 9-10
+    photometric  f_Ph      (lambda a rho(mu0, mu, phase) + xi - brightness) / sigma  Eqs. 29-32
+    direct                 likewise, the brightness being the image's where the landmark projects
+    Sun          f_SS      B^T R^T s / sigma: the measured Sun's tangent plane       Eqs. 33-34
+    smoothness   f_Smooth  asin(d . n) / sigma: neighbours lie in the tangent plane  Eq. 35
+
+Each returns the residual and its Jacobian by the local coordinates of what it touches. Local coordinates:
+
+    pose      6   a shift, then an orbit about a pivot in the middle of the map: R <- exp(omega) R,
+                  c <- pivot + exp(omega) (c - pivot + tau), all in B
+    Sun       2   step on the sphere (Eq. 5)     normal 2   likewise
+    position  3   albedo 1   scale 1   bias 1    added
+
+The paper's Eq. 2 turns and shifts in C. To a camera far away with a narrow field these look nearly the same, and
+what the images do not tell well, its motion around the scene, is a long arc of both together: steps along its
+tangent change the distance, and a solver that takes them stalls. In orbit coordinates that motion is omega alone,
+on the arc. The minimum is the same.
+
+This is the readable statement of the estimate and the reference that the compiled kernels are tested against.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.model.geometry import skew, tangent_basis
+from photoclinometry.model.reflectance import PHASE_FLOOR, photometric_function
+
+
+def projection(rotation, center, intrinsics, position, keypoint, sigma, pivot):
+    """Residual (2,) and Jacobians by position (2, 3) and pose (2, 6).
+
+    rotation: body_from_cam (3, 3); center, position, pivot: (3,) in B; intrinsics: fx, fy, cx, cy; sigma [px].
+    """
+    arm = position - center
+    x, y, z = rotation.T @ arm
+    focal = np.asarray(intrinsics[:2])
+    residual = (focal * [x / z, y / z] + intrinsics[2:] - keypoint) / sigma
+    by_cam = (focal[:, None] / sigma) * np.array([[1 / z, 0, -x / z**2], [0, 1 / z, -y / z**2]])
+    by_position = by_cam @ rotation.T
+    # seen from the camera, an orbit by omega moves the landmark by -omega x (position - pivot)
+    by_pose = np.hstack([by_position @ skew(position - pivot), -by_position])
+    return residual, by_position, by_pose
+
+
+def photometric(packed, center, sun, scale, bias, position, normal, albedo, brightness, sigma, pivot):
+    """Residual (a number) and Jacobian (16,) by position 3, normal 2, albedo 1, pose 6, Sun 2, scale 1, bias 1."""
+    offset = center - position
+    distance = np.linalg.norm(offset)
+    to_camera = offset / distance
+    sine = np.linalg.norm(np.cross(sun, to_camera))
+    phase = np.arctan2(sine, sun @ to_camera)
+    rho, by_mu0, by_mu, by_phase = photometric_function(packed, sun @ normal, to_camera @ normal, phase)
+    gain = scale * albedo
+    by_phase_over_sine = by_phase / max(sine, PHASE_FLOOR)
+    by_to_camera = gain * (by_mu * normal - by_phase_over_sine * sun)
+    by_position = -(by_to_camera - (by_to_camera @ to_camera) * to_camera) / distance
+    by_normal = gain * (by_mu0 * sun + by_mu * to_camera)
+    by_sun = gain * (by_mu0 * normal - by_phase_over_sine * to_camera)
+    jacobian = np.concatenate(
+        [
+            by_position,
+            by_normal @ tangent_basis(normal),
+            [scale * rho],
+            by_position @ skew(center - pivot),
+            -by_position,
+            by_sun @ tangent_basis(sun),
+            [albedo * rho, 1.0],
+        ]
+    )
+    return (gain * rho + bias - brightness) / sigma, jacobian / sigma
+
+
+def direct(packed, rotation, center, intrinsics, sun, scale, bias, position, normal, albedo, image, sigma, pivot):
+    """As `photometric`, where the landmark projects into a view: no keypoint tells where it is seen.
+
+    image: brightness there, at (2,) which pixel, slope (2,) [1/px]: brightness + slope . (projected pixel - at).
+    """
+    brightness, at, slope = image
+    shift, by_position, by_pose = projection(rotation, center, intrinsics, position, at, 1.0, pivot)
+    residual, jacobian = photometric(
+        packed, center, sun, scale, bias, position, normal, albedo, brightness + slope @ shift, sigma, pivot
+    )
+    jacobian[:3] -= slope @ by_position / sigma
+    jacobian[6:12] -= slope @ by_pose / sigma
+    return residual, jacobian
+
+
+def sun_direction(rotation, sun, sun_measured, sigma):
+    """Residual (2,) and Jacobian (2, 5) by the camera's rotation omega (3) and the Sun (2).
+
+    rotation: body_from_cam; sun: (3,) in B; sun_measured: (3,) in C; sigma [rad].
+    """
+    measured_in_body = rotation @ tangent_basis(sun_measured)
+    jacobian = np.hstack([measured_in_body.T @ skew(sun), measured_in_body.T @ tangent_basis(sun)])
+    return measured_in_body.T @ sun / sigma, jacobian / sigma
+
+
+def smoothness(position, normal, neighbour, sigma):
+    """Residual (a number) and Jacobian (8,) by position 3, normal 2, neighbour's position 3; sigma [rad]."""
+    offset = neighbour - position
+    distance = np.linalg.norm(offset)
+    direction = offset / distance
+    cosine = direction @ normal
+    slope = 1.0 / np.sqrt(1.0 - cosine**2)
+    by_neighbour = slope * (normal - cosine * direction) / distance
+    by_normal = slope * direction @ tangent_basis(normal)
+    return np.arcsin(cosine) / sigma, np.concatenate([-by_neighbour, by_normal, by_neighbour]) / sigma
+
+
+def huber(squared: np.ndarray, limit: float) -> np.ndarray:
+    """Huber's loss of squared whitened residuals: s up to limit^2, then 2 limit sqrt(s) - limit^2."""
+    return squared - np.maximum(np.sqrt(squared) - limit, 0.0) ** 2

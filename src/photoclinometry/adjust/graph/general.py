@@ -1,0 +1,87 @@
+"""What a general group of factors gives: residuals and Jacobian blocks as arrays, with the variables that they touch.
+
+A group needs nothing else, no kernel and no change elsewhere: the graph adds its rows to gradient, blocks and products.
+Groups of a factor for each of millions of observations are compiled instead (`observations`, `smoothness`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from photoclinometry.adjust.graph.variables import Estimate
+
+Variable = Literal["view", "landmark", "parameter"]
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Derivatives of n factors of r residuals by one variable each, in the local coordinates of `factors`."""
+
+    variable: Variable
+    index: np.ndarray
+    """(n,) which view or landmark; of the reflectance parameters there is one set, 0."""
+    jacobian: np.ndarray
+    """(n, r, 10) by view, (n, r, 6) by landmark, (n, r, T) by the parameters."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Whitened residuals of n factors and all that they touch.
+
+    A factor that touches several variables may touch views and landmarks, no variable twice; reflectance parameters are
+    touched alone.
+    """
+
+    residual: np.ndarray
+    """(n, r)."""
+    touches: tuple[Touch, ...]
+
+    @property
+    def cost(self) -> float:
+        """Squared residuals, summed."""
+        return float(np.sum(self.residual**2))
+
+
+class FactorGroup(Protocol):
+    """A group of factors with one kind of residual; it owns its measurements and their noise."""
+
+    @property
+    def name(self) -> str:
+        """Under which its cost is listed."""
+        ...
+
+    def rows(self, estimate: Estimate) -> Sequence[Rows]:
+        """Whitened residuals and Jacobians at an estimate."""
+        ...
+
+
+@dataclass
+class Sums:
+    """Gradient and diagonal blocks, J^T r and J^T J, of the variables of one kind."""
+
+    gradient: np.ndarray
+    """(n, size)."""
+    block: np.ndarray
+    """(n, size, size) everything included."""
+    rest: np.ndarray
+    """(n, size, size) of factors that touch no other variable: all of what these do in a product."""
+
+    def add(self, touch: Touch, residual: np.ndarray, *, alone: bool) -> None:
+        """The rows of factors, which touch nothing else if `alone`."""
+        np.add.at(self.gradient, touch.index, np.einsum("nri,nr->ni", touch.jacobian, residual))
+        squares = np.einsum("nri,nrj->nij", touch.jacobian, touch.jacobian)
+        np.add.at(self.block, touch.index, squares)
+        if alone:
+            np.add.at(self.rest, touch.index, squares.astype(self.rest.dtype))
+
+
+def add_product(rows: Rows, parts: dict[Variable, np.ndarray], out: dict[Variable, np.ndarray]) -> None:
+    """out += J^T J x of factors that touch several variables; x and out by kind of variable, (K, 10) and (J, 6)."""
+    along = sum(np.einsum("nri,ni->nr", t.jacobian, parts[t.variable][t.index]) for t in rows.touches)
+    for touch in rows.touches:
+        change = np.einsum("nri,nr->ni", touch.jacobian, along)
+        np.add.at(out[touch.variable], touch.index, change.astype(out[touch.variable].dtype))

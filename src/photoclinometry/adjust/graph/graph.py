@@ -1,0 +1,211 @@
+"""The factor graph: groups of factors over views, landmarks and reflectance parameters.
+
+    graph = FactorGraph([Keypoints(...), Brightness(...), SunDirections(), Smoothness(...), Gauge(...), ...])
+    at = graph.linearize(estimate)          # H = J^T J and g = J^T r there, a value that nobody changes
+
+Two speeds keep it fast and open. `Keypoints`, `Brightness` and `Smoothness` have millions of factors and are compiled.
+Every other group is general (`general.FactorGroup`): it gives residuals and Jacobian blocks as arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from photoclinometry.adjust.graph.general import FactorGroup, Rows, Sums, Variable, add_product
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
+from photoclinometry.adjust.graph.observations import Brightness, Keypoints, ObservationRows, Observations
+from photoclinometry.adjust.graph.reflectance_parameters import Border, add_border
+from photoclinometry.adjust.graph.smoothness import (
+    Neighbours,
+    Smoothness,
+    SmoothnessRows,
+    add_smoothness,
+    build_neighbours,
+)
+from photoclinometry.adjust.graph.smoothness import add_product as add_smooth_product
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.reflectance import Reflectance
+
+Group = Keypoints | Brightness | Smoothness | FactorGroup
+
+
+class FactorGraph:
+    """Factors as a list of groups, with their cost and normal equations."""
+
+    def __init__(self, groups: Sequence[Group]):
+        """At least one `Keypoints`, one `Brightness` and one `Smoothness` at most. Raises ValueError otherwise."""
+        keypoints = [group for group in groups if isinstance(group, Keypoints)]
+        brightness = [group for group in groups if isinstance(group, Brightness)]
+        smoothness = [group for group in groups if isinstance(group, Smoothness)]
+        if not keypoints or len(brightness) > 1 or len(smoothness) > 1:
+            raise ValueError("a graph has keypoints, and one group each of brightness and smoothness at most")
+        self.groups = tuple(groups)
+        self.observations = Observations(keypoints, brightness[0] if brightness else None)
+        marks = len(self.observations.table.tracks.start) - 1
+        nobody = build_neighbours(np.zeros((marks, 0), int), np.zeros((marks, 0), bool))
+        self.smoothness = smoothness[0] if smoothness else Smoothness(nobody, 1.0)
+        compiled = (Keypoints, Brightness, Smoothness)
+        self.general = tuple(group for group in groups if not isinstance(group, compiled))
+
+    @property
+    def cost_names(self) -> tuple[str, ...]:
+        """What the entries of a cost are of: keypoints, brightness, smoothness, and each general group."""
+        return "keypoint", "brightness", "smoothness", *(group.name for group in self.general)
+
+    @property
+    def with_brightness(self) -> bool:
+        return bool(np.any(self.observations.brightness_weight))
+
+    @property
+    def reflectance(self) -> Reflectance | None:
+        """From which the estimate's differs by its parameters; None without brightness."""
+        return self.observations.reflectance
+
+    def reflectance_at(self, estimate: Estimate) -> Reflectance | None:
+        """The reflectance with the parameters of an estimate."""
+        return self.observations.reflectance_at(estimate)
+
+    def cost(self, estimate: Estimate) -> np.ndarray:
+        """Squared whitened residuals by `cost_names` (C,), after the loss; the objective is their sum."""
+        general = [_cost(group.rows(estimate)) for group in self.general]
+        return np.array([*self.observations.cost(estimate), self.smoothness.cost(estimate), *general])
+
+    def linearize(self, estimate: Estimate) -> Linearization:
+        """The normal equations at an estimate."""
+        observed, smooth = self.observations.linearize(estimate), self.smoothness.linearize(estimate)
+        rows = [group.rows(estimate) for group in self.general]
+        cost = np.array([*observed.cost, smooth.cost, *map(_cost, rows)])
+        sums = self._sums(estimate, rows)
+        landmarks = sums["landmark"]
+        landmarks.gradient += observed.landmark_gradient
+        landmarks.block += observed.landmark_block
+        add_smoothness(
+            smooth.neighbours, smooth.rows, smooth.residual, landmarks.block, landmarks.rest, landmarks.gradient
+        )
+        _make_invertible(landmarks)
+        views = sums["view"]
+        views.gradient += observed.view_gradient
+        views.block += observed.view_block
+        _make_invertible(views)
+        parameters, border = sums["parameter"], observed.border
+        border = border._replace(
+            block=border.block + parameters.block[0], gradient=border.gradient + parameters.gradient[0]
+        )
+        several = tuple(each for group in rows for each in group if len(each.touches) > 1)
+        return Linearization(
+            cost=cost,
+            views=views,
+            landmarks=landmarks,
+            parameter_rest=parameters.rest[0],
+            border=border,
+            observed=observed,
+            smooth=smooth,
+            several=several,
+        )
+
+    def rest(self, estimate: Estimate) -> dict[Variable, Sums]:
+        """Sums of the general groups alone."""
+        return self._sums(estimate, [group.rows(estimate) for group in self.general])
+
+    def several(self, estimate: Estimate) -> tuple[Rows, ...]:
+        """Rows of the general groups whose factors touch several variables."""
+        rows = (each for group in self.general for each in group.rows(estimate))
+        return tuple(each for each in rows if len(each.touches) > 1)
+
+    @staticmethod
+    def _sums(estimate: Estimate, rows: Sequence[Sequence[Rows]]) -> dict[Variable, Sums]:
+        parameters = len(estimate.parameters)
+        sums: dict[Variable, Sums] = {
+            "view": _no_sums(len(estimate.views), CAMERA_SIZE, float),
+            "landmark": _no_sums(len(estimate.landmarks), LANDMARK_SIZE, np.float32),
+            "parameter": _no_sums(1, parameters, float),
+        }
+        for each in (each for group in rows for each in group):
+            alone = len(each.touches) == 1
+            for touch in each.touches:
+                sums[touch.variable].add(touch, each.residual, alone=alone)
+        return sums
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """H x = -g at one estimate: what `FactorGraph.linearize` makes. A vector has 10 K + 6 J + T numbers."""
+
+    cost: np.ndarray
+    """(C,) by `FactorGraph.cost_names`."""
+    views: Sums
+    """(K, 10)."""
+    landmarks: Sums
+    """(J, 6); `rest` is float32 and has the smoothness's own part in it."""
+    parameter_rest: np.ndarray
+    """(T, T) the part of the parameters' block that is not from observations."""
+    border: Border
+    """The reflectance parameters' rows and columns."""
+    observed: ObservationRows
+    smooth: SmoothnessRows
+    several: tuple[Rows, ...]
+    """Of general groups whose factors touch several variables."""
+
+    @property
+    def neighbours(self) -> Neighbours:
+        return self.smooth.neighbours
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """(10 K + 6 J + T,)."""
+        return np.concatenate([self.views.gradient.ravel(), self.landmarks.gradient.ravel(), self.border.gradient])
+
+    @property
+    def diagonal(self) -> np.ndarray:
+        """(10 K + 6 J + T,) of H."""
+        blocks = (np.einsum("nii->ni", sums.block).ravel() for sums in (self.views, self.landmarks))
+        return np.concatenate([*blocks, np.diag(self.border.block)])
+
+    def split(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The views' part (K, 10), the landmarks' (J, 6) and the parameters' (T,) of a vector, as views of it."""
+        of_views = self.views.gradient.size
+        view, landmark, parameter = np.split(vector, [of_views, of_views + self.landmarks.gradient.size])
+        return view.reshape(-1, CAMERA_SIZE), landmark.reshape(-1, LANDMARK_SIZE), parameter
+
+    def multiply(self, vector: np.ndarray) -> np.ndarray:
+        """H x, of a float32 vector."""
+        out, border = np.empty_like(vector), self.border
+        view, landmark, parameter = self.split(vector)
+        view_out, landmark_out, parameter_out = self.split(out)
+        view_out[:] = self.observed.multiply(view, landmark, landmark_out) + np.einsum(
+            "kij,kj->ki", self.views.rest, view
+        )
+        add_smooth_product(self.neighbours, self.smooth.rows, self.landmarks.rest, landmark, landmark_out)
+        for rows in self.several:
+            add_product(rows, {"view": view, "landmark": landmark}, {"view": view_out, "landmark": landmark_out})
+        if len(parameter):
+            view_out += border.by_camera @ parameter
+            by_landmarks = np.empty((numba.get_num_threads(), len(parameter)))
+            add_border(border.by_landmark, landmark, parameter, landmark_out, by_landmarks)
+            parameter_out[:] = border.block @ parameter + by_landmarks.sum(0)
+            parameter_out += np.einsum("ki,kit->t", view, border.by_camera)
+        return out
+
+    def decrease(self, moves: np.ndarray) -> float:
+        """By how much moves (10 K + 6 J + T,) lower the cost of the linear model."""
+        return -float(np.vdot(moves, self.multiply(moves.astype(np.float32)) + 2.0 * self.gradient))
+
+
+def _cost(rows: Sequence[Rows]) -> float:
+    return sum(each.cost for each in rows)
+
+
+def _no_sums(count: int, size: int, rest: type) -> Sums:
+    return Sums(np.zeros((count, size)), np.zeros((count, size, size)), np.zeros((count, size, size), rest))
+
+
+def _make_invertible(sums: Sums) -> None:
+    """Ones on the diagonal where no factor touches a variable: it then stays where it is."""
+    diagonal = np.einsum("...ii->...i", sums.block)
+    untouched = diagonal == 0.0
+    diagonal[untouched] = 1.0
+    np.einsum("...ii->...i", sums.rest)[untouched] = 1.0

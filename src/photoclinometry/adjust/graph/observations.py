@@ -1,0 +1,269 @@
+"""Factors of a landmark seen in a view: keypoints and brightness, fused into one compiled group.
+
+There are millions of these. All `Keypoints` groups and the `Brightness` of a graph share one table of observations, so
+that one pass makes the rows of both, and fifteen stored numbers say them all (`kernels`). A group switches its rows on
+by giving them a weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from photoclinometry.adjust.graph import kernels
+from photoclinometry.adjust.graph.kernels import (
+    CAMERA_SIZE,
+    LANDMARK_SIZE,
+    STORED,
+    CameraState,
+    LandmarkState,
+    Normal,
+)
+from photoclinometry.adjust.graph.layout import Layout, Measurements, build_layout, spread
+from photoclinometry.adjust.graph.product import Linearized, linearized, multiply
+from photoclinometry.adjust.graph.reflectance_parameters import Border, linearize_parameters, no_border
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.geometry import tangent_basis
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Landmarks, Tracks, Views
+
+
+class ImageGradients(NamedTuple):
+    """How N brightnesses change about the pixels where they were sampled.
+
+    With them a brightness follows its landmark, so that images say where it lies without matches: the measurement is
+    the sampled brightness + gradient . (projected pixel - at).
+    """
+
+    at: np.ndarray
+    """(N, 2) [px]."""
+    gradient: np.ndarray
+    """(N, 2) brightness per pixel; zero where brightness is to stay what it is."""
+
+    def of_landmarks(self, tracks: Tracks) -> np.ndarray:
+        """(J,) bool: landmarks any of whose brightness follows them."""
+        return np.bincount(tracks.landmark, np.any(self.gradient != 0.0, axis=1), len(tracks.start) - 1) > 0
+
+
+class ObservationTable:
+    """N observations of J landmarks in K views, and how they lie in memory. Landmarks are in a local order."""
+
+    def __init__(self, tracks: Tracks, view_count: int):
+        self.tracks, self.view_count = tracks, view_count
+        self.layout, self.place = build_layout(tracks, view_count)
+
+    @cached_property
+    def keypoint_lanes(self) -> np.ndarray:
+        """(2, P) keypoints [px] by place."""
+        return np.array([spread(axis, self.place, self.layout.places) for axis in self.tracks.keypoint.T])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Keypoints:
+    """Predicted pixel minus keypoint over sigma, for all observations of some landmarks (Eqs. 9-10)."""
+
+    name: str
+    table: ObservationTable
+    landmarks: np.ndarray
+    """(J,) bool: whose keypoints these are; no two groups of a graph share one."""
+    sigma: np.ndarray
+    """(N,) [px]; only that of the group's observations counts."""
+    limit: float = np.inf
+    """Huber's limit, in sigmas."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Brightness:
+    """scale * albedo * rho + bias minus brightness over sigma (Eqs. 29-32), for the observations `used`."""
+
+    table: ObservationTable
+    reflectance: Reflectance
+    """From which the estimate's differs by its parameters."""
+    used: np.ndarray
+    """(N,) bool."""
+    brightness: np.ndarray
+    """(N,) as sampled."""
+    sigma: float
+    """In the images' brightness."""
+    limit: float = np.inf
+    """Huber's limit, in sigmas."""
+    gradients: ImageGradients | None = None
+    """Where brightness follows its landmark (direct photometric refinement)."""
+    name: str = "brightness"
+
+
+@dataclass(frozen=True)
+class ObservationRows:
+    """Rows of all observations at one estimate, and what they add to the normal equations."""
+
+    cost: np.ndarray
+    """(2,) squared whitened residuals of keypoints and of brightness, after the loss."""
+    layout: Layout
+    stored: np.ndarray
+    """(STORED P,) float32, see `kernels`."""
+    where: Linearized
+    landmark_block: np.ndarray
+    """(J, 6, 6)."""
+    landmark_gradient: np.ndarray
+    """(J, 6)."""
+    view_block: np.ndarray
+    """(K, 10, 10)."""
+    view_gradient: np.ndarray
+    """(K, 10)."""
+    border: Border
+    """What the reflectance parameters add."""
+
+    def multiply(self, views: np.ndarray, landmarks: np.ndarray, landmark_out: np.ndarray) -> np.ndarray:
+        """J^T J x: views (K, 10) and landmarks (J, 6) of x, float32, without parameters.
+
+        landmark_out (J, 6), float32, takes the landmarks' part; the views' (K, 10) is returned.
+        """
+        out = np.empty((numba.get_num_threads(), *views.shape))
+        multiply(self.layout, self.stored, self.where, views, landmarks, out, landmark_out)
+        return out.sum(0)
+
+
+class Observations:
+    """The fused group of a graph's `Keypoints` and `Brightness`, which must share one table."""
+
+    def __init__(self, keypoints: Sequence[Keypoints], brightness: Brightness | None):
+        """Raises ValueError where groups do not share the table, or two have the keypoints of one landmark."""
+        tables = {id(group.table): group.table for group in [*keypoints, *([brightness] if brightness else [])]}
+        if len(tables) != 1:
+            raise ValueError(f"keypoints and brightness of a graph share one table of observations, got {len(tables)}")
+        (self.table,) = tables.values()
+        tracks = self.table.tracks
+        if keypoints and np.any(np.sum([group.landmarks for group in keypoints], axis=0) > 1):
+            raise ValueError("two groups have the keypoints of one landmark")
+        self.keypoint_weight = np.zeros(len(tracks))
+        self.keypoint_limit = np.full(len(tracks.start) - 1, np.inf)
+        for group in keypoints:
+            mine = group.landmarks[tracks.landmark]
+            self.keypoint_weight[mine] = 1.0 / group.sigma[mine]
+            self.keypoint_limit[group.landmarks] = group.limit
+        self.brightness = brightness
+        self.brightness_weight = np.zeros(len(tracks)) if brightness is None else brightness.used / brightness.sigma
+        self.brightness_limit = np.inf if brightness is None else float(brightness.limit)
+
+    @property
+    def reflectance(self) -> Reflectance | None:
+        """From which the estimate's differs by its parameters; None without brightness."""
+        return None if self.brightness is None else self.brightness.reflectance
+
+    def reflectance_at(self, estimate: Estimate) -> Reflectance | None:
+        """The reflectance with the parameters of an estimate."""
+        if self.reflectance is None or len(estimate.parameters) == 0:
+            return self.reflectance
+        return self.reflectance.moved(estimate.parameters)
+
+    def packed_at(self, estimate: Estimate) -> np.ndarray:
+        """`Reflectance.packed` of an estimate."""
+        reflectance = self.reflectance_at(estimate)
+        return np.zeros(3) if reflectance is None else reflectance.packed
+
+    @property
+    def brightness_lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """How brightness depends on the pixel where it is taken: its value (N,) at pixel (0, 0) and slope (N, 2)."""
+        count = len(self.table.tracks)
+        if self.brightness is None:
+            return np.zeros(count), np.zeros((count, 2), np.float32)
+        gradients = self.brightness.gradients
+        if gradients is None:
+            return self.brightness.brightness, np.zeros((count, 2), np.float32)
+        rounded = gradients.gradient.astype(np.float32)
+        return self.brightness.brightness - np.sum(rounded * gradients.at, -1), rounded
+
+    @cached_property
+    def measured(self) -> Measurements:
+        """All measurements with their weights, by place."""
+        place, size = self.table.place, self.table.layout.places
+        brightness, lines = self.brightness_lines
+        slope = np.zeros((2, size), np.float32)
+        if lines.any():
+            slope = np.array([spread(axis, place, size, np.float32) for axis in lines.T])
+        return Measurements(
+            self.table.keypoint_lanes,
+            spread(brightness, place, size),
+            slope,
+            spread(self.keypoint_weight, place, size, np.float32),
+            spread(self.brightness_weight, place, size, np.float32),
+            self.keypoint_limit,
+            self.brightness_limit,
+        )
+
+    def cost(self, estimate: Estimate) -> np.ndarray:
+        """(2,) squared whitened residuals of keypoints and of brightness, after the loss."""
+        views, landmarks = states(estimate.views, estimate.landmarks)
+        normal = _empty_normal(0, len(estimate.views))
+        self._pass(estimate, views, landmarks, False, np.zeros(0, np.float32), normal)
+        return normal.cost.sum(0)
+
+    def linearize(self, estimate: Estimate) -> ObservationRows:
+        views, landmarks = states(estimate.views, estimate.landmarks)
+        stored = np.empty(STORED * self.table.layout.places, np.float32)
+        normal = _empty_normal(len(estimate.landmarks), len(estimate.views))
+        self._pass(estimate, views, landmarks, True, stored, normal)
+        where = linearized(views, landmarks, estimate.pivot)
+        return ObservationRows(
+            cost=normal.cost.sum(0),
+            layout=self.table.layout,
+            stored=stored,
+            where=where,
+            landmark_block=normal.landmark_block,
+            landmark_gradient=normal.landmark_gradient,
+            view_block=_full(normal.camera_block.sum(0)),
+            view_gradient=normal.camera_gradient.sum(0),
+            border=self._border(estimate, views, landmarks, where, stored),
+        )
+
+    def _pass(self, estimate, views, landmarks, with_jacobian, stored, normal) -> None:
+        kernels.linearize(
+            self.table.layout, self.measured, views, landmarks, estimate.pivot, self.packed_at(estimate),
+            with_jacobian, stored, normal,
+        )  # fmt: skip
+
+    def _border(self, estimate, views: CameraState, landmarks: LandmarkState, where, stored) -> Border:
+        if len(estimate.parameters) == 0 or self.reflectance is None:
+            return no_border(len(views.center), len(landmarks.albedo))
+        return linearize_parameters(
+            self.table.layout, self.measured, views, landmarks, where, self.packed_at(estimate),
+            self.reflectance.parameter_scale, stored, numba.get_num_threads(),
+        )  # fmt: skip
+
+
+def states(views: Views, landmarks: Landmarks) -> tuple[CameraState, LandmarkState]:
+    """What the kernels need of an estimate, contiguous."""
+    pose, plain = views.body_from_cam, np.ascontiguousarray
+    return CameraState(
+        plain(pose.rotation),
+        plain(pose.translation),
+        views.intrinsics,
+        plain(views.sun),
+        tangent_basis(views.sun),
+        plain(views.scale),
+        plain(views.bias),
+    ), LandmarkState(
+        plain(landmarks.position), plain(landmarks.normal), tangent_basis(landmarks.normal), plain(landmarks.albedo)
+    )
+
+
+def _empty_normal(landmarks: int, views: int) -> Normal:
+    threads = numba.get_num_threads()
+    return Normal(
+        np.empty((landmarks, LANDMARK_SIZE, LANDMARK_SIZE)),
+        np.empty((landmarks, LANDMARK_SIZE)),
+        np.empty((threads, views, CAMERA_SIZE, CAMERA_SIZE)),
+        np.empty((threads, views, CAMERA_SIZE)),
+        np.empty((threads, 2)),
+    )
+
+
+def _full(lower: np.ndarray) -> np.ndarray:
+    """Symmetric matrices (..., n, n) from their lower triangles."""
+    strict = np.tril(lower, -1)
+    return np.tril(lower) + np.swapaxes(strict, -1, -2)

@@ -1,0 +1,191 @@
+"""Priors as groups of factors: what is known of poses, Suns, exposures, landmarks and the reflectance beforehand.
+
+Each is Gaussian about a given value. An infinite standard deviation leaves a variable free, a tiny one holds it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.adjust.graph.factors import sun_direction
+from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
+from photoclinometry.model.scene import Landmarks, Views
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosePriors:
+    """Poses known beforehand, such as those of spacecraft navigation, in the frame B of the estimate."""
+
+    body_from_cam: Rigid
+    """(K,)."""
+    rotation_sigma: np.ndarray
+    """(K,) [rad], about each axis; infinite where nothing is known."""
+    center_sigma: np.ndarray
+    """(K,) in units of B, along each axis; infinite where nothing is known."""
+    name: str = "pose prior"
+
+    def rows(self, estimate: Estimate) -> list[Rows]:
+        known = np.isfinite(self.rotation_sigma) | np.isfinite(self.center_sigma)
+        which = np.flatnonzero(known)
+        return [
+            pose_rows(estimate, which, self.body_from_cam[which], self.rotation_sigma[which], self.center_sigma[which])
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gauge:
+    """Holds what images alone leave open: the reference view's pose, and one landmark for the scale."""
+
+    view: int
+    body_from_cam: Rigid
+    """() of that view."""
+    rotation_sigma: float
+    """[rad]."""
+    center_sigma: float
+    """In units of B."""
+    landmark: int
+    position: np.ndarray
+    """(3,) of that landmark."""
+    position_sigma: float
+    """In units of B."""
+    name: str = "gauge"
+
+    def rows(self, estimate: Estimate) -> list[Rows]:
+        pose = Rigid(self.body_from_cam.rotation[None], self.body_from_cam.translation[None])
+        sigma = np.array([self.rotation_sigma]), np.array([self.center_sigma])
+        return [
+            pose_rows(estimate, np.array([self.view]), pose, *sigma),
+            position_rows(estimate, np.array([self.landmark]), self.position[None], np.array([self.position_sigma])),
+        ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunDirections:
+    """Measured Suns (Eqs. 33-34)."""
+
+    weight: float = 1.0
+    """How many times smaller than stated the standard deviations are taken to be."""
+    name: str = "sun"
+
+    def rows(self, estimate: Estimate) -> list[Rows]:
+        residual, by_turn_and_sun = sun_rows(estimate.views)
+        jacobian = np.zeros((len(residual), 2, CAMERA_SIZE))
+        jacobian[:, :, [0, 1, 2, 6, 7]] = self.weight * by_turn_and_sun
+        return [Rows(self.weight * residual, (Touch("view", np.arange(len(residual)), jacobian),))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exposures:
+    """Brightness scales about 1 and biases about 0."""
+
+    scale_sigma: np.ndarray
+    """(K,)."""
+    bias_sigma: np.ndarray
+    """(K,) in the images' brightness."""
+    name: str = "exposure"
+
+    def rows(self, estimate: Estimate) -> list[Rows]:
+        views, count = estimate.views, len(estimate.views)
+        jacobian = np.zeros((count, 2, CAMERA_SIZE))
+        jacobian[:, 0, 8], jacobian[:, 1, 9] = 1.0 / self.scale_sigma, 1.0 / self.bias_sigma
+        residual = np.column_stack([(views.scale - 1.0) / self.scale_sigma, views.bias / self.bias_sigma])
+        return [Rows(residual, (Touch("view", np.arange(count), jacobian),))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LandmarkPriors:
+    """Landmarks about given positions, normals and albedos."""
+
+    landmarks: Landmarks
+    """(J,) the values."""
+    position_sigma: np.ndarray
+    """(J,) in units of B, along each axis."""
+    normal_sigma: np.ndarray
+    """(J,) [rad], about each tangent axis."""
+    albedo_sigma: np.ndarray
+    """(J,)."""
+    name: str = "landmark prior"
+
+    def rows(self, estimate: Estimate) -> list[Rows]:
+        known, now = self.landmarks, estimate.landmarks
+        out = []
+        which = np.flatnonzero(np.isfinite(self.position_sigma))
+        if len(which):
+            out.append(position_rows(estimate, which, known.position[which], self.position_sigma[which]))
+        which = np.flatnonzero(np.isfinite(self.normal_sigma))
+        if len(which):
+            tilt, by_step = _tilt(now.normal[which], known.normal[which])
+            sigma = self.normal_sigma[which, None]
+            jacobian = np.zeros((len(which), 2, LANDMARK_SIZE))
+            jacobian[:, :, 3:5] = by_step / sigma[..., None]
+            out.append(Rows(tilt / sigma, (Touch("landmark", which, jacobian),)))
+        which = np.flatnonzero(np.isfinite(self.albedo_sigma))
+        if len(which):
+            sigma = self.albedo_sigma[which, None]
+            jacobian = np.zeros((len(which), 1, LANDMARK_SIZE))
+            jacobian[:, :, 5] = 1.0 / sigma
+            residual = (now.albedo[which] - known.albedo[which])[:, None] / sigma
+            out.append(Rows(residual, (Touch("landmark", which, jacobian),)))
+        return out
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReflectancePrior:
+    """Relative changes of the reflectance parameters about zero."""
+
+    sigma: float
+    name: str = "reflectance prior"
+
+    def rows(self, estimate: Estimate) -> list[Rows]:
+        count = len(estimate.parameters)
+        if count == 0:
+            return []
+        touch = Touch("parameter", np.zeros(1, int), np.eye(count)[None] / self.sigma)
+        return [Rows(estimate.parameters[None] / self.sigma, (touch,))]
+
+
+def pose_rows(
+    estimate: Estimate, which: np.ndarray, known: Rigid, rotation_sigma: np.ndarray, center_sigma: np.ndarray
+) -> Rows:
+    """Poses of views `which` (n,) less those that are known (n,), rotation 3 and centre 3.
+
+    The residual of a rotation is the rotation vector: its derivative by omega is the identity up to half its length,
+    which the tightness of any useful pose prior keeps below 1e-3.
+    """
+    pose = estimate.views.body_from_cam[which]
+    turned = so3_log(pose.rotation @ np.swapaxes(known.rotation, -1, -2))
+    sigma = np.concatenate([np.tile(rotation_sigma, (3, 1)).T, np.tile(center_sigma, (3, 1)).T], axis=1)
+    jacobian = np.zeros((len(which), 6, CAMERA_SIZE))
+    jacobian[:, range(6), range(6)] = 1.0
+    jacobian[:, 3:6, :3] = -skew(pose.translation - estimate.pivot)
+    residual = np.concatenate([turned, pose.translation - known.translation], axis=1) / sigma
+    return Rows(residual, (Touch("view", which, jacobian / sigma[..., None]),))
+
+
+def position_rows(estimate: Estimate, which: np.ndarray, known: np.ndarray, sigma: np.ndarray) -> Rows:
+    """Positions of landmarks `which` (n,) less those that are known (n, 3), over sigma (n,) or (n, 3)."""
+    sigma = np.broadcast_to(sigma[:, None] if sigma.ndim == 1 else sigma, known.shape)
+    jacobian = np.zeros((len(which), 3, LANDMARK_SIZE))
+    jacobian[:, range(3), range(3)] = 1.0 / sigma
+    residual = (estimate.landmarks.position[which] - known) / sigma
+    return Rows(residual, (Touch("landmark", which, jacobian),))
+
+
+def sun_rows(views: Views) -> tuple[np.ndarray, np.ndarray]:
+    """Whitened Sun residuals (K, 2) and Jacobians (K, 2, 5), see `factors.sun_direction`."""
+    rows = [
+        sun_direction(*args)
+        for args in zip(views.body_from_cam.rotation, views.sun, views.sun_measured, views.sun_sigma, strict=True)
+    ]
+    return np.array([r for r, _ in rows]), np.array([j for _, j in rows])
+
+
+def _tilt(now: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Normals (n, 3) in the tangent plane of others: (n, 2) and the derivative (n, 2, 2) by a step on the sphere."""
+    basis = tangent_basis(start)
+    return np.einsum("nir,ni->nr", basis, now), np.einsum("nir,nij->nrj", basis, tangent_basis(now))

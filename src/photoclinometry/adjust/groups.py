@@ -1,0 +1,258 @@
+"""Which factors the joint estimate has, on which variables, with which noise: the list that it minimises.
+
+sparse tie points      keypoints of structure from motion                                hold the poses
+dense                  keypoints of the map's landmarks                                  where matches determine it
+reference rays         keypoints of direct landmarks: the reference view's ray alone     where brightness does
+pose-only tie points   their matches, with positions of their own                        hold the poses
+brightness             of lit landmarks; follows direct ones by the image gradients
+smoothness             neighbours lie in the tangent plane
+sun, exposure, pose prior or gauge, landmark prior, reflectance prior, control point     `graph.priors`
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.adjust.graph.control_points import ControlPoints
+from photoclinometry.adjust.graph.general import FactorGroup
+from photoclinometry.adjust.graph.graph import Group
+from photoclinometry.adjust.graph.observations import Brightness, ImageGradients, Keypoints, ObservationTable
+from photoclinometry.adjust.graph.priors import (
+    Exposures,
+    Gauge,
+    LandmarkPriors,
+    PosePriors,
+    ReflectancePrior,
+    SunDirections,
+)
+from photoclinometry.adjust.graph.smoothness import Neighbours, Smoothness, build_neighbours
+from photoclinometry.adjust.noise import Noise
+from photoclinometry.adjust.options import AdjustOptions
+from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, GroundControl, Members
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Scene
+from photoclinometry.photometry.initialize import neighbours
+
+BALANCED_CORRELATION_PX = 3.0
+"""Brightness correlation up to which smoothness is as given; of a map of larger stride, in landmarks."""
+
+DIRECT_SMOOTHNESS = 0.5
+"""Where brightness follows landmarks (`ImageGradients`), smoothness is as given times this, if errors of brightness are
+a pixel's own: nothing else holds single landmarks against noise."""
+
+DIRECT_SIGMA_PX = 25.0
+"""Keypoints' standard deviation where brightness follows their landmark (`ImageGradients`) [px]: they then hold what no
+image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
+
+SPARSE_SLACK = 4.0
+"""Beside pose-only tie points, the sparse ones' standard deviations are this many times what their residuals suggest: a
+feature that shading makes moves with the shading, alike in all views of about one light, which then agree on what is
+wrong."""
+
+RAY_SIGMA_PX = 0.004
+"""How near a direct landmark stays to its pixel's ray of the reference view [px]: which point of the ground it is, is a
+choice."""
+
+CALIBRATED_SCALE_SIGMA = 0.01
+"""Prior on the scales of calibrated images about 1: radiometric calibrations of spacecraft cameras agree to a few
+percent absolutely, and to better than one from image to image."""
+
+FREE_SCALE_SIGMA = 1e-6
+"""Prior on the reference view's scale where no other is known: it is 1."""
+
+CALIBRATED_BIAS, FREE_BIAS = 1e-3, 0.1
+"""Priors on biases about 0, as shares of the median brightness, of I/F and of uncalibrated numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """What the groups of an estimate are made of, the same in all its reweighting iterations."""
+
+    scene: Scene
+    """At the start, with tie points, in the solver's order of landmarks."""
+    members: Members
+    table: ObservationTable
+    options: AdjustOptions
+    reflectance: Reflectance | None
+    """From which that of the estimate differs by its parameters; None without photometry."""
+    gradients: ImageGradients | None
+    pose_priors: PosePriors | None
+    """Without them the gauge is fixed."""
+    control: GroundControl | None
+    scale_sigma: np.ndarray
+    """(K,) as stated; infinite where free."""
+    bias_sigma: np.ndarray
+    """(K,) as stated."""
+
+    def correlation(self, side_px: float) -> float:
+        """The side of a square of reference pixels that share an error in landmarks, whose square do so."""
+        stride = self.scene.region.stride
+        return side_px if stride == 1 else max(1.0, side_px / stride)
+
+    @property
+    def fixes_frame(self) -> bool:
+        """Whether more than the gauge is known of the frame B."""
+        return self.pose_priors is not None or self.control is not None
+
+
+def setup_of(
+    scene: Scene,
+    members: Members,
+    options: AdjustOptions,
+    reflectance: Reflectance | None,
+    *,
+    gradients: ImageGradients | None = None,
+    pose_priors: PosePriors | None = None,
+    control: GroundControl | None = None,
+) -> Setup:
+    """scene: at the start, with tie points (`tie_points.with_tie_points`), in the solver's order of landmarks."""
+    if options.keypoint_sigma_px is not None:
+        tracks = scene.tracks
+        dense = members.of_map | members.pose_only
+        sigma = np.where(dense[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
+        scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
+    scale_sigma, bias_sigma = exposure_sigmas(scene, options)
+    return Setup(
+        scene=scene,
+        members=members,
+        table=ObservationTable(scene.tracks, len(scene.views)),
+        options=options,
+        reflectance=reflectance,
+        gradients=gradients,
+        pose_priors=pose_priors,
+        control=control,
+        scale_sigma=scale_sigma,
+        bias_sigma=bias_sigma,
+    )
+
+
+def factor_groups(setup: Setup, lit: np.ndarray, noise: Noise, smoothness: Smoothness | None) -> list[Group]:
+    """All groups. lit: (N,) brightness that counts; noise: as measured so far."""
+    lights: list[Group] = []
+    if setup.reflectance is not None and lit.any():
+        lights = [_brightness(setup, setup.reflectance, lit, noise), SunDirections(weight=noise.view_prior_factor)]
+    exposures = Exposures(
+        scale_sigma=np.minimum(setup.scale_sigma / noise.view_prior_factor, noise.scale_scatter),
+        bias_sigma=setup.bias_sigma / noise.view_prior_factor,
+    )
+    smooth: list[Group] = [smoothness] if smoothness is not None else []
+    return [*_keypoints(setup, noise), *lights, *smooth, exposures, *_priors(setup)]
+
+
+def _keypoints(setup: Setup, noise: Noise) -> list[Keypoints]:
+    tracks, members, options = setup.table.tracks, setup.members, setup.options
+    directly = bool(members.direct.any())
+    shared = setup.correlation(noise.keypoint_correlation_px)
+    thinned = max(1.0, shared / POSE_ONLY_STEP)
+    # The few landmarks that keep their matches amidst direct ones must not follow noise instead.
+    of_map = thinned if directly else shared
+    matches = options.keypoint_slack * noise.keypoint_factor * tracks.keypoint_sigma
+    sparse = noise.sparse_keypoint_factor * (SPARSE_SLACK if directly else 1.0) * tracks.keypoint_sigma
+    on_ray = tracks.view == setup.scene.reference
+    loss = options.keypoint_loss
+
+    def group(name: str, landmarks: np.ndarray, sigma: np.ndarray, limit: float) -> Keypoints:
+        return Keypoints(name=name, table=setup.table, landmarks=landmarks, sigma=sigma, limit=limit)
+
+    groups = [
+        group("dense", members.of_map & ~members.direct, of_map * matches, loss / of_map),
+        group("reference rays", members.direct, np.where(on_ray, RAY_SIGMA_PX, DIRECT_SIGMA_PX), np.inf),
+        group("pose-only tie points", members.pose_only, thinned * matches, loss / thinned),
+        group("sparse tie points", members.sparse, sparse, loss),
+        group("control point keypoints", members.control, tracks.keypoint_sigma, loss),
+    ]
+    return [each for each in groups if each.landmarks.any()]
+
+
+def _brightness(setup: Setup, reflectance: Reflectance, lit: np.ndarray, noise: Noise) -> Brightness:
+    """n brightnesses that share an error count as one: sigma times the square root of n, and the loss with it."""
+    shared = setup.correlation(noise.brightness_correlation_px)
+    return Brightness(
+        table=setup.table,
+        reflectance=reflectance,
+        used=lit,
+        brightness=setup.table.tracks.brightness,
+        sigma=noise.brightness_sigma * shared,
+        limit=setup.options.brightness_loss / shared,
+        gradients=setup.gradients,
+    )
+
+
+def smoothness_group(setup: Setup, position: np.ndarray, noise: Noise) -> Smoothness | None:
+    """Neighbours are those at `position` (J, 3); it loosens with the correlation of brightness."""
+    options = setup.options
+    if setup.reflectance is None or options.smooth_sigma_rad <= 0 or options.smooth_neighbours == 0:
+        return None
+    looser = setup.correlation(noise.brightness_correlation_px) / BALANCED_CORRELATION_PX
+    least = DIRECT_SMOOTHNESS if setup.members.direct.any() else 1.0
+    pairs = neighbour_pairs(position, setup.members.count, options.smooth_neighbours)
+    return Smoothness(pairs, options.smooth_sigma_rad * max(looser, least))
+
+
+def neighbour_pairs(position: np.ndarray, mapped: int, count: int) -> Neighbours:
+    """`count` neighbours of each of the map's landmarks, the first `mapped`; tie points have none."""
+    index, near = neighbours(position[:mapped], count)
+    alone = ((0, len(position) - mapped), (0, 0))
+    return build_neighbours(np.pad(index, alone), np.pad(near, alone))
+
+
+def _priors(setup: Setup) -> list[FactorGroup]:
+    scene, options, members = setup.scene, setup.options, setup.members
+    landmarks, count = scene.landmarks, len(scene.landmarks)
+    groups: list[FactorGroup] = []
+    if setup.pose_priors is not None:
+        groups.append(setup.pose_priors)
+    elif setup.control is None:
+        groups.append(_gauge(scene, options, members))
+    if setup.control is not None:
+        which = np.flatnonzero(members.control)
+        groups.append(ControlPoints(landmark=which, position=setup.control.position, sigma=setup.control.sigma))
+    free = np.full(count, np.inf)
+    position, normal, albedo = options.position_sigma_gsd, options.normal_sigma_rad, options.albedo_sigma
+    if position is not None or normal is not None or albedo is not None:
+        groups.append(
+            LandmarkPriors(
+                landmarks=landmarks,
+                position_sigma=np.where(members.of_map, position * scene.gsd, np.inf) if position else free,
+                normal_sigma=np.where(members.of_map, normal, np.inf) if normal else free,
+                albedo_sigma=np.where(members.of_map, albedo * landmarks.albedo, np.inf) if albedo else free,
+            )
+        )
+    if setup.reflectance is not None and options.reflectance_sigma > 0:
+        groups.append(ReflectancePrior(sigma=options.reflectance_sigma))
+    return groups
+
+
+def _gauge(scene: Scene, options: AdjustOptions, members: Members) -> Gauge:
+    central, view = _central_landmark(scene, members.count), scene.reference
+    return Gauge(
+        view=view,
+        body_from_cam=scene.views.body_from_cam[view],
+        rotation_sigma=options.pose_rotation_sigma_rad,
+        center_sigma=options.pose_translation_sigma_gsd * scene.gsd,
+        landmark=central,
+        position=scene.landmarks.position[central],
+        position_sigma=options.landmark_sigma_gsd * scene.gsd,
+    )
+
+
+def exposure_sigmas(scene: Scene, options: AdjustOptions) -> tuple[np.ndarray, np.ndarray]:
+    """Stated standard deviations (K,) of scales about 1 and biases about 0."""
+    count, model = len(scene.views), scene.reflectance
+    level = float(np.median(scene.tracks.brightness[scene.tracks.lit])) if np.any(scene.tracks.lit) else 1.0
+    calibrated = scene.brightness == "iof" and model is not None and model.predicts_absolute_brightness
+    scale = np.full(count, options.scale_sigma or (CALIBRATED_SCALE_SIGMA if calibrated else np.inf))
+    if not calibrated:
+        scale[scene.reference] = min(scale[scene.reference], FREE_SCALE_SIGMA)
+    share = CALIBRATED_BIAS if scene.brightness == "iof" else FREE_BIAS
+    return scale, np.full(count, options.bias_sigma or share * level)
+
+
+def _central_landmark(scene: Scene, mapped: int) -> int:
+    """The landmark of most observations among those nearest to the middle of the map."""
+    pixel = scene.landmarks.pixel[:mapped]
+    offset = np.linalg.norm(pixel - np.median(pixel, axis=0), axis=1)
+    nearest = np.argsort(offset, kind="stable")[: max(1, len(offset) // 100)]
+    return int(nearest[np.argmax(np.diff(scene.tracks.start)[nearest])])

@@ -1,0 +1,101 @@
+"""Which brightness counts, and the noise of an estimate measured from its residuals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from photoclinometry.adjust.graph.priors import sun_rows
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.groups import Setup
+from photoclinometry.adjust.noise import (
+    Noise,
+    brightness_noise,
+    correlation_px,
+    keypoint_factor,
+    scale_scatter,
+    view_prior_factor,
+)
+from photoclinometry.adjust.options import AdjustOptions
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.projection import keypoint_residuals
+from photoclinometry.model.scene import Scene, Views
+from photoclinometry.photometry.predict import brightness_residuals, phase_of_views, shading
+
+STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
+"""Correlations until they are measured."""
+
+STARTING_BRIGHTNESS_SIGMA = 0.02
+"""Noise of brightness until it is measured, as a share of its median."""
+
+
+def gate(scene: Scene, estimate: Estimate, options: AdjustOptions) -> np.ndarray:
+    """Observations (N,) whose brightness counts: lit in the image, and neither Sun nor camera too low."""
+    if scene.reflectance is None:
+        return np.zeros(len(scene.tracks), bool)
+    tracks, points = scene.tracks, estimate.landmarks
+    mu0, mu, _ = shading(
+        tracks.landmark, tracks.view, estimate.views, points.position, points.normal, scene.reflectance
+    )
+    high = mu0 > np.cos(np.radians(options.max_incidence_deg))
+    return tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
+
+
+def starting_noise(setup: Setup, lit: np.ndarray) -> Noise:
+    """What is given, and guesses for what is to be measured. Raises ReconstructionError where no brightness counts."""
+    scene, options = setup.scene, setup.options
+    if scene.reflectance is not None and not np.any(lit):
+        raise ReconstructionError(
+            "no brightness is usable: every observation is in shadow or lit below the horizon; "
+            "check the Sun directions (towards the Sun, in the camera frame: x right, y down, z forward)"
+        )
+    level = float(np.median(scene.tracks.brightness[lit])) if np.any(lit) else 0.0
+    return Noise(
+        keypoint_factor=1.0,
+        keypoint_correlation_px=options.keypoint_correlation_px or STARTING_KEYPOINT_CORRELATION_PX,
+        sparse_keypoint_factor=1.0,
+        brightness_sigma=options.brightness_sigma or STARTING_BRIGHTNESS_SIGMA * level,
+        brightness_correlation_px=options.brightness_correlation_px or STARTING_BRIGHTNESS_CORRELATION_PX,
+        scale_scatter=_scale_scatter(setup, scene),
+    )
+
+
+def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) -> Noise:
+    """`noise` with all that options do not give measured from the residuals of `scene`, which is of the estimate."""
+    options, members, tracks, found = setup.options, setup.members, scene.tracks, {}
+    residual = keypoint_residuals(scene)
+    pixel, stride = scene.landmarks.pixel[tracks.landmark], scene.region.stride
+    if options.keypoint_sigma_px is None:
+        found["keypoint_factor"] = keypoint_factor(scene, residual, members.of_map)
+    if members.sparse.any():
+        found["sparse_keypoint_factor"] = keypoint_factor(scene, residual, members.sparse)
+    if options.keypoint_correlation_px is None:
+        mine = members.of_map[tracks.landmark]
+        found["keypoint_correlation_px"] = max(
+            correlation_px(residual[mine, axis], tracks.view[mine], pixel[mine], stride) for axis in (0, 1)
+        )
+    if lit.any():
+        residual = brightness_residuals(scene)
+        if options.brightness_sigma is None:
+            found["brightness_sigma"] = brightness_noise(scene, residual, lit)
+        if options.brightness_correlation_px is None:
+            found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)
+            found["view_prior_factor"] = view_prior_factor(_view_offsets(setup, scene.views), noise.view_prior_factor)
+    found["scale_scatter"] = _scale_scatter(setup, scene)
+    return replace(noise, **found)
+
+
+def _scale_scatter(setup: Setup, scene: Scene) -> float:
+    """Scatter of calibrated scales where `options` do not state it; else infinite."""
+    options = setup.options
+    if options.scale_sigma is not None or not np.all(np.isfinite(setup.scale_sigma)):
+        return np.inf
+    return scale_scatter(scene.views.scale, phase_of_views(scene) if options.reflectance_sigma > 0 else None)
+
+
+def _view_offsets(setup: Setup, views: Views) -> np.ndarray:
+    """Suns, scales and biases less their priors, in stated standard deviations; of those that are not free."""
+    scale, bias = (views.scale - 1.0) / setup.scale_sigma, views.bias / setup.bias_sigma
+    known = [part[np.isfinite(sigma)] for part, sigma in ((scale, setup.scale_sigma), (bias, setup.bias_sigma))]
+    return np.concatenate([sun_rows(views)[0].ravel(), *known])

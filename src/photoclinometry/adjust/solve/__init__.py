@@ -1,0 +1,1 @@
+"""The minimum of a factor graph, by Levenberg-Marquardt with conjugate gradients."""

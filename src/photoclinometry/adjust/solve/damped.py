@@ -1,0 +1,89 @@
+"""The damped normal equations of one step: product and preconditioner, and how all else follows the parameters."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from photoclinometry.adjust.graph.graph import Linearization
+from photoclinometry.adjust.solve.blocks import invert_blocks
+from photoclinometry.adjust.solve.directions import add_combination, shares
+from photoclinometry.adjust.solve.krylov import conjugate_gradients
+from photoclinometry.adjust.solve.preconditioner import solve_approximately
+
+COARSE_ITERATIONS, COARSE_ENOUGH = 40, 0.1
+"""Conjugate-gradient iterations at most for how the other variables follow a reflectance parameter; fewer if they would
+change less than this share of what the parameter costs when they follow."""
+
+COARSE_TRUNCATION = 1e-3
+"""Share of the mean gain of an iteration below which those iterations end."""
+
+
+class DampedSystem:
+    """(H + damping diag(H)) of one linearization, for vectors (10 K + 6 J + T,), float32."""
+
+    def __init__(self, at: Linearization, damping: float, low: float, degree: int):
+        """low, degree: of the Chebyshev polynomial, see `preconditioner.solve_approximately`."""
+        self.at, self.low, self.degree = at, low, degree
+        border = at.border.block
+        self.added = (damping * at.diagonal).astype(np.float32)
+        self.parameter_inverse = np.linalg.inv(border + damping * np.diag(np.diag(border)))
+        view = at.views.block.copy()
+        np.einsum("kii->ki", view)[:] *= 1.0 + damping
+        self.view_inverse = np.linalg.inv(view)
+        self.landmark_inverse = np.empty(at.landmarks.block.shape, np.float32)
+        invert_blocks(at.landmarks.block, damping, self.landmark_inverse)
+        self.coarse, self.coarse_inverse = np.zeros((0, len(self.added)), np.float32), np.zeros((0, 0))
+
+    def treat_exactly(self, directions: np.ndarray) -> None:
+        """From now on the preconditioner solves for directions (T, 10 K + 6 J + T) exactly."""
+        products = np.array([self.multiply(direction) for direction in directions])
+        self.coarse = directions
+        self.coarse_inverse = np.linalg.inv(np.einsum("tn,un->tu", directions, products, dtype=float))
+
+    def multiply(self, vector: np.ndarray) -> np.ndarray:
+        return self.at.multiply(vector) + self.added * vector
+
+    def multiply_others(self, vector: np.ndarray) -> np.ndarray:
+        """`multiply` with the parameters held."""
+        out = self.multiply(vector)
+        out[len(out) - len(self.parameter_inverse) :] = 0.0
+        return out
+
+    def precondition(self, vector: np.ndarray) -> np.ndarray:
+        out = np.empty_like(vector)
+        view, landmark, parameter = self.at.split(vector)
+        view_out, landmark_out, parameter_out = self.at.split(out)
+        view_out[:] = np.einsum("kij,kj->ki", self.view_inverse, view)
+        rows, inverse = self.at.smooth.rows, self.landmark_inverse
+        landmark_out[:] = solve_approximately(self.at.neighbours, rows, inverse, landmark, self.degree, self.low)
+        parameter_out[:] = self.parameter_inverse @ parameter
+        if len(self.coarse):
+            along = np.empty((numba.get_num_threads(), len(self.coarse)))
+            shares(self.coarse, vector, along)
+            add_combination(self.coarse, (self.coarse_inverse @ along.sum(0)).astype(np.float32), out)
+        return out
+
+
+def parameter_moves(system: DampedSystem, before: np.ndarray | None, enough: float = COARSE_ENOUGH) -> np.ndarray:
+    """How all variables (T, 10 K + 6 J + T) move when a reflectance parameter does.
+
+    These are directions in which the cost hardly changes, since albedos and scales make up for the parameter. before:
+    the moves at another point, from which to start; enough: the share of its cost that is not worth following.
+    """
+    count = len(system.parameter_inverse)
+    moves = np.zeros((count, len(system.added)), np.float32) if before is None else before.copy()
+    for t in range(count):
+        moves[t, t - count] = 1.0
+        pull = system.multiply(moves[t])
+        left = max(float(np.vdot(moves[t], pull)), float(system.at.parameter_rest[t, t]))
+        pull[-count:] = 0.0
+        moves[t] -= conjugate_gradients(
+            system.multiply_others,
+            system.precondition,
+            pull,
+            max_iterations=COARSE_ITERATIONS,
+            truncation=COARSE_TRUNCATION,
+            enough=enough * left,
+        ).x
+    return moves

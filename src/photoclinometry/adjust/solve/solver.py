@@ -1,0 +1,292 @@
+"""Levenberg-Marquardt with preconditioned conjugate gradients on the full, damped normal equations.
+
+    (H + damping diag(H)) x = -g
+
+H is never formed: observations are multiplied through their stored rows (`product.multiply`), smoothness pair
+by pair. The preconditioner is each view's 10 x 10 block and, for landmarks, a Chebyshev polynomial that deals
+with the coupling of neighbours (`preconditioner`).
+
+Two safeguards keep it from stalling. Steps are limited, and shortened where they fail, before damping has to rise (see
+`descent`). And damping may fall far: turning and shifting a narrow-field camera are nearly the same.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
+from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.solve.blocks import invert_blocks
+from photoclinometry.adjust.solve.damped import DampedSystem, parameter_moves
+from photoclinometry.adjust.solve.krylov import Krylov, conjugate_gradients
+from photoclinometry.adjust.solve.preconditioner import chebyshev_degree, lowest_eigenvalue
+from photoclinometry.adjust.solve.step_control import Trial, descend
+from photoclinometry.model.errors import NotConvergedError
+
+log = logging.getLogger(__name__)
+
+FAST = 0.02
+"""Share of the cost by which a step lowers it while there is no use in solving the next one well."""
+
+ENOUGH = 1e-3
+"""A linear solve ends when what is left to gain is less than this share of what counts as convergence."""
+
+_LIGHT_DAMPING = 1e-4
+"""Damping up to which the linear model's promise is that of the problem itself."""
+
+ROUGH_DECREASE, ROUGH_STEPS = 1e-3, 8
+"""Relative decrease at which a rough estimate ends, and its steps at most."""
+
+STALE = 10
+"""Iterations of a step from which on the moves that follow the reflectance parameters are found anew."""
+
+MAX_DAMPING = 1e8
+"""Damping at which no downhill step exists however short: the cost is flat to rounding."""
+
+MIN_RELIEF, MAX_RELIEF = 0.1, 2.0
+"""Least and largest factor on the damping after an accepted step."""
+
+RESPONSE_ITERATIONS, RESPONSE_ENOUGH = 500, 1e-3
+"""Conjugate-gradient iterations at most for a column of the parameters' covariance, and the share of a parameter's cost
+that is not worth following there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverOptions:
+    """How the minimum is sought; results do not depend on these but for the last digits."""
+
+    max_steps: int = 30
+    """Levenberg-Marquardt steps at most."""
+    relative_decrease: float = 1e-5
+    """Converged when two successive steps lower the cost by less than this share, or one that promised no more ..."""
+    absolute_decrease: float = 1.0
+    """... or by less than this, in squared standard deviations: no variable then moves by a standard deviation."""
+    initial_damping: float = 1e-5
+    """Added to the diagonal of the normal equations, relative to it."""
+    min_damping: float = 1e-12
+    """Damping never falls below this."""
+    truncation: float = 0.1
+    """A linear solve ends when its last iteration lowered the linear model's cost by less than this share of the mean
+    over its iterations (Nash and Sofer 1990, doi:10.1016/0167-6377(90)90064-D), while the cost falls fast ..."""
+    final_truncation: float = 1e-3
+    """... and by less than this share afterwards: what is weakly determined comes last, after a lull."""
+    max_cg_iterations: int = 200
+    """Conjugate-gradient iterations at most, per step."""
+    chebyshev_low: float = 0.02
+    """Lowest eigenvalue that the landmarks' preconditioner treats, out of (0, 2]; fewer where there are none so low."""
+    chebyshev_reduction: float = 0.4
+    """By how much it shrinks errors; sets the polynomial's degree."""
+
+    def roughly(self) -> SolverOptions:
+        """For an estimate that is made again with other weights or matches: without the slow motions at the end."""
+        return replace(
+            self,
+            relative_decrease=max(self.relative_decrease, ROUGH_DECREASE),
+            max_steps=min(self.max_steps, ROUGH_STEPS),
+            final_truncation=self.truncation,
+        )
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One line of the convergence log."""
+
+    cost: dict[str, float]
+    """By kind of factor, after the step."""
+    damping: float
+    cg_iterations: int
+    accepted: bool
+    position_step: float
+    """Root mean square of the landmarks' steps, in units of B."""
+    wall_s: float
+    cpu_s: float
+
+    @property
+    def total(self) -> float:
+        return sum(self.cost.values())
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The estimate and how it was reached. Not converging is a status, not an exception."""
+
+    estimate: Estimate
+    converged: bool
+    message: str
+    log: tuple[Iteration, ...]
+    """The first entry is the start."""
+    parameter_moves: np.ndarray | None
+    """(T, 10 K + 6 J + T) how all variables follow the reflectance parameters; None where none are estimated."""
+
+    @property
+    def cost(self) -> dict[str, float]:
+        return [i for i in self.log if i.accepted][-1].cost
+
+
+@dataclass
+class _State:
+    """Where the descent is."""
+
+    estimate: Estimate
+    at: Linearization
+    damping: float
+    growth: float = 4.0
+    """Factor on the damping after the next step that fails."""
+    fast: bool = True
+    """The cost falls fast: no use in solving well."""
+    small: int = 0
+    """Steps one after the other that lowered the cost by no more than what counts as convergence; two are enough."""
+
+
+def minimize(
+    graph: FactorGraph,
+    start: Estimate,
+    options: SolverOptions | None = None,
+    *,
+    step_limit: float | np.ndarray = np.inf,
+    moves: np.ndarray | None = None,
+    progress: Callable[[Iteration], None] | None = None,
+    throw: bool = False,
+) -> Solution:
+    """The estimate of least cost near `start`.
+
+    step_limit: longest step of a landmark, or (J,) of each, against what all do, in units of B. moves: the
+    `parameter_moves` of an earlier solution with other weights. progress is called after every step; what it raises
+    ends the solve. throw: raise NotConvergedError instead of returning a status.
+    """
+    options = options or SolverOptions()
+    state = _State(start, graph.linearize(start), options.initial_damping)
+    polynomial = _polynomial(state.at, options)
+    history = [_iteration(graph, state.at.cost, state.damping, 0, True, 0.0, 0.0, 0.0)]
+    estimated = len(start.parameters) > 0
+    stale = estimated and moves is None
+    message = f"no convergence within {options.max_steps} steps"
+    for _ in range(options.max_steps):
+        wall, cpu, used = time.perf_counter(), time.process_time(), state.damping
+        system = DampedSystem(state.at, state.damping, *polynomial)
+        if stale:
+            moves = parameter_moves(system, moves)
+        if moves is not None:
+            system.treat_exactly(moves)
+        solve = _solve(system, options, fast=state.fast)
+        trial = descend(graph, state.estimate, float(state.at.cost.sum()), state.at.split(solve.x), step_limit)
+        stale = estimated and solve.iterations > STALE
+        accepted = bool(trial.cost.sum() <= state.at.cost.sum()) and solve.iterations > 0
+        if accepted:
+            _accept(graph, state, trial, options)
+        else:
+            state.damping, state.growth = state.damping * state.growth, 2.0 * state.growth
+        spent = time.perf_counter() - wall, time.process_time() - cpu
+        history.append(_iteration(graph, trial.cost, used, solve.iterations, accepted, trial.moved, *spent))
+        if progress is not None:
+            progress(history[-1])
+        log.debug("step %d: %s", len(history) - 1, history[-1])
+        if state.small == 2:
+            message = "converged: the cost no longer falls"
+            break
+        if state.damping > MAX_DAMPING:
+            message, state.small = "converged: no step lowers the cost", 2
+            break
+    converged = state.small == 2
+    if throw and not converged:
+        raise NotConvergedError(message)
+    return Solution(state.estimate, converged, message, tuple(history), moves)
+
+
+def _solve(system: DampedSystem, options: SolverOptions, *, fast: bool) -> Krylov:
+    """The step: no better than it is worth while the cost falls fast."""
+    return conjugate_gradients(
+        system.multiply,
+        system.precondition,
+        -system.at.gradient.astype(np.float32),
+        max_iterations=options.max_cg_iterations,
+        truncation=options.truncation if fast else options.final_truncation,
+        enough=ENOUGH * _limit(float(system.at.cost.sum()), options),
+    )
+
+
+def _limit(total: float, options: SolverOptions) -> float:
+    """The decrease of the cost that counts as convergence."""
+    return max(options.relative_decrease * total, options.absolute_decrease)
+
+
+def _accept(graph: FactorGraph, state: _State, trial: Trial, options: SolverOptions) -> None:
+    """Goes to a trial that lowers the cost, and sets the damping by the gain ratio.
+
+    The decrease that the linear model promised is that of one linearization: where the step began.
+    """
+    total = float(state.at.cost.sum())
+    fell, promised, limit = total - float(trial.cost.sum()), state.at.decrease(trial.moves), _limit(total, options)
+    gain = fell / promised if promised > 0 else 1.0
+    state.small = state.small + 1 if fell <= limit else 0
+    state.fast = fell > FAST * total
+    if state.small and trial.whole and promised <= limit and state.damping <= _LIGHT_DAMPING:
+        state.small = 2
+    state.growth = 4.0
+    state.damping = max(state.damping * _relief(gain), options.min_damping)
+    state.estimate = trial.estimate
+    state.at = trial.linearization or graph.linearize(trial.estimate)
+
+
+def parameter_response(graph: FactorGraph, solution: Solution, options: SolverOptions) -> ParameterResponse:
+    """At the solution, all other variables estimated along with the parameters.
+
+    The covariance is made of columns of the inverse of the normal equations, by conjugate gradients. What rounding has
+    spoiled is as uncertain as the prior allows: albedos follow a phase function almost wholly.
+    """
+    count = len(solution.estimate.parameters)
+    at = graph.linearize(solution.estimate)
+    system = DampedSystem(at, options.min_damping, *_polynomial(at, options))
+    moves = parameter_moves(system, solution.parameter_moves, enough=RESPONSE_ENOUGH)
+    system.treat_exactly(moves)
+    covariance = np.empty((count, count))
+    for t in range(count):
+        unit = np.zeros(len(system.added), np.float32)
+        unit[len(unit) - count + t] = 1.0
+        solve = conjugate_gradients(
+            system.multiply,
+            system.precondition,
+            unit,
+            max_iterations=RESPONSE_ITERATIONS,
+            truncation=options.final_truncation,
+        )
+        covariance[t] = solve.x[-count:]
+    value, vector = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    prior = 1.0 / float(np.max(np.diag(at.parameter_rest)))
+    value = np.where((value > 0) & (value < prior), value, prior)
+    of_views = CAMERA_SIZE * len(at.views.block)
+    return ParameterResponse(
+        covariance=(vector * value) @ vector.T,
+        of_cameras=moves[:, :of_views].T.astype(float),
+        of_landmarks=np.moveaxis(moves[:, of_views : moves.shape[1] - count].reshape(count, -1, LANDMARK_SIZE), 0, 2),
+    )
+
+
+def _relief(gain: float) -> float:
+    """Factor on the damping after a step that lowered the cost by `gain` times what the model promised:
+    a tenth where the model holds, up to twice where it does not (Nielsen 1999, IMM-REP-1999-05)."""
+    return float(np.clip(1.0 - (2.0 * gain - 1.0) ** 3, MIN_RELIEF, MAX_RELIEF))
+
+
+def _polynomial(at: Linearization, options: SolverOptions) -> tuple[float, int]:
+    """Lowest eigenvalue and degree of the landmarks' preconditioner; of degree 1 where nothing couples landmarks."""
+    if len(at.neighbours.target) == 0:
+        return 1.0, 1
+    block = at.landmarks.block
+    inverse = np.empty(block.shape, np.float32)
+    invert_blocks(block, 0.0, inverse)
+    found = lowest_eigenvalue(at.neighbours, at.smooth.rows, block.astype(np.float32), inverse)
+    low = min(max(found, options.chebyshev_low), 1.0)
+    return low, chebyshev_degree(low, options.chebyshev_reduction)
+
+
+def _iteration(graph, cost, damping, iterations, accepted, moved, wall_s, cpu_s) -> Iteration:
+    by_group = dict(zip(graph.cost_names, map(float, cost), strict=True))
+    return Iteration(by_group, damping, iterations, accepted, moved, wall_s, cpu_s)

@@ -1,0 +1,117 @@
+"""How far to go along a step of the linear model.
+
+A landmark's own move is cut to half a ground sample: the smoothness residual saturates, and one landmark that leaps
+becomes a spike that spoils every later step of all. Its own is what differs from what the whole map does: a map that
+tilts, stretches or shears together with its cameras (the weakly determined motions of shape from shading are such) is
+let go, since to cut it landmark by landmark would tear it from the cameras. Where a step raises the cost, a shorter one
+along the same direction is tried before damping has to rise.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
+from photoclinometry.adjust.graph.variables import Estimate
+
+MAX_TURN = 0.5
+"""A normal turns by this at most in one step [rad]."""
+
+MAX_GLOBAL_TURN = 0.05
+"""A Sun, or a camera about the map, turns by this at most in one step [rad]."""
+
+_ROBUST_ITERATIONS = 10
+_SAMPLE = 10_000
+
+
+class Trial(NamedTuple):
+    """A step tried."""
+
+    estimate: Estimate
+    cost: np.ndarray
+    """(C,) by `FactorGraph.cost_names`."""
+    linearization: Linearization | None
+    """There, where it was made along with the cost."""
+    moves: np.ndarray
+    """(10 K + 6 J + T,) made."""
+    moved: float
+    """Root mean square of the landmarks' moves."""
+    whole: bool
+    """All variables may move as the linear model wants them to; single landmarks may have been held back."""
+
+
+def descend(
+    graph: FactorGraph,
+    estimate: Estimate,
+    cost: float,
+    step: tuple[np.ndarray, np.ndarray, np.ndarray],
+    step_limit: float | np.ndarray,
+) -> Trial:
+    """The first of the whole step, a quarter and a sixteenth of it that does not raise the cost, else the last.
+
+    Most whole steps are good, so the normal equations are made there at once. Trying a shorter step costs a
+    thirtieth of solving for another. (The lowest point of the parabola through what is known makes shorter steps than a
+    quarter, and three times as many: along a curved valley the cost rises with the fourth power.)
+    """
+    camera, landmark, parameter = (part.astype(float) for part in step)
+    if graph.reflectance is not None:
+        parameter = graph.reflectance.limit_step(estimate.parameters, parameter)
+    whole = _global_share(camera, parameter, estimate)
+    for share in (whole, whole / 4.0, whole / 16.0):
+        moves = limited(share * landmark, step_limit, estimate)
+        candidate = estimate.step(share * camera, moves, share * parameter)
+        linearization = graph.linearize(candidate) if share == whole else None
+        new_cost = graph.cost(candidate) if linearization is None else linearization.cost
+        if new_cost.sum() <= cost:
+            break
+    moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
+    made = np.concatenate([share * camera.ravel(), moves.ravel(), share * parameter])
+    return Trial(candidate, new_cost, linearization, made, moved, share == 1.0)
+
+
+def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
+    """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale and no
+    reflectance parameter by more than a fifth: beyond, the linear model of a view's brightness is worth nothing."""
+    turn = max(np.linalg.norm(camera[:, :3], axis=1).max(), np.linalg.norm(camera[:, 6:8], axis=1).max())
+    gain = np.max(np.abs(camera[:, 8]) / np.abs(estimate.views.scale))
+    return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / 0.2, *np.abs(parameter) / 0.2)
+
+
+def limited(landmark: np.ndarray, max_move: float | np.ndarray, estimate: Estimate) -> np.ndarray:
+    """Landmark steps (J, 6), each cut as a whole so that its position moves by `max_move` at most, or no more than that
+    against the common motion, its normal turns by MAX_TURN, and its albedo does not fall below a tenth of what it is.
+
+    max_move: of all, or (J,) of each.
+    """
+    common = np.zeros((len(landmark), 3))
+    if np.isfinite(max_move).all():
+        common = common_motion(landmark[:, :3], estimate.landmarks.position, np.min(max_move))
+    length = np.minimum(np.linalg.norm(landmark[:, :3], axis=1), np.linalg.norm(landmark[:, :3] - common, axis=1))
+    turn = np.linalg.norm(landmark[:, 3:5], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.minimum(1.0, np.minimum(max_move / length, MAX_TURN / turn))
+        fall = -landmark[:, 5] / (0.9 * np.maximum(estimate.landmarks.albedo, 1e-12))
+        share = np.nan_to_num(np.where(fall * share > 1.0, 1.0 / fall, share), nan=1.0)[:, None]
+    moves = share * landmark
+    moves[:, :3] += (1.0 - share) * common
+    return moves
+
+
+def common_motion(moves: np.ndarray, position: np.ndarray, own: float) -> np.ndarray:
+    """The affine motion (J, 3) of the whole map in moves (J, 3) of landmarks at `position` (J, 3).
+
+    A least-squares fit, to a sample, in which moves that differ from it by more than `own` weigh less (Huber).
+    """
+    centred = position - position.mean(0)
+    columns = np.column_stack([np.ones(len(position)), centred / max(np.abs(centred).max(), 1e-300)])
+    some = slice(None, None, max(1, len(moves) // _SAMPLE))
+    known, wanted = columns[some], moves[some]
+    fitted = np.median(wanted, axis=0)
+    coefficients = np.zeros((4, 3))
+    for _ in range(_ROBUST_ITERATIONS):
+        weighted = known / np.maximum(np.linalg.norm(wanted - fitted, axis=1) / own, 1.0)[:, None]
+        coefficients = np.linalg.pinv(known.T @ weighted, hermitian=True) @ (weighted.T @ wanted)
+        fitted = known @ coefficients
+    return columns @ coefficients

@@ -1,0 +1,25 @@
+"""JSON files: written whole or not at all, read with an error that names the file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from photoclinometry.io.atomic import write_text
+from photoclinometry.io.reading import read_bytes
+from photoclinometry.model.errors import RunFolderError
+
+
+def write_json(path: Path | str, value: Any, *, indent: int = 1) -> None:
+    """`value` as the file `path`; objects that JSON does not know are written as text. Raises RunFolderError."""
+    write_text(path, json.dumps(value, indent=indent, default=str) + "\n")
+
+
+def read_json(path: Path | str) -> Any:
+    """The content of a file that this package wrote. Raises RunFolderError where it is missing or damaged."""
+    data = read_bytes(Path(path), error=RunFolderError)
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise RunFolderError(f"{path}: is damaged ({error}); remove it and repeat the command that wrote it") from error

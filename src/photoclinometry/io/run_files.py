@@ -1,0 +1,55 @@
+"""The content of a finished run folder: its scene, its options, and the images that it was made from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.scene import Image, Scene
+
+
+def read_run(run: Path) -> Scene:
+    """The scene of a finished run. Raises RunFolderError."""
+    from photoclinometry.io.scene_file import read_scene
+
+    path = run / "scene.h5"
+    if not path.is_file():
+        found = "no such folder" if not run.is_dir() else "the folder holds no scene.h5"
+        raise RunFolderError(f"{run}: {found}; give a folder that `phomo run` has finished")
+    return read_scene(path)
+
+
+def read_config(run: Path) -> dict[str, Any]:
+    """The options that the run recorded; empty if it has no config.toml. Raises RunFolderError."""
+    from photoclinometry.io.toml_file import read_toml
+
+    path = run / "config.toml"
+    if not path.is_file():
+        return {}
+    return read_toml(path, "config.toml of a run", RunFolderError).content
+
+
+def site_path(run: Path, given: Path | None = None) -> Path:
+    """The site.toml of a run: as given, or as the run recorded it. Raises RunFolderError."""
+    path = given or read_config(run).get("site")
+    remedy = "give the site.toml (--site, site=), or leave the images out (--no-images, images=False)"
+    if path is None:
+        raise RunFolderError(f"{run}: config.toml does not name the site; {remedy}")
+    path = Path(path)
+    if not path.is_file():
+        raise RunFolderError(f"{path}: the site of the run is not there (any more); {remedy}")
+    return path
+
+
+def run_images(site: Path, names: Sequence[str]) -> list[Image]:
+    """The images of a run's views. Raises SiteError, ImageError, and RunFolderError for another site."""
+    from photoclinometry.io.site import read_site
+    from photoclinometry.io.site_images import load_images
+
+    images = {image.name: image for image in load_images(read_site(site))}
+    missing = [name for name in names if name not in images]
+    if missing:
+        raise RunFolderError(f"{site}: has no view {missing[0]!r}, which the run used; is this another site?")
+    return [images[name] for name in names]

@@ -1,0 +1,80 @@
+"""The images of a site: read, checked against their cameras, and freed of dark sky."""
+
+from __future__ import annotations
+
+import hashlib
+
+from photoclinometry.io.exposure import off_body_mask, shows_nothing
+from photoclinometry.io.images import read_image
+from photoclinometry.io.site import Site, SiteView, site_document
+from photoclinometry.model.errors import ImageError
+from photoclinometry.model.progress import Progress
+from photoclinometry.model.scene import Image
+
+_LISTED = 5
+"""Missing images that an error names; the others are counted."""
+
+
+def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
+    """The images of all views, each named as its view; `valid` is False on dark sky.
+
+    progress: called with "images", images read and images in all after each. Raises ImageError for images that are
+    missing, unreadable, of another size than their camera, empty, dark, or the same as another.
+    """
+    missing = [str(view.image) for view in site.views if not view.image.exists()]
+    if missing:
+        listed = ", ".join(missing[:_LISTED]) + (", ..." if len(missing) > _LISTED else "")
+        raise ImageError(
+            f"{site.path}: {len(missing)} of {len(site.views)} images do not exist: {listed}; "
+            "image paths are relative to this file"
+        )
+    images, seen = [], {}
+    for number, view in enumerate(site.views, start=1):
+        image = read_image(view.image)
+        _check_image(view, image)
+        content = hashlib.sha256(image.brightness.tobytes()).digest()
+        if content in seen:
+            raise ImageError(
+                f"{site.path}: {seen[content]} and {view.name} are the same image (all pixels equal); "
+                "remove one of the two views"
+            )
+        seen[content] = view.name
+        images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
+        if progress is not None:
+            progress("images", number, len(site.views))
+    return images
+
+
+def input_fingerprint(site: Site) -> str:
+    """SHA-256 (hex) of the content of a site and of its image files, to notice changed inputs.
+
+    Comments and layout of the TOML file do not enter, nor the folder's place. Raises ImageError.
+    """
+    import tomli_w
+
+    digest = hashlib.sha256(tomli_w.dumps(site_document(site)).encode())
+    for view in site.views:
+        try:
+            with open(view.image, "rb") as stream:
+                digest.update(hashlib.file_digest(stream, "sha256").digest())
+        except OSError as error:
+            raise ImageError(f"{view.image}: cannot be read: {error.strerror}; check the path") from error
+    return digest.hexdigest()
+
+
+def _check_image(view: SiteView, image: Image) -> None:
+    """Raises ImageError if the image has another size than the camera, no valid pixel, or no signal above its noise."""
+    height, width = image.brightness.shape
+    if (width, height) != (view.camera.width, view.camera.height):
+        raise ImageError(
+            f"{view.image}: is {width} x {height} pixels, but its camera in site.toml is "
+            f"{view.camera.width} x {view.camera.height}; correct the camera or the image"
+        )
+    if not image.valid.any():
+        raise ImageError(f"{view.image}: has no valid pixel (all NaN, blank or saturated); remove this view")
+    if shows_nothing(image):
+        seen = image.brightness[image.valid]
+        raise ImageError(
+            f"{view.image}: is dark: nothing rises above its noise (brightness {seen.min():g} to "
+            f"{seen.max():g}); remove this view"
+        )

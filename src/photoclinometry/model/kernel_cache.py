@@ -1,0 +1,76 @@
+"""Compiled functions on disk that notice changes in other files.
+
+Numba keeps a compiled function until its own file changes, although functions and constants of other files are
+compiled into it. Once this module is imported, every cached function of the package is stamped with all files of the
+package that its own file imports, directly or not. A change in any of these compiles it anew. A file whose functions
+others call imports this module, or one that does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba.core import caching
+
+PACKAGE = Path(__file__).parents[1]
+_IMPORT = re.compile(
+    r"^\s*(?:from|import)\s+photoclinometry([\w.]*)(?:\s+import\s+(?:\(([^)]*)\)|(.*)))?", re.MULTILINE
+)
+
+
+@cache
+def imported(file: Path) -> frozenset[Path]:
+    """Files of the package that a file of it imports."""
+    found = set()
+    for dotted, several, one in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        parts = dotted.split(".")[1:]
+        packages = [PACKAGE.joinpath(*parts[:i], "__init__") for i in range(len(parts) + 1)]
+        base = PACKAGE.joinpath(*parts)
+        stems = [base, *packages, *(base / name for name in re.findall(r"\w+", several + one))]
+        found |= {path for stem in stems if (path := stem.with_suffix(".py")).is_file()}
+    return frozenset(found)
+
+
+def reached(file: Path) -> list[Path]:
+    """A file of the package and all that it imports from the package, directly or not, sorted."""
+    todo, known = [file], {file}
+    while todo:
+        new = imported(todo.pop()) - known
+        known |= new
+        todo += new
+    return sorted(known)
+
+
+@cache
+def stamp(file: Path) -> str:
+    """Digest of the contents of the files that `reached` finds."""
+    digest = hashlib.sha256()
+    for path in reached(file):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def stamped(locator: Any) -> Any:
+    """A cache locator of Numba's for files of this package alone, which stamps them with `stamp`."""
+
+    class Stamped(locator):
+        @classmethod
+        def from_function(cls, py_func: Any, py_file: str) -> Any:
+            own = PACKAGE in Path(py_file).resolve().parents and Path(py_file).is_file()
+            return super().from_function(py_func, py_file) if own else None
+
+        def get_source_stamp(self) -> Any:
+            return super().get_source_stamp(), stamp(Path(self._py_file).resolve())
+
+    return Stamped
+
+
+# Numba tries its locators in turn; those of the package go first, and know no other files.
+_LOCATORS = "_locator_classes"
+"""Numba has no public way to add one."""
+_known = getattr(caching.CacheImpl, _LOCATORS)
+setattr(caching.CacheImpl, _LOCATORS, [*map(stamped, _known), *_known])

@@ -1,0 +1,69 @@
+"""The compiled entry points: one function for all models, which looks at the model's number.
+
+packed (1 + n,) float64, `Reflectance.packed`: the model's number, its parameters, and what `Model.constants` adds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from numba import njit
+
+from photoclinometry.model.reflectance.entry import Compiled
+from photoclinometry.model.reflectance.models import MODELS
+
+
+def _one_of(functions: Sequence[Compiled], first: int = 0) -> Compiled:
+    """A compiled function (packed, ...) that calls functions[packed[0] - first](packed, ...)."""
+    function = functions[0]
+    if len(functions) == 1:
+        return function
+    others = _one_of(functions[1:], first + 1)
+
+    @njit(forceinline=True)
+    def chosen(packed, *arguments):
+        if packed[0] == first:
+            return function(packed, *arguments)
+        return others(packed, *arguments)
+
+    return chosen
+
+
+_function = _one_of([model.function for model in MODELS.values()])
+_value = _one_of([model.value for model in MODELS.values()])
+_by_parameters = _one_of([model.by_parameters for model in MODELS.values()])
+
+
+@njit(cache=True)
+def photometric_function(packed, mu0, mu, phase):
+    """rho and its partial derivatives by mu0, mu, phase (paper Eq. 19).
+
+    packed: `Reflectance.packed`. mu0, mu: cosines of incidence and emission; phase [rad]. All zero where unlit or
+    unseen (mu0 <= 0 or mu <= 0).
+    """
+    if mu0 <= 0.0 or mu <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    return _function(packed, mu0, mu, phase)
+
+
+@njit(cache=True)
+def photometric_value(packed, mu0, mu, phase):
+    """rho alone: the same number, of some models sooner."""
+    if mu0 <= 0.0 or mu <= 0.0:
+        return 0.0
+    return _value(packed, mu0, mu, phase)
+
+
+@njit(cache=True)
+def photometric_parameters(packed, mu0, mu, phase, out):
+    """Partial derivatives of rho by `Reflectance.parameters` into out (T,). Zero where unlit or unseen."""
+    out[:] = 0.0
+    if mu0 > 0.0 and mu > 0.0:
+        _by_parameters(packed, mu0, mu, phase, out)
+
+
+@njit(cache=True)
+def evaluate(packed, mu0, mu, phase, out):
+    """`photometric_value` of arrays (n,) into out (n,)."""
+    for i in range(out.size):
+        out[i] = photometric_value(packed, mu0[i], mu[i], phase[i])

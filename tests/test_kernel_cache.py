@@ -1,0 +1,70 @@
+"""Compiled functions on disk are made anew when a file that they were compiled with changes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from photoclinometry.model import kernel_cache
+from photoclinometry.model.kernel_cache import PACKAGE, imported, reached
+
+COMPILED = sorted(path for path in PACKAGE.rglob("*.py") if "@njit" in path.read_text(encoding="utf-8"))
+
+
+def test_imports_of_every_form_are_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "PACKAGE", tmp_path)
+    (tmp_path / "b").mkdir()
+    files = {"a.py": "", "c.py": "", "b/__init__.py": "", "b/d.py": "", "b/e.py": ""}
+    user = (
+        "from photoclinometry.a import x\nfrom photoclinometry.b import (\n    d,\n    y,\n)\n"
+        "def f():\n    import photoclinometry.c\n"
+    )
+    for name, text in {**files, "user.py": user}.items():
+        (tmp_path / name).write_text(text)
+    found = {str(path.relative_to(tmp_path)) for path in imported(tmp_path / "user.py")}
+    assert found == {"a.py", "c.py", "b/__init__.py", "b/d.py"}
+
+
+@pytest.mark.parametrize("file", COMPILED, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_file_that_compiles_functions_of_others_is_stamped_with_them(file):
+    others = set(reached(file))
+    if others & set(COMPILED) != {file}:
+        assert PACKAGE / "model" / "kernel_cache.py" in others, "import photoclinometry.model.kernel_cache there"
+
+
+PROGRAM = """
+import importlib, sys
+sys.path.insert(0, sys.argv[1])
+import photoclinometry.outer as outer
+print(outer.doubled(1.0), sum(outer.doubled.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.slow
+def test_a_change_in_another_file_compiles_its_callers_anew(tmp_path):
+    """A package with one kernel that calls another one's file: 2 x 1, from the cache, then 2 x 10."""
+    package = tmp_path / "photoclinometry"
+    (package / "model").mkdir(parents=True)
+    own = Path(kernel_cache.__file__).read_text(encoding="utf-8")
+    (package / "__init__.py").write_text("")
+    (package / "model" / "__init__.py").write_text("")
+    (package / "model" / "kernel_cache.py").write_text(own)
+    inner = (
+        "import photoclinometry.model.kernel_cache\nfrom numba import njit\n\n"
+        "@njit(cache=True)\ndef f(x):\n    return {} * x\n"
+    )
+    outer = (
+        "from numba import njit\nfrom photoclinometry.inner import f\n\n"
+        "@njit(cache=True)\ndef doubled(x):\n    return 2.0 * f(x)\n"
+    )
+    (package / "outer.py").write_text(outer)
+
+    def said(factor: float) -> str:
+        (package / "inner.py").write_text(inner.format(factor))
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True, check=True
+        )
+        return done.stdout.strip()
+
+    assert [said(1.0), said(1.0), said(10.0)] == ["2.0 0", "2.0 1", "20.0 0"]
