@@ -82,7 +82,7 @@ def test_gradients_predict_the_images_nearby(true):
         mine = start.tracks.view == k
         there = sample_image(images[k], gradients.at[mine] + shift)[0]
         here = start.tracks.brightness[mine]
-        left = there - here - gradients.slope[mine] @ shift
+        left = there - here - gradients.gradient[mine] @ shift
         assert np.std(left) < 0.1 * np.std(there - here)
 
 
