@@ -14,7 +14,7 @@ def mapped(tmp_path_factory):
 def adjust_nothing(monkeypatch):
     """The joint estimate stops at once, for tests of what surrounds it; the options of each call."""
     from photoclinometry.adjust import Adjustment, Noise
-    from photoclinometry.pipeline import products
+    from photoclinometry.pipeline import joint_estimate
 
     calls = []
 
@@ -30,7 +30,7 @@ def adjust_nothing(monkeypatch):
         )
         return Adjustment(scene, True, "not adjusted", (), noise, scene.tracks.lit, pose_priors_used=used)
 
-    monkeypatch.setattr(products, "adjust", stand_in)
+    monkeypatch.setattr(joint_estimate, "adjust", stand_in)
     return calls
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from photoclinometry.adjust import AdjustOptions, ImageGradients, adjust, tie_points
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, with_tie_points
 from photoclinometry.model.geometry import align_similarity, so3_log
-from photoclinometry.pipeline.direct_refinement import image_slopes
+from photoclinometry.pipeline.direct_refinement import image_gradients
 from scenes import synthetic_images, synthetic_scene
 from test_adjust_estimate import anchors_around
 
@@ -73,7 +73,7 @@ def test_pose_only_tie_points_hold_the_poses_where_brightness_is_not_quite_the_m
     options = AdjustOptions(uncertainty=False)
 
     def error():
-        start, gradients = image_slopes(true, images)
+        start, gradients = image_gradients(true, images)
         return rotation_error(adjust(start, options, gradients=gradients).scene, true)
 
     held = error()

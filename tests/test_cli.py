@@ -156,7 +156,7 @@ def test_run_logs_reports_and_prints_where(mapped, tmp_path, capsys, monkeypatch
     assert phomo("run", mapped.site, "--out", folder) == 0
     said = capsys.readouterr()
     assert said.out.strip() == str(folder / "report" / "index.html")
-    assert "adjust: read back from the earlier run" in said.err
+    assert "last_estimate: read back from the earlier run" in said.err
     assert f"{len(mapped.result.scene.landmarks)} landmarks in 6 views, mean PSNR" in said.err
     log = (folder / "log").read_text()
     assert "INFO photoclinometry.pipeline.run_folder: dense: read back from the earlier run" in log

@@ -1,15 +1,16 @@
-"""The direct form: images say where landmarks lie, against matches that confirm a wrong map."""
+"""Direct refinement: image gradients correct a map that its matches, found with it, confirm."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from photoclinometry.adjust import AdjustOptions, ImageGradients, adjust
+from photoclinometry.adjust import AdjustOptions, ImageGradients
 from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.scene import Image
-from photoclinometry.pipeline.direct_refinement import MIN_LIT, adjust_directly, has_strayed, image_slopes, put_back
+from photoclinometry.pipeline.direct_refinement import MIN_LIT, has_strayed, image_gradients, put_back, refine_directly
+from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.surface.sampling import sample_gradient, sample_image
 from scenes import synthetic_images, synthetic_scene, thinned
@@ -38,8 +39,9 @@ def height_error(scene, true):
     return float(np.std(off - plane @ np.linalg.lstsq(plane, off, rcond=None)[0]))
 
 
-def estimate(start, slack, last, slopes=None):
-    return adjust(start, replace(QUICK, keypoint_slack=slack), gradients=slopes)
+def estimate(start, step):
+    """Of a rough step, too, all iterations."""
+    return JointEstimate(options=QUICK)(start, replace(step, rough=False))
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +52,8 @@ def true():
 def test_images_correct_a_map_that_its_matches_confirm(true):
     """Relief off by 0.2 GSD: by matches it stays so, by images two thirds and more of the error go."""
     start, images = confirmed(true), synthetic_images(true)
-    matched = estimate(start, 1.0, True).scene
-    found = adjust_directly(start, images, estimate).scene
+    matched = estimate(start, Step()).scene
+    found = refine_directly(start, images, estimate).scene
     assert height_error(start, true) == pytest.approx(0.2, rel=0.1)
     assert height_error(matched, true) > 0.15
     assert height_error(found, true) < 0.06
@@ -60,31 +62,31 @@ def test_images_correct_a_map_that_its_matches_confirm(true):
 
 def test_landmarks_stay_on_their_rays_and_brightness_goes_with_them(true):
     images = synthetic_images(true)
-    start, slopes = image_slopes(confirmed(true), images)
-    found = estimate(start, 1.0, True, slopes).scene
+    start, gradients = image_gradients(confirmed(true), images)
+    found = estimate(start, Step(gradients=gradients)).scene
     off = np.linalg.norm(keypoint_residuals(found), axis=-1)
     own = found.tracks.view == found.reference
     assert off[own].max() < 0.01
     assert np.median(off[~own]) > 0.02
-    again = image_slopes(found, images)[0]
+    again = image_gradients(found, images)[0]
     np.testing.assert_allclose(found.tracks.brightness, again.tracks.brightness, rtol=0.01)
     np.testing.assert_array_equal(found.tracks.keypoint, start.tracks.keypoint)
 
 
-def test_slopes_say_what_the_images_show_nearby(true):
-    """A fifth of a pixel away, brightness is that by the slopes to a tenth of the difference."""
+def test_gradients_predict_the_images_nearby(true):
+    """A fifth of a pixel away, brightness is that by the gradients to a tenth of the difference."""
     images = synthetic_images(true)
-    start, slopes = image_slopes(true, images)
+    start, gradients = image_gradients(true, images)
     shift = np.array([0.12, -0.16])
     for k in (1, 4):
         mine = start.tracks.view == k
-        there = sample_image(images[k], slopes.at[mine] + shift)[0]
+        there = sample_image(images[k], gradients.at[mine] + shift)[0]
         here = start.tracks.brightness[mine]
-        left = there - here - slopes.gradient[mine] @ shift
+        left = there - here - gradients.gradient[mine] @ shift
         assert np.std(left) < 0.1 * np.std(there - here)
 
 
-def test_slopes_of_a_ramp_are_the_ramps():
+def test_gradients_of_a_ramp_are_the_ramps():
     rows, cols = np.indices((30, 40))
     image = Image("ramp", (0.3 + 0.02 * cols - 0.005 * rows).astype(np.float32), np.ones((30, 40), bool))
     xy = np.random.default_rng(0).uniform(10, 20, (50, 2))
@@ -100,11 +102,11 @@ def test_landmarks_in_few_lit_views_are_left_to_their_matches(true):
         for right in (-1, 0, 1):
             for down in (-1, 0, 1):
                 masked[k].valid[xy[:, 1] + down, xy[:, 0] + right] = False
-    start, slopes = image_slopes(true, masked)
+    start, gradients = image_gradients(true, masked)
     lit = np.bincount(start.tracks.landmark[start.tracks.lit], minlength=len(true.landmarks))
     assert 0.4 < np.mean(lit < MIN_LIT) < 0.7
-    np.testing.assert_array_equal(slopes.of_landmarks(start.tracks), lit >= MIN_LIT)
-    found = estimate(start, 1.0, True, slopes).scene
+    np.testing.assert_array_equal(gradients.of_landmarks(start.tracks), lit >= MIN_LIT)
+    found = estimate(start, Step(gradients=gradients)).scene
     off = np.linalg.norm(keypoint_residuals(found), axis=-1)
     assert np.median(off[(lit < MIN_LIT)[found.tracks.landmark]]) < 0.02
 
@@ -113,24 +115,24 @@ def test_with_too_few_views_the_last_estimate_is_of_matches():
     few = synthetic_scene(size=16, views=MIN_LIT - 1)
     asked = []
 
-    def record(start, slack, last, slopes=None):
-        asked.append((slack, last, slopes))
-        return estimate(start, slack, last, slopes)
+    def record(start, step):
+        asked.append(step)
+        return estimate(start, step)
 
-    adjust_directly(confirmed(few), synthetic_images(few), record)
-    assert asked == [(1.0, True, None)]
+    refine_directly(confirmed(few), synthetic_images(few), record)
+    assert asked == [Step()]
 
 
 def test_passes_take_the_images_anew_and_the_last_one_is_told_so(true):
     asked = []
 
-    def record(start, slack, last, slopes=None):
-        assert isinstance(slopes, ImageGradients)
-        asked.append(last)
-        return estimate(start, slack, last, slopes)
+    def record(start, step):
+        assert isinstance(step.gradients, ImageGradients)
+        asked.append(step.rough)
+        return estimate(start, step)
 
-    adjust_directly(true, synthetic_images(true), record)
-    assert asked == [False, True]
+    refine_directly(true, synthetic_images(true), record)
+    assert asked == [True, False]
 
 
 def pushed(scene, which, gsd=3.0):
@@ -146,12 +148,12 @@ def test_landmarks_that_stray_in_a_pass_are_put_back_and_left_to_their_matches(t
     off, images = np.arange(1024) % 50 == 7, synthetic_images(true)
     starts = []
 
-    def first_astray(start, slack, last, slopes=None):
-        starts.append((start, slopes.of_landmarks(start.tracks)))
-        found = estimate(start, slack, last, slopes)
-        return found if last else replace(found, scene=pushed(found.scene, off))
+    def first_astray(start, step):
+        starts.append((start, step.gradients.of_landmarks(start.tracks)))
+        found = estimate(start, step)
+        return replace(found, scene=pushed(found.scene, off)) if step.rough else found
 
-    found = adjust_directly(noisy, images, first_astray).scene
+    found = refine_directly(noisy, images, first_astray).scene
     (_, direct), (again, rest) = starts
     assert direct.all()
     np.testing.assert_array_equal(rest, ~off)
@@ -172,6 +174,6 @@ def test_what_was_put_back_looks_as_it_did_to_the_reference_in_any_frame(true):
 def test_a_strided_map_is_corrected_too(true):
     start = thinned(confirmed(true), 2)
     images = synthetic_images(true)
-    found = adjust_directly(start, images, estimate).scene
+    found = refine_directly(start, images, estimate).scene
     kept = thinned(true, 2)
     assert height_error(found, kept) < 0.5 * height_error(start, kept)

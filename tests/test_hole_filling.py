@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.matching.densify import DensifyOptions
-from photoclinometry.matching.flow import FlowOptions
+from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.hole_filling import fill_holes
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.pipeline.relighting import rematch
@@ -56,7 +56,7 @@ def test_a_whole_map_stays_as_it_is():
 
 def test_the_next_matches_close_a_hole():
     scene, without, inside = holed(48, 8)
-    found = rematch(without, synthetic_images(scene), FlowOptions(), DensifyOptions())
+    found = rematch(without, synthetic_images(scene), FlowMatcher(), DensifyOptions())
     index = scene.grid(np.arange(len(scene.landmarks)))[found.cells].astype(int)
     assert inside[index].sum() > 0.95 * inside.sum()
     away = np.linalg.norm(found.landmarks.position - scene.landmarks.position[index], axis=-1) / scene.gsd

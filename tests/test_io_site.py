@@ -116,7 +116,7 @@ def test_what_is_written_reads_the_same(path, number):
 
 def test_images_are_loaded_in_order_and_named_as_their_views(path):
     seen = []
-    images = load_images(read_site(path), progress=lambda done, total: seen.append((done, total)))
+    images = load_images(read_site(path), progress=lambda what, done, total: seen.append((done, total)))
     assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
     for number, image in enumerate(images):
         assert image.name == f"images/{number}.fits"

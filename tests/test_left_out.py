@@ -14,7 +14,7 @@ from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.site import RegionRequest, read_site, write_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp, unit
-from photoclinometry.pipeline.relighting import RelightOptions
+from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.simulate.options import SimulationOptions

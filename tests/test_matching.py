@@ -8,7 +8,7 @@ import pytest
 
 from photoclinometry.matching import MatchRequest
 from photoclinometry.matching.flow import FlowMatcher, as_coarse_as, normalise, resample
-from photoclinometry.matching.interface import padded_region, request_match
+from photoclinometry.matching.interface import MatchSetup, padded_region
 from photoclinometry.matching.prewarp import (
     predict_pixels,
 )
@@ -246,13 +246,19 @@ def test_smooth_shaded_relief_matches_to_a_quarter_of_a_pixel_from_other_sides()
     scene = synthetic_scene(size=100, views=4)
     lit = replace(scene, views=replace(scene.views, sun=np.tile(scene.views.sun[:1], (4, 1))))
     images, views = synthetic_images(lit), lit.views
-    padded = padded_region(lit.region, 24, views.cameras[0])
+    setup = MatchSetup(
+        images=images,
+        cameras=views.cameras,
+        body_from_cam=views.body_from_cam,
+        reference=0,
+        region=lit.region,
+        margin_px=24,
+    )
     few = slice(None, None, 23)  # as many as sparse points
     depth = views.body_from_cam[0].inverse()(lit.landmarks.position[few])[:, 2]
-    rough = fit_depth(lit.landmarks.pixel[few, ::-1] + 0.5, depth, padded, views.cameras[0], spacing=8)
+    rough = fit_depth(lit.landmarks.pixel[few, ::-1] + 0.5, depth, setup.padded, views.cameras[0], spacing=8)
     for target in (1, 2, 3):
-        request = request_match(images, list(views.cameras), views.body_from_cam, 0, target, lit.region, padded, rough)
-        matches = FlowMatcher().match(request)
+        matches = FlowMatcher().match(setup.request(target, rough))
         true = views.project(target, lit.landmarks.position).reshape(100, 100, 2)
         assert matches.valid.mean() > 0.95
         assert np.median(error_px(matches, true)) < 0.25
@@ -279,14 +285,13 @@ def test_real_images_match_along_their_epipolar_lines():
     pictures = [cv2.imread(str(folder / "images" / n), cv2.IMREAD_GRAYSCALE) for n in names]
     images = [Image(n, p.astype(np.float32), p < 255) for n, p in zip(names, pictures, strict=True)]
     region = Region(row=400, col=400, height=160, width=160)
-    padded = padded_region(region, 24, cameras[0])
+    setup = MatchSetup(images=images, cameras=cameras, body_from_cam=pose, reference=0, region=region, margin_px=24)
     points = np.array([p.xyz for p in published.points3D.values()])
     local = pose[0].inverse()(points)
     xy = cameras[0].pixel_from_cam(local)
     near = np.all(np.abs(xy - 480) < 150, axis=-1) & (local[:, 2] < np.median(local[:, 2]))
-    depth = fit_depth(xy[near], local[near, 2], padded, cameras[0], spacing=16)
-    request = request_match(images, cameras, pose, 0, 1, region, padded, depth)
-    matches = FlowMatcher().match(request)
+    depth = fit_depth(xy[near], local[near, 2], setup.padded, cameras[0], spacing=16)
+    matches = FlowMatcher().match(setup.request(1, depth))
     fundamental = fundamental_matrix(cameras[0], pose[0], cameras[1], pose[1])
     across = np.sqrt(sampson_error(fundamental, region.pixel_centers(), matches.position))
     assert matches.valid.mean() > 0.95

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.matching.flow import FlowMatcher
-from photoclinometry.matching.interface import padded_region, request_match
+from photoclinometry.matching.interface import MatchSetup
 from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_reference
 from photoclinometry.model.errors import InputError
 from photoclinometry.surface.relief import in_sunlight
@@ -25,10 +25,11 @@ def bumps():
 def request_of(scene, images, view, shift=(0.0, 0.0)):
     """Match `view`, expected where it truly is, but for a shift [px]."""
     views = scene.views
-    cameras, poses = list(views.cameras), views.body_from_cam
-    padded = padded_region(scene.region, 12, cameras[0])
-    depth = map_depth(scene, padded)
-    request = request_match(images, cameras, poses, 0, view, scene.region, padded, depth)
+    poses, region = views.body_from_cam, scene.region
+    setup = MatchSetup(
+        images=images, cameras=views.cameras, body_from_cam=poses, reference=0, region=region, margin_px=12
+    )
+    request = setup.request(view, map_depth(scene, setup.padded))
     return replace(request, prediction=request.prediction + np.array(shift))
 
 

@@ -12,11 +12,11 @@ import pytest
 
 from commands import phomo
 from photoclinometry.matching.flow import FlowMatcher
+from photoclinometry.matching.registry import MATCHERS
 from photoclinometry.matching.roma import PUBLISHED, RomaNetwork, RomaOptions, fingerprint, roma_matcher
 from photoclinometry.matching.warp import pixel_centers
 from photoclinometry.model.errors import InputError
-from photoclinometry.pipeline import run as pipeline
-from photoclinometry.pipeline.relighting import RelightOptions
+from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from sites import write_small_site
 from test_matching import displaced
@@ -111,7 +111,7 @@ def test_the_first_map_is_made_of_its_matches_anew_only_for_other_weights(
             calls.append(request.target.name)
             return super().match(request)
 
-    monkeypatch.setattr(pipeline, "roma_matcher", lambda options: Counted())
+    monkeypatch.setitem(MATCHERS, "roma", replace(MATCHERS["roma"], make=lambda options: Counted()))
     folder = mapped.copy(tmp_path / "run")
     options = RunOptions(matcher="roma", roma=files, relight=RelightOptions(rounds=0), match_rounds=1)
     result = run(mapped.site, folder, options)

@@ -17,20 +17,29 @@ from photoclinometry.io.models.colmap import read_colmap
 from photoclinometry.io.scene_file import read_scene
 from photoclinometry.io.site import RegionRequest, read_site, write_site
 from photoclinometry.model.errors import ReconstructionError, RunFolderError, SiteError
-from photoclinometry.pipeline import products
+from photoclinometry.pipeline import joint_estimate, products
 from photoclinometry.pipeline.run import RunOptions, choose_reflectance, run
 from photoclinometry.simulate.truth_file import read_truth
 
-KEPT = ("sparse", "misfits", "region", "dense", "adjust")
-"""The stages that a run folder keeps."""
+BEFORE = ["sparse", "inconsistent_views", "region", "dense"]
+"""The stages before the first estimate that a run folder keeps."""
+
+MAPPED = [*BEFORE, "first_estimate", "relighting_1", "relighting_2", "last_estimate"]
+"""All that the folder of the small site keeps."""
 
 pytestmark = pytest.mark.usefixtures("no_figures")
 
 
+NEVER_KEPT = {"images", "initialise", "products", "report"}
+
+
+def stages_of(folder):
+    return json.loads((folder / "metrics.json").read_text())["stages"]
+
+
 def resumed(folder):
     """The stages that the last run in a folder read back."""
-    stages = json.loads((folder / "metrics.json").read_text())["stages"]
-    return [s["stage"] for s in stages if s["resumed"]]
+    return [s["stage"] for s in stages_of(folder) if s["resumed"]]
 
 
 def changed_site(mapped, **changes):
@@ -77,13 +86,13 @@ def test_metrics_and_config_say_what_was_done(mapped):
     assert metrics["metrics"]["converged"] == 1
     assert metrics["metrics"]["psnr_mean_db"] > 30
     assert [v["name"] for v in metrics["views"]] == [v.name for v in read_site(mapped.site).views]
-    assert [s["stage"] for s in metrics["stages"]][1:5] == ["sparse", "misfits", "region", "dense"]
+    assert [s["stage"] for s in metrics["stages"]][1:5] == BEFORE
     assert all(s["wall_s"] >= 0 and not s["resumed"] for s in metrics["stages"])
-    first, *others = metrics["rounds"]
-    assert [first["round"], *(r["round"] for r in others)] == list(range(len(others) + 1))
+    first, *others = metrics["relighting_iterations"]
+    assert [first["iteration"], *(r["iteration"] for r in others)] == list(range(len(others) + 1))
     assert others[-1]["keypoint_residual_median_px"] < first["keypoint_residual_median_px"]
     assert others[-1]["photometric_error_mean_percent"] < first["photometric_error_mean_percent"]
-    assert "Rounds" in mapped.result.report.read_text()
+    assert "Relighting iterations" in mapped.result.report.read_text()
     config = tomllib.loads((mapped.run / "config.toml").read_text())
     assert config["site"] == str(mapped.site.resolve())
     assert config["reflectance"] == "auto"
@@ -93,7 +102,7 @@ def test_metrics_and_config_say_what_was_done(mapped):
 def test_a_second_run_reads_every_stage_back(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
     again = run(mapped.site, folder)
-    assert resumed(folder) == list(KEPT)
+    assert resumed(folder) == MAPPED
     assert not adjust_nothing
     np.testing.assert_array_equal(again.scene.landmarks.position, mapped.result.scene.landmarks.position)
     assert again.adjustment.log == mapped.result.adjustment.log
@@ -107,7 +116,7 @@ def test_how_a_view_came_in_is_said(mapped, tmp_path):
     file = folder / "stages" / "sparse.npz"
     with np.load(file) as stored:
         arrays = dict(stored)
-    arrays["brought_in"] = np.where(np.arange(len(arrays["registered"])) == 2, "the relief", "")
+    arrays["value.brought_in"] = np.where(np.arange(len(arrays["value.registered"])) == 2, "the relief", "")
     np.savez(file, **arrays)
     run(mapped.site, folder)
     name = read_site(mapped.site).views[2].name
@@ -119,48 +128,48 @@ def test_how_a_view_came_in_is_said(mapped, tmp_path):
 def test_changed_options_redo_what_depends_on_them_and_no_more(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
     run(mapped.site, folder, RunOptions(matcher="flow", adjust=AdjustOptions(smooth_neighbours=6)))
-    assert resumed(folder) == ["sparse", "misfits", "region", "dense"]
+    assert resumed(folder) == BEFORE
     run(mapped.site, folder, RunOptions(matcher="flow", reflectance="akimov"))
     assert resumed(folder) == ["sparse", "region", "dense"]
     run(mapped.site, folder, RunOptions(matcher="flow", match_rounds=1, reflectance="akimov"))
-    assert resumed(folder) == ["sparse", "misfits", "region"]
+    assert resumed(folder) == ["sparse", "inconsistent_views", "region"]
     assert len(adjust_nothing) == 3
 
 
 def test_a_changed_region_redoes_region_and_later(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
     result = run(changed_site(mapped, region=RegionRequest(size_px=(24, 20))), folder)
-    assert resumed(folder) == ["sparse", "misfits"]
+    assert resumed(folder) == ["sparse", "inconsistent_views"]
     assert (result.scene.region.width, result.scene.region.height) == (24, 20)
 
 
 def test_an_interrupted_run_goes_on_where_it_was(mapped, tmp_path, monkeypatch, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
     options = RunOptions(adjust=AdjustOptions(smooth_sigma_rad=0.3))
-    stand_in = products.adjust
+    stand_in = joint_estimate.adjust
 
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(products, "adjust", interrupt)
+    monkeypatch.setattr(joint_estimate, "adjust", interrupt)
     with pytest.raises(KeyboardInterrupt):
         run(mapped.site, folder, options)
-    monkeypatch.setattr(products, "adjust", stand_in)
+    monkeypatch.setattr(joint_estimate, "adjust", stand_in)
     run(mapped.site, folder, options)
-    assert resumed(folder) == ["sparse", "misfits", "region", "dense"]
+    assert resumed(folder) == BEFORE
     run(mapped.site, folder, options)
-    assert resumed(folder) == list(KEPT)
+    assert resumed(folder) == [s["stage"] for s in stages_of(folder) if s["stage"] not in NEVER_KEPT]
 
 
 def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monkeypatch, adjust_nothing):
-    """Killed between scene.h5 and the note that it is finished, the run of the earlier options starts it anew."""
+    """Killed when scene.h5 was written and nothing else, the run of the earlier options leaves its own."""
     folder = mapped.copy(tmp_path / "run")
 
-    def killed(**_):
+    def killed(_):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(products, "Kept", killed)
+        patch.setattr(products, "_tables", killed)
         with pytest.raises(KeyboardInterrupt):
             run(mapped.site, folder, RunOptions(reflectance="akimov"))
     assert read_scene(folder / "scene.h5").reflectance.name == "akimov"
@@ -170,15 +179,15 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
 
 
 @pytest.mark.parametrize("damage", [None, b"", b"\x89HDF nothing"])
-def test_a_missing_or_damaged_scene_is_made_again(mapped, tmp_path, adjust_nothing, damage):
+def test_a_missing_or_damaged_scene_is_written_again(mapped, tmp_path, damage):
     folder = mapped.copy(tmp_path / "run")
     (folder / "scene.h5").unlink()
     if damage is not None:
         (folder / "scene.h5").write_bytes(damage)
     run(mapped.site, folder)
-    assert resumed(folder) == ["sparse", "misfits", "region", "dense"]
-    run(mapped.site, folder)
-    assert resumed(folder) == list(KEPT)
+    assert resumed(folder) == MAPPED
+    position = read_scene(folder / "scene.h5").landmarks.position
+    np.testing.assert_array_equal(position, mapped.result.scene.landmarks.position)
 
 
 def test_a_damaged_stage_is_made_again_with_a_warning(mapped, tmp_path, adjust_nothing, caplog):
@@ -186,7 +195,7 @@ def test_a_damaged_stage_is_made_again_with_a_warning(mapped, tmp_path, adjust_n
     file = folder / "stages" / "dense.npz"
     file.write_bytes(file.read_bytes()[:1000])
     run(mapped.site, folder)
-    assert resumed(folder) == ["sparse", "misfits", "region", "adjust"]
+    assert resumed(folder) == [name for name in MAPPED if name != "dense"]
     assert any("dense.npz: damaged" in r.getMessage() for r in caplog.records if r.levelno == logging.WARNING)
 
 

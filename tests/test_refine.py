@@ -13,7 +13,7 @@ from photoclinometry.io.scene_file import read_scene
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
 from photoclinometry.model.reflectance import published
-from photoclinometry.pipeline import products
+from photoclinometry.pipeline import joint_estimate
 from photoclinometry.pipeline.refine import RefineOptions, photometry, read_start, refine
 from scenes import GSD, LUNAR_LAMBERT, synthetic_scene
 
@@ -93,7 +93,7 @@ def test_a_spoiled_model_is_refined_and_written_in_its_own_numbers(folder, truth
         raise AssertionError("estimated twice")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(products, "adjust", not_again)
+        patch.setattr(joint_estimate, "adjust", not_again)
         again = refine(start, tmp_path / "out", OPTIONS)
         assert again.scene.landmarks.position.tobytes() == found.position.tobytes()
         with pytest.raises(AssertionError, match="estimated twice"):

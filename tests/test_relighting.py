@@ -1,4 +1,4 @@
-"""Rounds of relighting: they find geometry, say what they brought, stop, and go on where a run was killed."""
+"""Relighting iterations: they find geometry, tell what they changed, stop, and go on where a run was killed."""
 
 import json
 from dataclasses import replace
@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions
-from photoclinometry.matching.flow import FlowOptions
+from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between, so3_exp, unit
 from photoclinometry.model.projection import keypoint_residuals
-from photoclinometry.pipeline import products
+from photoclinometry.pipeline import joint_estimate
+from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.relighting import (
-    RelightOptions,
+    inconsistent_brightness,
     is_settled,
     keypoints_moved,
     normals_turned,
-    odd_views,
     rematch,
     with_dense,
 )
@@ -27,7 +27,7 @@ from scenes import synthetic_images, synthetic_scene
 pytestmark = pytest.mark.usefixtures("no_figures")
 
 
-def test_a_round_finds_keypoints_and_normals_that_the_map_had_wrong():
+def test_an_iteration_finds_keypoints_and_normals_that_the_map_had_wrong():
     """Positions off by 0.15 GSD, smooth over 5 px, and normals off by 3 degrees, as a first map leaves them."""
     from scipy.ndimage import gaussian_filter
 
@@ -38,7 +38,7 @@ def test_a_round_finds_keypoints_and_normals_that_the_map_had_wrong():
     position = true.landmarks.position + 0.15 * true.gsd * (wave / wave.std()).reshape(-1, 1) * away
     normal = unit(true.landmarks.normal + 0.05 * rng.normal(size=true.landmarks.normal.shape))
     start = replace(true, landmarks=replace(true.landmarks, position=position, normal=normal))
-    found = rematch(start, synthetic_images(true), FlowOptions(), DensifyOptions())
+    found = rematch(start, synthetic_images(true), FlowMatcher(), DensifyOptions())
     assert len(found.landmarks) > 0.97 * len(true.landmarks)
     known = true.grid(np.arange(len(true.landmarks)))[
         tuple((found.landmarks.pixel - (true.region.row, true.region.col)).T)
@@ -56,7 +56,7 @@ def test_nothing_matches_nothing():
     scene = synthetic_scene(size=20, views=4)
     blank = [replace(image, brightness=np.zeros_like(image.brightness)) for image in synthetic_images(scene)]
     with pytest.raises(ReconstructionError, match="no pixel of the region was matched"):
-        rematch(scene, blank, FlowOptions(), DensifyOptions(min_views=3))
+        rematch(scene, blank, FlowMatcher(), DensifyOptions(min_views=3))
 
 
 def test_changes_are_those_of_keypoints_and_normals_in_common():
@@ -100,33 +100,31 @@ def test_new_tracks_keep_each_pixels_normal_and_albedo():
     assert not found.tracks.lit.any()
 
 
-def test_rounds_end_when_matches_stay():
-    entries = [{"round": n, "keypoints_moved_median_px": 0.04} for n in range(3)]
-    assert not is_settled(entries, RelightOptions(settled_px=0.03))
-    assert is_settled(entries, RelightOptions(settled_px=0.05))
-    assert not is_settled(entries[:2], RelightOptions(settled_px=0.05))
-    assert not is_settled([{"round": 0}], RelightOptions())
+def test_iterations_end_when_matches_stay():
+    assert not is_settled(2, 0.04, settled_px=0.03)
+    assert is_settled(2, 0.04, settled_px=0.05)
+    assert not is_settled(1, 0.04, settled_px=0.05)
 
 
 def test_a_view_under_a_wrong_sun_is_named_and_no_other():
     scene = synthetic_scene(size=16, views=7, brightness_noise=0.02)
-    assert odd_views(scene) == []
+    assert inconsistent_brightness(scene) == []
     sun = scene.views.sun.copy()
     sun[2] = so3_exp(np.array([0.0, 0.0, np.pi / 2])) @ sun[2]
-    (name, misfit), *others = odd_views(replace(scene, views=replace(scene.views, sun=sun)))
+    (name, misfit), *others = inconsistent_brightness(replace(scene, views=replace(scene.views, sun=sun)))
     assert name == scene.views.name[2]
     assert misfit > 0.1
     assert not others
-    assert odd_views(replace(scene, reflectance=None)) == []
+    assert inconsistent_brightness(replace(scene, reflectance=None)) == []
 
 
-def rounds_of(folder):
-    return [entry["round"] for entry in json.loads((folder / "metrics.json").read_text())["rounds"]]
+def iterations_of(folder):
+    return [row["iteration"] for row in json.loads((folder / "metrics.json").read_text())["relighting_iterations"]]
 
 
 def run_until_the_third_estimate(site, folder, options, calls):
     """A run that is killed when it begins its third estimate; calls: of `adjust_nothing`."""
-    stand_in = products.adjust
+    stand_in = joint_estimate.adjust
 
     def killed(scene, options, **kwargs):
         if len(calls) == 2:
@@ -134,48 +132,50 @@ def run_until_the_third_estimate(site, folder, options, calls):
         return stand_in(scene, options, **kwargs)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(products, "adjust", killed)
+        patch.setattr(joint_estimate, "adjust", killed)
         with pytest.raises(KeyboardInterrupt):
             run(site, folder, options)
 
 
-def test_a_run_killed_in_a_round_goes_on_in_it(mapped, tmp_path, adjust_nothing):
+def test_a_run_killed_in_an_iteration_goes_on_in_it(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
     options = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0))
     run_until_the_third_estimate(mapped.site, folder, options, adjust_nothing)
     first = run(mapped.site, folder, options)
     assert [options.uncertainty for options in adjust_nothing] == [False, False, True]  # uncertainties are found once
-    assert rounds_of(folder) == [0, 1, 2]
+    assert iterations_of(folder) == [0, 1, 2]
     again = run(mapped.site, folder, options)
     assert len(adjust_nothing) == 3
-    assert rounds_of(folder) == [0, 1, 2]
+    assert iterations_of(folder) == [0, 1, 2]
     np.testing.assert_array_equal(again.scene.tracks.keypoint, first.scene.tracks.keypoint)
 
 
-def test_more_rounds_go_on_from_those_made(mapped, tmp_path, adjust_nothing):
+def test_more_iterations_go_on_from_the_first_map(mapped, tmp_path, adjust_nothing):
+    """The last iteration made before does not count: as one of more, its keypoints are held more loosely."""
     folder = mapped.copy(tmp_path / "run")
     one, two = (RelightOptions(rounds=n, settled_px=0.0) for n in (1, 2))
     run(mapped.site, folder, RunOptions(reflectance="akimov", relight=one))
     run(mapped.site, folder, RunOptions(reflectance="akimov", relight=two))
-    assert len(adjust_nothing) == 3
-    assert rounds_of(folder) == [0, 1, 2]
+    assert [options.uncertainty for options in adjust_nothing] == [False, True, False, True]
+    assert [options.keypoint_slack for options in adjust_nothing] == [1.0, 1.0, 5.0, 1.0]
+    assert iterations_of(folder) == [0, 1, 2]
 
 
-def test_fewer_rounds_than_were_begun_start_again(mapped, tmp_path, adjust_nothing):
-    """The round that a longer run left has no uncertainties, which only the last one finds."""
+def test_fewer_iterations_than_were_begun_go_on_from_the_first_map(mapped, tmp_path, adjust_nothing):
+    """The iteration that a longer run left has no uncertainties, which only the last one finds."""
     folder = mapped.copy(tmp_path / "run")
     two = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0))
     run_until_the_third_estimate(mapped.site, folder, two, adjust_nothing)
     one = replace(two, relight=replace(two.relight, rounds=1))
     run(mapped.site, folder, one)
     run(mapped.site, folder, one)
-    assert [options.uncertainty for options in adjust_nothing] == [False, False, False, True]
+    assert [options.uncertainty for options in adjust_nothing] == [False, False, True]
 
 
-def test_flow_and_geometry_alone_have_no_rounds(mapped, tmp_path, adjust_nothing):
+def test_flow_and_geometry_alone_have_no_iterations(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
     run(mapped.site, folder, RunOptions(matcher="flow"))
-    assert rounds_of(folder) == [0]
+    assert iterations_of(folder) == [0]
     run(mapped.site, folder, RunOptions(reflectance="none"))
-    assert rounds_of(folder) == [0]
+    assert iterations_of(folder) == [0]
     assert len(adjust_nothing) == 2

@@ -9,7 +9,8 @@ import pytest
 
 from photoclinometry.evaluate.evaluate import view_table
 from photoclinometry.model.errors import RunFolderError
-from photoclinometry.output.report import write_report
+from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.output.report import ReportContent, write_report
 from scenes import synthetic_images, synthetic_scene
 
 VOID = {"meta", "img", "br", "link"}
@@ -45,18 +46,19 @@ def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run") / "report"
     path = write_report(
         folder,
-        replace(scene, uncertainty={"albedo": np.full(1600, 1e-3), "sun": np.zeros((4, 2))}),
+        replace(scene, uncertainty={"albedo": np.full(1600, 1e-3), "sun": np.zeros((4, 2))}, frame=BODY_FIXED),
         synthetic_images(scene),
-        per_view=rows,
-        stages=[
-            {"stage": "sparse", "wall_s": 12.25, "cpu_s": 20.5, "peak_memory_gb": 1.25},
-            {"stage": "adjust", "wall_s": 30.0, "cpu_s": 55.0, "peak_memory_gb": 2.5},
-        ],
-        pose_priors=[{"name": "images/prior.fits", "used": False, "center_off_m": 812.5, "off_sigmas": 13.8}],
-        convergence=[{"projection": 1e6 / 4**i, "photometric": 3e6 / 9**i + 1e3, "sun": 0.0} for i in range(6)],
-        errors={"normal_error_deg": np.abs(np.random.default_rng(0).normal(size=1600))},
-        options={"adjust": {"iterations": 10, "sigma": {"keypoint_px": 1.0}}, "matcher": "flow"},
-        unit="m",
+        ReportContent(
+            per_view=rows,
+            stages=[
+                {"stage": "sparse", "wall_s": 12.25, "cpu_s": 20.5, "peak_memory_gb": 1.25},
+                {"stage": "adjust", "wall_s": 30.0, "cpu_s": 55.0, "peak_memory_gb": 2.5},
+            ],
+            pose_priors=[{"name": "images/prior.fits", "used": False, "center_off_m": 812.5, "off_sigmas": 13.8}],
+            convergence=[{"projection": 1e6 / 4**i, "photometric": 3e6 / 9**i + 1e3, "sun": 0.0} for i in range(6)],
+            errors={"normal_error_deg": np.abs(np.random.default_rng(0).normal(size=1600))},
+            options={"adjust": {"iterations": 10, "sigma": {"keypoint_px": 1.0}}, "matcher": "flow"},
+        ),
     )
     return path, Page(path.read_text(encoding="utf-8"))
 

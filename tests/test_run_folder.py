@@ -3,6 +3,7 @@
 import json
 import logging
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,33 +11,76 @@ import pytest
 from photoclinometry import __version__
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid, so3_exp
+from photoclinometry.model.scene import Region
+from photoclinometry.pipeline.records import write_record
 from photoclinometry.pipeline.run import RunOptions
-from photoclinometry.pipeline.run_folder import FORMAT, MARK, digest, open_run
+from photoclinometry.pipeline.run_folder import FORMAT, MARK, open_run
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest
 from photoclinometry.sfm import SfmOptions
 
 
 @dataclass(frozen=True)
+class Part:
+    """What may be in a result, several times."""
+
+    cost: dict[str, float]
+    accepted: bool
+
+
+@dataclass(frozen=True)
 class Result:
-    """What a stage may leave: arrays, poses, numbers and text."""
+    """What a stage may leave: arrays, poses, numbers, text, and parts."""
 
     points: np.ndarray
     poses: Rigid
     error_px: float
     count: int
     name: str
+    region: Region
+    parts: tuple[Part, ...]
+    maybe: np.ndarray | None
+    other: Part | None
+    by_name: dict[str, np.ndarray]
 
 
 def result(seed: int = 0) -> Result:
     rng = np.random.default_rng(seed)
     poses = Rigid(so3_exp(rng.normal(size=(4, 3))), rng.normal(size=(4, 3)))
-    return Result(rng.normal(size=(7, 3)), poses, 0.1 + 0.2, 7, "Vesta")
+    part = Part({"sun": np.inf, "photometric": 0.1 + 0.2}, True)
+    region = Region(row=1, col=np.int64(2), height=3, width=4, stride=5)
+    arrays = {"albedo": rng.normal(size=3)}
+    return Result(
+        rng.normal(size=(7, 3)), poses, 0.1 + 0.2, 7, "Vesta", region, (part, part), rng.normal(size=2), None, arrays
+    )
 
 
-def never():
-    raise AssertionError("the stage was made again")
+@dataclass(frozen=True, kw_only=True)
+class Sparse(Stage[Result]):
+    """A stage that is only given a number."""
+
+    name = "sparse"
+    result = Result
+    seed: int = 0
+
+    def make(self, tools: Tools) -> Result:
+        return result(self.seed)
+
+
+class Never(Sparse):
+    """The same, but not to be made."""
+
+    def make(self, tools: Tools) -> Result:
+        raise AssertionError("the stage was made again")
+
+    @property
+    def key(self) -> str:
+        return Sparse(seed=self.seed).key
 
 
 def assert_equal(a: Result, b: Result) -> None:
+    assert (a.region, a.parts, a.other) == (b.region, b.parts, b.other)
+    np.testing.assert_array_equal(a.maybe, b.maybe)
+    np.testing.assert_array_equal(a.by_name["albedo"], b.by_name["albedo"])
     np.testing.assert_array_equal(a.points, b.points)
     np.testing.assert_array_equal(a.poses.rotation, b.poses.rotation)
     np.testing.assert_array_equal(a.poses.translation, b.poses.translation)
@@ -50,35 +94,56 @@ def folder(tmp_path):
 
 
 def test_a_stage_comes_back_as_it_was_made(folder):
-    made = folder.stage("sparse", "key", result, Result)
+    made = folder.done(Sparse()).value
     again = open_run(folder.path)
-    assert_equal(made, again.stage("sparse", "key", never, Result))
-    assert [s.resumed for s in folder.stages + again.stages] == [False, True]
+    assert_equal(made, result())
+    assert_equal(made, again.done(Never()).value)
+    assert [cost.resumed for cost in folder.costs + again.costs] == [False, True]
 
 
 def test_another_key_makes_the_stage_again(folder):
-    folder.stage("sparse", "key", result, Result)
-    assert_equal(result(1), folder.stage("sparse", "other", lambda: result(1), Result))
-    assert_equal(result(1), folder.stage("sparse", "other", never, Result))
+    folder.done(Sparse())
+    assert_equal(result(1), folder.done(Sparse(seed=1)).value)
+    assert_equal(result(1), folder.done(Never(seed=1)).value)
 
 
-def test_a_forgotten_stage_is_made_again(folder):
-    folder.stage("sparse", "key", result, Result)
-    folder.forget("sparse")
-    folder.forget("sparse")
-    assert_equal(result(1), folder.stage("sparse", "key", lambda: result(1), Result))
+def test_a_changed_program_makes_the_stage_again(folder, monkeypatch):
+    folder.done(Sparse())
+    monkeypatch.setattr("photoclinometry.pipeline.stage.program_digest", lambda: "another")
+    with pytest.raises(AssertionError, match="made again"):
+        folder.done(Never())
+
+
+def test_the_program_is_its_sources_and_without_these_its_version(tmp_path, monkeypatch):
+    """A changed line and a renamed file are another program, other files are not."""
+    import photoclinometry
+
+    compute = program_digest.__wrapped__
+    monkeypatch.setattr(photoclinometry, "__file__", str(tmp_path / "__init__.pyc"))
+    assert compute() == __version__
+    (tmp_path / "a.py").write_text("x = 1")
+    (tmp_path / "deeper").mkdir()
+    (tmp_path / "deeper" / "b.py").write_text("y = 1")
+    found = [compute()]
+    (tmp_path / "notes.txt").write_text("z")
+    assert compute() == found[0]
+    (tmp_path / "deeper" / "b.py").write_text("y = 2")
+    found.append(compute())
+    (tmp_path / "deeper" / "b.py").rename(tmp_path / "deeper" / "c.py")
+    found.append(compute())
+    assert len(set(found)) == 3
 
 
 def test_a_stage_that_fails_leaves_nothing(folder):
     with pytest.raises(AssertionError):
-        folder.stage("sparse", "key", never, Result)
-    assert not folder.stages
+        folder.done(Never())
+    assert not folder.costs
     assert not list((folder.path / "stages").glob("*"))
 
 
 def test_damage_anywhere_in_a_stage_file_is_warned_of_and_made_good(folder, caplog):
     """Cut short or with a byte changed: never a crash, never other values than were written."""
-    folder.stage("sparse", "key", result, Result)
+    folder.done(Sparse())
     file = folder.path / "stages" / "sparse.npz"
     content = file.read_bytes()
     rng = np.random.default_rng(0)
@@ -87,7 +152,7 @@ def test_damage_anywhere_in_a_stage_file_is_warned_of_and_made_good(folder, capl
         damaged.append(content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :])
     for data in damaged:
         file.write_bytes(data)
-        assert_equal(result(), folder.stage("sparse", "key", result, Result))
+        assert_equal(result(), folder.done(Sparse()).value)
     warnings = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
     assert len(warnings) >= 60
     assert all(w.startswith(f"{file}: damaged") for w in warnings)
@@ -96,7 +161,7 @@ def test_damage_anywhere_in_a_stage_file_is_warned_of_and_made_good(folder, capl
 def test_stages_are_timed(folder):
     with folder.timed("images"):
         sum(range(200_000))
-    (stage,) = folder.stages
+    (stage,) = folder.costs
     assert stage.stage == "images"
     assert 0 < stage.cpu_s < 5
     assert 0 < stage.wall_s < 60
@@ -151,3 +216,35 @@ def test_digests_differ_where_any_part_differs_and_only_there():
     assert len(set(digests)) == len(parts)
     assert digests == [digest(*p) for p in parts]
     assert digests[0] == digest("sparse", RunOptions())
+
+
+def test_digests_tell_arrays_to_the_last_bit_and_results_by_their_keys():
+    array = np.array([0.1, 0.2])
+    parts = [
+        array,
+        array.astype(np.float32),
+        array[None],
+        np.nextafter(array, 1.0),
+        {"a": array},
+        {"b": array},
+        Keyed(array, "key"),
+        Keyed(array, "other"),
+        Path("key"),
+        (Part({}, True), "x"),
+        (Part({}, False), "x"),
+    ]
+    assert len({digest(part) for part in parts}) == len(parts)
+    assert digest(Keyed(1, "key")) == digest(Keyed(2, "key"))
+    assert digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1})
+    assert digest(np.float64(0.3)) == digest(0.3)
+
+
+def test_what_has_no_value_that_tells_it_is_not_digested():
+    with pytest.raises(TypeError, match="has no digest; give it as Keyed"):
+        digest(object())
+
+
+def test_what_cannot_be_read_back_is_not_written(tmp_path):
+    with pytest.raises(TypeError, match="value: object cannot be kept"):
+        write_record(tmp_path / "x.npz", "key", object())
+    assert not list(tmp_path.iterdir())

@@ -237,7 +237,7 @@ def test_folders_with_something_in_them_are_left_alone(site, tmp_path):
 
 
 def test_a_failed_simulation_leaves_nothing_behind(tmp_path):
-    def interrupt(done, total, what):
+    def interrupt(what, done, total):
         if done == 2:
             raise KeyboardInterrupt
 

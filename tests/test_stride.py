@@ -16,7 +16,7 @@ from photoclinometry.matching import Matches
 from photoclinometry.matching import densify as densify_module
 from photoclinometry.matching.densify import DensifyOptions, densify
 from photoclinometry.matching.flow import FlowMatcher
-from photoclinometry.matching.interface import padded_region, request_match
+from photoclinometry.matching.interface import MatchSetup, padded_region
 from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_reference
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between
@@ -164,8 +164,11 @@ def test_at_stride_1_the_relit_reference_is_the_image_times_the_ratio(scene, ima
 
 def request_of(scene, images, region, depth):
     views = scene.views
-    padded = padded_region(region, 12, views.cameras[0])
-    return request_match(images, list(views.cameras), views.body_from_cam, 0, 1, region, padded, depth)
+    poses = views.body_from_cam
+    setup = MatchSetup(
+        images=images, cameras=views.cameras, body_from_cam=poses, reference=0, region=region, margin_px=12
+    )
+    return setup.request(1, depth)
 
 
 def test_views_are_matched_at_every_pixel_and_answered_on_the_grid(scene, images):

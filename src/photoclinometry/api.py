@@ -26,11 +26,12 @@ from photoclinometry.io.reference import Reference, read_reference, scene_as_ref
 from photoclinometry.io.site import Site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.option_fields import changed
+from photoclinometry.model.progress import Progress
 from photoclinometry.model.reflectance import MODELS, Reflectance, published
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.photometry.render import render_reference, render_view
-from photoclinometry.pipeline.products import Progress, RunResult
+from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.pipeline.run import run as _run
 from photoclinometry.simulate.options import SimulationOptions

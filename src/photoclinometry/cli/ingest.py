@@ -39,7 +39,7 @@ def ingest(
     with Progress(*columns, console=console) as bar:
         task = bar.add_task("ingest", total=None)
 
-        def progress(done: int, total: int, what: str) -> None:
+        def progress(what: str, done: int, total: int) -> None:
             bar.update(task, completed=done, total=total, description=what[-30:])
 
         result = library(files, out, options, progress)

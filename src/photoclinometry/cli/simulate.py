@@ -37,7 +37,7 @@ def simulate(arguments: Annotated[Simulate, tyro.conf.arg(name="")]) -> Path:
     with Progress(*columns, console=console) as bar:
         task = bar.add_task("terrain", total=None)
 
-        def progress(done: int, total: int, what: str) -> None:
+        def progress(what: str, done: int, total: int) -> None:
             bar.update(task, completed=done, total=total, description=what)
 
         path = simulate_site(arguments.options, arguments.out, progress, arguments.overwrite)

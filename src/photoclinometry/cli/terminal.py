@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from photoclinometry.pipeline.products import Progress, RunResult
+from photoclinometry.model.progress import Progress
+from photoclinometry.pipeline.products import RunResult
 
 if TYPE_CHECKING:
     from rich.console import Console

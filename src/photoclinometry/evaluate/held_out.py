@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.matching.interface import MARGIN_PX, Matcher, padded_region, request_match
+from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
 from photoclinometry.model.scene import Camera, Image, Scene, Views
@@ -46,6 +46,18 @@ class Resected:
     """(H,) RMS distance of these from where the map projects [px]."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Resection:
+    """One held-out view after its resection; the fields are those of `Resected`."""
+
+    index: int
+    body_from_cam: Rigid
+    scale: float
+    bias: float
+    keypoints: int
+    keypoint_rms_px: float
+
+
 def held_out_mask(names: Sequence[str], hold_out: Sequence[str], reference: str | None = None) -> np.ndarray:
     """(K,) bool: which views `hold_out` names. Raises InputError for unknown names and for the reference."""
     for name in hold_out:
@@ -64,22 +76,22 @@ def resect_views(scene: Scene, views: Views, index: np.ndarray, images: Sequence
     """
     found = []
     for k in index:
-        one = _resect_one(scene, views, int(k), images, matcher)
-        if one is None:
+        resection = _resect_one(scene, views, int(k), images, matcher)
+        if resection is None:
             log.warning("%s: held out, but shows too little of the map to measure", views.name[k])
         else:
-            found.append(one)
-    poses = [one[1] for one in found]
+            found.append(resection)
+    poses = [one.body_from_cam for one in found]
     return Resected(
-        index=np.array([one[0] for one in found], int),
+        index=np.array([one.index for one in found], int),
         body_from_cam=Rigid(
             np.array([p.rotation for p in poses]).reshape(-1, 3, 3),
             np.array([p.translation for p in poses]).reshape(-1, 3),
         ),
-        scale=np.array([one[2] for one in found], float),
-        bias=np.array([one[3] for one in found], float),
-        keypoints=np.array([one[4] for one in found], int),
-        keypoint_rms_px=np.array([one[5] for one in found], float),
+        scale=np.array([one.scale for one in found], float),
+        bias=np.array([one.bias for one in found], float),
+        keypoints=np.array([one.keypoints for one in found], int),
+        keypoint_rms_px=np.array([one.keypoint_rms_px for one in found], float),
     )
 
 
@@ -105,30 +117,44 @@ def views_in_frame_of(scene: Scene, views: Views) -> Views:
     )
 
 
-def _resect_one(scene: Scene, views: Views, k: int, images: Sequence[Image], matcher: Matcher):
-    """(view, pose, scale, bias, number of matches, their RMS residual [px]), or None where these are too few."""
-    marks, reference = scene.landmarks, views.name.index(scene.views.name[scene.reference])
-    camera, reference_pose = views.cameras[reference], scene.views.body_from_cam[scene.reference]
-    padded = padded_region(scene.region, MARGIN_PX, camera)
-    depth = landmark_depth(marks.position, marks.pixel, reference_pose, padded, camera)
-    pose = views.body_from_cam[k]
+def _resect_one(scene: Scene, views: Views, k: int, images: Sequence[Image], matcher: Matcher) -> _Resection | None:
+    """One view's pose and exposure; None where too little of the map is found in it."""
+    landmarks, reference = scene.landmarks, views.name.index(scene.views.name[scene.reference])
+    reference_pose, pose = scene.views.body_from_cam[scene.reference], views.body_from_cam[k]
+    setup = MatchSetup(
+        images=[images[reference], images[k]],
+        cameras=[views.cameras[reference], views.cameras[k]],
+        body_from_cam=_stacked(reference_pose, pose),
+        reference=0,
+        region=scene.region,
+    )
+    depth = landmark_depth(landmarks.position, landmarks.pixel, reference_pose, setup.padded, setup.cameras[0])
+    seen, keypoint, residual = np.zeros(0, int), np.zeros((0, 2)), np.zeros(0)
     for _ in range(2):  # the second time the prediction is good, and what is left to match is small
-        rotation = np.stack([reference_pose.rotation, pose.rotation])
-        poses = Rigid(rotation, np.stack([reference_pose.translation, pose.translation]))
-        request = request_match(
-            [images[reference], images[k]], [camera, views.cameras[k]], poses, 0, 1, scene.region, padded, depth
-        )
-        matches = matcher.match(request)
+        setup = replace(setup, body_from_cam=_stacked(reference_pose, pose))
+        matches = matcher.match(setup.request(1, depth))
         row, col = scene.cells
         seen = np.flatnonzero(matches.valid[row, col])
         if len(seen) < MIN_MATCHES:
             return None
         keypoint, sigma = matches.position[row, col][seen], matches.sigma_px[row, col][seen]
-        pose, residual = resect(marks.position[seen], keypoint, sigma, views.cameras[k], pose)
+        pose, residual = resect(landmarks.position[seen], keypoint, sigma, views.cameras[k], pose)
     exposure = _exposure(scene, views, k, images[k], pose, seen, keypoint)
     if exposure is None:
         return None
-    return k, pose, *exposure, len(seen), float(np.sqrt(np.mean(residual**2)))
+    return _Resection(
+        index=k,
+        body_from_cam=pose,
+        scale=exposure[0],
+        bias=exposure[1],
+        keypoints=len(seen),
+        keypoint_rms_px=float(np.sqrt(np.mean(residual**2))),
+    )
+
+
+def _stacked(first: Rigid, second: Rigid) -> Rigid:
+    """(2,) poses."""
+    return Rigid(np.stack([first.rotation, second.rotation]), np.stack([first.translation, second.translation]))
 
 
 def resect(
@@ -184,10 +210,10 @@ def _exposure(
     sun = pose.rotation @ views.sun_measured[k]
     alone = replace(views[[k]], body_from_cam=Rigid(pose.rotation[None], pose.translation[None]), sun=sun[None])
     zeros = np.zeros(len(seen), int)
-    marks = scene.landmarks
-    ratio, usable = predicted_ratio(marks.position[seen], marks.normal[seen], np.arange(len(seen)), zeros, alone, model)
+    position, normal, albedo = (getattr(scene.landmarks, name)[seen] for name in ("position", "normal", "albedo"))
+    ratio, usable = predicted_ratio(position, normal, np.arange(len(seen)), zeros, alone, model)
     measured, lit = sample_brightness([image], zeros, keypoint)
-    predicted, used = marks.albedo[seen] * ratio, lit & usable
+    predicted, used = albedo * ratio, lit & usable
     if used.sum() < MIN_MATCHES:
         return None
     line = np.polyfit(predicted[used], measured[used], 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.progress import Progress
 
 logger = logging.getLogger(__name__)
 
@@ -28,9 +29,6 @@ SOURCES_FILE = "sources.json"
 """Beside site.toml: the file of each image, and the sources of its camera, Sun and pose."""
 _LISTED = 20
 """Files that cannot be used which an error names; the others are counted."""
-
-Progress = Callable[[int, int, str], None]
-"""Called as progress(files read, files in all, name)."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +49,8 @@ def ingest(
 ) -> IngestResult:
     """Make a site of image files (PDS3, PDS4, ISIS, FITS, PNG, TIFF) in the folder `out`, new or empty.
 
-    Lengths in site.toml are in metres, poses in the body-fixed frame. Raises InputError that lists the faults of each
-    file.
+    progress: called with the name, files read, files in all. Lengths in site.toml are in metres, poses in the
+    body-fixed frame. Raises InputError that lists the faults of each file.
     """
     check_out(out)
     if not files:
@@ -94,7 +92,7 @@ def _read_all(
                 exposures.append(exposure)
             seen.add(exposure.data.resolve())
         if progress is not None:
-            progress(number, len(files), Path(path).name)
+            progress(Path(path).name, number, len(files))
     return exposures, refused
 
 

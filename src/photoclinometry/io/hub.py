@@ -17,12 +17,11 @@ from typing import Any
 from photoclinometry import __version__
 from photoclinometry.io.atomic import unwritable
 from photoclinometry.model.errors import FetchError, InputError
+from photoclinometry.model.progress import Progress
 
 AUTHORS_DATA = "travisdriver/phomo-data"
 """Images and models of Driver et al. (2025): huggingface.co/datasets/travisdriver/phomo-data."""
 
-Progress = Callable[[str, int, int], None]
-"""Called as progress("fetch", bytes done, bytes in all)."""
 _BLOCK_BYTES = 1 << 20
 """Bytes that are read at a time for a checksum."""
 _SHA1_DIGITS = 40

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 
 from photoclinometry.io.exposure import off_body_mask, shows_nothing
 from photoclinometry.io.images import read_image
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
+from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Image
 
 _LISTED = 5
 """Missing images that an error names; the others are counted."""
 
 
-def load_images(site: Site, progress: Callable[[int, int], None] | None = None) -> list[Image]:
+def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
     """The images of all views, each named as its view; `valid` is False on dark sky.
 
-    progress: called with (images read, images in all) after each. Raises ImageError for images that are
+    progress: called with "images", images read and images in all after each. Raises ImageError for images that are
     missing, unreadable, of another size than their camera, empty, dark, or the same as another.
     """
     missing = [str(view.image) for view in site.views if not view.image.exists()]
@@ -41,7 +41,7 @@ def load_images(site: Site, progress: Callable[[int, int], None] | None = None) 
         seen[content] = view.name
         images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
         if progress is not None:
-            progress(number, len(site.views))
+            progress("images", number, len(site.views))
     return images
 
 

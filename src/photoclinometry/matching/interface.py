@@ -6,14 +6,16 @@
         def match(self, request: MatchRequest) -> Matches:
             ...
 
-Only `reference`, `target` and `region` are needed to match two pictures; `prediction` says where a pixel is
-expected, for matchers that can use it. To match against another picture of the reference, for instance one
-rendered under the target's Sun, replace the reference image: `replace(request, reference=rendered)`, with
-the rendering's own validity mask.
+An entry in `registry.MATCHERS` makes it a choice of `phomo run --matcher`.
+
+Two pictures can be matched by `reference`, `target` and `region` alone; `prediction` is where a pixel is expected, for
+matchers that can use it. To match against another picture of the reference, for instance one rendered under the
+target's Sun, replace the reference image: `replace(request, reference=rendered)`, with the rendering's own mask.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -98,29 +100,44 @@ def padded_region(region: Region, margin: int, camera: Camera) -> Region:
     return Region(row=row, col=col, height=bottom - row, width=right - col)
 
 
-def request_match(
-    images: list[Image],
-    cameras: list[Camera],
-    body_from_cam: Rigid,
-    reference: int,
-    target: int,
-    region: Region,
-    padded: Region,
-    depth: np.ndarray,
-) -> MatchRequest:
-    """The request to match `reference` with `target`, predicted from depth (padded.height, padded.width)."""
-    prediction = predict_pixels(
-        depth,
-        padded,
-        cameras[reference],
-        body_from_cam[reference],
-        cameras[target],
-        body_from_cam[target],
-    )
-    return MatchRequest(
-        reference=images[reference],
-        target=images[target],
-        region=region,
-        padded=padded,
-        prediction=prediction,
-    )
+@dataclass(frozen=True, kw_only=True)
+class MatchSetup:
+    """The views that are matched, their poses, and the region of one of them whose pixels are wanted."""
+
+    images: Sequence[Image]
+    """(K,)."""
+    cameras: Sequence[Camera]
+    """(K,)."""
+    body_from_cam: Rigid
+    """(K,) poses, good to a few pixels."""
+    reference: int
+    """The view that `region` is of."""
+    region: Region
+    margin_px: int = MARGIN_PX
+
+    @property
+    def padded(self) -> Region:
+        """The region with its margin."""
+        return padded_region(self.region, self.margin_px, self.cameras[self.reference])
+
+    def request(self, target: int, depth: np.ndarray) -> MatchRequest:
+        """The request to match the reference with view `target`.
+
+        depth: (padded.height, padded.width) in the reference camera, from which positions are predicted.
+        """
+        own, padded = self.reference, self.padded
+        prediction = predict_pixels(
+            depth,
+            padded,
+            self.cameras[own],
+            self.body_from_cam[own],
+            self.cameras[target],
+            self.body_from_cam[target],
+        )
+        return MatchRequest(
+            reference=self.images[own],
+            target=self.images[target],
+            region=self.region,
+            padded=padded,
+            prediction=prediction,
+        )

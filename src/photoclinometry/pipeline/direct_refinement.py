@@ -1,10 +1,10 @@
-"""The last estimate without matches: every image is taken where the map projects into it, and says where that is.
+"""Direct photometric refinement: the last estimate, in which image gradients take the place of matches.
 
-A match is of a window, and found with the very map that it is to correct. Once the map is good to a fraction of a
-pixel there is no need for one: where a landmark lies, its brightness must be what its normal, its albedo and the Sun
-make of it, and the images' own slopes say how that changes as it moves. Each landmark stays on its ray of the reference
-view. Where too few views light a landmark for that, its matches hold it as before. This is the direct method (Irani and
-Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place of constant brightness.
+A match is of a window, and was found with the map that it is to correct. Once that map is good to a fraction of a
+pixel, no match is needed: the brightness where a landmark projects must be that which its normal, its albedo and the
+Sun predict, and the image's gradient tells how it changes as the landmark moves. Each landmark stays on its ray of the
+reference view. Where too few views light a landmark for that, its matches hold it as before. This is the direct method
+(Irani and Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place of constant brightness.
 """
 
 from __future__ import annotations
@@ -20,66 +20,68 @@ from photoclinometry.model.projection import keypoint_residuals, projected_keypo
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import landmark_spacing_px
 from photoclinometry.photometry.shading import brightness_on_surface
+from photoclinometry.pipeline.joint_estimate import Step
 from photoclinometry.surface.sampling import as_coarse, sample_gradient
 
 log = logging.getLogger(__name__)
 
 PASSES = 2
-"""Estimates, each from images taken anew where the last one projects. A third moves half of the landmarks by less than
-0.001 GSD."""
+"""Estimates, each with brightness and gradients taken where the last one projects. A third moves half of the landmarks
+by less than 0.001 GSD."""
 
 MIN_LIT = 7
-"""Lit views from which on brightness says where a landmark lies: three more than it then has unknowns (depth, two of
-the normal, albedo). With as many as unknowns, noise goes into the depth."""
+"""Lit views from which on brightness determines where a landmark lies: three more than it then has unknowns (depth, two
+of the normal, albedo). With as many as unknowns, noise goes into the depth."""
+
+MIN_SHARE = 0.5
+"""Share of the landmarks that must be lit so; with fewer, the last estimate is of matches alone."""
 
 STRAYED, STRAYED_PX = 8.0, 0.2
-"""A landmark whose projections are so many times farther from its matches than the median landmark's, and so far [px],
-has followed something else: an image's slope is good for about a pixel, and that of a shadow's edge is not the
-ground's."""
+"""A landmark has strayed whose projections are so many times farther from its matches than the median landmark's, and
+so far [px]: an image's gradient is good for about a pixel, and that of a shadow's edge is not the ground's."""
 
 
-def adjust_directly(
-    scene: Scene, images: Sequence[Image], adjusted: Callable[[Scene, float, bool, ImageGradients | None], Adjustment]
-) -> Adjustment:
-    """The last estimate of a scene, from its images; from its matches, where less than half of it can do without.
+def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[Scene, Step], Adjustment]) -> Adjustment:
+    """The last estimate of a scene by its images; by its matches, where too few views light more than half of it.
 
-    adjusted: as `rounds.adjust_in_rounds` has it, with slopes. Landmarks that stray in a pass are put back and left to
-    their matches.
+    images: of the scene's views, in their order. estimate: as `JointEstimate`. Landmarks that stray in a pass are put
+    back and left to their matches.
     """
     strayed = np.zeros(len(scene.landmarks), bool)
-    start, slopes = image_slopes(scene, images)
-    if np.mean(slopes.of_landmarks(start.tracks)) < 0.5:
+    start, gradients = image_gradients(scene, images)
+    if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:
         log.info("too few views light the ground: the last estimate is of matches")
-        return adjusted(scene, 1.0, True, None)
+        return estimate(scene, Step())
     for _ in range(PASSES - 1):
-        found = adjusted(start, 1.0, False, slopes).scene
+        found = estimate(start, Step(rough=True, gradients=gradients)).scene
         strayed |= has_strayed(found)
-        start, slopes = image_slopes(put_back(found, scene, strayed), images, ~strayed)
-    log.info("%d of %d landmarks are left to their matches", np.sum(~slopes.of_landmarks(start.tracks)), len(strayed))
-    return adjusted(start, 1.0, True, slopes)
+        start, gradients = image_gradients(put_back(found, scene, strayed), images, ~strayed)
+    matched = ~gradients.of_landmarks(start.tracks)
+    log.info("%d of %d landmarks are left to their matches", np.sum(matched), len(strayed))
+    return estimate(start, Step(gradients=gradients))
 
 
-def image_slopes(
+def image_gradients(
     scene: Scene, images: Sequence[Image], among: np.ndarray | None = None
 ) -> tuple[Scene, ImageGradients]:
-    """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the slopes there.
+    """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the gradients there.
 
-    images: of the scene's views, in their order. Slopes are zero where it is not lit, and of landmarks that are lit in
-    fewer than MIN_LIT views or not `among` those chosen (J,).
+    images: of the scene's views, in their order. Gradients are zero where it is not lit, and of landmarks that are lit
+    in fewer than MIN_LIT views or not `among` those chosen (J,).
     """
     tracks = scene.tracks
     xy = projected_keypoints(scene)
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
-    slope = np.zeros((len(tracks), 2))
+    gradient = np.zeros((len(tracks), 2))
     for k, image in enumerate(images):
-        mine = np.flatnonzero(tracks.view == k)
-        slope[mine] = sample_gradient(as_coarse(image, float(spacing[k])), xy[mine])
+        seen = np.flatnonzero(tracks.view == k)
+        gradient[seen] = sample_gradient(as_coarse(image, float(spacing[k])), xy[seen])
     measured = brightness_on_surface(scene, images)
     lit = measured.tracks.lit
     direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
     if among is not None:
         direct &= among
-    return measured, ImageGradients(xy, np.where((lit & direct[tracks.landmark])[:, None], slope, 0.0))
+    return measured, ImageGradients(xy, np.where((lit & direct[tracks.landmark])[:, None], gradient, 0.0))
 
 
 def has_strayed(scene: Scene) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Pose priors in a run: they place the map, have their say in the joint estimate, and are compared with it."""
+"""Pose priors in a run: they place the map, take part in the joint estimate, and are compared with it."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ class Placed:
 
     scene: Scene
     pose_priors: PosePriors
-    """What the joint estimate is told: the priors that agree with the scene, by their sigmas."""
+    """The priors that agree with the scene, in its frame."""
     names: tuple[str, ...]
     """Views whose priors these are."""
 
 
-def enough(priors: Mapping[str, PosePrior], scene: Scene) -> dict[str, PosePrior]:
+def usable_priors(priors: Mapping[str, PosePrior], scene: Scene) -> dict[str, PosePrior]:
     """The priors (by name) of the scene's views; none, with the reason in the log, where they are too few."""
-    own = {name: prior for name, prior in priors.items() if name in scene.views.name}
-    if own and len(own) < MIN_PRIORS:
+    usable = {name: prior for name, prior in priors.items() if name in scene.views.name}
+    if usable and len(usable) < MIN_PRIORS:
         log.warning(
             "%d of the %d views have a pose prior, at least %d are needed: the map stays in a frame of its own",
-            len(own),
+            len(usable),
             len(scene.views),
             MIN_PRIORS,
         )
         return {}
-    return own
+    return usable
 
 
 def place_by_priors(scene: Scene, priors: Mapping[str, PosePrior]) -> Placed | None:
@@ -66,34 +66,35 @@ def place_by_priors(scene: Scene, priors: Mapping[str, PosePrior]) -> Placed | N
         moved.gsd,
     )
     agreeing = {name: priors[name] for name, used in zip(fit.names, fit.used, strict=True) if used}
-    return Placed(scene=moved, pose_priors=told(moved, agreeing), names=tuple(agreeing))
+    return Placed(scene=moved, pose_priors=priors_in_frame(moved, agreeing), names=tuple(agreeing))
 
 
-def adjust_with_priors(
-    start: Scene, priors: Mapping[str, PosePrior], adjust: Callable[[Scene, PosePriors], Adjustment]
+def estimate_with_priors(
+    start: Scene, priors: Mapping[str, PosePrior], estimate: Callable[[Scene, PosePriors], Adjustment]
 ) -> Adjustment | None:
     """The joint estimate, from `start` in the priors' frame, with those priors that agree; None as `place_by_priors`.
 
-    Only the estimate may tell that a prior is wrong, whose weight then has bent it already: it is made again without
-    that prior, from the same start.
+    Some wrong priors show only in the estimate, which they have bent by then. It is made again without them, from the
+    same start.
     """
     placed = place_by_priors(start, priors)
     if placed is None:
         return None
-    found = adjust(placed.scene, placed.pose_priors)
-    own = {name: priors[name] for name in placed.names}
-    fit = agreement(found.scene, own)
+    found = estimate(placed.scene, placed.pose_priors)
+    agreeing = {name: priors[name] for name in placed.names}
+    fit = agreement(found.scene, agreeing)
     if fit.used.all() or fit.used.sum() < MIN_PRIORS:
         return found
-    again = place_by_priors(start, {name: own[name] for name, used in zip(fit.names, fit.used, strict=True) if used})
+    still = {name: agreeing[name] for name, used in zip(fit.names, fit.used, strict=True) if used}
+    again = place_by_priors(start, still)
     if again is None:
         return found
-    log.info("adjusted again without priors that contradict the images")
-    return adjust(again.scene, again.pose_priors)
+    log.info("estimated again without priors that contradict the images")
+    return estimate(again.scene, again.pose_priors)
 
 
-def told(scene: Scene, priors: Mapping[str, PosePrior]) -> PosePriors:
-    """What the joint estimate is told of priors in the scene's frame; views without one are free."""
+def priors_in_frame(scene: Scene, priors: Mapping[str, PosePrior]) -> PosePriors:
+    """The priors as the joint estimate takes them, in the scene's frame; views without one are free."""
     poses = scene.views.body_from_cam
     rotation, center = poses.rotation.copy(), poses.translation.copy()
     rotation_sigma, center_sigma = np.full((2, len(scene.views)), np.inf)
@@ -104,24 +105,10 @@ def told(scene: Scene, priors: Mapping[str, PosePrior]) -> PosePriors:
     return PosePriors(body_from_cam=Rigid(rotation, center), rotation_sigma=rotation_sigma, center_sigma=center_sigma)
 
 
-def prior_fingerprint(priors: Mapping[str, PosePrior]) -> list[list[Any]]:
-    """What the priors say, exactly, for `runfolder.digest`."""
-    return [
-        [
-            name,
-            prior.cam_from_body.rotation.tolist(),
-            prior.cam_from_body.translation.tolist(),
-            prior.rotation_sigma_rad,
-            prior.translation_sigma,
-        ]
-        for name, prior in sorted(priors.items())
-    ]
-
-
 def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray) -> list[dict[str, Any]]:
     """One row per view that has a prior: how far its estimate is from that, beside the prior's sigmas.
 
-    used: (K,) bool, views whose prior had a say. "off_sigmas" is the root mean square over the six.
+    used: (K,) bool, views whose prior took part in the estimate. "off_sigmas" is the root mean square over the six.
     """
     rows = []
     for k, name in enumerate(scene.views.name):
@@ -146,13 +133,11 @@ def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray)
 
 
 def warn_of_outliers(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Names in the log what `prior_table` has left out, and what is far off all the same."""
+    """Names in the log the priors of `prior_table` that were left out, and those that were used though far off."""
     for row in rows:
         if row["used"] and row["off_sigmas"] <= OUTLIER:
             continue
-        what = (
-            "has a say, but is far off; check its sigmas" if row["used"] else "contradicts the images and is left out"
-        )
+        what = "is used, but is far off; check its sigmas" if row["used"] else "contradicts the images and is left out"
         log.warning(
             "%s: its pose prior %s: %.4g m and %.3g degrees from the estimate, %.3g sigmas",
             row["name"],
@@ -164,14 +149,14 @@ def warn_of_outliers(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def prior_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Figures of `prior_table`; of those that had a say."""
+    """Figures of `prior_table`, of those that were used."""
     if not rows:
         return {}
-    own = [row for row in rows if row["used"]]
+    used = [row for row in rows if row["used"]]
     return {
-        "pose_priors_used": len(own),
-        "pose_priors_left_out": len(rows) - len(own),
-        **spread(np.array([row["center_off_m"] for row in own]), "pose_prior_center", "m"),
-        **spread(np.array([row["rotation_off_deg"] for row in own]), "pose_prior_rotation", "deg"),
-        "pose_prior_deviation_rms_sigmas": float(np.sqrt(np.mean([row["off_sigmas"] ** 2 for row in own]))),
+        "pose_priors_used": len(used),
+        "pose_priors_left_out": len(rows) - len(used),
+        **spread(np.array([row["center_off_m"] for row in used]), "pose_prior_center", "m"),
+        **spread(np.array([row["rotation_off_deg"] for row in used]), "pose_prior_rotation", "deg"),
+        "pose_prior_deviation_rms_sigmas": float(np.sqrt(np.mean([row["off_sigmas"] ** 2 for row in used]))),
     }

@@ -1,39 +1,25 @@
-"""What a run leaves: the adjusted scene, kept so that it is estimated once, and the files made from it."""
+"""What a run leaves: scene, map, poses, figures and report."""
 
 from __future__ import annotations
 
 import json
-import logging
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from photoclinometry.adjust import (
-    Adjustment,
-    AdjustOptions,
-    ImageGradients,
-    Iteration,
-    Noise,
-    PosePriors,
-    TiePoints,
-    adjust,
-)
-from photoclinometry.io.options import write_options
-from photoclinometry.model.errors import RunFolderError
+from photoclinometry.adjust import Adjustment
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.pipeline import result_display
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
+from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.run_folder import RunFolder
 
-log = logging.getLogger(__name__)
-
-Progress = Callable[[str, int, int], None]
-"""Called as progress(what, done, total); total 0 where it is not known."""
+Row = dict[str, Any]
+"""Of a table, by name of column."""
 
 
 @dataclass(frozen=True)
@@ -61,184 +47,107 @@ class RunResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kept:
-    """That the adjusted scene of this key is in scene.h5, and how it was reached."""
+class RunSummary:
+    """What is known of a run when its map is finished. Without images there are no renderings beside them."""
 
-    summary: str
-    """JSON."""
-    more: str
-    """JSON of what else belongs to it."""
-
-
-def adjust_or_read(
-    folder: RunFolder,
-    key: str,
-    scene: Scene,
-    options: AdjustOptions,
-    progress: Progress,
-    anchors: TiePoints | None = None,
-) -> Adjustment:
-    """The adjusted scene, from the run folder's scene.h5 if that is of this key, else estimated and kept there."""
-    return kept_or_made(folder, key, lambda: (adjusted(scene, options, progress, anchors), {}))[0]
+    adjustment: Adjustment
+    images: Sequence[Image] = ()
+    config: Mapping[str, Any]
+    """What shaped the run."""
+    left_out: Mapping[str, str]
+    """Names of views that are not in the scene, and why."""
+    brought_in: Mapping[str, str] = field(default_factory=dict)
+    """Names of views that are, though light differs too much for plain matching, and how they came in."""
+    held_out: Views | None = None
+    """Views that the scene was not made from, in its frame."""
+    iterations: Sequence[IterationFigures] = ()
+    """Of the first map and of each relighting iteration."""
+    pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
+    """Of views (by name), if the scene is in their frame."""
 
 
-def adjusted(
-    scene: Scene,
-    options: AdjustOptions,
-    progress: Progress,
-    anchors: TiePoints | None = None,
-    pose_priors: PosePriors | None = None,
-    reflectance: Reflectance | None = None,
-    slopes: ImageGradients | None = None,
-) -> Adjustment:
-    """`adjust`, with its steps reported."""
-    steps = 0
+@dataclass(frozen=True, kw_only=True)
+class _Tables:
+    """The figures of a run: all in all, per view, per pose prior."""
 
-    def count(iteration: Iteration) -> None:
-        nonlocal steps
-        steps += 1
-        progress("adjust", steps, 0)
-
-    return adjust(
-        scene,
-        options,
-        tie_points=anchors,
-        pose_priors=pose_priors,
-        reflectance=reflectance,
-        gradients=slopes,
-        progress=count,
-    )
+    metrics: dict[str, float]
+    views: list[Row]
+    pose_priors: list[Row]
 
 
-def kept_or_made(
-    folder: RunFolder, key: str, make: Callable[[], tuple[Adjustment, dict[str, Any]]]
-) -> tuple[Adjustment, dict[str, Any]]:
-    """The stage "adjust": the adjusted scene that scene.h5 holds if it is of this key, else made and kept there.
-
-    With it goes, and comes back, whatever else can be written as JSON.
-    """
-    from photoclinometry.io.scene_file import read_scene, write_scene
-
-    file = folder.path / "scene.h5"
-
-    def keep() -> Kept:
-        adjustment, more = make()
-        # Were the run killed between the two files, the old key must not stand beside the new scene.
-        folder.forget("adjust")
-        write_scene(file, adjustment.scene)
-        summary = {
-            "converged": adjustment.converged,
-            "message": adjustment.message,
-            "log": [asdict(i) for i in adjustment.log],
-            "noise": asdict(adjustment.noise),
-            "parameter_sigma": adjustment.parameter_sigma.tolist(),
-            "pose_priors_used": adjustment.pose_priors_used.tolist(),
-        }
-        return Kept(summary=json.dumps(summary), more=json.dumps(more))
-
-    has_scene(folder)
-    kept = folder.stage("adjust", key, keep, Kept)
-    done = json.loads(kept.summary)
-    scene = read_scene(file)
-    return Adjustment(
-        scene,
-        done["converged"],
-        done["message"],
-        tuple(Iteration(**i) for i in done["log"]),
-        Noise(**done["noise"]),
-        scene.tracks.lit,
-        np.array(done["parameter_sigma"]),
-        np.array(done["pose_priors_used"], bool),
-    ), json.loads(kept.more)
-
-
-def has_scene(folder: RunFolder) -> bool:
-    """Whether an earlier run left a whole scene.h5; a damaged one is warned of. Without, no estimate counts as kept."""
-    from photoclinometry.io.scene_file import read_scene
-
-    file = folder.path / "scene.h5"
-    if file.is_file():
-        try:
-            read_scene(file)
-        except RunFolderError as error:
-            log.warning("%s; the stage is done again", error)
-        else:
-            return True
-    folder.forget("adjust")
-    return False
-
-
-def write_products(
-    folder: RunFolder,
-    adjustment: Adjustment,
-    images: Sequence[Image],
-    config: Mapping[str, Any],
-    left_out: Mapping[str, str],
-    brought_in: Mapping[str, str] | None = None,
-    held_out: Views | None = None,
-    rounds: Sequence[Mapping[str, float]] = (),
-    priors: Mapping[str, PosePrior] | None = None,
-) -> RunResult:
-    """landmarks.ply, sparse/, metrics.json and the report, of whatever images there are.
-
-    config: what shaped the run, for the report; left_out: views that are not in the scene, and why;
-    brought_in: views that are, though light differs too much for plain matching, and how they came in; held_out: views
-    that the scene was not made from, in its frame; rounds: what each round of matching and adjusting brought; priors:
-    of the poses of views (by name), if the scene is in their frame.
-    """
-    from photoclinometry.evaluate.evaluate import evaluate_scene, held_out_table, view_table
-    from photoclinometry.evaluate.tables import json_numbers
-    from photoclinometry.io.atomic import write_text
+def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
+    """scene.h5, landmarks.ply, sparse/, metrics.json and the report."""
     from photoclinometry.io.meshes.ply import write_ply
     from photoclinometry.io.models.colmap import write_colmap
-    from photoclinometry.output.report import write_report
+    from photoclinometry.io.scene_file import write_scene
 
-    scene = adjustment.scene
+    adjustment, scene = summary.adjustment, summary.adjustment.scene
     with folder.timed("products"):
+        write_scene(folder.path / "scene.h5", scene)
         write_ply(folder.path / "landmarks.ply", scene, mesh=True)
         write_colmap(folder.path / "sparse", scene)
-        rows = view_table(scene, images)
-        aside = held_out_table(scene, held_out, images) if held_out else []
-        metrics = evaluate_scene(scene, images, per_view=rows, held_out=aside)
-        metrics |= {"views_left_out": len(left_out), "converged": float(adjustment.converged)}
-        photometric = scene.reflectance is not None
-        noise = {name: value for name, value in asdict(adjustment.noise).items() if np.isfinite(value)}
-        metrics |= {name: value for name, value in noise.items() if photometric or not name.startswith("brightness")}
-        metrics |= _parameter_metrics(adjustment)
-        of_priors = prior_table(scene, priors or {}, adjustment.pose_priors_used)
-        metrics |= prior_metrics(of_priors)
-        warn_of_outliers(of_priors)
+        tables = _tables(summary)
     with folder.timed("report"):
-        brought_in = brought_in or {}
-        how = {name: {"brought_in_by": way} for name, way in brought_in.items()}
-        rows = [{"used": True, **row, **how.get(row["name"], {})} for row in rows + aside]
-        rows += [{"name": name, "used": False, "left_out": reason} for name, reason in left_out.items()]
-        page = write_report(
-            folder.path / "report",
-            scene,
-            images,
-            metrics=metrics,
-            per_view=rows,
-            stages=[asdict(stage) for stage in folder.stages],
-            rounds=rounds,
-            pose_priors=of_priors,
-            convergence=[i.cost for i in adjustment.log if i.accepted],
-            options=config,
-            unit=scene.unit,
-        )
-    summary = {
-        "metrics": json_numbers(metrics),
-        "views": rows,
-        "left_out": [{"name": name, "reason": reason} for name, reason in left_out.items()],
-        "brought_in": [{"name": name, "by": way} for name, way in brought_in.items()],
-        "rounds": [json_numbers(round_) for round_ in rounds],
-        "frame": scene.frame,
-        "pose_priors": of_priors,
-        "stages": [asdict(stage) for stage in folder.stages],
-        "message": adjustment.message,
+        page = _write_report(folder, summary, tables)
+    _write_metrics(folder, summary, tables)
+    return RunResult(scene, adjustment, tables.metrics, page, dict(summary.left_out))
+
+
+def _tables(summary: RunSummary) -> _Tables:
+    from photoclinometry.evaluate.evaluate import evaluate_scene, held_out_table, view_table
+
+    adjustment, scene, images = summary.adjustment, summary.adjustment.scene, summary.images
+    used = view_table(scene, images)
+    aside = held_out_table(scene, summary.held_out, images) if summary.held_out else []
+    of_priors = prior_table(scene, summary.pose_priors, adjustment.pose_priors_used)
+    warn_of_outliers(of_priors)
+    metrics = evaluate_scene(scene, images, per_view=used, held_out=aside)
+    metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
+    metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
+    how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}
+    views = [{"used": True, **row, **how.get(row["name"], {})} for row in used + aside]
+    views += [{"name": name, "used": False, "left_out": reason} for name, reason in summary.left_out.items()]
+    return _Tables(metrics=metrics, views=views, pose_priors=of_priors)
+
+
+def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Path:
+    from photoclinometry.output import report
+
+    content = report.ReportContent(
+        metrics=tables.metrics,
+        per_view=tables.views,
+        stages=[asdict(cost) for cost in folder.costs],
+        iterations=[figures.as_row() for figures in summary.iterations],
+        pose_priors=tables.pose_priors,
+        convergence=[i.cost for i in summary.adjustment.log if i.accepted],
+        options=summary.config,
+    )
+    return report.write_report(folder.path / "report", summary.adjustment.scene, summary.images, content)
+
+
+def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> None:
+    from photoclinometry.evaluate.tables import json_numbers
+    from photoclinometry.io.atomic import write_text
+
+    content = {
+        "metrics": json_numbers(tables.metrics),
+        "views": tables.views,
+        "left_out": [{"name": name, "reason": reason} for name, reason in summary.left_out.items()],
+        "brought_in": [{"name": name, "by": way} for name, way in summary.brought_in.items()],
+        "relighting_iterations": [json_numbers(figures.as_row()) for figures in summary.iterations],
+        "frame": summary.adjustment.scene.frame,
+        "pose_priors": tables.pose_priors,
+        "stages": [asdict(cost) for cost in folder.costs],
+        "message": summary.adjustment.message,
     }
-    write_text(folder.path / "metrics.json", json.dumps(summary, indent=2) + "\n")
-    return RunResult(scene, adjustment, metrics, page, dict(left_out))
+    write_text(folder.path / "metrics.json", json.dumps(content, indent=2) + "\n")
+
+
+def _noise_metrics(adjustment: Adjustment) -> dict[str, float]:
+    """What the errors of measurements were found to be; those of brightness only where it was used."""
+    photometric = adjustment.scene.reflectance is not None
+    noise = {name: value for name, value in asdict(adjustment.noise).items() if np.isfinite(value)}
+    return {name: value for name, value in noise.items() if photometric or not name.startswith("brightness")}
 
 
 def _parameter_metrics(adjustment: Adjustment) -> dict[str, float]:
@@ -251,8 +160,3 @@ def _parameter_metrics(adjustment: Adjustment) -> dict[str, float]:
             name = f"reflectance_{short}"
             metrics |= {name: float(value)} | ({f"{name}_sigma": float(sigma)} if np.isfinite(sigma) else {})
     return metrics
-
-
-def write_config(folder: RunFolder, config: Mapping[str, Any]) -> None:
-    """config.toml: what was mapped, and every option, defaults included."""
-    write_options(folder.path / "config.toml", config)

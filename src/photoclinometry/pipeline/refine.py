@@ -10,17 +10,19 @@ from typing import Literal
 
 import numpy as np
 
-from photoclinometry import __version__
-from photoclinometry.adjust import AdjustOptions
+from photoclinometry.adjust import Adjustment, AdjustOptions
 from photoclinometry.io.models.text_model import TextModel, model_fingerprint, read_text_model, write_text_model
 from photoclinometry.io.site import DEFAULT_SUN_SIGMA_RAD
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import MODELS, ModelChoice, Reflectance, has_published
 from photoclinometry.model.scene import Scene, Tracks
 from photoclinometry.photometry.predict import observation_brightness
-from photoclinometry.pipeline.products import Progress, RunResult, adjust_or_read, write_config, write_products
-from photoclinometry.pipeline.run import choose_reflectance
-from photoclinometry.pipeline.run_folder import digest, open_run
+from photoclinometry.pipeline.choices import choose_reflectance
+from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
+from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
+from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest
 
 log = logging.getLogger(__name__)
 
@@ -73,6 +75,19 @@ class Start:
     """Names of images with too few observations."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class RefineModel(Stage[Adjustment]):
+    """The joint estimate of a model."""
+
+    name = "refine"
+    result = Adjustment
+    start: Keyed[Scene]
+    options: AdjustOptions
+
+    def make(self, tools: Tools) -> Adjustment:
+        return JointEstimate(options=self.options)(self.start.value, Step(), tools.progress)
+
+
 def read_start(folder: Path, options: RefineOptions | None = None) -> Start:
     """The model in `folder`, with what the options say of it.
 
@@ -89,7 +104,7 @@ def read_start(folder: Path, options: RefineOptions | None = None) -> Start:
         sun_sigma_rad=math.radians(options.sun_sigma_deg),
         shadow_threshold=options.shadow_threshold,
     )
-    views, landmarks = _enough(model.scene, options)
+    views, landmarks = _well_observed(model.scene, options)
     left_out = tuple(name for name, kept in zip(model.scene.views.name, views, strict=True) if not kept)
     model = _keep(folder, model, views, landmarks)
     model = replace(model, scene=_with_albedo(model.scene, unit))
@@ -107,12 +122,11 @@ def refine(
     estimate is not estimated again. Raises InputError and ReconstructionError.
     """
     options = options or RefineOptions()
-    folder = open_run(out)
+    folder = open_run(out, progress or no_progress)
     config = {"model": str(start.source.resolve()), **asdict(options)}
-    write_config(folder, config)
-    key = digest("refine", __version__, model_fingerprint(start.source), options)
-    scene = start.model.scene
-    adjustment = adjust_or_read(folder, key, scene, options.adjust, progress or (lambda what, done, total: None))
+    folder.write_config(config)
+    scene = Keyed(start.model.scene, digest(model_fingerprint(start.source), options))
+    adjustment = folder.done(RefineModel(start=scene, options=options.adjust)).value
     with folder.timed("model"):
         write_text_model(
             folder.path / "model",
@@ -121,7 +135,7 @@ def refine(
             point_id=start.model.point_id,
         )
     left_out = dict.fromkeys(start.left_out, "too few lit observations")
-    return write_products(folder, adjustment, [], config, left_out)
+    return write_products(folder, RunSummary(adjustment=adjustment, config=config, left_out=left_out))
 
 
 def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:
@@ -146,7 +160,7 @@ def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:
     return reflectance, brightness, first if options.albedo_unit is None else unit
 
 
-def _enough(scene: Scene, options: RefineOptions) -> tuple[np.ndarray, np.ndarray]:
+def _well_observed(scene: Scene, options: RefineOptions) -> tuple[np.ndarray, np.ndarray]:
     """(K,) and (J,) bool: views with enough observations, lit unless geometry is all, and landmarks with enough of
     them in those views."""
     tracks = scene.tracks

@@ -1,144 +1,87 @@
-"""Adjust, render under each view's Sun, match again, adjust again: until the matches stay where they are.
+"""A relighting iteration: the map rendered under each view's Sun, matched again, and what that changed.
 
-Each round begins with the map of the one before. Brightness is taken where its surface projects, normals and
-albedos are sharpened by it (`shading`), every view is matched with the reference relit for it (`matching.relight`),
-and the matches are triangulated and adjusted like the first ones.
+Brightness is taken where the map projects, normals and albedos are sharpened by it (`shading`), every view is matched
+with the reference relit for it (`matching.relight`), and the matches are triangulated. The joint estimate of the result
+is the next map.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment
 from photoclinometry.evaluate.evaluate import keypoint_residual_px, landmark_photometric_error
-from photoclinometry.matching.densify import DenseTracks, DensifyOptions, densify
-from photoclinometry.matching.flow import FlowMatcher, FlowOptions
+from photoclinometry.matching.dense import match_views, triangulated
+from photoclinometry.matching.densify import DenseTracks, DensifyOptions
 from photoclinometry.matching.hole_filling import fill_holes
-from photoclinometry.matching.interface import MARGIN_PX, padded_region, request_match
+from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.matching.relight import RelightMatcher, map_depth
 from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Image, Scene, Tracks
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
-from photoclinometry.pipeline.direct_refinement import adjust_directly
-from photoclinometry.pipeline.products import Kept, Progress, has_scene, kept_or_made
-from photoclinometry.pipeline.run_folder import RunFolder, digest
 
 log = logging.getLogger(__name__)
 
-ODD_SHARE, ODD_TIMES = 0.03, 3.0
-"""A view is odd whose brightness is off by more than this share, and by so many times what is usual."""
+INCONSISTENT_SHARE, INCONSISTENT_TIMES = 0.03, 3.0
+"""The brightness of a view is inconsistent with the map that is off by more than this share, and by so many times what
+is usual."""
 
-FEWEST = 2
-"""Rounds that are made in any case, where so many are allowed: one in which brightness moves the map, one that settles
-it."""
+MIN_ITERATIONS = 2
+"""Iterations that are made in any case, where so many are allowed: one in which brightness moves the map, one in which
+it settles."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class RelightOptions:
-    """Rounds of matching against the reference as it would look under each view's Sun."""
+class IterationFigures:
+    """How well the map of an iteration explains its measurements, and how far it moved from the one before."""
 
-    rounds: int = 3
-    """Rounds at most, after the first map. Geometry alone has none."""
-    settled_px: float = 0.03
-    """No further round once half of all matches moved by less [px]; from the second on, as the first is loose."""
-    slack: float = 5.0
-    """Keypoints that were found with a map are held this many times looser in the next one, but for the last. Where it
-    is finer than the windows of matching, a match confirms the very map that it was made with: held tightly, that
-    map hardly moves."""
-    direct: bool = True
-    """The last estimate takes each image where the map projects, and its slope there, instead of the matches."""
+    iteration: int
+    """0 for the first map."""
+    landmarks: int
+    observations: int
+    keypoint_residual_median_px: float
+    photometric_error_mean_percent: float | None = None
+    """None of geometry alone."""
+    keypoints_moved_median_px: float | None = None
+    """None of the first map."""
+    normals_turned_median_deg: float | None = None
+    """None of the first map."""
 
-
-def adjust_in_rounds(
-    folder: RunFolder,
-    key: str,
-    scene: Scene,
-    images: Sequence[Image],
-    adjusted: Callable[..., Adjustment],
-    rounds: RelightOptions,
-    flow: FlowOptions,
-    dense: DensifyOptions,
-    progress: Progress,
-) -> tuple[Adjustment, list[dict[str, float]]]:
-    """The adjusted scene after all rounds, and an entry for each (`round_entry`). A killed run goes on in its round.
-
-    images: of the scene's views. adjusted: the joint estimate, from where to start, the slack of
-    keypoints, whether it is the last one, and `direct.ImageSlopes` where there are.
-    """
-    count = rounds.rounds if scene.reflectance is not None else 0
-    keys = [key, *(digest("relight", key, n) for n in range(1, count + 1))]
-    whole = has_scene(folder)
-    first = max((n for n in range(1, count + 1) if whole and folder.holds("adjust", keys[n], Kept)), default=0)
-
-    def start() -> tuple[Adjustment, dict[str, Any]]:
-        found = adjusted(scene, 1.0, count == 0)
-        for name, misfit in odd_views(found.scene):
-            log.warning(
-                "%s: its brightness is %.0f %% off what the map predicts, far more than other views': "
-                "check its `sun`, its exposure, and what it shows",
-                name,
-                100.0 * misfit,
-            )
-        return found, {"rounds": [round_entry(0, found.scene)], "last": count == 0}
-
-    adjustment, more = kept_or_made(folder, keys[first], start)
-    if first == count and not more["last"]:
-        # It was made as one of more rounds, without what only the last one finds.
-        folder.forget("adjust")
-        first = 0
-        adjustment, more = kept_or_made(folder, keys[first], start)
-    for number in range(first + 1, count + 1):
-        if is_settled(more["rounds"], rounds):
-            break
-        with folder.timed(f"relight {number}"):
-            matched = rematch(adjustment.scene, images, flow, dense, progress, f"relight {number}")
-
-        def again(matched=matched, before=adjustment.scene, entries=more["rounds"], number=number):
-            moved = keypoints_moved(before, matched)
-            last = number == count or _settles(number, moved, rounds)
-            if last and rounds.direct:
-                found = adjust_directly(matched, images, adjusted)
-            else:
-                found = adjusted(matched, 1.0 if last else rounds.slack, last)
-            return found, {"rounds": [*entries, round_entry(number, found.scene, before, moved)], "last": last}
-
-        adjustment, more = kept_or_made(folder, keys[number], again)
-    return adjustment, more["rounds"]
+    def as_row(self) -> dict[str, float]:
+        """By name; without what there is none of."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 def rematch(
     scene: Scene,
     images: Sequence[Image],
-    flow: FlowOptions,
-    dense: DensifyOptions,
-    progress: Progress = lambda what, done, total: None,
-    name: str = "relight",
+    matcher: Matcher,
+    options: DensifyOptions,
+    progress: Progress = no_progress,
+    what: str = "relight",
 ) -> Scene:
-    """The scene with landmarks and tracks from new matches against the relit reference, ready to be adjusted.
+    """The scene with landmarks and tracks from new matches against the relit reference, ready to be estimated.
 
-    images: of the scene's views. Progress is reported under `name`. Raises ReconstructionError where nothing matches.
+    images: of the scene's views. matcher: what meets the relit reference. what: progress' first word. Raises
+    ReconstructionError where nothing matches.
     """
     sharp = fill_holes(normals_from_shading(brightness_on_surface(scene, images)))
-    matcher = RelightMatcher(sharp, FlowMatcher(flow))
-    cameras, poses, own = list(scene.views.cameras), scene.views.body_from_cam, scene.reference
-    padded = padded_region(scene.region, MARGIN_PX, cameras[own])
-    depth = map_depth(sharp, padded)
-    targets = [k for k in range(len(scene.views)) if k != own]
-    matches = {}
-    for done, target in enumerate(targets):
-        progress(name, done, len(targets))
-        matches[target] = matcher.match(
-            request_match(list(images), cameras, poses, own, target, scene.region, padded, depth)
-        )
-    progress(name, len(targets), len(targets))
-    found = densify(scene.region, own, matches, cameras, poses, dense)
+    setup = MatchSetup(
+        images=images,
+        cameras=scene.views.cameras,
+        body_from_cam=scene.views.body_from_cam,
+        reference=scene.reference,
+        region=scene.region,
+    )
+    targets = [k for k in range(len(scene.views)) if k != scene.reference]
+    relit, depth = RelightMatcher(sharp, matcher), map_depth(sharp, setup.padded)
+    found = triangulated(setup, match_views(setup, targets, relit, depth, progress, what), options)
     return brightness_on_surface(with_dense(sharp, found), images)
 
 
@@ -160,28 +103,31 @@ def with_dense(scene: Scene, dense: DenseTracks) -> Scene:
     )
 
 
-def round_entry(
-    number: int, scene: Scene, before: Scene | None = None, moved_px: float = float("nan")
-) -> dict[str, float]:
-    """What a round brought: how well the map explains its measurements, and how far it moved from `before`.
+def first_map_figures(scene: Scene) -> IterationFigures:
+    """Of the map before any iteration; views that it explains badly are named in the log."""
+    _warn_of_inconsistent_views(scene)
+    return _figures(0, scene)
 
-    moved_px: `keypoints_moved` of the two, which decided whether this is the last round.
-    """
-    residual = keypoint_residual_px(scene)
-    entry = {
-        "round": number,
-        "landmarks": len(scene.landmarks),
-        "observations": len(scene.tracks),
-        "keypoint_residual_median_px": float(np.median(residual)),
-    }
+
+def iteration_figures(number: int, scene: Scene, before: Scene, moved_px: float) -> IterationFigures:
+    """Of the map of an iteration. before: the map that it was relit from; moved_px: `keypoints_moved`."""
+    turned = math.degrees(normals_turned(before, scene))
+    found = replace(_figures(number, scene), keypoints_moved_median_px=moved_px, normals_turned_median_deg=turned)
+    log.info("relighting iteration %d: %s", number, found.as_row())
+    return found
+
+
+def _figures(number: int, scene: Scene) -> IterationFigures:
+    error = None
     if scene.reflectance is not None:
-        error = landmark_photometric_error(scene, remove_scale_and_bias=True)
-        entry["photometric_error_mean_percent"] = 100.0 * float(np.nanmean(error))
-    if before is not None:
-        entry["keypoints_moved_median_px"] = moved_px
-        entry["normals_turned_median_deg"] = math.degrees(normals_turned(before, scene))
-    log.info("round %d: %s", number, entry)
-    return entry
+        error = 100.0 * float(np.nanmean(landmark_photometric_error(scene, remove_scale_and_bias=True)))
+    return IterationFigures(
+        iteration=number,
+        landmarks=len(scene.landmarks),
+        observations=len(scene.tracks),
+        keypoint_residual_median_px=float(np.median(keypoint_residual_px(scene))),
+        photometric_error_mean_percent=error,
+    )
 
 
 def keypoints_moved(before: Scene, after: Scene) -> float:
@@ -197,11 +143,16 @@ def normals_turned(before: Scene, after: Scene) -> float:
     return float(np.nanmedian(angle_between(before.grid(before.landmarks.normal), after.grid(after.landmarks.normal))))
 
 
-def odd_views(scene: Scene) -> list[tuple[str, float]]:
+def is_settled(number: int, moved_px: float, settled_px: float) -> bool:
+    """Whether iteration `number`, in which half of the matches moved by less than `moved_px`, is the last needed."""
+    return number >= MIN_ITERATIONS and moved_px < settled_px
+
+
+def inconsistent_brightness(scene: Scene) -> list[tuple[str, float]]:
     """Names of views that the map explains much worse than the others, and how far off their brightness is.
 
-    That is the median size of lit residuals over the median brightness; odd is more than ODD_SHARE, and ODD_TIMES as
-    much as the median view. A Sun wrong by tens of degrees shows so.
+    That is the median size of lit residuals over the median brightness. It is inconsistent if it is more than
+    INCONSISTENT_SHARE, and INCONSISTENT_TIMES that of the median view: a Sun wrong by tens of degrees makes it so.
     """
     if scene.reflectance is None:
         return []
@@ -211,18 +162,18 @@ def odd_views(scene: Scene) -> list[tuple[str, float]]:
         lit = tracks.lit & (tracks.view == k)
         if lit.any():
             misfit[k] = np.median(residual[lit]) / np.median(tracks.brightness[lit])
-    odd = misfit > max(ODD_SHARE, ODD_TIMES * float(np.median(misfit)))
-    return [(scene.views.name[k], float(misfit[k])) for k in np.flatnonzero(odd)]
+    found = misfit > max(INCONSISTENT_SHARE, INCONSISTENT_TIMES * float(np.median(misfit)))
+    return [(scene.views.name[k], float(misfit[k])) for k in np.flatnonzero(found)]
 
 
-def is_settled(entries: Sequence[dict[str, float]], options: RelightOptions) -> bool:
-    """Whether the last of these rounds was the last that is needed."""
-    last = entries[-1]
-    return _settles(last["round"], last.get("keypoints_moved_median_px", np.inf), options)
-
-
-def _settles(number: float, moved_px: float, options: RelightOptions) -> bool:
-    return number >= FEWEST and moved_px < options.settled_px
+def _warn_of_inconsistent_views(scene: Scene) -> None:
+    for name, misfit in inconsistent_brightness(scene):
+        log.warning(
+            "%s: its brightness is %.0f %% off what the map predicts, far more than other views': "
+            "check its `sun`, its exposure, and what it shows",
+            name,
+            100.0 * misfit,
+        )
 
 
 def _observation_number(scene: Scene) -> np.ndarray:

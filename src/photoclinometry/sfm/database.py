@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.sfm.keypoints import sift_keypoints
-from photoclinometry.sfm.options import Progress, SfmOptions
+from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture
 
 DATABASE = "database.db"

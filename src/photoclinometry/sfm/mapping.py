@@ -11,10 +11,11 @@ import numpy as np
 
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.database import DATABASE
-from photoclinometry.sfm.options import Progress, SfmOptions
+from photoclinometry.sfm.options import SfmOptions
 
 LOSS_PX = 0.3
 """Scale of the last bundle adjustment's soft-L1 loss: the keypoints' precision. Shadow edges, which move with the Sun,

@@ -14,11 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel, connected_groups, normalised
 from photoclinometry.sfm.database import add_relief_keypoints, match_views, read_keypoints, write_views
 from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap, size, views_of
-from photoclinometry.sfm.options import Progress, SfmOptions
+from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.pairs import all_pairs, likeness_of, promising_pairs
 
 log = logging.getLogger(__name__)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from photoclinometry.io.site import (
 )
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Camera, Views
 from photoclinometry.simulate.camera_model import expose, hot_pixel_charge, pixel_average
 from photoclinometry.simulate.given import given_relief
@@ -36,9 +36,6 @@ from photoclinometry.simulate.truth_file import write_truth
 from photoclinometry.simulate.views import Stream, draw_views, half_extent, pose_priors, stream
 
 log = logging.getLogger(__name__)
-
-Progress = Callable[[int, int, str], None]
-"""Called as progress(done, total, what)."""
 
 OPTIONS_FILE = "simulation.toml"
 """The options; `simulate_site` overwrites only folders that hold this file."""
@@ -59,10 +56,10 @@ def simulate_site(
     """
     out_folder = Path(out_folder)
     check_output_folder(out_folder, overwrite)
-    report = progress or (lambda done, total, what: None)
+    report = progress or no_progress
     preset = chosen_preset(options)
     cameras, views = draw_views(options, preset)
-    report(0, len(cameras), "terrain")
+    report("terrain", 0, len(cameras))
     surface, frame = _surface(options, preset, cameras[0])
     raycaster = Raycaster(surface)
     photometry = named_photometry(options.reflectance, preset.body)
@@ -71,7 +68,7 @@ def simulate_site(
         (folder / "images").mkdir(parents=True)
         scale, bias = np.ones(len(views)), np.zeros(len(views))
         for k, name in enumerate(views.name):
-            report(k, len(views), "images")
+            report("images", k, len(views))
             image = _radiance_image(raycaster, views, k, photometry, options)
             exposure = expose(image, options.detector, stream(options, Stream.EXPOSURE, k), hot)
             if options.brightness == "iof":
@@ -79,7 +76,7 @@ def simulate_site(
             else:
                 write_png(folder / name, exposure.uint16)
                 scale[k], bias[k] = exposure.gain, exposure.offset
-        report(len(views), len(views), "truth")
+        report("truth", len(views), len(views))
         views = replace(views, scale=scale, bias=bias)
         truth = Truth(
             name=_name(options),

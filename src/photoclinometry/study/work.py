@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
-from photoclinometry import __version__
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.options import write_options
 from photoclinometry.io.reading import read_text
 from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.progress import Progress
 from photoclinometry.pipeline import run as pipeline
-from photoclinometry.pipeline.run_folder import adopt_stages, digest
+from photoclinometry.pipeline.run_folder import adopt_stages
+from photoclinometry.pipeline.stage import digest, program_digest
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study.plan import Cell, StudyOptions, cells
@@ -23,9 +23,6 @@ log = logging.getLogger(__name__)
 
 STUDY_FILE = "study.toml"
 """The options of the last call; `run_study` writes only into folders that hold this file, or are empty."""
-
-Progress = Callable[[str, int, int], None]
-"""Called as progress(what, done, total)."""
 
 
 def run_study(options: StudyOptions, out: Path, progress: Progress | None = None) -> Path:
@@ -57,7 +54,9 @@ def _open(out: Path, options: StudyOptions) -> None:
 
 def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
     folder = out / "results" / cell.name
-    key = digest("study cell", __version__, cell.simulation, cell.run_options(options), cell.model == options.shown)
+    key = digest(
+        "study cell", program_digest(), cell.simulation, cell.run_options(options), cell.model == options.shown
+    )
     found = read_record(folder, cell, key)
     if found is not None:
         log.info("%s: read back", cell.name)
@@ -85,7 +84,7 @@ def _site(out: Path, cell: Cell) -> Path:
     """site.toml of the cell's site, which is simulated unless a site with the same options exists."""
     folder = out / "sites" / cell.site
     key = folder.with_name(f"{cell.site}.key")
-    wanted = digest(__version__, cell.simulation)
+    wanted = digest(program_digest(), cell.simulation)
     if (folder / "site.toml").is_file() and key.is_file() and read_text(key).strip() == wanted:
         return folder / "site.toml"
     key.unlink(missing_ok=True)

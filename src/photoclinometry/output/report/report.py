@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -23,47 +24,58 @@ from photoclinometry.output.report.maps import draw_maps, draw_relit, draw_value
 
 log = logging.getLogger(__name__)
 
+Section = tuple[str, str, str]
+"""Title, note, and HTML."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportContent:
+    """What a report shows besides the scene and its images. What is left out is computed, or is not in the report."""
+
+    metrics: Mapping[str, float] | None = None
+    """As `evaluate_scene` gives (computed if left out), joined with `compare`'s where there is a truth."""
+    per_view: Sequence[Mapping[str, Any]] | None = None
+    """Rows as `evaluate.view_table` gives (computed if left out), with more columns and rows as you like, such as
+    "used" (False makes a row red) and "left_out"; units are read from the keys."""
+    stages: Sequence[Mapping[str, Any]] = ()
+    """One row per stage, such as {"stage": ..., "wall_s": ..., "cpu_s": ..., "peak_memory_gb": ...}."""
+    iterations: Sequence[Mapping[str, float]] = ()
+    """One row for the first map, and one per relighting iteration."""
+    pose_priors: Sequence[Mapping[str, Any]] = ()
+    """One row per view that has one; those not "used" are red."""
+    convergence: Sequence[Mapping[str, float]] = ()
+    """One per iteration of the solver, the first before any step: cost by type of factor."""
+    errors: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Per-landmark values (J,) to be drawn as maps, such as `Comparison.errors`."""
+    options: Mapping[str, Any] | None = None
+    """Of the run, nested as they are."""
+
 
 def write_report(
-    folder: Path,
-    scene: Scene,
-    images: Sequence[Image] | None = None,
-    *,
-    metrics: Mapping[str, float] | None = None,
-    per_view: Sequence[Mapping[str, Any]] | None = None,
-    stages: Sequence[Mapping[str, Any]] = (),
-    rounds: Sequence[Mapping[str, float]] = (),
-    pose_priors: Sequence[Mapping[str, Any]] = (),
-    convergence: Sequence[Mapping[str, float]] = (),
-    errors: Mapping[str, np.ndarray] | None = None,
-    options: Mapping[str, Any] | None = None,
-    unit: str | None = None,
+    folder: Path, scene: Scene, images: Sequence[Image] | None = None, content: ReportContent | None = None
 ) -> Path:
     """Draw everything, and write `index.html` and `summary.json`; returns the page's path.
 
     The folder appears whole, replacing an older one, or not at all (RunFolderError).
 
     images: the views' images in any order; without them there are no renderings beside real images.
-    metrics: as `evaluate_scene` (computed if left out), joined with `compare`'s where there is a truth.
-    per_view: rows as `evaluate.view_table` gives (computed if left out), with more columns and rows as you
-        like, such as "used" (False makes a row red) and "left_out"; units are read from the keys.
-    stages: one mapping per stage, such as {"stage": ..., "wall_s": ..., "cpu_s": ..., "peak_memory_gb": ...}.
-    rounds: one mapping per round of matching and adjusting, as `rounds.round_entry` gives.
-    pose_priors: one mapping per view that has one, as `pose_priors.prior_table` gives; those not "used" are red.
-    convergence: one mapping per iteration, the first before any step: cost by type of factor.
-    errors: per-landmark values (J,) to be drawn as maps, such as `Comparison.errors`.
-    options: of the run, nested as they are. unit: of frame B, where it means something ("m").
     """
-    images = list(images or ())
-    rows = view_table(scene, images) if per_view is None else [dict(row) for row in per_view]
-    metrics = evaluate_scene(scene, images, per_view=rows) if metrics is None else metrics
+    images, content = list(images or ()), content or ReportContent()
+    rows = view_table(scene, images) if content.per_view is None else [dict(row) for row in content.per_view]
+    metrics = evaluate_scene(scene, images, per_view=rows) if content.metrics is None else content.metrics
     with atomic_path(folder) as work:
         work.mkdir()
-        sections = _sections(work, scene, images, rows, stages, rounds, pose_priors, convergence, errors or {}, unit)
-        sections.insert(0, ("Summary", "", page.tiles(metrics)))
+        sections = [("Summary", "", page.tiles(metrics))]
+        sections += _map_sections(work, scene, images, content)
+        if scene.reflectance is not None:
+            sections += _rendering_sections(work, scene, images, rows)
+        sections += _estimate_sections(work, content)
+        sections.append(("Views", "Residuals are RMS.", page.mapping_table(rows)))
+        if content.stages:
+            sections.append(("Time and memory", "", page.mapping_table(content.stages)))
         sections.append(("All figures", "", page.metrics_tables(metrics)))
-        if options:
-            text = escape(page.options_text(options))
+        if content.options:
+            text = escape(page.options_text(content.options))
             sections.append(("Options", "", f'<div class="scroll"><pre>{text}</pre></div>'))
         html = page.page(scene.name, _subtitle(scene), sections, f"Written by photoclinometry {__version__}.")
         (work / "index.html").write_text(html, encoding="utf-8")
@@ -72,23 +84,13 @@ def write_report(
     return folder / "index.html"
 
 
-def _sections(
-    work: Path,
-    scene: Scene,
-    images: Sequence[Image],
-    rows: Sequence[Mapping[str, Any]],
-    stages: Sequence[Mapping[str, Any]],
-    rounds: Sequence[Mapping[str, float]],
-    pose_priors: Sequence[Mapping[str, Any]],
-    convergence: Sequence[Mapping[str, float]],
-    errors: Mapping[str, np.ndarray],
-    unit: str | None,
-) -> list[tuple[str, str, str]]:
-    """The page's sections in order, drawing their figures into `work`."""
-    by_name = {image.name: image for image in images}
-    reference = by_name.get(scene.views.name[scene.reference])
-    sections = [("Map", "On the grid of the reference image.", page.figures(draw_maps(work, scene, reference, unit)))]
-    found = draw_values(work, scene, errors, "difference")
+def _map_sections(work: Path, scene: Scene, images: Sequence[Image], content: ReportContent) -> list[Section]:
+    """Maps of the landmarks, of their errors where these are known, and of their uncertainties, drawn into `work`."""
+    name = scene.views.name[scene.reference]
+    reference = next((image for image in images if image.name == name), None)
+    maps = page.figures(draw_maps(work, scene, reference, scene.unit))
+    sections = [("Map", "On the pixels of the reference image.", maps)]
+    found = draw_values(work, scene, content.errors, "difference")
     if found:
         sections.append(("Differences", "Against the reference, after alignment.", page.figures(found)))
     found = draw_values(work, scene, landmark_sigmas(scene), "uncertainty")
@@ -97,27 +99,37 @@ def _sections(
         if scene.frame == BODY_FIXED:
             note += " Position and height include the uncertainty of the map's place on the body, from the pose priors."
         sections.append(("Uncertainty", note, page.figures(found)))
-    if scene.reflectance is not None:
-        found = draw_renderings(work, scene, by_name, rows)
-        if found:
-            note = "From the best to the worst PSNR, with cast shadows."
-            sections.append(("Renderings", note, page.figures(found, "grid wide")))
-        draw_relit(work / "relit.png", scene)
-        caption = "Azimuth is clockwise from up in the image, elevation is above the mean plane; with cast shadows."
-        sections.append(("Relit", "", page.figures([("relit.png", caption)], "grid wide")))
-    if rounds:
-        note = "Each round renders the map under every view's Sun, matches that, and adjusts again."
-        sections.append(("Rounds", note, page.mapping_table(rounds)))
-    if pose_priors:
-        note = "Distance of the map's cameras from their priors. Red: left out, since it contradicts the images."
-        sections.append(("Pose priors", note, page.mapping_table(pose_priors)))
-    if convergence:
-        draw_convergence(work / "convergence.png", convergence)
+    return sections
+
+
+def _rendering_sections(
+    work: Path, scene: Scene, images: Sequence[Image], rows: Sequence[Mapping[str, Any]]
+) -> list[Section]:
+    """Renderings beside the images, and under another Sun, drawn into `work`."""
+    sections = []
+    found = draw_renderings(work, scene, {image.name: image for image in images}, rows)
+    if found:
+        note = "From the best to the worst PSNR. The shadows that the relief casts are drawn."
+        sections.append(("Renderings", note, page.figures(found, "grid wide")))
+    draw_relit(work / "relit.png", scene)
+    caption = "Azimuth counts clockwise from up in the image, elevation from the mean plane; shadows are cast."
+    sections.append(("Relit", "", page.figures([("relit.png", caption)], "grid wide")))
+    return sections
+
+
+def _estimate_sections(work: Path, content: ReportContent) -> list[Section]:
+    """How the estimate went: relighting iterations, pose priors, and the cost, drawn into `work`."""
+    sections = []
+    if content.iterations:
+        note = "Each iteration renders the map under every view's Sun, matches that, and estimates again."
+        sections.append(("Relighting iterations", note, page.mapping_table(content.iterations)))
+    if content.pose_priors:
+        note = "How far the map's cameras are from what was known of them. Red: left out, as it contradicts the images."
+        sections.append(("Pose priors", note, page.mapping_table(content.pose_priors)))
+    if content.convergence:
+        draw_convergence(work / "convergence.png", content.convergence)
         shown = page.figures([("convergence.png", "Cost by type of factor.")], "grid wide half")
         sections.append(("Convergence", "", shown))
-    sections.append(("Views", "Residuals are RMS.", page.mapping_table(rows)))
-    if stages:
-        sections.append(("Time and memory", "", page.mapping_table(stages)))
     return sections
 
 

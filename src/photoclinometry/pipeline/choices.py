@@ -1,0 +1,84 @@
+"""What the options mean for a site: its reflectance model, its matchers, and which views are held out."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.evaluate.held_out import held_out_mask
+from photoclinometry.io.site import Site
+from photoclinometry.matching.interface import Matcher
+from photoclinometry.matching.registry import matcher_entry
+from photoclinometry.model.reflectance import Reflectance, has_published, published, starting_model
+from photoclinometry.pipeline.options import RunOptions
+from photoclinometry.pipeline.stage import Keyed, digest
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices:
+    """What a run works with."""
+
+    reflectance: Reflectance | None
+    """None of geometry alone."""
+    matcher: Keyed[Matcher]
+    """Of the first map."""
+    relit_matcher: Keyed[Matcher]
+    """Of what shows the same light: the reference relit, and views held out, with the finished map."""
+    held_out: np.ndarray
+    """(K,) bool."""
+    max_iterations: int
+    """Relighting iterations at most."""
+
+
+def choose(site: Site, options: RunOptions) -> Choices:
+    """What the options mean for a site. Raises InputError where they do not fit it, or a matcher lacks something."""
+    reference = site.region.reference if site.region else None
+    reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
+    name = options.matcher_name
+    log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
+    return Choices(
+        reflectance=reflectance,
+        matcher=keyed_matcher(name, options),
+        relit_matcher=keyed_matcher(matcher_entry(name).relit_with or name, options),
+        held_out=held_out_mask([view.name for view in site.views], options.hold_out, reference),
+        max_iterations=0 if reflectance is None else options.max_iterations,
+    )
+
+
+def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:
+    """The reflectance model that `RunOptions.reflectance` means for a site's brightness and body; None for geometry
+    alone."""
+    if name == "none":
+        return None
+    if name != "auto":
+        return starting_model(name, body)
+    calibrated = brightness == "iof" and has_published("lunar-lambert", body)
+    chosen = "lunar-lambert" if calibrated else "mcewen"
+    log.info("reflectance: %s", chosen)
+    return published(chosen, body)
+
+
+def first_matcher(options: RunOptions) -> Matcher:
+    """The matcher of the first map. Raises InputError where its files or packages are missing."""
+    return matcher_entry(options.matcher_name).make(options.of_matcher(options.matcher_name))
+
+
+def keyed_matcher(name: str, options: RunOptions) -> Keyed[Matcher]:
+    """A matcher by name, with a key of all that its matches depend on. Raises InputError."""
+    entry, chosen = matcher_entry(name), options.of_matcher(name)
+    return Keyed(entry.make(chosen), digest(name, entry.fingerprint(chosen), _code_of(entry.make)))
+
+
+def _code_of(make: Callable[..., Any]) -> str:
+    """A digest of the file that makes a matcher: one from outside this package is not in `program_digest`."""
+    file = getattr(inspect.getmodule(make), "__file__", None)
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""

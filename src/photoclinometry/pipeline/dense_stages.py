@@ -1,0 +1,144 @@
+"""The stages from poses to dense landmarks, and to the scene at which the joint estimate starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.adjust import TiePoints
+from photoclinometry.matching.dense import match_views, triangulated
+from photoclinometry.matching.densify import DenseTracks, DensifyOptions
+from photoclinometry.matching.interface import Matcher, MatchSetup
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
+from photoclinometry.photometry.initialize import (
+    initial_albedo,
+    landmark_spacing_px,
+    normals_from_neighbours,
+    sample_brightness,
+)
+from photoclinometry.pipeline.sparse_stages import Place, PosedImages
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools
+from photoclinometry.surface.depth_fit import landmark_depth, sparse_depth
+from photoclinometry.surface.surroundings import surroundings_of
+
+PLANE_PX, MIN_PLANE_LANDMARKS = 32, 9
+"""First normals are of planes through as many landmarks as lie on so many pixels, but through 3 x 3 at least."""
+
+MIN_TIE_POINT_SIGMA_PX = 0.1
+"""Tie points' keypoints are not taken to be more precise than this [px]; SIFT's are not."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchDensely(Stage[DenseTracks]):
+    """Landmarks and their tracks: every registered view matched with the reference, in several passes.
+
+    Each pass predicts positions from the surface of the one before, so that what is left to match is small and
+    undistorted.
+    """
+
+    name = "dense"
+    result = DenseTracks
+    posed: PosedImages
+    place: Keyed[Place]
+    matcher: Keyed[Matcher]
+    passes: int
+    densify: DensifyOptions
+
+    def make(self, tools: Tools) -> DenseTracks:
+        inputs, sparse, place = self.posed.inputs.value, self.posed.sparse.value, self.place.value
+        cameras, poses, reference = inputs.cameras, sparse.body_from_cam, place.reference
+        setup = MatchSetup(
+            images=inputs.images, cameras=cameras, body_from_cam=poses, reference=reference, region=place.region
+        )
+        targets = [int(k) for k in np.flatnonzero(sparse.registered) if k != reference]
+        depth = sparse_depth(sparse, reference, setup.padded, cameras[reference])
+        dense = None
+        for number in range(1, max(1, self.passes) + 1):
+            what = f"match {number}"
+            matches = match_views(setup, targets, self.matcher.value, depth, tools.progress, what)
+            dense = triangulated(setup, matches, self.densify)
+            depth = landmark_depth(dense.position, dense.pixel, poses[reference], setup.padded, cameras[reference])
+        assert dense is not None
+        return dense
+
+
+@dataclass(frozen=True, kw_only=True)
+class InitialScene(Stage[Scene]):
+    """The scene at which the joint estimate starts: registered views only, first normals, albedos and scales."""
+
+    name = "initialise"
+    result = Scene
+    kept = False
+    posed: PosedImages
+    place: Keyed[Place]
+    dense: Keyed[DenseTracks]
+    reflectance: Reflectance | None
+
+    def make(self, tools: Tools) -> Scene:
+        site, sparse, dense = self.posed.inputs.value.site, self.posed.sparse.value, self.dense.value
+        reference, region = self.place.value.reference, self.place.value.region
+        views = self.posed.views[np.flatnonzero(sparse.registered)]
+        own = int(self.posed.index[reference])
+        tracks = self._tracks(views, own)
+        count = max(MIN_PLANE_LANDMARKS, PLANE_PX // region.stride**2)
+        normal = normals_from_neighbours(dense.position, views.body_from_cam.translation, count)
+        albedo, views = self._first_albedo(views, tracks, normal, own)
+        camera = site.views[reference].camera
+        return Scene(
+            name=site.name,
+            body=site.body,
+            brightness=site.brightness,
+            reflectance=self.reflectance,
+            views=views,
+            landmarks=Landmarks(position=dense.position, normal=normal, albedo=albedo, pixel=dense.pixel),
+            tracks=tracks,
+            reference=own,
+            region=region,
+            surroundings=surroundings_of(sparse, reference, region, dense.position, dense.pixel, camera),
+        )
+
+    def _tracks(self, views: Views, own: int) -> Tracks:
+        """The dense tracks, of registered views, with the brightness at their keypoints."""
+        dense, view = self.dense.value, self.posed.index[self.dense.value.view]
+        spacing = landmark_spacing_px(views, dense.position, own)
+        images = self.posed.registered_images
+        brightness, lit = sample_brightness(images, view, dense.keypoint, spacing_px=spacing)
+        return Tracks(
+            start=dense.start,
+            view=view.astype(np.int32),
+            keypoint=dense.keypoint,
+            keypoint_sigma=dense.keypoint_sigma,
+            brightness=brightness,
+            lit=lit,
+        )
+
+    def _first_albedo(self, views: Views, tracks: Tracks, normal: np.ndarray, own: int) -> tuple[np.ndarray, Views]:
+        """Albedos (J,), and the views with their scales; ones without a reflectance model."""
+        position, reflectance = self.dense.value.position, self.reflectance
+        if reflectance is None:
+            return np.ones(len(normal)), views
+        free = self.posed.inputs.value.site.brightness == "dn" or not reflectance.predicts_absolute_brightness
+        albedo, scale, _ = initial_albedo(position, normal, tracks, views, reflectance, own, free)
+        return albedo, replace(views, scale=scale)
+
+
+def tie_points_from(posed: PosedImages) -> TiePoints:
+    """The sparse points of the whole images as tie points, with their views counted among the registered ones.
+
+    Their keypoints' sigma is the mean reprojection error.
+    """
+    sparse = posed.sparse.value
+    count = len(sparse.point_view)
+    return TiePoints(
+        position=sparse.points,
+        tracks=Tracks(
+            start=sparse.point_start,
+            view=posed.index[sparse.point_view].astype(np.int32),
+            keypoint=sparse.point_xy,
+            keypoint_sigma=np.full(count, max(MIN_TIE_POINT_SIGMA_PX, sparse.mean_reprojection_px)),
+            brightness=np.zeros(count),
+            lit=np.zeros(count, bool),
+        ),
+    )

@@ -1,0 +1,105 @@
+"""The joint estimates of a run: in the frame that the images alone give, or in that of the pose priors."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from photoclinometry.adjust import Adjustment, AdjustOptions, ImageGradients, Iteration, PosePriors, TiePoints, adjust
+from photoclinometry.matching.triangulation import triangulate_tracks
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import BODY_FIXED, Scene, Views
+from photoclinometry.pipeline.pose_priors import estimate_with_priors, place_by_priors
+from photoclinometry.registration.alignment import align_views
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """How one of several estimates of the same views differs from the others."""
+
+    keypoint_sigma_factor: float = 1.0
+    """On the keypoints' standard deviations, besides `AdjustOptions.keypoint_slack`."""
+    rough: bool = False
+    """Whether it ends early and without uncertainties. What it leaves is matched again, and what it has not settled are
+    the slow motions of the whole map."""
+    gradients: ImageGradients | None = None
+    """Of the images where the start's brightness was taken; that then follows the landmarks."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointEstimate:
+    """What all joint estimates of a run are given, besides their start."""
+
+    options: AdjustOptions
+    reflectance: Reflectance | None = None
+    """As it is known beforehand; None of geometry alone."""
+    tie_points: TiePoints | None = None
+    """Sparse tie points, in the frame of `sparse_views`."""
+    sparse_views: Views | None = None
+    """All views of the site, as the sparse stage left them; needed with tie points and pose priors."""
+    pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
+    """By name of view; none, or enough to determine a frame."""
+
+    def __call__(self, start: Scene, step: Step, progress: Progress = no_progress) -> Adjustment:
+        """The scene estimated from `start`: with the pose priors once it is in their frame, without them before.
+
+        Without them it is estimated in its own frame. Where there are priors, the result of a rough step is then placed
+        in their frame, and the result of a last step is estimated once more, with them. Where the priors turn out
+        not to determine a frame, the log says so, and the scene stays as it is.
+        """
+        if not self.pose_priors:
+            return self._adjusted(start, step, progress)
+
+        def with_priors(scene: Scene, priors: PosePriors) -> Adjustment:
+            return self._adjusted(scene, step, progress, priors)
+
+        if in_prior_frame(start):
+            return estimate_with_priors(start, self.pose_priors, with_priors) or self._adjusted(start, step, progress)
+        alone = self._adjusted(start, step, progress)
+        if not step.rough:
+            return estimate_with_priors(alone.scene, self.pose_priors, with_priors) or alone
+        placed = place_by_priors(alone.scene, self.pose_priors)
+        return alone if placed is None else replace(alone, scene=placed.scene)
+
+    def _adjusted(self, start: Scene, step: Step, progress: Progress, priors: PosePriors | None = None) -> Adjustment:
+        """The one call of `adjust`, with its iterations reported."""
+        options = replace(self.options, keypoint_slack=step.keypoint_sigma_factor * self.options.keypoint_slack)
+        if step.rough:
+            options = replace(options, uncertainty=False, solver=options.solver.roughly())
+        count = 0
+
+        def report(_: Iteration) -> None:
+            nonlocal count
+            count += 1
+            progress("adjust", count, 0)
+
+        return adjust(
+            start,
+            options,
+            tie_points=self._tie_points_for(start),
+            pose_priors=priors,
+            reflectance=self.reflectance,
+            gradients=step.gradients,
+            progress=report,
+        )
+
+    def _tie_points_for(self, scene: Scene) -> TiePoints | None:
+        """The tie points in the scene's frame, where its own poses see them."""
+        if self.tie_points is None or not in_prior_frame(scene):
+            return self.tie_points
+        assert self.sparse_views is not None
+        found = triangulate_tracks(self.tie_points.tracks, scene.views)
+        roughly = align_views(self.sparse_views, scene)(self.tie_points.position)
+        return replace(self.tie_points, position=np.where(np.isfinite(found), found, roughly))
+
+
+def in_prior_frame(scene: Scene) -> bool:
+    """Whether an earlier estimate has placed the scene in the frame of the pose priors."""
+    return scene.frame == BODY_FIXED

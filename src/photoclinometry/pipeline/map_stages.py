@@ -1,0 +1,210 @@
+"""The stages from the initial scene to the finished map: first estimate, relighting iterations, last estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from photoclinometry.adjust import Adjustment
+from photoclinometry.evaluate.held_out import Resected, resect_views, views_in_frame_of
+from photoclinometry.matching.densify import DensifyOptions
+from photoclinometry.matching.interface import Matcher
+from photoclinometry.model.scene import Scene
+from photoclinometry.pipeline.direct_refinement import refine_directly
+from photoclinometry.pipeline.joint_estimate import JointEstimate, Step, in_prior_frame
+from photoclinometry.pipeline.options import RelightOptions
+from photoclinometry.pipeline.relighting import (
+    IterationFigures,
+    first_map_figures,
+    is_settled,
+    iteration_figures,
+    keypoints_moved,
+    rematch,
+)
+from photoclinometry.pipeline.run_folder import RunFolder
+from photoclinometry.pipeline.sparse_stages import PosedImages
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools
+
+
+@dataclass(frozen=True, kw_only=True)
+class Iterate:
+    """A map on the way to the last one."""
+
+    scene: Scene
+    number: int = 0
+    """Of the relighting iteration; 0 before the first."""
+    is_start_of_last: bool = False
+    """Whether the last estimate is to start from this scene. Its tracks are new then, and not estimated with yet."""
+    keypoints_moved_px: float | None = None
+    figures: IterationFigures | None = None
+    """None before the estimate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinishedMap:
+    """The last estimate."""
+
+    adjustment: Adjustment
+    figures: IterationFigures
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstEstimate(Stage[Iterate]):
+    """A rough estimate, good enough to be relit."""
+
+    name = "first_estimate"
+    result = Iterate
+    estimate: JointEstimate
+    start: Keyed[Scene]
+
+    def make(self, tools: Tools) -> Iterate:
+        scene = self.estimate(self.start.value, Step(rough=True), tools.progress).scene
+        return Iterate(scene=scene, figures=first_map_figures(scene))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelightingIteration(Stage[Iterate]):
+    """The map matched again with the relit reference and, unless that settles it, roughly estimated again."""
+
+    name = "relighting"
+    result = Iterate
+    number: int
+    before: Keyed[Iterate]
+    estimate: JointEstimate
+    posed: PosedImages
+    """Of which the scene has the registered views."""
+    matcher: Keyed[Matcher]
+    densify: DensifyOptions
+    keypoint_sigma_factor: float
+    settled_px: float
+    must_end: bool
+    """Whether no further iteration is allowed."""
+
+    @property
+    def file_name(self) -> str:
+        return f"{self.name}_{self.number}"
+
+    def make(self, tools: Tools) -> Iterate:
+        number, before, report = self.number, self.before.value.scene, tools.progress
+        matcher, images = self.matcher.value, self.posed.registered_images
+        matched = rematch(before, images, matcher, self.densify, report, f"relight {number}")
+        moved = keypoints_moved(before, matched)
+        if self.must_end or is_settled(number, moved, self.settled_px):
+            return Iterate(scene=matched, number=number, is_start_of_last=True, keypoints_moved_px=moved)
+        step = Step(keypoint_sigma_factor=self.keypoint_sigma_factor, rough=True)
+        scene = self.estimate(matched, step, report).scene
+        figures = iteration_figures(number, scene, before, moved)
+        return Iterate(scene=scene, number=number, keypoints_moved_px=moved, figures=figures)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LastEstimate(Stage[FinishedMap]):
+    """The estimate of the finished map, with uncertainties: by the images directly, or by matches."""
+
+    name = "last_estimate"
+    result = FinishedMap
+    estimate: JointEstimate
+    start: Keyed[Iterate]
+    before: Keyed[Iterate] | None
+    """The map that `start` was matched with; None of the first."""
+    posed: PosedImages
+    """Of which the scene has the registered views."""
+    direct: bool
+
+    def make(self, tools: Tools) -> FinishedMap:
+        start, estimate = self.start.value, partial(self.estimate, progress=tools.progress)
+        if self.direct:
+            found = refine_directly(start.scene, self.posed.registered_images, estimate)
+        else:
+            found = estimate(start.scene, Step())
+        if self.before is None:
+            return FinishedMap(adjustment=found, figures=first_map_figures(found.scene))
+        before, moved = self.before.value.scene, start.keypoints_moved_px
+        assert moved is not None
+        return FinishedMap(adjustment=found, figures=iteration_figures(start.number, found.scene, before, moved))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceHeldOutViews(Stage[Resected]):
+    """Poses of the views that were held out, from their matches with the finished map."""
+
+    name = "held_out"
+    result = Resected
+    finished: Keyed[FinishedMap]
+    posed: PosedImages
+    """With the views that are held out."""
+    held_out: np.ndarray
+    """(H,) int: which of all views."""
+    matcher: Keyed[Matcher]
+
+    def make(self, tools: Tools) -> Resected:
+        scene, images, views = self.finished.value.adjustment.scene, self.posed.inputs.value.images, self.posed.views
+        if in_prior_frame(scene):
+            views = views_in_frame_of(scene, views)
+        return resect_views(scene, views, self.held_out, images, self.matcher.value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relit:
+    """Where relighting iterations end."""
+
+    start: Keyed[Iterate]
+    """Of the last estimate."""
+    before: Keyed[Iterate] | None = None
+    """The map that it was matched with; None where there were no iterations."""
+    figures: tuple[IterationFigures, ...] = ()
+    """Of all maps before the last estimate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapStages:
+    """The stages from the initial scene to the finished map, in order: `first_map`, `relight`, `last_estimate`."""
+
+    folder: RunFolder
+    estimate: JointEstimate
+    posed: PosedImages
+    matcher: Keyed[Matcher]
+    """Of the relighting iterations."""
+    densify: DensifyOptions
+    options: RelightOptions
+    max_iterations: int
+
+    def first_map(self, scene: Keyed[Scene]) -> Keyed[Iterate]:
+        """A rough estimate, to be relit; the scene as it is, where it is not."""
+        if not self.max_iterations:
+            return Keyed(Iterate(scene=scene.value, is_start_of_last=True), scene.key)
+        return self.folder.done(FirstEstimate(estimate=self.estimate, start=scene))
+
+    def relight(self, first: Keyed[Iterate]) -> Relit:
+        """Relighting iterations, until the matches stay where they are."""
+        before, latest, figures = None, first, []
+        del first  # of all maps, the latest two are held in memory
+        while not latest.value.is_start_of_last:
+            figures.append(latest.value.figures)
+            before = latest
+            latest = self.folder.done(self._iteration_after(before))
+        return Relit(start=latest, before=before, figures=tuple(figures))
+
+    def last_estimate(self, relit: Relit) -> Keyed[FinishedMap]:
+        """The estimate of the finished map."""
+        direct = self.options.direct and relit.before is not None
+        stage = LastEstimate(
+            estimate=self.estimate, start=relit.start, before=relit.before, posed=self.posed, direct=direct
+        )
+        return self.folder.done(stage)
+
+    def _iteration_after(self, before: Keyed[Iterate]) -> RelightingIteration:
+        number = before.value.number + 1
+        return RelightingIteration(
+            number=number,
+            before=before,
+            estimate=self.estimate,
+            posed=self.posed,
+            matcher=self.matcher,
+            densify=self.densify,
+            keypoint_sigma_factor=self.options.slack,
+            settled_px=self.options.settled_px,
+            must_end=number == self.max_iterations,
+        )

@@ -1,0 +1,83 @@
+"""Everything that shapes a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from photoclinometry.adjust import AdjustOptions
+from photoclinometry.matching.densify import DensifyOptions
+from photoclinometry.matching.flow import FlowOptions
+from photoclinometry.matching.registry import MATCHERS, matcher_entry
+from photoclinometry.matching.roma import RomaOptions
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.reflectance import ModelChoice
+from photoclinometry.sfm import SfmOptions
+from photoclinometry.sfm.region import RegionOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelightOptions:
+    """Relighting iterations: views are matched with the reference as it would look under each view's Sun."""
+
+    rounds: int = 3
+    """Iterations at most, after the first map. Geometry alone has none."""
+    settled_px: float = 0.03
+    """No further iteration once half of all matches moved by less [px]; from the second on, as the first is loose."""
+    slack: float = 5.0
+    """Factor on the standard deviations of keypoints in all iterations but the last. Below the window size, matches to
+    a relit image are biased towards the map that was used for relighting: held tightly, that map hardly moves."""
+    direct: bool = True
+    """Direct photometric refinement: the last estimate takes each image's brightness and gradient where the map
+    projects, instead of the matches."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Everything that shapes a run. Every field has a default that suits most sites."""
+
+    reflectance: ModelChoice = "auto"
+    """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
+    mcewen. none: geometry alone (dense structure from motion)."""
+    match_rounds: int = 2
+    """Matching passes before the first map: after a pre-warp by the sparse surface, then by the dense one."""
+    matcher: str = "relight"
+    """relight: optical flow, then relighting iterations, which match each view with the reference relit for it. flow:
+    optical flow on the images themselves, and no iterations. roma: as relight, but the first map's matches are RoMa's
+    (--roma.weights, --roma.dinov2). Or another name in `matching.registry`, followed by iterations with that matcher.
+    --relight.rounds 0 leaves the map at the first matches."""
+    hold_out: tuple[str, ...] = ()
+    """Views to leave out of the map, and measure it on: only their poses are found, from the finished map."""
+    pose_priors: bool = True
+    """Where three views or more have pose priors (`cam_from_body`), put the map into their frame, body-fixed and in
+    metres, and use them in the estimate."""
+    check_views: bool = True
+    """Leave out views whose Sun direction, or what they show, contradicts the brightness of the others."""
+    sfm: SfmOptions = field(default_factory=SfmOptions)
+    region: RegionOptions = field(default_factory=RegionOptions)
+    flow: FlowOptions = field(default_factory=FlowOptions)
+    roma: RomaOptions = field(default_factory=RomaOptions)
+    relight: RelightOptions = field(default_factory=RelightOptions)
+    densify: DensifyOptions = field(default_factory=DensifyOptions)
+    adjust: AdjustOptions = field(default_factory=AdjustOptions)
+
+    def __post_init__(self):
+        known = ("relight", *MATCHERS)
+        if self.matcher not in known:
+            raise InputError(f"no matcher {self.matcher!r}; known: {', '.join(known)}")
+
+    @property
+    def matcher_name(self) -> str:
+        """The matcher of the first map, as `matching.registry` names it."""
+        return "flow" if self.matcher == "relight" else self.matcher
+
+    @property
+    def max_iterations(self) -> int:
+        """Relighting iterations at most."""
+        return 0 if self.matcher == "flow" else self.relight.rounds
+
+    def of_matcher(self, name: str) -> Any:
+        """The options of a matcher: the field of its name where it has one, else those in its entry."""
+        default = matcher_entry(name).options
+        own = getattr(self, name, None)
+        return own if isinstance(own, type(default)) else default

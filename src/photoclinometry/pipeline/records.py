@@ -1,0 +1,89 @@
+"""Results of stages on disk: any dataclass of arrays, numbers, text and further dataclasses, as an .npz with its key.
+
+What is not an array is in one JSON text. Values come back by the types that the dataclass states: exactly as they were,
+to the last bit.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from photoclinometry.io.atomic import atomic_path
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+_ARRAY = {"array": True}
+"""Stands in the JSON text for an array that is stored beside it."""
+
+
+def write_record(file: Path, key: str, value: Any) -> None:
+    """The value, with the key of the stage that made it. Raises RunFolderError, and TypeError for other values."""
+    arrays: dict[str, np.ndarray] = {}
+    text = json.dumps(_encoded(value, "value", arrays))
+    with atomic_path(file) as temporary, open(temporary, "wb") as stream:
+        np.savez(stream, key=np.array(key), text=np.array(text), **arrays)  # pyright: ignore[reportArgumentType]
+
+
+def read_record(file: Path, key: str, kind: type[T]) -> T | None:
+    """What `write_record` wrote; None where nothing of this key is there. A damaged file is warned of."""
+    if not file.is_file():
+        return None
+    try:
+        with open(file, "rb") as stream, np.load(stream) as stored:
+            if str(stored["key"]) != key:
+                return None
+            return _decoded(kind, json.loads(str(stored["text"])), "value", stored)
+    # zipfile meets damage with nearly every built-in exception.
+    except Exception as error:
+        log.warning("%s: damaged (%s); the stage is done again", file, error)
+        return None
+
+
+def _encoded(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
+    """The value for JSON; its arrays go into `arrays`, each by the dotted name of its place."""
+    if isinstance(value, np.ndarray):
+        arrays[name] = value
+        return _ARRAY
+    if isinstance(value, np.generic):
+        return value.item()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _encoded(getattr(value, f.name), f"{name}.{f.name}", arrays) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _encoded(item, f"{name}.{key}", arrays) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_encoded(item, f"{name}.{n}", arrays) for n, item in enumerate(value)]
+    if value is None or isinstance(value, (str, bool, int, float)):
+        return value
+    raise TypeError(f"{name}: {type(value).__qualname__} cannot be kept")
+
+
+def _decoded(kind: Any, plain: Any, name: str, arrays: Mapping[str, np.ndarray]) -> Any:
+    """The value of a stated type from what `_encoded` made of it."""
+    if plain == _ARRAY:
+        return arrays[name]
+    if plain is None:
+        return None
+    if typing.get_origin(kind) in (types.UnionType, typing.Union):  # X | None
+        (kind,) = (choice for choice in typing.get_args(kind) if choice is not types.NoneType)
+    arguments = typing.get_args(kind)
+    if typing.get_origin(kind) is dict:
+        return {key: _decoded(arguments[1], item, f"{name}.{key}", arrays) for key, item in plain.items()}
+    if typing.get_origin(kind) is tuple:
+        kinds = arguments[:1] * len(plain) if arguments[-1] is Ellipsis else arguments
+        pairs = enumerate(zip(kinds, plain, strict=True))
+        return tuple(_decoded(one, item, f"{name}.{n}", arrays) for n, (one, item) in pairs)
+    if not is_dataclass(kind):
+        return kind(plain)
+    stated = typing.get_type_hints(kind)
+    parts = {part: _decoded(stated[part], item, f"{name}.{part}", arrays) for part, item in plain.items()}
+    return typing.cast(Any, kind)(**parts)

@@ -1,0 +1,167 @@
+"""The stages from images to poses, and from poses to the place that is mapped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.io.site import RegionRequest, Site
+from photoclinometry.io.site_images import input_fingerprint, load_images
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Camera, Image, Region, Views
+from photoclinometry.model.sparse import SparseModel, without_views
+from photoclinometry.photometry.inconsistent_views import InconsistentViews as Inconsistent
+from photoclinometry.photometry.inconsistent_views import find_inconsistent_views
+from photoclinometry.pipeline.run_folder import RunFolder
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest
+from photoclinometry.sfm import SfmOptions, reconstruct_sparse
+from photoclinometry.sfm.region import RegionOptions, choose_region
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inputs:
+    """What was measured: images with their cameras and Sun directions."""
+
+    site: Site
+    """Without region and pose priors, which not all stages depend on."""
+    images: list[Image]
+    """(K,) in the site's order."""
+
+    @property
+    def cameras(self) -> list[Camera]:
+        return [view.camera for view in self.site.views]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """What is mapped."""
+
+    reference: int
+    """The reference view, among all of the site's."""
+    region: Region
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosedImages:
+    """The images of a site, with rough poses of those that count as registered."""
+
+    inputs: Keyed[Inputs]
+    sparse: Keyed[SparseModel]
+
+    @property
+    def views(self) -> Views:
+        """(K,) all of the site's."""
+        return views_from(self.inputs.value.site, self.sparse.value)
+
+    @property
+    def index(self) -> np.ndarray:
+        """(K,) int: the number of each registered view when only these are counted, as in the scene."""
+        return np.cumsum(self.sparse.value.registered) - 1
+
+    @property
+    def registered_images(self) -> list[Image]:
+        """In the order of the scene's views."""
+        return [self.inputs.value.images[k] for k in np.flatnonzero(self.sparse.value.registered)]
+
+    def without(self, views: np.ndarray) -> PosedImages:
+        """With some views (K,) bool counted as not registered. However these were found, the key is the same."""
+        kept = Keyed(without_views(self.sparse.value, views), digest(self.sparse, views))
+        return PosedImages(inputs=self.inputs, sparse=kept)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SparseReconstruction(Stage[SparseModel]):
+    """Poses and sparse points of all views."""
+
+    name = "sparse"
+    result = SparseModel
+    inputs: Keyed[Inputs]
+    options: SfmOptions
+
+    def make(self, tools: Tools) -> SparseModel:
+        inputs = self.inputs.value
+        sun = inputs.site.sun_in_cam
+        return reconstruct_sparse(inputs.images, inputs.cameras, tools.scratch, self.options, tools.progress, sun)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InconsistentViews(Stage[Inconsistent]):
+    """Views whose Sun, or what they show, contradicts the brightness of the others."""
+
+    name = "inconsistent_views"
+    result = Inconsistent
+    posed: PosedImages
+    reflectance: Reflectance
+
+    def make(self, tools: Tools) -> Inconsistent:
+        inputs, sparse = self.posed.inputs.value, self.posed.sparse.value
+        return find_inconsistent_views(
+            sparse, inputs.images, self.posed.views, self.reflectance, inputs.site.brightness
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChooseRegion(Stage[Place]):
+    """The reference view and the region of its image to map."""
+
+    name = "region"
+    result = Place
+    posed: PosedImages
+    request: RegionRequest | None
+    """What the site asks for."""
+    options: RegionOptions
+
+    def make(self, tools: Tools) -> Place:
+        inputs, sparse, sun = self.posed.inputs.value, self.posed.sparse.value, self.posed.views.sun
+        reference, region = choose_region(sparse, inputs.images, inputs.cameras, sun, self.request, self.options)
+        return Place(reference=reference, region=region)
+
+
+def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
+    """The images of a site, with a digest of their content and of what the site says of them."""
+    alone = replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
+    with folder.timed("images"):
+        images = load_images(alone, folder.progress)
+    return Keyed(Inputs(site=alone, images=images), input_fingerprint(alone))
+
+
+def choose_views(
+    folder: RunFolder, posed: PosedImages, held_out: np.ndarray, reflectance: Reflectance | None
+) -> tuple[PosedImages, dict[str, str]]:
+    """The views that the map is made of, and names of the others but for those held out, with why they are left out.
+
+    Left out are views that did not register, or that contradict the others. held_out: (K,) bool. reflectance: None
+    where views are not checked.
+    """
+    names = posed.views.name
+    left_out = {names[k]: reason for k, reason in posed.sparse.value.why_unregistered().items()}
+    used = posed.without(held_out)
+    if reflectance is not None:
+        found = folder.done(InconsistentViews(posed=used, reflectance=reflectance)).value
+        left_out |= {names[k]: str(found.reason[k]) for k in np.flatnonzero(found.left_out)}
+        used = posed.without(held_out | found.left_out)
+    return used, left_out
+
+
+def check_reference(site: Site, left_out: dict[str, str]) -> None:
+    """Raises InputError where the view is left out whose pixels the site wants mapped."""
+    chosen = site.region.reference if site.region else None
+    if chosen in left_out:
+        raise InputError(f"region.reference {chosen!r} is left out: {left_out[chosen]}; or name another view")
+
+
+def views_from(site: Site, sparse: SparseModel) -> Views:
+    """All K views of the site with the poses of the sparse model, in the site's order."""
+    count, sun_in_cam = len(site.views), site.sun_in_cam
+    return Views(
+        name=tuple(view.name for view in site.views),
+        cameras=tuple(view.camera for view in site.views),
+        body_from_cam=sparse.body_from_cam,
+        sun=np.einsum("kij,kj->ki", sparse.body_from_cam.rotation, sun_in_cam),
+        scale=np.ones(count),
+        bias=np.zeros(count),
+        sun_measured=sun_in_cam,
+        sun_sigma=np.array([view.sun_sigma_rad for view in site.views]),
+    )

@@ -1,0 +1,268 @@
+"""Keys of stages: whatever option is changed in a finished run folder, nothing is read back that depends on it."""
+
+import typing
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from photoclinometry.adjust import Adjustment, AdjustOptions, Noise
+from photoclinometry.io.site import read_site, write_site
+from photoclinometry.matching.densify import DensifyOptions
+from photoclinometry.matching.flow import FlowMatcher, FlowOptions
+from photoclinometry.matching.registry import MATCHERS
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.pipeline import direct_refinement, joint_estimate
+from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.options import RelightOptions
+from photoclinometry.pipeline.run import RunOptions, run
+from photoclinometry.pipeline.run_folder import RunFolder, adopt_stages
+from photoclinometry.pipeline.stage import Keyed, digest
+from photoclinometry.sfm import SfmOptions
+from photoclinometry.sfm.region import RegionOptions
+from photoclinometry.simulate.truth_file import read_truth
+
+pytestmark = pytest.mark.usefixtures("no_figures")
+
+HELD_OUT = ("images/001.fits",)
+BASE = RunOptions(hold_out=HELD_OUT, densify=DensifyOptions(min_views=4))
+CHOICES = {"matcher": "flow", "reflectance": "akimov", "hold_out": ("images/002.fits",), "rounds": 2}
+"""Other legal values of options whose type does not tell them; of `rounds`, fewer, as more are not needed."""
+
+
+@pytest.fixture(scope="module")
+def site(mapped):
+    """The small site with a pose prior for every view: that of the truth."""
+    found, true = read_site(mapped.site), read_truth(mapped.truth).views
+    known = true.body_from_cam.inverse()
+    views = [replace(view, pose_prior=PosePrior(known[true.name.index(view.name)], 1e-3, 1e3)) for view in found.views]
+    path = mapped.site.with_name("with_priors.toml")
+    write_site(path, replace(found, views=tuple(views)))
+    return path
+
+
+def stand_in(scene, options, gradients=None, pose_priors=None, **_):
+    """A joint estimate that stops at once, and whose message tells what it was given."""
+    noise = Noise(
+        keypoint_factor=1.0,
+        keypoint_correlation_px=1.0,
+        sparse_keypoint_factor=1.0,
+        brightness_sigma=0.001,
+        brightness_correlation_px=1.0,
+    )
+    used = np.zeros(0, bool) if pose_priors is None else np.isfinite(pose_priors.center_sigma)
+    message = f"{options} {'by images' if gradients is not None else 'by matches'}"
+    return Adjustment(scene, True, message, (), noise, scene.tracks.lit, pose_priors_used=used)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def tell_options():
+    """Joint estimates are stood in for, and images are used from three views on."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(joint_estimate, "adjust", stand_in)
+        patch.setattr(direct_refinement, "MIN_LIT", 3)
+        yield
+
+
+# Which options a stage reads, and which keys an option changes.
+
+
+def leaves(options, prefix=""):
+    """The dotted names of all options, those of nested dataclasses too."""
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if is_dataclass(value):
+            yield from leaves(value, f"{prefix}{field.name}.")
+        else:
+            yield prefix + field.name
+
+
+def changed(options, name):
+    """The options with another legal value of one, by its type."""
+    first, _, rest = name.partition(".")
+    value = getattr(options, first)
+    if rest:
+        return replace(options, **{first: changed(value, rest)})
+    kind = typing.get_type_hints(type(options))[first]
+    if first in CHOICES:
+        other = CHOICES[first]
+    elif typing.get_origin(kind) is typing.Literal:
+        other = next(choice for choice in typing.get_args(kind) if choice != value)
+    elif isinstance(value, bool):
+        other = not value
+    elif isinstance(value, int):
+        other = value + 1
+    elif isinstance(value, float):
+        other = 0.5 * value if value else 0.5
+    elif isinstance(value, str):
+        other = value + "x"
+    elif isinstance(value, tuple):
+        other = (*value[:-1], value[-1] + 1)
+    else:
+        assert value is None, name
+        other = Path("file") if Path in typing.get_args(kind) else 0.5
+    return replace(options, **{first: other})
+
+
+def test_every_option_has_another_value():
+    names = list(leaves(RunOptions()))
+    assert len(names) > 60
+    assert {"relight.direct", "adjust.solver.max_steps", "flow.patch_px"} <= set(names)
+    for name in names:
+        assert changed(BASE, name) != BASE, name
+
+
+def recording(options, reads, now, prefix=""):
+    """The options as an object of their own type that notes what is read of them while stage `now[0]` is at work."""
+    kind = type(options)
+    names = {field.name for field in fields(kind)}
+
+    def read(self, name):
+        if name in names and now:
+            reads.setdefault(now[0], set()).add(prefix + name)
+        return object.__getattribute__(self, name)
+
+    values = {name: getattr(options, name) for name in names}
+    for name, value in values.items():
+        if is_dataclass(value):
+            values[name] = recording(value, reads, now, f"{prefix}{name}.")
+    watched = type(kind.__name__, (kind,), {"__getattribute__": read, "__qualname__": kind.__qualname__})
+    return watched(**values)
+
+
+@pytest.fixture(scope="module")
+def recorded(site, mapped, tell_options, tmp_path_factory):
+    """A run of BASE: the results of its stages, their keys, and the names of the options that each one read."""
+    results, keys, reads, now = {}, {}, {}, []
+    timed, done = RunFolder.timed, RunFolder.done
+
+    @contextmanager
+    def timed_and_watched(self, name):
+        now.append(name)
+        with timed(self, name) as cost:
+            yield cost
+        now.clear()
+
+    def done_and_noted(self, stage):
+        found = done(self, stage)
+        results[stage.file_name], keys[stage.file_name] = found.value, found.key
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "write_products", lambda *_: None)
+        patch.setattr(RunFolder, "timed", timed_and_watched)
+        patch.setattr(RunFolder, "done", done_and_noted)
+        run(site, tmp_path_factory.mktemp("recorded"), recording(BASE, reads, now))
+    return results, keys, reads
+
+
+@pytest.fixture
+def keys_of(site, tmp_path, monkeypatch, recorded):
+    """The keys of all stages for given options, whose results are those of the recorded run."""
+    results = recorded[0]
+    monkeypatch.setattr(pipeline, "write_products", lambda *_: None)
+
+    def of(options):
+        keys = {}
+
+        def done(self, stage):
+            keys[stage.file_name] = stage.key
+            return Keyed(results[stage.file_name], stage.key)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(RunFolder, "done", done)
+            run(site, tmp_path / "run", options)
+        return keys
+
+    return of
+
+
+def test_a_change_of_any_option_that_a_stage_reads_changes_its_key(recorded, keys_of):
+    _, keys, reads = recorded
+    assert keys_of(BASE) == keys
+    assert {"sparse", "region", "dense", "first_estimate", "relighting_1", "last_estimate"} <= reads.keys()
+    assert "sfm.max_features" in reads["sparse"]
+    assert "flow.patch_px" in reads["dense"]
+    assert "flow.patch_px" in reads["held_out"]
+    for name in set().union(*reads.values()):
+        if isinstance(_value(BASE, name), (bool, int, float, str, tuple, type(None))):
+            found = keys_of(changed(BASE, name))
+            for stage in reads:
+                if name in reads[stage] and stage in keys.keys() & found.keys():
+                    assert found[stage] != keys[stage], f"{stage} reads {name}"
+
+
+def test_a_change_of_any_option_changes_what_the_run_ends_with(keys_of, monkeypatch):
+    """Options of a matcher that is not chosen change nothing; chosen, they do. No view is left out by its check."""
+    entry = replace(MATCHERS["roma"], make=lambda options: FlowMatcher(), fingerprint=lambda options: options)
+    monkeypatch.setitem(MATCHERS, "roma", entry)
+    ends = {options: keys_of(options)["held_out"] for options in (BASE, replace(BASE, matcher="roma"))}
+    for name in leaves(BASE):
+        for options, end in ends.items():
+            idle = name == "check_views" or (name.startswith("roma.") and options.matcher != "roma")
+            assert (keys_of(changed(options, name))["held_out"] == end) == idle, name
+
+
+def _value(options, name):
+    for part in name.split("."):
+        options = getattr(options, part)
+    return options
+
+
+@pytest.mark.parametrize(
+    ("name", "stage"),
+    [
+        ("sfm.seed", "sparse"),
+        ("region.shadow_fraction", "region"),
+        ("flow.patch_px", "dense"),
+        ("densify.max_reprojection_px", "dense"),
+        ("adjust.smooth_neighbours", "first_estimate"),
+        ("relight.slack", "relighting_1"),
+        ("relight.settled_px", "relighting_1"),
+        ("relight.direct", "last_estimate"),
+    ],
+)
+def test_a_change_of_an_option_redoes_what_follows_from_it_and_no_more(recorded, keys_of, name, stage):
+    keys, found = recorded[1], keys_of(changed(BASE, name))
+    unchanged = [name for name, key in found.items() if key == keys[name]]
+    assert unchanged == list(keys)[: list(keys).index(stage)]
+
+
+# Runs in one folder, each with other options than the last, against runs in folders of their own.
+
+
+ONE = RelightOptions(rounds=1)
+CHANGES = {
+    "none": RunOptions(relight=ONE),
+    "relight.direct": RunOptions(relight=replace(ONE, direct=False)),
+    "relight.rounds": RunOptions(relight=RelightOptions(rounds=2, settled_px=0.0)),
+    "relight.slack": RunOptions(relight=RelightOptions(rounds=2, settled_px=0.0, slack=2.0)),
+    "adjust.smooth_sigma_rad": RunOptions(relight=ONE, adjust=AdjustOptions(smooth_sigma_rad=0.3)),
+    "flow.min_correlation": RunOptions(relight=ONE, flow=FlowOptions(min_correlation=0.6)),
+    "densify.min_views": RunOptions(relight=ONE, densify=DensifyOptions(min_views=5)),
+    "region.stride": RunOptions(relight=ONE, region=RegionOptions(stride=2)),
+    "sfm.max_features": RunOptions(relight=ONE, sfm=SfmOptions(threads=1, max_features=3000)),
+    "matcher": RunOptions(matcher="flow"),
+}
+
+
+def test_a_run_in_the_folder_of_other_options_is_that_of_a_new_folder(mapped, tmp_path, monkeypatch):
+    """One after the other, so that each run finds what the one before left. Products follow from what is compared."""
+    monkeypatch.setattr(pipeline, "write_products", lambda folder, summary: summary)
+    for name, options in CHANGES.items():
+        if options.sfm == SfmOptions():
+            (tmp_path / "one" / "stages" / "sparse.npz").unlink(missing_ok=True)
+            for folder in (tmp_path / "one", tmp_path / name):
+                adopt_stages(mapped.run, folder, ("sparse",))
+        again, new = run(mapped.site, tmp_path / "one", options), run(mapped.site, tmp_path / name, options)
+        assert again.adjustment.message == new.adjustment.message, name
+        assert digest(again.adjustment) == digest(new.adjustment), name
+        assert again.iterations == new.iterations, name
+
+
+def test_a_last_estimate_by_matches_is_not_read_back_from_a_direct_one(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    run(mapped.site, folder, RunOptions(relight=RelightOptions(direct=False)))
+    assert [options.uncertainty for options in adjust_nothing] == [True]
