@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from matched import OPTIONS, matched_problem
-from photoclinometry.adjust import adjust
+from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.io.scene_file import read_scene
 from photoclinometry.model.reflectance import Reflectance, starting_model
+from photoclinometry.model.reflectance.reflectance import RELATIVE_SIGMA
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.simulate.site import simulate_site
 from runs import SITE
@@ -19,12 +20,16 @@ def test_parameters_are_found_from_neutral_ones():
     true = Reflectance("minnaert-magnitudes", (0.55, 0.15, 2.0, 0.3, -0.2))
     start, _ = matched_problem(24, 10, reflectance=true)
     start = replace(start, reflectance=starting_model("minnaert-magnitudes"))
-    found = adjust(start, replace(OPTIONS, uncertainty=True))
+    found = adjust(start, replace(OPTIONS, reflectance_sigma=RELATIVE_SIGMA, uncertainty=True))
     assert found.converged
     off = found.scene.reflectance.parameters - true.parameters
     assert np.all(np.abs(off) < 3 * found.parameter_sigma)
     assert off[0] < 0.5 * (true.values[0] - start.reflectance.values[0])
     assert abs(off[1]) < 0.5 * true.values[1]
+
+
+def test_the_prior_that_parameters_state_is_taken_as_stated_by_default():
+    assert AdjustOptions().reflectance_sigma == RELATIVE_SIGMA
 
 
 def test_an_estimate_with_hardly_a_prior_stays_within_bounds():
