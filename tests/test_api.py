@@ -121,8 +121,9 @@ def test_errors_are_one_tree_and_built_ins():
     [
         ({"reflectence": "mcewen"}, "RunOptions has no option 'reflectence'; the nearest is 'reflectance'"),
         ({"reflectance": "lambert"}, "reflectance='lambert': must be one of 'auto'"),
-        ({"matcher": "flo"}, "matcher='flo': must be one of"),
-        ({"options": pcm.RunOptions(matcher="flo")}, "matcher='flo': must be one of"),  # type: ignore[arg-type]
+        ({"matcher": "flo"}, "no matcher 'flo'; known: relight, flow, roma"),
+        ({"reflectance": "mcewan"}, "reflectance='mcewan': must be one of"),
+        ({"options": pcm.RunOptions(reflectance="mcewan")}, "reflectance='mcewan': must be one of"),  # type: ignore[arg-type]
     ],
 )
 def test_options_that_there_are_not_are_refused_before_anything_is_done(tmp_path, changes, message):

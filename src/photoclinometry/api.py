@@ -27,7 +27,7 @@ from photoclinometry.io.site import Site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.option_fields import changed
 from photoclinometry.model.progress import Progress
-from photoclinometry.model.reflectance import MODELS, Reflectance, published
+from photoclinometry.model.reflectance import MODELS, Reflectance, starting_model
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.photometry.render import render_reference, render_view
@@ -80,8 +80,7 @@ def simulate(
     """
     if isinstance(options, str):
         options = SimulationOptions(preset=options)
-    report = None if progress is None else lambda done, total, what: progress(what, done, total)
-    return simulate_site(changed(options, changes), out, report, overwrite)
+    return simulate_site(changed(options, changes), out, progress, overwrite)
 
 
 def run(
@@ -297,15 +296,16 @@ def reflectance(name: str, *, body: str | None = None) -> Reflectance:
 
     Args:
         name: One of `reflectance_models()`.
-        body: Body with published parameters of the model ("vesta", "ceres"); some models have none.
+        body: Body with published parameters of the model ("vesta", "ceres"). Models with neutral parameters start from
+            these where nothing is published.
 
     Returns:
         The model. Called with the cosines of incidence and emission and the phase angle [rad], it gives I/F / albedo.
 
     Raises:
-        InputError: There is no such model, or nothing is published for this body.
+        InputError: There is no such model, or nothing is published for this body and the model has no neutral parameters.
     """
-    return published(name, body)
+    return starting_model(name, body)
 
 
 def view_index(scene: Scene, name: str | None) -> int:

@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.evaluate.held_out import held_out_mask
+from photoclinometry.io.control_points_csv import read_control_points
 from photoclinometry.io.site import Site
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
+from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.reflectance import Reflectance, has_published, published, starting_model
+from photoclinometry.pipeline.control import check_control
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.stage import Keyed, digest
 
@@ -37,11 +40,15 @@ class Choices:
     """(K,) bool."""
     max_iterations: int
     """Relighting iterations at most."""
+    control: tuple[ControlPoint, ...] = ()
+    """Ground control points."""
 
 
 def choose(site: Site, options: RunOptions) -> Choices:
     """What the options mean for a site. Raises InputError where they do not fit it, or a matcher lacks something."""
     reference = site.region.reference if site.region else None
+    control = read_control_points(options.control) if options.control else ()
+    check_control(control, [view.name for view in site.views])
     reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
     name = options.matcher_name
     log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
@@ -51,6 +58,7 @@ def choose(site: Site, options: RunOptions) -> Choices:
         relit_matcher=keyed_matcher(matcher_entry(name).relit_with or name, options),
         held_out=held_out_mask([view.name for view in site.views], options.hold_out, reference),
         max_iterations=0 if reflectance is None else options.max_iterations,
+        control=control,
     )
 
 

@@ -1,4 +1,4 @@
-"""The joint estimates of a run: in the frame that the images alone give, or in that of the pose priors."""
+"""The joint estimates of a run: in the frame of the images alone, or in that of pose priors and control points."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import numpy as np
 
 from photoclinometry.adjust import Adjustment, AdjustOptions, ImageGradients, Iteration, PosePriors, TiePoints, adjust
 from photoclinometry.matching.triangulation import triangulate_tracks
+from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import BODY_FIXED, Scene, Views
+from photoclinometry.pipeline.control import ground_control, place_by_control
 from photoclinometry.pipeline.pose_priors import estimate_with_priors, place_by_priors
 from photoclinometry.registration.alignment import align_views
 
@@ -46,16 +48,19 @@ class JointEstimate:
     """All views of the site, as the sparse stage left them; needed with tie points and pose priors."""
     pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
     """By name of view; none, or enough to determine a frame."""
+    control: tuple[ControlPoint, ...] = ()
+    """Ground control points, in the frame of the pose priors where there are such."""
 
     def __call__(self, start: Scene, step: Step, progress: Progress = no_progress) -> Adjustment:
-        """The scene estimated from `start`: with the pose priors once it is in their frame, without them before.
+        """The scene estimated from `start`: with pose priors and control points once it is in their frame, without
+        them before.
 
-        Without them it is estimated in its own frame. Where there are priors, the result of a rough step is then placed
-        in their frame, and the result of a last step is estimated once more, with them. Where the priors turn out
-        not to determine a frame, the log says so, and the scene stays as it is.
+        Without them it is estimated in its own frame. The result of a rough step is then placed in the known frame, and
+        the result of a last step is estimated once more there. Where priors or points turn out not to determine a
+        frame, the log names the reason, and the scene stays as it is.
         """
         if not self.pose_priors:
-            return self._adjusted(start, step, progress)
+            return self._with_control(start, step, progress)
 
         def with_priors(scene: Scene, priors: PosePriors) -> Adjustment:
             return self._adjusted(scene, step, progress, priors)
@@ -67,6 +72,16 @@ class JointEstimate:
             return estimate_with_priors(alone.scene, self.pose_priors, with_priors) or alone
         placed = place_by_priors(alone.scene, self.pose_priors)
         return alone if placed is None else replace(alone, scene=placed.scene)
+
+    def _with_control(self, start: Scene, step: Step, progress: Progress) -> Adjustment:
+        """The estimate without pose priors, placed by the control points if there are any."""
+        found = self._adjusted(start, step, progress)
+        if not self.control or in_prior_frame(start):
+            return found
+        placed = place_by_control(found.scene, self.control)
+        if placed is None:
+            return found
+        return replace(found, scene=placed) if step.rough else self._adjusted(placed, step, progress)
 
     def _adjusted(self, start: Scene, step: Step, progress: Progress, priors: PosePriors | None = None) -> Adjustment:
         """The one call of `adjust`, with its iterations reported."""
@@ -85,6 +100,7 @@ class JointEstimate:
             options,
             tie_points=self._tie_points_for(start),
             pose_priors=priors,
+            control=ground_control(self.control, start.views) if in_prior_frame(start) else None,
             reflectance=self.reflectance,
             gradients=step.gradients,
             progress=report,
@@ -101,5 +117,5 @@ class JointEstimate:
 
 
 def in_prior_frame(scene: Scene) -> bool:
-    """Whether an earlier estimate has placed the scene in the frame of the pose priors."""
+    """Whether an earlier estimate has placed the scene in the frame of the pose priors or control points."""
     return scene.frame == BODY_FIXED

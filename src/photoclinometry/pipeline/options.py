@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from photoclinometry.adjust import AdjustOptions
@@ -51,6 +52,9 @@ class RunOptions:
     pose_priors: bool = True
     """Where three views or more have pose priors (`cam_from_body`), put the map into their frame, body-fixed and in
     metres, and use them in the estimate."""
+    control: Path | None = None
+    """Table of ground control points (CSV): point,view,x_px,y_px,x_m,y_m,z_m,sigma_m. Three or more put the map into
+    their frame where there are no pose priors; all of them take part in the estimate."""
     check_views: bool = True
     """Leave out views whose Sun direction, or what they show, contradicts the brightness of the others."""
     sfm: SfmOptions = field(default_factory=SfmOptions)

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.adjust import Adjustment
+from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.pipeline import result_display
+from photoclinometry.pipeline.control import control_metrics, control_table, warn_of_contradictions
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.run_folder import RunFolder
@@ -64,15 +66,18 @@ class RunSummary:
     """Of the first map and of each relighting iteration."""
     pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
     """Of views (by name), if the scene is in their frame."""
+    control: Sequence[ControlPoint] = ()
+    """Ground control points."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Tables:
-    """The figures of a run: all in all, per view, per pose prior."""
+    """The figures of a run: all in all, per view, per pose prior, per control point."""
 
     metrics: dict[str, float]
     views: list[Row]
     pose_priors: list[Row]
+    control: list[Row]
 
 
 def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
@@ -101,13 +106,16 @@ def _tables(summary: RunSummary) -> _Tables:
     aside = held_out_table(scene, summary.held_out, images) if summary.held_out else []
     of_priors = prior_table(scene, summary.pose_priors, adjustment.pose_priors_used)
     warn_of_outliers(of_priors)
+    of_control = control_table(summary.control, adjustment.control, scene.views)
+    warn_of_contradictions(of_control)
     metrics = evaluate_scene(scene, images, per_view=used, held_out=aside)
     metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
     metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
+    metrics |= control_metrics(of_control)
     how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}
     views = [{"used": True, **row, **how.get(row["name"], {})} for row in used + aside]
     views += [{"name": name, "used": False, "left_out": reason} for name, reason in summary.left_out.items()]
-    return _Tables(metrics=metrics, views=views, pose_priors=of_priors)
+    return _Tables(metrics=metrics, views=views, pose_priors=of_priors, control=of_control)
 
 
 def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Path:
@@ -119,6 +127,7 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         stages=[asdict(cost) for cost in folder.costs],
         iterations=[figures.as_row() for figures in summary.iterations],
         pose_priors=tables.pose_priors,
+        control=tables.control,
         convergence=[i.cost for i in summary.adjustment.log if i.accepted],
         options=summary.config,
     )
@@ -137,6 +146,7 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
         "relighting_iterations": [json_numbers(figures.as_row()) for figures in summary.iterations],
         "frame": summary.adjustment.scene.frame,
         "pose_priors": tables.pose_priors,
+        "control_points": tables.control,
         "stages": [asdict(cost) for cost in folder.costs],
         "message": summary.adjustment.message,
     }

@@ -64,6 +64,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
             tie_points=tie_points_from(used),
             sparse_views=posed.views,
             pose_priors=usable_priors(site.pose_priors, scene.value) if options.pose_priors else {},
+            control=choices.control,
         ),
         posed=used,
         matcher=choices.relit_matcher,
@@ -82,6 +83,7 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         held_out=_place_held_out(folder, finished, posed, choices),
         iterations=(*relit.figures, finished.value.figures),
         pose_priors=maps.estimate.pose_priors,
+        control=choices.control,
     )
     return write_products(folder, summary)
 

@@ -43,6 +43,8 @@ class ReportContent:
     """One row for the first map, and one per relighting iteration."""
     pose_priors: Sequence[Mapping[str, Any]] = ()
     """One row per view that has one; those not "used" are red."""
+    control: Sequence[Mapping[str, Any]] = ()
+    """One row per ground control point."""
     convergence: Sequence[Mapping[str, float]] = ()
     """One per iteration of the solver, the first before any step: cost by type of factor."""
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -126,6 +128,9 @@ def _estimate_sections(work: Path, content: ReportContent) -> list[Section]:
     if content.pose_priors:
         note = "How far the map's cameras are from what was known of them. Red: left out, as it contradicts the images."
         sections.append(("Pose priors", note, page.mapping_table(content.pose_priors)))
+    if content.control:
+        note = "Distance of the estimate from the points' known positions and from their pixels (RMS over views)."
+        sections.append(("Ground control points", note, page.mapping_table(content.control)))
     if content.convergence:
         draw_convergence(work / "convergence.png", content.convergence)
         shown = page.figures([("convergence.png", "Cost by type of factor.")], "grid wide half")
