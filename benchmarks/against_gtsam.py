@@ -23,7 +23,7 @@ from photoclinometry.adjust.covariance.marginals import Marginals, marginals
 from photoclinometry.adjust.covariance.uncertainty import linearised
 from photoclinometry.adjust.graph import factors
 from photoclinometry.adjust.graph.graph import FactorGraph
-from photoclinometry.adjust.graph.priors import Exposures, Gauge
+from photoclinometry.adjust.graph.priors import Exposure, Gauge
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.solve.solver import minimize
 from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
@@ -166,7 +166,7 @@ def gtsam_graph(ours: Ours) -> gtsam.NonlinearFactorGraph:
     scene, pivot, smoothness = ours.scene, ours.estimate.pivot, ours.graph.smoothness
     graph, tracks = gtsam.NonlinearFactorGraph(), scene.tracks
     (gauge,) = (group for group in ours.graph.groups if isinstance(group, Gauge))
-    (exposures,) = (group for group in ours.graph.groups if isinstance(group, Exposures))
+    (exposures,) = (group for group in ours.graph.groups if isinstance(group, Exposure))
     intrinsics = scene.views.intrinsics
     for i, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
         graph.push_back(_projection(intrinsics[k], tracks.keypoint[i], pivot, int(j), int(k)))

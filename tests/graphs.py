@@ -10,7 +10,7 @@ from photoclinometry.adjust.graph import factors
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import Brightness, ImageGradients, Keypoints, ObservationTable
 from photoclinometry.adjust.graph.priors import (
-    Exposures,
+    Exposure,
     LandmarkPriors,
     PosePriors,
     ReflectancePrior,
@@ -96,7 +96,7 @@ def graph_of(
             rotation_sigma=ROTATION_SIGMA * pose_sigma,
             center_sigma=CENTER_SIGMA * pose_sigma,
         ),
-        Exposures(scale_sigma=np.full(views, SCALE_SIGMA), bias_sigma=np.full(views, BIAS_SIGMA)),
+        Exposure(scale_sigma=np.full(views, SCALE_SIGMA), bias_sigma=np.full(views, BIAS_SIGMA)),
         LandmarkPriors(landmarks=scene.landmarks, position_sigma=position_sigma, normal_sigma=free, albedo_sigma=free),
         *([] if reflectance_sigma is None else [ReflectancePrior(sigma=reflectance_sigma)]),
         *others,

@@ -22,7 +22,7 @@ from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import Rows, Touch
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import Brightness, Keypoints, ObservationTable
-from photoclinometry.adjust.graph.priors import Exposures, Gauge, LandmarkPriors, PosePriors, ReflectancePrior
+from photoclinometry.adjust.graph.priors import Exposure, Gauge, LandmarkPriors, PosePriors, ReflectancePrior
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import starting_model
 from scenes import synthetic_scene
@@ -170,7 +170,7 @@ def general_groups(scene):
             view=0, body_from_cam=first, rotation_sigma=1e-4, center_sigma=5.0, landmark=7, position=central,
             position_sigma=2.0,
         ),
-        Exposures(scale_sigma=np.r_[0.01, np.inf, 0.02, 0.01], bias_sigma=np.full(4, 0.001)),
+        Exposure(scale_sigma=np.r_[0.01, np.inf, 0.02, 0.01], bias_sigma=np.full(4, 0.001)),
         ControlPoints(
             landmark=np.array([3, 5]), position=scene.landmarks.position[[3, 5]], sigma=rng.uniform(1, 5, (2, 3))
         ),
@@ -286,7 +286,7 @@ def test_groups_that_contradict_each_other_are_refused():
     with pytest.raises(ValueError, match="keypoints of one landmark"):
         FactorGraph([one, replace(one, name="two")])
     with pytest.raises(ValueError, match="has keypoints"):
-        FactorGraph([Exposures(scale_sigma=np.ones(4), bias_sigma=np.ones(4))])
+        FactorGraph([Exposure(scale_sigma=np.ones(4), bias_sigma=np.ones(4))])
 
 
 def test_sigmas_of_the_helper_are_those_of_the_factors(partly_seen):

@@ -11,6 +11,7 @@ from photoclinometry.model.control import ControlPixel, ControlPoint
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, so3_exp
 from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.control import (
     check_control,
     control_metrics,
@@ -19,7 +20,10 @@ from photoclinometry.pipeline.control import (
     place_by_control,
     warn_of_contradictions,
 )
+from photoclinometry.pipeline.run_folder import adopt_stages
 from photoclinometry.registration.alignment import transform_scene
+from photoclinometry.simulate.truth import truth_maps
+from photoclinometry.simulate.truth_file import read_truth
 from scenes import synthetic_scene
 from test_adjust_estimate import INDEPENDENT, start_of
 
@@ -97,3 +101,25 @@ def test_views_that_the_site_lacks_are_refused_and_unregistered_ones_left_out(kn
     control = ground_control([stranger, points[1]], scene.views)
     assert control is not None
     assert control.name == ("P1",)
+
+
+def test_a_run_with_control_is_body_fixed_and_in_metres(mapped, tmp_path, no_figures):
+    """Four points of the true ground, measured to a tenth of a pixel in all views: frame and scale are the truth's."""
+    scene, truth = mapped.result.scene, read_truth(mapped.truth)
+    ground = truth_maps(truth, scene.views.name[scene.reference], scene.region)
+    rng, lines = np.random.default_rng(0), ["point,view,x_px,y_px,sigma_px,x_m,y_m,z_m,sigma_m"]
+    for n, (row, col) in enumerate(((4, 4), (4, 27), (27, 5), (26, 26))):
+        position = ground.position[row, col]
+        for k, view in enumerate(truth.views.name):
+            x, y = truth.views.project(k, position[None])[0] + 0.1 * rng.normal(size=2)
+            lines.append(",".join([f"P{n}", view, *(f"{number:.6f}" for number in (x, y, 0.1, *position, 1.0))]))
+    table = tmp_path / "points.csv"
+    table.write_text("\n".join(lines), encoding="utf-8")
+    adopt_stages(mapped.run, tmp_path / "run", ["sparse", "inconsistent_views", "region", "dense", "first_estimate"])
+    found = pipeline.run(mapped.site, tmp_path / "run", pipeline.RunOptions(control=table))
+    assert found.scene.frame == BODY_FIXED
+    assert found.metrics["control_points"] == 4
+    assert found.metrics["control_point_off_rms_sigmas"] < 3.0
+    row, col = found.scene.cells
+    off = found.scene.landmarks.position - ground.position[row, col]
+    assert np.linalg.norm(np.median(off, axis=0)) < 0.2 * found.scene.gsd

@@ -303,7 +303,7 @@ def reflectance(name: str, *, body: str | None = None) -> Reflectance:
         The model. Called with the cosines of incidence and emission and the phase angle [rad], it gives I/F / albedo.
 
     Raises:
-        InputError: There is no such model, or nothing is published for this body and the model has no neutral parameters.
+        InputError: There is no such model, or it has parameters without published or neutral values.
     """
     return starting_model(name, body)
 

@@ -20,7 +20,7 @@ from photoclinometry.adjust.graph.general import FactorGroup
 from photoclinometry.adjust.graph.graph import Group
 from photoclinometry.adjust.graph.observations import Brightness, ImageGradients, Keypoints, ObservationTable
 from photoclinometry.adjust.graph.priors import (
-    Exposures,
+    Exposure,
     Gauge,
     LandmarkPriors,
     PosePriors,
@@ -133,7 +133,7 @@ def factor_groups(setup: Setup, lit: np.ndarray, noise: Noise, smoothness: Smoot
     lights: list[Group] = []
     if setup.reflectance is not None and lit.any():
         lights = [_brightness(setup, setup.reflectance, lit, noise), SunDirections(weight=noise.view_prior_factor)]
-    exposures = Exposures(
+    exposures = Exposure(
         scale_sigma=np.minimum(setup.scale_sigma / noise.view_prior_factor, noise.scale_scatter),
         bias_sigma=setup.bias_sigma / noise.view_prior_factor,
     )

@@ -80,7 +80,7 @@ class SunDirections:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exposures:
+class Exposure:
     """Brightness scales about 1 and biases about 0."""
 
     scale_sigma: np.ndarray
