@@ -19,8 +19,8 @@ import numpy as np
 
 from matched import matched_problem
 from photoclinometry.adjust import SolverOptions
+from photoclinometry.adjust.covariance.linearised import linearised
 from photoclinometry.adjust.covariance.marginals import Marginals, marginals
-from photoclinometry.adjust.covariance.uncertainty import linearised
 from photoclinometry.adjust.graph import factors
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.priors import Exposure, Gauge

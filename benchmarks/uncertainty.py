@@ -17,9 +17,14 @@ from scipy.sparse.linalg import splu
 
 from matched import matched_problem
 from photoclinometry.adjust import AdjustOptions
-from photoclinometry.adjust.covariance import marginals as covariance
-from photoclinometry.adjust.covariance.marginals import Linearised, marginals
-from photoclinometry.adjust.covariance.uncertainty import linearised, loosely_held
+from photoclinometry.adjust.covariance.linearised import (
+    Linearised,
+    camera_moves,
+    landmark_moves,
+    linearised,
+    loosely_held,
+)
+from photoclinometry.adjust.covariance.marginals import marginals
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.layout import morton_order
 from photoclinometry.adjust.graph.variables import Estimate
@@ -81,11 +86,11 @@ def exact(at: Linearised, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     total = np.zeros((views, 10, views, 10))
     total[range(views), :, range(views), :] = patch.camera + at.camera_prior
     camera = np.linalg.inv(total.reshape(10 * views, -1) - coupling.T @ response)
-    move = covariance._move_landmarks(at, 0, count)
+    move = landmark_moves(at, 0, count)
     fit = move[:, :3].reshape(-1, 7)
     by_position = response.reshape(count, 6, -1)[:, :3].reshape(3 * count, -1)
     frame = -np.linalg.solve(fit.T @ fit, fit.T @ by_position)
-    kept = np.eye(len(camera)) + covariance._move_cameras(at) @ -frame
+    kept = np.eye(len(camera)) + camera_moves(at) @ -frame
     found = np.empty((len(chosen), 6))
     for n, j in enumerate(chosen):
         own = factor.solve(np.eye(6 * count, 6, -6 * int(j)))[6 * j : 6 * j + 6]

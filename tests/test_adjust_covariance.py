@@ -7,8 +7,8 @@ import pytest
 
 from graphs import BRIGHTNESS_SIGMA, KEYPOINT_SIGMA, graph_of, residuals_of, some_tracks_missing
 from jacobians import numerical_jacobian
+from photoclinometry.adjust.covariance.linearised import linearised
 from photoclinometry.adjust.covariance.marginals import ErrorModel, marginals, with_parameters
-from photoclinometry.adjust.covariance.uncertainty import linearised
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.solve.solver import minimize, parameter_response
 from scenes import synthetic_scene

@@ -1,22 +1,58 @@
-"""The joint estimate: one factor graph of keypoints, brightness, Sun directions, smoothness and priors."""
+"""The joint estimate: one factor graph of keypoints, brightness, Sun directions, smoothness and priors.
+
+`adjust` does the whole of it for a scene. The graph can be used by itself, too:
+
+    graph = FactorGraph([Keypoints(...), Brightness(...), SunDirections(), Smoothness(...), Gauge(...), Exposure(...)])
+    solution = minimize(graph, start)
+"""
 
 from photoclinometry.adjust.estimate import Adjustment, adjust
-from photoclinometry.adjust.graph.observations import ImageGradients
-from photoclinometry.adjust.graph.priors import PosePriors
+from photoclinometry.adjust.graph.control_points import ControlPoints
+from photoclinometry.adjust.graph.general import FactorGroup, Rows, Touch
+from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
+from photoclinometry.adjust.graph.observations import Brightness, ImageGradients, Keypoints, ObservationTable
+from photoclinometry.adjust.graph.priors import (
+    Exposure,
+    Gauge,
+    LandmarkPriors,
+    PosePriors,
+    ReflectancePrior,
+    SunDirections,
+)
+from photoclinometry.adjust.graph.smoothness import Smoothness
+from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
-from photoclinometry.adjust.solve.solver import Iteration, SolverOptions
+from photoclinometry.adjust.solve.solver import Iteration, Solution, SolverOptions, minimize
 from photoclinometry.adjust.tie_points import GroundControl, TiePoints
 
 __all__ = [
     "AdjustOptions",
     "Adjustment",
+    "Brightness",
+    "ControlPoints",
+    "Estimate",
+    "Exposure",
+    "FactorGraph",
+    "FactorGroup",
+    "Gauge",
     "GroundControl",
     "ImageGradients",
     "Iteration",
+    "Keypoints",
+    "LandmarkPriors",
+    "Linearization",
     "Noise",
+    "ObservationTable",
     "PosePriors",
+    "ReflectancePrior",
+    "Rows",
+    "Smoothness",
+    "Solution",
     "SolverOptions",
+    "SunDirections",
     "TiePoints",
+    "Touch",
     "adjust",
+    "minimize",
 ]

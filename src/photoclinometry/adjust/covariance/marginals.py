@@ -22,12 +22,11 @@ import numpy as np
 from numba import njit
 from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 
-from photoclinometry.adjust.covariance.information import Observed, Patch, observed_patch
+from photoclinometry.adjust.covariance.information import Patch
+from photoclinometry.adjust.covariance.linearised import SIMILARITY, Linearised, camera_moves, landmark_moves
 from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views, hold
-from photoclinometry.adjust.graph.general import Rows, Touch
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
-from photoclinometry.model.geometry import skew
 
 EXACT = 1000
 """Landmarks up to which nothing is approximated."""
@@ -45,7 +44,6 @@ UNMEASURED = 1e8
 _BATCH = 128
 """Landmarks treated at a time where each is by itself."""
 
-_SIMILARITY = 7
 _STEP = 1e-3
 """Relative change of weights in the differences that tell apart what each kind of measurement contributes."""
 
@@ -60,70 +58,6 @@ class ErrorModel:
     keypoint_common: float = 0.0
     """The part of a keypoint's variance that all landmarks nearby share, between 0 and 1."""
     brightness_common: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Linearised:
-    """A joint estimate at its minimum: all that its covariances depend on."""
-
-    cameras: CameraState
-    points: LandmarkState
-    observed: Observed
-    links: Links
-    """Smoothness."""
-    camera_prior: np.ndarray
-    """(K, 10, 10) information from Suns and priors."""
-    prior: np.ndarray
-    """(J, 6, 6) information on landmarks from priors."""
-    several: tuple[Rows, ...]
-    """General factors that touch a landmark and a view."""
-    pivot: np.ndarray
-    """(3,) as in `Estimate`."""
-    packed: np.ndarray
-    """`Reflectance.packed`."""
-
-    def __len__(self) -> int:
-        return len(self.prior)
-
-    def patch(self, first: int, last: int) -> Patch:
-        more = [part for rows in self.several if (part := _within(rows, first, last)) is not None]
-        views = np.concatenate([np.zeros(0, int), *(touch.index for rows in more for touch in rows.touches[1:])])
-        patch = observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.packed, views)
-        for rows in more:
-            _add_general(rows, patch)
-        return patch
-
-
-def _within(rows: Rows, first: int, last: int) -> Rows | None:
-    """The factors of landmarks first:last, counted from `first`, the landmark's derivatives first; None without any.
-
-    Raises ValueError for factors that do not touch one landmark and one view.
-    """
-    by_kind = {touch.variable: touch for touch in rows.touches}
-    if len(rows.touches) != 2 or set(by_kind) != {"landmark", "view"}:
-        raise ValueError("covariances know general factors of one variable, or of one landmark and one view")
-    landmark, view = by_kind["landmark"], by_kind["view"]
-    mine = np.flatnonzero((landmark.index >= first) & (landmark.index < last))
-    if not len(mine):
-        return None
-    return Rows(
-        rows.residual[mine],
-        (
-            Touch("landmark", landmark.index[mine] - first, landmark.jacobian[mine]),
-            Touch("view", view.index[mine], view.jacobian[mine]),
-        ),
-    )
-
-
-def _add_general(rows: Rows, patch: Patch) -> None:
-    """Adds the factors of `_within` to a patch's blocks."""
-    landmark, view = rows.touches
-    slot = np.searchsorted(patch.views, view.index)
-    for n in range(len(rows.residual)):
-        by_landmark, by_view, j, s = landmark.jacobian[n], view.jacobian[n], landmark.index[n], slot[n]
-        patch.own[j, 0] += by_landmark.T @ by_landmark
-        patch.coupling[j, :, s, :] += by_landmark.T @ by_view
-        patch.camera[s] += by_view.T @ by_view
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +94,7 @@ def marginals(
     reduced = _reduce(at, patches, frame)
     camera = _inverse(reduced.information)
     if frame is not None:
-        kept = np.eye(len(camera)) - _move_cameras(at) @ reduced.frame_by_camera
+        kept = np.eye(len(camera)) - camera_moves(at) @ reduced.frame_by_camera
         camera = kept @ camera @ kept.T
     landmark = _given_views(at, reduced.own, errors, windows)
     _add_views(landmark, at, errors, camera, batches)
@@ -181,11 +115,11 @@ def with_parameters(
     """
     of_cameras, of_landmarks = response.of_cameras, response.of_landmarks
     if frame is not None:
-        basis = _move_landmarks(at, 0, len(at))
-        own = basis[frame, :3].reshape(-1, _SIMILARITY)
+        basis = landmark_moves(at, 0, len(at))
+        own = basis[frame, :3].reshape(-1, SIMILARITY)
         moved = of_landmarks[frame, :3].reshape(len(own), -1)
         similarity = np.linalg.solve(own.T @ own, own.T @ moved)
-        of_cameras, of_landmarks = of_cameras - _move_cameras(at) @ similarity, of_landmarks - basis @ similarity
+        of_cameras, of_landmarks = of_cameras - camera_moves(at) @ similarity, of_landmarks - basis @ similarity
     return Marginals(
         camera=given.camera + of_cameras @ response.covariance @ of_cameras.T,
         landmark=given.landmark + of_landmarks @ response.covariance @ np.swapaxes(of_landmarks, 1, 2),
@@ -214,7 +148,7 @@ def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | 
     total[range(views), :, range(views), :] = at.camera_prior
     total = total.reshape(views * CAMERA_SIZE, -1)
     own = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE))
-    moved = np.zeros((_SIMILARITY, len(total)))
+    moved = np.zeros((SIMILARITY, len(total)))
     for first, last in patches:
         patch = at.patch(first, last)
         own[first:last] = patch.own
@@ -227,14 +161,14 @@ def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | 
         half = solve_triangular(factor, coupling, lower=True, check_finite=False)
         _subtract(total, index, _syrk(1.0, half, trans=1, lower=1))
         if frame is not None:
-            move = _move_landmarks(at, first, last)
+            move = landmark_moves(at, first, last)
             move[:, 3:] = 0.0
             move[~frame[first:last]] = 0.0
-            moved[:, index] -= cho_solve((factor, True), move.reshape(-1, _SIMILARITY), check_finite=False).T @ coupling
+            moved[:, index] -= cho_solve((factor, True), move.reshape(-1, SIMILARITY), check_finite=False).T @ coupling
     total = np.tril(total) + np.tril(total, -1).T
     if frame is None:
         return _Reduced(total, own, moved)
-    move = _move_landmarks(at, 0, len(at))[frame, :3].reshape(-1, _SIMILARITY)
+    move = landmark_moves(at, 0, len(at))[frame, :3].reshape(-1, SIMILARITY)
     return _Reduced(total, own, np.linalg.solve(move.T @ move, moved))
 
 
@@ -347,28 +281,6 @@ def _products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Of a (6n, m) and b (6n, m): a_j b_j^T (n, 6, 6)."""
     shape = (len(a) // LANDMARK_SIZE, LANDMARK_SIZE, a.shape[1])
     return a.reshape(shape) @ np.swapaxes(b.reshape(shape), 1, 2)
-
-
-def _move_landmarks(at: Linearised, first: int, last: int) -> np.ndarray:
-    """(n, 6, 7): local coordinates of landmarks first:last by rotation, translation and scale about the pivot."""
-    position, normal = at.points.position[first:last] - at.pivot, at.points.normal[first:last]
-    out = np.zeros((last - first, LANDMARK_SIZE, _SIMILARITY))
-    out[:, :3, :3] = -skew(position)
-    out[:, range(3), range(3, 6)] = 1.0
-    out[:, :3, 6] = position
-    out[:, 3:5, :3] = -np.einsum("jia,jib->jab", at.points.normal_basis[first:last], skew(normal))
-    return out
-
-
-def _move_cameras(at: Linearised) -> np.ndarray:
-    """(10 K, 7): local coordinates of views likewise."""
-    cameras = at.cameras
-    out = np.zeros((len(cameras.scale), CAMERA_SIZE, _SIMILARITY))
-    out[:, range(3), range(3)] = 1.0
-    out[:, range(3, 6), range(3, 6)] = 1.0
-    out[:, 3:6, 6] = cameras.center - at.pivot
-    out[:, 6:8, :3] = -np.einsum("kia,kib->kab", cameras.sun_basis, skew(cameras.sun))
-    return out.reshape(-1, _SIMILARITY)
 
 
 def _forget_unmeasured(landmark: np.ndarray, own: np.ndarray, links: Links) -> None:

@@ -12,22 +12,18 @@ origin, orientation and size mean nothing. Otherwise they are in the frame of th
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance.information import Observed
+from photoclinometry.adjust.covariance.linearised import linearised, loosely_held
 from photoclinometry.adjust.covariance.marginals import (
     ErrorModel,
-    Linearised,
     Marginals,
     marginals,
     with_parameters,
 )
-from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
-from photoclinometry.adjust.graph.observations import states
 from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.geometry import skew
@@ -37,10 +33,6 @@ log = logging.getLogger(__name__)
 
 OF_LANDMARKS = ("position", "normal", "albedo")
 """What there is one of for each landmark; the rest is of views."""
-
-LOOSE = 1e-4
-"""In the map's own frame the prior that holds one landmark counts this much: enough for the scale, too little to make
-its surroundings look known."""
 
 _NEARBY = 25
 """Landmarks over which smoothness averages errors that are not shared."""
@@ -80,44 +72,6 @@ def estimate_uncertainty(
     uncertainty = scene_uncertainty(found, estimate.views, estimate.pivot, mapped)
     estimated = uncertainty if photometric else ("position", "rotation", "center")
     return {name: uncertainty[name] for name in estimated}
-
-
-def loosely_held(at: Linearised) -> Linearised:
-    """With little of the priors on positions."""
-    prior = at.prior.copy()
-    prior[:, :3, :3] *= LOOSE
-    return replace(at, prior=prior)
-
-
-def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
-    """A graph at an estimate: all that its covariances depend on."""
-    cameras, landmarks = states(estimate.views, estimate.landmarks)
-    observations, tracks = graph.observations, graph.observations.table.tracks
-    smooth = graph.smoothness.linearize(estimate, float)
-    brightness, slope = observations.brightness_lines
-    rest = graph.rest(estimate)
-    plain = np.ascontiguousarray
-    return Linearised(
-        cameras=cameras,
-        points=landmarks,
-        observed=Observed(
-            plain(tracks.start),
-            plain(tracks.view),
-            plain(tracks.keypoint),
-            plain(brightness),
-            plain(slope, float),
-            observations.keypoint_weight,
-            observations.brightness_weight,
-            observations.keypoint_limit,
-            observations.brightness_limit,
-        ),
-        links=links(smooth.neighbours, smooth.rows),
-        camera_prior=rest["view"].rest,
-        prior=rest["landmark"].rest.astype(float),
-        several=graph.several(estimate),
-        pivot=estimate.pivot,
-        packed=observations.packed_at(estimate),
-    )
 
 
 def error_model(

@@ -1,0 +1,147 @@
+"""A factor graph at its minimum: all that its covariances depend on, and the motions that images leave open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.adjust.covariance.information import Observed, Patch, observed_patch
+from photoclinometry.adjust.covariance.windows import Links, links
+from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.graph import FactorGraph
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
+from photoclinometry.adjust.graph.observations import states
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.geometry import skew
+
+SIMILARITY = 7
+"""Numbers that images alone leave open: rotation 3, translation 3, scale 1."""
+
+LOOSE = 1e-4
+"""In the map's own frame the prior that holds one landmark counts this much: enough for the scale, too little to make
+its surroundings look known."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linearised:
+    """A joint estimate at its minimum: all that its covariances depend on."""
+
+    cameras: CameraState
+    points: LandmarkState
+    observed: Observed
+    links: Links
+    """Smoothness."""
+    camera_prior: np.ndarray
+    """(K, 10, 10) information from Suns and priors."""
+    prior: np.ndarray
+    """(J, 6, 6) information on landmarks from priors."""
+    several: tuple[Rows, ...]
+    """General factors that touch a landmark and a view."""
+    pivot: np.ndarray
+    """(3,) as in `Estimate`."""
+    packed: np.ndarray
+    """`Reflectance.packed`."""
+
+    def __len__(self) -> int:
+        return len(self.prior)
+
+    def patch(self, first: int, last: int) -> Patch:
+        more = [part for rows in self.several if (part := _within(rows, first, last)) is not None]
+        views = np.concatenate([np.zeros(0, int), *(touch.index for rows in more for touch in rows.touches[1:])])
+        patch = observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.packed, views)
+        for rows in more:
+            _add_general(rows, patch)
+        return patch
+
+
+def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
+    """A graph at an estimate: all that its covariances depend on."""
+    cameras, landmarks = states(estimate.views, estimate.landmarks)
+    observations, tracks = graph.observations, graph.observations.table.tracks
+    smooth = graph.smoothness.linearize(estimate, float)
+    brightness, slope = observations.brightness_lines
+    rest = graph.rest(estimate)
+    plain = np.ascontiguousarray
+    return Linearised(
+        cameras=cameras,
+        points=landmarks,
+        observed=Observed(
+            plain(tracks.start),
+            plain(tracks.view),
+            plain(tracks.keypoint),
+            plain(brightness),
+            plain(slope, float),
+            observations.keypoint_weight,
+            observations.brightness_weight,
+            observations.keypoint_limit,
+            observations.brightness_limit,
+        ),
+        links=links(smooth.neighbours, smooth.rows),
+        camera_prior=rest["view"].rest,
+        prior=rest["landmark"].rest.astype(float),
+        several=graph.several(estimate),
+        pivot=estimate.pivot,
+        packed=observations.packed_at(estimate),
+    )
+
+
+def loosely_held(at: Linearised) -> Linearised:
+    """With little of the priors on positions."""
+    prior = at.prior.copy()
+    prior[:, :3, :3] *= LOOSE
+    return replace(at, prior=prior)
+
+
+def landmark_moves(at: Linearised, first: int, last: int) -> np.ndarray:
+    """(n, 6, 7): local coordinates of landmarks first:last by rotation, translation and scale about the pivot."""
+    position, normal = at.points.position[first:last] - at.pivot, at.points.normal[first:last]
+    out = np.zeros((last - first, LANDMARK_SIZE, SIMILARITY))
+    out[:, :3, :3] = -skew(position)
+    out[:, range(3), range(3, 6)] = 1.0
+    out[:, :3, 6] = position
+    out[:, 3:5, :3] = -np.einsum("jia,jib->jab", at.points.normal_basis[first:last], skew(normal))
+    return out
+
+
+def camera_moves(at: Linearised) -> np.ndarray:
+    """(10 K, 7): local coordinates of views likewise."""
+    cameras = at.cameras
+    out = np.zeros((len(cameras.scale), CAMERA_SIZE, SIMILARITY))
+    out[:, range(3), range(3)] = 1.0
+    out[:, range(3, 6), range(3, 6)] = 1.0
+    out[:, 3:6, 6] = cameras.center - at.pivot
+    out[:, 6:8, :3] = -np.einsum("kia,kib->kab", cameras.sun_basis, skew(cameras.sun))
+    return out.reshape(-1, SIMILARITY)
+
+
+def _within(rows: Rows, first: int, last: int) -> Rows | None:
+    """The factors of landmarks first:last, counted from `first`, the landmark's derivatives first; None without any.
+
+    Raises ValueError for factors that do not touch one landmark and one view.
+    """
+    by_kind = {touch.variable: touch for touch in rows.touches}
+    if len(rows.touches) != 2 or set(by_kind) != {"landmark", "view"}:
+        raise ValueError("covariances know general factors of one variable, or of one landmark and one view")
+    landmark, view = by_kind["landmark"], by_kind["view"]
+    mine = np.flatnonzero((landmark.index >= first) & (landmark.index < last))
+    if not len(mine):
+        return None
+    return Rows(
+        rows.residual[mine],
+        (
+            Touch("landmark", landmark.index[mine] - first, landmark.jacobian[mine]),
+            Touch("view", view.index[mine], view.jacobian[mine]),
+        ),
+    )
+
+
+def _add_general(rows: Rows, patch: Patch) -> None:
+    """Adds the factors of `_within` to a patch's blocks."""
+    landmark, view = rows.touches
+    slot = np.searchsorted(patch.views, view.index)
+    for n in range(len(rows.residual)):
+        by_landmark, by_view, j, s = landmark.jacobian[n], view.jacobian[n], landmark.index[n], slot[n]
+        patch.own[j, 0] += by_landmark.T @ by_landmark
+        patch.coupling[j, :, s, :] += by_landmark.T @ by_view
+        patch.camera[s] += by_view.T @ by_view
