@@ -40,6 +40,10 @@ def site(mapped):
     views = [replace(view, pose_prior=PosePrior(known[true.name.index(view.name)], 1e-3, 1e3)) for view in found.views]
     path = mapped.site.with_name("with_priors.toml")
     write_site(path, replace(found, views=tuple(views)))
+    CHOICES["control"] = mapped.site.with_name("points.csv")
+    CHOICES["control"].write_text(
+        f"point,view,x_px,y_px,x_m,y_m,z_m,sigma_m\nA,{views[0].name},9,9,1,2,3,4\n", encoding="utf-8"
+    )
     return path
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from commands import phomo
 from photoclinometry.adjust import AdjustOptions, adjust
+from photoclinometry.adjust.groups import setup_of
 from photoclinometry.adjust.noise import correlation_px
+from photoclinometry.adjust.tie_points import with_tie_points
 from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.meshes import ply
 from photoclinometry.io.scene_file import write_scene
@@ -255,12 +257,12 @@ def test_the_ground_that_shares_an_error_is_as_large_at_any_stride(stride):
 
 
 def test_fewer_landmarks_share_an_error_the_farther_apart_they_are(scene):
-    noise = adjust(scene, AdjustOptions(max_rounds=1, uncertainty=False)).noise
-    assert noise.between_landmarks(1) is noise
-    apart = noise.between_landmarks(4)
-    assert apart.keypoint_correlation_px == noise.keypoint_correlation_px / 4
-    assert apart.brightness_correlation_px == 1.0
-    assert apart.keypoint_factor == noise.keypoint_factor
+    """Errors shared over 12 px: a square of 12 x 12 landmarks, or of 3 x 3 at every fourth pixel; one at least."""
+    for stride, side in ((1, 12.0), (4, 3.0)):
+        thin, _, members = with_tie_points(thinned(scene, stride), None)
+        setup = setup_of(thin, members, AdjustOptions(), thin.reflectance)
+        assert setup.correlation(12.0) == side
+        assert setup.correlation(1.0) == 1.0
 
 
 @pytest.mark.parametrize("stride", [2, 3])

@@ -193,7 +193,7 @@ def render(
         Brightness in the unit of the scene's images; `valid` is where the map is.
 
     Raises:
-        InputError: There is no such view, the Sun is no direction, or the scene has no reflectance model.
+        InputError: There is no such view, the Sun is not a direction, or the scene has no reflectance model.
     """
     index = view_index(scene, view)
     towards = _sun_direction(scene, sun, sun_azimuth_deg, sun_elevation_deg)
@@ -334,7 +334,7 @@ def _sun_direction(
     if sun is not None:
         direction = np.asarray(sun, float)
         if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
-            raise InputError(f"Sun {direction.tolist()} is no direction; give three numbers, not all zero")
+            raise InputError(f"Sun {direction.tolist()} is not a direction; give three numbers, not all zero")
         return direction
     if azimuth_deg is None or elevation_deg is None:
         return None

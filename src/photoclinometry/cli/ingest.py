@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -49,7 +49,7 @@ def ingest(
     print(result.site)
 
 
-def _print_sources(console, result) -> None:
+def _print_sources(console: Any, result: Any) -> None:
     """One line for each image: size, brightness, and the sources of camera, Sun and pose."""
     for e in result.exposures:
         height, width = e.image.valid.shape

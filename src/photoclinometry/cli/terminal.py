@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from photoclinometry.model.progress import Progress
 from photoclinometry.pipeline.products import RunResult
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def progress_bars(console) -> Iterator[Progress]:
+def progress_bars(console: Any) -> Iterator[Progress]:
     """A progress bar on the console for every kind of work that is reported."""
     from rich import progress as bar
 
@@ -37,7 +37,7 @@ def progress_bars(console) -> Iterator[Progress]:
         yield progress
 
 
-def say_result(console, result: RunResult) -> None:
+def say_result(console: Any, result: RunResult) -> None:
     """The size of the map and its shortcomings on the console; the report's path on standard output."""
     for name, reason in result.left_out.items():
         console.print(f"left out: {name}: {reason}", highlight=False, markup=False)

@@ -183,7 +183,9 @@ def resect(
     return pose, _residual(position, keypoint, camera, pose, pivot, extent)[1]
 
 
-def _residual(position, keypoint, camera, pose, pivot, extent):
+def _residual(
+    position: np.ndarray, keypoint: np.ndarray, camera: Camera, pose: Rigid, pivot: np.ndarray, extent: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Offsets (n, 2) and their lengths (n,) [px]; derivatives (n, 2, 6) by the points' turn x extent, and shift."""
     cam_from_body = pose.inverse()
     x, y, z = cam_from_body(position).T

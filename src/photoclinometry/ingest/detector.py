@@ -6,6 +6,7 @@ Pixels are in the order of the file, with (0.5, 0.5) in the middle of the first 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Detector:
         return bool(np.linalg.det(self.axes) < 0)
 
 
-def detector_of_matrix(matrix: np.ndarray, **figures) -> Detector:
+def detector_of_matrix(matrix: np.ndarray, **figures: Any) -> Detector:
     """A detector with (sample, line) = matrix (2, 2) @ (x, y) [px/mm]. Raises InputError if the axes are skewed."""
     matrix = np.asarray(matrix, float)
     length = np.linalg.norm(matrix, axis=1)

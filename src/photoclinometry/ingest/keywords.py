@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.ingest.detector import Detector, detector_of_matrix
-from photoclinometry.ingest.distortion import BrownConrady, InverseRadial, Radial
+from photoclinometry.ingest.distortion import BrownConrady, Distortion, InverseRadial, Radial
 from photoclinometry.io.archives.pvl import Block
 from photoclinometry.model.errors import InputError
 
@@ -126,7 +126,9 @@ def _center(numbers: Numbers) -> tuple[float, float] | None:
     return None if sample is None or line is None else (sample[0] - 0.5, line[0] - 0.5)
 
 
-def _distortion(numbers: Numbers, plain: Detector, filter_name: str | None, model: str):
+def _distortion(
+    numbers: Numbers, plain: Detector, filter_name: str | None, model: str
+) -> tuple[Distortion | None, tuple[float, float]]:
     """The distortion (None if there is none) and the principal point, which OpenCV's model gives separately."""
     opencv = _opencv(numbers, plain)
     if opencv is not None and model != "OCAMS":

@@ -99,7 +99,7 @@ def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.nd
     """
     import cv2
 
-    def blur(values):
+    def blur(values: np.ndarray) -> np.ndarray:
         return cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT)
 
     mask = valid.astype(np.float32)
@@ -140,7 +140,7 @@ def fit_quality(a: np.ndarray, b: np.ndarray, flow: np.ndarray, window: float = 
     """
     import cv2
 
-    def blur(values):
+    def blur(values: np.ndarray) -> np.ndarray:
         return cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT)
 
     moved = follow(b, flow)

@@ -124,7 +124,7 @@ def fill_from(picture: np.ndarray, known: np.ndarray, other: np.ndarray, window:
     """
     import cv2
 
-    def weighted(values):
+    def weighted(values: np.ndarray) -> np.ndarray:
         return cv2.GaussianBlur(np.where(known, values, 0.0).astype(np.float32), (0, 0), window)
 
     if not known.any():

@@ -6,6 +6,7 @@ Relighting is rendering with another Sun. Cast shadows are off by default, as in
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def _averaged(scene: Scene, value: np.ndarray, smooth: Callable[[np.ndarray], np
 
 
 def render_reference(
-    scene: Scene, view: int | None = None, sun: np.ndarray | None = None, **options
+    scene: Scene, view: int | None = None, sun: np.ndarray | None = None, **options: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """Brightness on the map's grid: image (h, w), zero where there is no landmark, and mask (h, w).
 
@@ -102,7 +103,7 @@ def landmark_faces(scene: Scene) -> np.ndarray:
 
 
 def render_view(
-    scene: Scene, view: int, sun: np.ndarray | None = None, *, faces: np.ndarray | None = None, **options
+    scene: Scene, view: int, sun: np.ndarray | None = None, *, faces: np.ndarray | None = None, **options: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """The map as one view's camera sees it: image (H, W), zero outside the map, and mask (H, W) bool.
 

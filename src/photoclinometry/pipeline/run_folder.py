@@ -10,7 +10,7 @@ import logging
 import resource
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -76,7 +76,7 @@ class RunFolder:
         return Keyed(found, key)
 
     @contextmanager
-    def timed(self, name: str):
+    def timed(self, name: str) -> Iterator[StageCost]:
         """Times a part of the run and logs it; yields its `StageCost`."""
         cost = StageCost(name, False, 0.0, 0.0, 0.0)
         wall, cpu = time.perf_counter(), time.process_time()

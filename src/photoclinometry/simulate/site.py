@@ -26,7 +26,7 @@ from photoclinometry.simulate.camera_model import expose, hot_pixel_charge, pixe
 from photoclinometry.simulate.given import given_relief
 from photoclinometry.simulate.observe import radiance
 from photoclinometry.simulate.options import SimulationOptions, chosen_preset
-from photoclinometry.simulate.photometry import named_photometry
+from photoclinometry.simulate.photometry import Photometry, named_photometry
 from photoclinometry.simulate.presets import BODY_RADIUS, Preset, build_surface, surface_of_relief
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.surface import Surface
@@ -122,7 +122,9 @@ def _surface(options: SimulationOptions, preset: Preset, camera: Camera) -> tupl
     return surface_of_relief(given.height, given.albedo, grid, preset.mean_albedo, options.seed), given.body_from_file
 
 
-def _radiance_image(raycaster: Raycaster, views: Views, k: int, photometry, options) -> np.ndarray:
+def _radiance_image(
+    raycaster: Raycaster, views: Views, k: int, photometry: Photometry, options: SimulationOptions
+) -> np.ndarray:
     """(h, w) I/F of view k behind optics and pixels, without noise."""
     margin = options.detector.margin_px
     fine, complete = radiance(

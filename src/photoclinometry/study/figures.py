@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from photoclinometry.output.report.draw import (
 )
 from photoclinometry.output.report.maps import draw_relit, normal_colours
 from photoclinometry.study.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COUNTERPART = {"akimov": "akimov+", "mcewen": "lunar-lambert"}
 """For models without a phase function, the paper's model with the same disk function and one."""
@@ -108,7 +112,14 @@ def draw_heights(path: Path, without: Record, with_it: Record) -> Path:
         return save(figure, path)
 
 
-def _draw_scan(figure, top: float, truth: np.ndarray, records, errors, row: int) -> None:
+def _draw_scan(
+    figure: Figure,
+    top: float,
+    truth: np.ndarray,
+    records: Sequence[Record],
+    errors: Sequence[np.ndarray],
+    row: int,
+) -> None:
     """Heights and their errors along a row, from `top` inches below the figure's upper edge."""
     width, full = figure.get_size_inches()
     along = np.arange(truth.shape[1]) * float(records[1].arrays["spacing"]) / 1000.0
@@ -163,7 +174,7 @@ def draw_scales(path: Path, records: Sequence[Record], body: str) -> Path:
         return save(figure, path)
 
 
-def _expected_scale(record: Record, body: str):
+def _expected_scale(record: Record, body: str) -> tuple[Callable[[np.ndarray], np.ndarray], str]:
     """The expected scale as a function of phase [rad], and its name."""
     ground = record.cell.simulation.reflectance
     if ground in COUNTERPART:

@@ -54,7 +54,9 @@ def _about(options: StudyOptions, records: Sequence[Record]) -> str:
     return " ".join(part for part in parts if part)
 
 
-def _pictures(folder: Path, out: Path, options: StudyOptions, records: Sequence[Record], group) -> list[str]:
+def _pictures(
+    folder: Path, out: Path, options: StudyOptions, records: Sequence[Record], group: tuple[str, str, str]
+) -> list[str]:
     """Draws or copies the figures of a group's first seed into `folder`; returns their lines of Markdown."""
     stem, text = "-".join(group), label(options, group)
     lines = []

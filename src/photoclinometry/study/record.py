@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -49,7 +50,7 @@ def measure(cell: Cell, result: RunResult, truth: Truth) -> tuple[Record, Compar
     return Record(cell, {**result.metrics, **found.metrics}, arrays), found
 
 
-def write_record(folder: Path, record: Record, key: str, draw=None) -> None:
+def write_record(folder: Path, record: Record, key: str, draw: Callable[[Path], object] | None = None) -> None:
     """The record as a folder that appears whole; draw(folder) adds figures. Raises RunFolderError."""
     content = {"key": key, "failure": record.failure, "metrics": json_numbers(record.metrics)}
     with atomic_path(folder) as work:

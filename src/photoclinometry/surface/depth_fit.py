@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -122,7 +123,7 @@ def _grid(xy: np.ndarray, region: Region, spacing: int) -> tuple[np.ndarray, tup
     return low, (int(rows), int(cols))
 
 
-def _bilinear_matrix(uv: np.ndarray, shape: tuple[int, int]):
+def _bilinear_matrix(uv: np.ndarray, shape: tuple[int, int]) -> Any:
     """(n, rows * cols) sparse matrix that interpolates a grid at columns uv[:, 0] and rows uv[:, 1]."""
     from scipy.sparse import csr_matrix
 
@@ -135,14 +136,14 @@ def _bilinear_matrix(uv: np.ndarray, shape: tuple[int, int]):
     return csr_matrix((np.concatenate(weights), (index, np.concatenate(nodes))), shape=size)
 
 
-def _second_differences(shape: tuple[int, int]):
+def _second_differences(shape: tuple[int, int]) -> Any:
     """Sparse operator: second differences along rows, columns, and mixed ones, which count twice in the square."""
     from scipy.sparse import eye, identity, kron, vstack
 
-    def first(n):
+    def first(n: int) -> Any:
         return eye(n - 1, n, k=1) - eye(n - 1, n)
 
-    def second(n):
+    def second(n: int) -> Any:
         return first(n - 1) @ first(n)
 
     rows, cols = shape

@@ -224,7 +224,7 @@ def _inverse(information: np.ndarray) -> np.ndarray:
     return cho_solve(factor, np.eye(len(size)), check_finite=False) / np.outer(size, size)
 
 
-def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, windows) -> np.ndarray:
+def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, windows: list[tuple[int, int]]) -> np.ndarray:
     """(J, 6, 6) covariances given the views, of all errors but the common ones."""
     information = own.sum(1) + at.prior
     covariance = covariances_given_views(information, at.links, windows)
@@ -239,7 +239,9 @@ def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, windows) -
     return errors.smoothness * covariance + (covariance - changed) / _STEP
 
 
-def _add_views(landmark: np.ndarray, at: Linearised, errors: ErrorModel, camera: np.ndarray, batches) -> None:
+def _add_views(
+    landmark: np.ndarray, at: Linearised, errors: ErrorModel, camera: np.ndarray, batches: list[tuple[int, int]]
+) -> None:
     """Adds to (J, 6, 6) what errors of the views, and errors that neighbours share, do to the landmarks."""
     common = np.array([errors.keypoint * errors.keypoint_common] * 2 + [errors.brightness * errors.brightness_common])
     stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))

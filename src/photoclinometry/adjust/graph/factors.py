@@ -29,7 +29,15 @@ from photoclinometry.model.geometry import skew, tangent_basis
 from photoclinometry.model.reflectance import PHASE_FLOOR, photometric_function
 
 
-def projection(rotation, center, intrinsics, position, keypoint, sigma, pivot):
+def projection(
+    rotation: np.ndarray,
+    center: np.ndarray,
+    intrinsics: np.ndarray,
+    position: np.ndarray,
+    keypoint: np.ndarray,
+    sigma: float,
+    pivot: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residual (2,) and Jacobians by position (2, 3) and pose (2, 6).
 
     rotation: body_from_cam (3, 3); center, position, pivot: (3,) in B; intrinsics: fx, fy, cx, cy; sigma [px].
@@ -45,7 +53,19 @@ def projection(rotation, center, intrinsics, position, keypoint, sigma, pivot):
     return residual, by_position, by_pose
 
 
-def photometric(packed, center, sun, scale, bias, position, normal, albedo, brightness, sigma, pivot):
+def photometric(
+    packed: np.ndarray,
+    center: np.ndarray,
+    sun: np.ndarray,
+    scale: float,
+    bias: float,
+    position: np.ndarray,
+    normal: np.ndarray,
+    albedo: float,
+    brightness: float,
+    sigma: float,
+    pivot: np.ndarray,
+) -> tuple[float, np.ndarray]:
     """Residual (a number) and Jacobian (16,) by position 3, normal 2, albedo 1, pose 6, Sun 2, scale 1, bias 1."""
     offset = center - position
     distance = np.linalg.norm(offset)
@@ -73,7 +93,21 @@ def photometric(packed, center, sun, scale, bias, position, normal, albedo, brig
     return (gain * rho + bias - brightness) / sigma, jacobian / sigma
 
 
-def direct(packed, rotation, center, intrinsics, sun, scale, bias, position, normal, albedo, image, sigma, pivot):
+def direct(
+    packed: np.ndarray,
+    rotation: np.ndarray,
+    center: np.ndarray,
+    intrinsics: np.ndarray,
+    sun: np.ndarray,
+    scale: float,
+    bias: float,
+    position: np.ndarray,
+    normal: np.ndarray,
+    albedo: float,
+    image: tuple[float, np.ndarray, np.ndarray],
+    sigma: float,
+    pivot: np.ndarray,
+) -> tuple[float, np.ndarray]:
     """As `photometric`, where the landmark projects into a view: no keypoint tells where it is seen.
 
     image: brightness there, at (2,) which pixel, slope (2,) [1/px]: brightness + slope . (projected pixel - at).
@@ -81,14 +115,16 @@ def direct(packed, rotation, center, intrinsics, sun, scale, bias, position, nor
     brightness, at, slope = image
     shift, by_position, by_pose = projection(rotation, center, intrinsics, position, at, 1.0, pivot)
     residual, jacobian = photometric(
-        packed, center, sun, scale, bias, position, normal, albedo, brightness + slope @ shift, sigma, pivot
+        packed, center, sun, scale, bias, position, normal, albedo, brightness + float(slope @ shift), sigma, pivot
     )
     jacobian[:3] -= slope @ by_position / sigma
     jacobian[6:12] -= slope @ by_pose / sigma
     return residual, jacobian
 
 
-def sun_direction(rotation, sun, sun_measured, sigma):
+def sun_direction(
+    rotation: np.ndarray, sun: np.ndarray, sun_measured: np.ndarray, sigma: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Residual (2,) and Jacobian (2, 5) by the camera's rotation omega (3) and the Sun (2).
 
     rotation: body_from_cam; sun: (3,) in B; sun_measured: (3,) in C; sigma [rad].
@@ -98,7 +134,9 @@ def sun_direction(rotation, sun, sun_measured, sigma):
     return measured_in_body.T @ sun / sigma, jacobian / sigma
 
 
-def smoothness(position, normal, neighbour, sigma):
+def smoothness(
+    position: np.ndarray, normal: np.ndarray, neighbour: np.ndarray, sigma: float
+) -> tuple[float, np.ndarray]:
     """Residual (a number) and Jacobian (8,) by position 3, normal 2, neighbour's position 3; sigma [rad]."""
     offset = neighbour - position
     distance = np.linalg.norm(offset)
@@ -107,7 +145,7 @@ def smoothness(position, normal, neighbour, sigma):
     slope = 1.0 / np.sqrt(1.0 - cosine**2)
     by_neighbour = slope * (normal - cosine * direction) / distance
     by_normal = slope * direction @ tangent_basis(normal)
-    return np.arcsin(cosine) / sigma, np.concatenate([-by_neighbour, by_normal, by_neighbour]) / sigma
+    return float(np.arcsin(cosine) / sigma), np.concatenate([-by_neighbour, by_normal, by_neighbour]) / sigma
 
 
 def huber(squared: np.ndarray, limit: float) -> np.ndarray:

@@ -221,13 +221,23 @@ class Observations:
             border=self._border(estimate, views, landmarks, where, stored),
         )
 
-    def _pass(self, estimate, views, landmarks, with_jacobian, stored, normal) -> None:
+    def _pass(
+        self,
+        estimate: Estimate,
+        views: CameraState,
+        landmarks: LandmarkState,
+        with_jacobian: bool,
+        stored: np.ndarray,
+        normal: Normal,
+    ) -> None:
         kernels.linearize(
             self.table.layout, self.measured, views, landmarks, estimate.pivot, self.packed_at(estimate),
             with_jacobian, stored, normal,
         )  # fmt: skip
 
-    def _border(self, estimate, views: CameraState, landmarks: LandmarkState, where, stored) -> Border:
+    def _border(
+        self, estimate: Estimate, views: CameraState, landmarks: LandmarkState, where: Linearized, stored: np.ndarray
+    ) -> Border:
         if len(estimate.parameters) == 0 or self.reflectance is None:
             return no_border(len(views.center), len(landmarks.albedo))
         return linearize_parameters(

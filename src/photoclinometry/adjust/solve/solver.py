@@ -164,7 +164,7 @@ def minimize(
     options = options or SolverOptions()
     state = _State(start, graph.linearize(start), options.initial_damping)
     polynomial = _polynomial(state.at, options)
-    history = [_iteration(graph, state.at.cost, state.damping, 0, True, 0.0, 0.0, 0.0)]
+    history = [Iteration(_by_group(graph, state.at.cost), state.damping, 0, True, 0.0, 0.0, 0.0)]
     estimated = len(start.parameters) > 0
     stale = estimated and moves is None
     message = f"no convergence within {options.max_steps} steps"
@@ -184,7 +184,8 @@ def minimize(
         else:
             state.damping, state.growth = state.damping * state.growth, 2.0 * state.growth
         spent = time.perf_counter() - wall, time.process_time() - cpu
-        history.append(_iteration(graph, trial.cost, used, solve.iterations, accepted, trial.moved, *spent))
+        found = _by_group(graph, trial.cost)
+        history.append(Iteration(found, used, solve.iterations, accepted, trial.moved, *spent))
         if progress is not None:
             progress(history[-1])
         log.debug("step %d: %s", len(history) - 1, history[-1])
@@ -287,6 +288,5 @@ def _polynomial(at: Linearization, options: SolverOptions) -> tuple[float, int]:
     return low, chebyshev_degree(low, options.chebyshev_reduction)
 
 
-def _iteration(graph, cost, damping, iterations, accepted, moved, wall_s, cpu_s) -> Iteration:
-    by_group = dict(zip(graph.cost_names, map(float, cost), strict=True))
-    return Iteration(by_group, damping, iterations, accepted, moved, wall_s, cpu_s)
+def _by_group(graph: FactorGraph, cost: np.ndarray) -> dict[str, float]:
+    return dict(zip(graph.cost_names, map(float, cost), strict=True))

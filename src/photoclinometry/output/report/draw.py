@@ -12,6 +12,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 
 from photoclinometry.model.scene import Region
@@ -70,12 +71,12 @@ def style() -> AbstractContextManager[None]:
     return matplotlib.rc_context(STYLE)
 
 
-def colour_map(name: str):
+def colour_map(name: str) -> Colormap:
     """A matplotlib colour map that shows missing values in MISSING."""
     return matplotlib.colormaps[name].with_extremes(bad=MISSING)
 
 
-def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False):
+def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False) -> tuple[float, float]:
     """Percentiles of the finite values, which single outliers do not change; (0, 1) if there are none."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
@@ -85,7 +86,7 @@ def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bo
     return bottom, float(top) if top > bottom else bottom + max(abs(bottom) * 1e-3, 1e-12)
 
 
-def symmetric_limits(values: np.ndarray, high: float = 99.0):
+def symmetric_limits(values: np.ndarray, high: float = 99.0) -> tuple[float, float]:
     """Limits (-x, x) around zero; x is a percentile of the absolute finite values."""
     top = limits(np.abs(values), high=high, zero=True)[1]
     return -top, top
@@ -122,7 +123,7 @@ def show_map(
     add_bar(axes, drawn, values, label)
 
 
-def add_bar(axes: Axes, drawn, values: np.ndarray, label: str) -> None:
+def add_bar(axes: Axes, drawn: Any, values: np.ndarray, label: str) -> None:
     """A colour bar as high as the axes, with arrows if values lie beyond its limits."""
     finite = values[np.isfinite(values)]
     low, high = drawn.get_clim()
