@@ -109,7 +109,7 @@ def test_the_gain_ratio_of_a_quadratic_cost_is_one():
     assert trial.whole
     assert (at.cost.sum() - trial.cost.sum()) / at.decrease(trial.moves) == pytest.approx(1.0, abs=0.01)
     # with the rows of where the step ended it would not be: nothing is left to gain there
-    assert trial.linearization.decrease(trial.moves) < 0.5 * at.decrease(trial.moves)
+    assert graph.linearize(trial.estimate).decrease(trial.moves) < 0.5 * at.decrease(trial.moves)
 
 
 def minus_newton(at):

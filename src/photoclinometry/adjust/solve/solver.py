@@ -180,7 +180,10 @@ def minimize(
         stale = estimated and solve.iterations > STALE
         accepted = bool(trial.cost.sum() <= state.at.cost.sum()) and solve.iterations > 0
         if accepted:
-            _accept(graph, state, trial, options)
+            _accept(state, trial, options)
+            del system, state.at  # the rows of one linearization at a time: a quarter of a gigabyte for four million
+            if state.small < 2:
+                state.at = graph.linearize(state.estimate)
         else:
             state.damping, state.growth = state.damping * state.growth, 2.0 * state.growth
         spent = time.perf_counter() - wall, time.process_time() - cpu
@@ -218,7 +221,7 @@ def _limit(total: float, options: SolverOptions) -> float:
     return max(options.relative_decrease * total, options.absolute_decrease)
 
 
-def _accept(graph: FactorGraph, state: _State, trial: Trial, options: SolverOptions) -> None:
+def _accept(state: _State, trial: Trial, options: SolverOptions) -> None:
     """Goes to a trial that lowers the cost, and sets the damping by the gain ratio.
 
     The decrease that the linear model promised is that of one linearization: where the step began.
@@ -233,7 +236,6 @@ def _accept(graph: FactorGraph, state: _State, trial: Trial, options: SolverOpti
     state.growth = 4.0
     state.damping = max(state.damping * _relief(gain), options.min_damping)
     state.estimate = trial.estimate
-    state.at = trial.linearization or graph.linearize(trial.estimate)
 
 
 def parameter_response(graph: FactorGraph, solution: Solution, options: SolverOptions) -> ParameterResponse:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
+from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.variables import Estimate
 
 MAX_TURN = 0.5
@@ -32,8 +32,6 @@ class Trial(NamedTuple):
     estimate: Estimate
     cost: np.ndarray
     """(C,) by `FactorGraph.cost_names`."""
-    linearization: Linearization | None
-    """There, where it was made along with the cost."""
     moves: np.ndarray
     """(10 K + 6 J + T,) made."""
     moved: float
@@ -51,9 +49,9 @@ def descend(
 ) -> Trial:
     """The first of the whole step, a quarter and a sixteenth of it that does not raise the cost, else the last.
 
-    Most whole steps are good, so the normal equations are made there at once. Trying a shorter step costs a
-    thirtieth of solving for another. (The lowest point of the parabola through what is known makes shorter steps than a
-    quarter, and three times as many: along a curved valley the cost rises with the fourth power.)
+    Trying a shorter step costs a thirtieth of solving for another. (The lowest point of the parabola through what is
+    known makes shorter steps than a quarter, and three times as many: along a curved valley the cost rises with the
+    fourth power.)
     """
     camera, landmark, parameter = (part.astype(float) for part in step)
     if graph.reflectance is not None:
@@ -62,13 +60,12 @@ def descend(
     for share in (whole, whole / 4.0, whole / 16.0):
         moves = limited(share * landmark, step_limit, estimate)
         candidate = estimate.step(share * camera, moves, share * parameter)
-        linearization = graph.linearize(candidate) if share == whole else None
-        new_cost = graph.cost(candidate) if linearization is None else linearization.cost
+        new_cost = graph.cost(candidate)
         if new_cost.sum() <= cost:
             break
     moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
     made = np.concatenate([share * camera.ravel(), moves.ravel(), share * parameter])
-    return Trial(candidate, new_cost, linearization, made, moved, share == 1.0)
+    return Trial(candidate, new_cost, made, moved, share == 1.0)
 
 
 def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
