@@ -17,6 +17,19 @@ from photoclinometry.model.scene import Scene
 _MAX_VIEWS = 8
 """Views from which the correlation is measured, evenly chosen."""
 
+SAME_SIGMA, SAME_CORRELATION = 0.1, 0.2
+"""Noise of two reweighting iterations is alike if no standard deviation differs by more than the first share, no
+correlation by more than the second: the estimate does not change by a tenth of its sigmas then."""
+
+MIN_BRIGHTNESS_SHARE = 1e-4
+"""Noise of brightness is at least this share of the median brightness: no detector measures better."""
+
+MIN_FREEDOM = 0.1
+"""Share of the residuals that count as degrees of freedom at least, where parameters are as many as residuals."""
+
+MIN_PAIRS = 0.1
+"""Lags count in a correlation that have this share of the pairs that their number lets expect."""
+
 _CUT = 0.05
 """Correlation below which lags are left out: beyond, there is mostly the noise of the correlation itself."""
 
@@ -44,10 +57,13 @@ class Noise:
     measured, and for scales that are free."""
 
     def close_to(self, other: Noise) -> bool:
-        """Whether no standard deviation differs by more than a tenth, no correlation by more than a fifth."""
+        """Whether sigmas differ by SAME_SIGMA at most, correlations by SAME_CORRELATION."""
         for f in fields(self):
             a, b = getattr(self, f.name), getattr(other, f.name)
-            if np.isfinite(a) != np.isfinite(b) or abs(a - b) > (0.2 if f.name.endswith("_px") else 0.1) * b:
+            if (
+                np.isfinite(a) != np.isfinite(b)
+                or abs(a - b) > (SAME_CORRELATION if f.name.endswith("_px") else SAME_SIGMA) * b
+            ):
                 return False
         return True
 
@@ -75,10 +91,10 @@ def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> fl
 def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> float:
     """Standard deviation of the lit residuals; each landmark's normal and albedo take three of freedom.
 
-    At least 1e-4 of the median brightness: nothing is measured better.
+    At least MIN_BRIGHTNESS_SHARE of the median brightness.
     """
     landmarks = int(np.count_nonzero(np.bincount(scene.tracks.landmark[lit])))
-    floor = 1e-4 * float(np.median(scene.tracks.brightness[lit]))
+    floor = MIN_BRIGHTNESS_SHARE * float(np.median(scene.tracks.brightness[lit]))
     return max(robust_sigma(residual[lit], parameters=3 * landmarks), floor)
 
 
@@ -114,7 +130,7 @@ def scale_scatter(scale: np.ndarray, phase: np.ndarray | None = None) -> float:
 
 def robust_sigma(residual: np.ndarray, parameters: int) -> float:
     """Standard deviation from the median absolute residual, with `parameters` fitted to the residuals."""
-    freedom = max(residual.size - parameters, 0.1 * residual.size) / residual.size
+    freedom = max(residual.size - parameters, MIN_FREEDOM * residual.size) / residual.size
     return 1.4826 * float(np.median(np.abs(residual)) / np.sqrt(freedom))
 
 
@@ -148,7 +164,7 @@ def _shared(values: np.ndarray, pixel: np.ndarray, stride: int) -> float:
     products, pairs = _autocorrelation(field), np.round(_autocorrelation(there))
     distance = np.hypot(*np.meshgrid(*(np.fft.fftfreq(n, 1 / n) for n in products.shape), indexing="ij"))
     ring = distance.round().astype(int)
-    enough = pairs >= 0.1 * len(values) * (len(values) / field.size)
+    enough = pairs >= MIN_PAIRS * len(values) * (len(values) / field.size)
     total = np.bincount(ring[enough], products[enough])
     count = np.bincount(ring[enough], pairs[enough])
     correlation = np.divide(total, count, out=np.zeros_like(total), where=count > 0) * (len(values) / products[0, 0])

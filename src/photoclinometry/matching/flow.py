@@ -17,6 +17,17 @@ from photoclinometry.matching.interface import Matches, MatchRequest, region_mat
 from photoclinometry.model.scene import Image, Region
 from photoclinometry.surface.sampling import sample, smoothing_px
 
+SAMPLED_VALID, WHOLLY_VALID = 0.999, 0.99
+"""Masks interpolated once and twice are above these where they are of valid pixels alone, but for rounding."""
+MIN_SHARE = 1e-3
+"""Share of valid pixels in a window below which its mean is not trusted; it guards a division."""
+MIN_CONTRAST = 0.2
+"""Local contrast is taken to be at least this share of its median."""
+GRADIENT_WEIGHT = 10.0
+"""Weight of the gradients' constancy in the flow's refinement: OpenCV's default."""
+MIN_STRUCTURE = 1e-4
+"""Least eigenvalue of the structure tensor of normalised pictures, whose contrast is 1: flatter ground has no match."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FlowOptions:
@@ -54,7 +65,7 @@ class FlowMatcher:
         forward, backward = search(a, b, options), search(b, a, options)
         round_trip = np.linalg.norm(forward + follow(backward, forward, order=1), axis=-1)
         correlation, sigma = fit_quality(a, b, forward)
-        inside = reference[1] & (follow(warped[1].astype(np.float32), forward, order=1) > 0.99)
+        inside = reference[1] & (follow(warped[1].astype(np.float32), forward, order=1) > WHOLLY_VALID)
         valid = inside & (round_trip < options.max_round_trip_px) & (correlation > options.min_correlation)
         position = follow(request.prediction, forward, order=1)
         valid &= np.isfinite(position).all(-1)
@@ -87,14 +98,14 @@ def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     filled = _smoothed(image.brightness.astype(np.float32), image.valid, target_step(xy))
     height, width = image.brightness.shape
     inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)  # False where not finite
-    valid = inside & (sample(image.valid.astype(np.float32), xy, order=1) > 0.999)
+    valid = inside & (sample(image.valid.astype(np.float32), xy, order=1) > SAMPLED_VALID)
     return sample(filled, xy).astype(np.float32), valid
 
 
 def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.ndarray:
     """(h, w) float32: brightness less its local mean, divided by its local standard deviation; 0 where not valid.
 
-    window: standard deviation [px] of the Gaussian weight. The divisor is floored at a fifth of its median: noise
+    window: standard deviation [px] of the Gaussian weight. The divisor is floored at MIN_CONTRAST of its median: noise
     in flat or shadowed ground is not to look like texture.
     """
     import cv2
@@ -103,11 +114,11 @@ def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.nd
         return cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT)
 
     mask = valid.astype(np.float32)
-    share = np.maximum(blur(mask), 1e-3)
+    share = np.maximum(blur(mask), MIN_SHARE)
     value = np.where(valid, brightness, 0.0).astype(np.float32)
     centred = np.where(valid, value - blur(value) / share, 0.0).astype(np.float32)
     spread = np.sqrt(np.maximum(blur(centred**2) / share, 0.0))
-    floor = 0.2 * float(np.median(spread[valid])) if valid.any() else 0.0
+    floor = MIN_CONTRAST * float(np.median(spread[valid])) if valid.any() else 0.0
     return np.clip(centred / np.maximum(spread, max(floor, 1e-12)), -4.0, 4.0)
 
 
@@ -125,7 +136,7 @@ def search(a: np.ndarray, b: np.ndarray, options: FlowOptions) -> np.ndarray:
     flow.setPatchStride(max(1, options.patch_px // 2))
     flow.setVariationalRefinementIterations(options.refinement_steps)
     flow.setVariationalRefinementAlpha(options.smoothness)
-    flow.setVariationalRefinementGamma(10.0)
+    flow.setVariationalRefinementGamma(GRADIENT_WEIGHT)
     flow.setVariationalRefinementDelta(0.0)
     grey = [np.rint(np.clip(128 + 32 * picture, 0, 255)).astype(np.uint8) for picture in (a, b)]
     return flow.calc(grey[0], grey[1], np.zeros((*a.shape, 2), np.float32))
@@ -153,7 +164,7 @@ def fit_quality(a: np.ndarray, b: np.ndarray, flow: np.ndarray, window: float = 
     smaller = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)
     independent = np.pi * window**2
     noise = blur((a - moved) ** 2)
-    return correlation, np.sqrt(noise / np.maximum(smaller, 1e-4) / independent)
+    return correlation, np.sqrt(noise / np.maximum(smaller, MIN_STRUCTURE) / independent)
 
 
 def follow(values: np.ndarray, flow: np.ndarray, *, order: int = 3) -> np.ndarray:

@@ -22,6 +22,15 @@ MAX_TURN = 0.5
 MAX_GLOBAL_TURN = 0.05
 """A Sun, or a camera about the map, turns by this at most in one step [rad]."""
 
+MAX_GAIN = 0.2
+"""A scale or a reflectance parameter changes by this share at most in one step."""
+
+MAX_FALL = 0.9
+"""An albedo falls by this share at most in one step, so that it stays positive."""
+
+SHORTER = (1.0, 0.25, 0.0625)
+"""Shares of a step that are tried, one after the other, before damping rises."""
+
 _ROBUST_ITERATIONS = 10
 _SAMPLE = 10_000
 
@@ -57,7 +66,7 @@ def descend(
     if graph.reflectance is not None:
         parameter = graph.reflectance.limit_step(estimate.parameters, parameter)
     whole = _global_share(camera, parameter, estimate)
-    for share in (whole, whole / 4.0, whole / 16.0):
+    for share in (part * whole for part in SHORTER):
         moves = limited(share * landmark, step_limit, estimate)
         candidate = estimate.step(share * camera, moves, share * parameter)
         new_cost = graph.cost(candidate)
@@ -70,15 +79,15 @@ def descend(
 
 def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
     """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale and no
-    reflectance parameter by more than a fifth: beyond, the linear model of a view's brightness is worth nothing."""
+    reflectance parameter by more than MAX_GAIN: beyond, the linear model of a view's brightness is worth nothing."""
     turn = max(np.linalg.norm(camera[:, :3], axis=1).max(), np.linalg.norm(camera[:, 6:8], axis=1).max())
     gain = np.max(np.abs(camera[:, 8]) / np.abs(estimate.views.scale))
-    return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / 0.2, *np.abs(parameter) / 0.2)
+    return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / MAX_GAIN, *np.abs(parameter) / MAX_GAIN)
 
 
 def limited(landmark: np.ndarray, max_move: float | np.ndarray, estimate: Estimate) -> np.ndarray:
     """Landmark steps (J, 6), each cut as a whole so that its position moves by `max_move` at most, or no more than that
-    against the common motion, its normal turns by MAX_TURN, and its albedo does not fall below a tenth of what it is.
+    against the common motion, its normal turns by MAX_TURN, and its albedo does not fall by more than MAX_FALL.
 
     max_move: of all, or (J,) of each.
     """
@@ -89,7 +98,7 @@ def limited(landmark: np.ndarray, max_move: float | np.ndarray, estimate: Estima
     turn = np.linalg.norm(landmark[:, 3:5], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.minimum(1.0, np.minimum(max_move / length, MAX_TURN / turn))
-        fall = -landmark[:, 5] / (0.9 * np.maximum(estimate.landmarks.albedo, 1e-12))
+        fall = -landmark[:, 5] / (MAX_FALL * np.maximum(estimate.landmarks.albedo, 1e-12))
         share = np.nan_to_num(np.where(fall * share > 1.0, 1.0 / fall, share), nan=1.0)[:, None]
     moves = share * landmark
     moves[:, :3] += (1.0 - share) * common
