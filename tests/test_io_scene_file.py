@@ -164,3 +164,16 @@ def test_a_scene_whose_indices_point_outside_is_refused(tmp_path, scene):
         write_scene(path, broken)
         with pytest.raises(RunFolderError, match=fault):
             read_scene(path)
+
+
+def test_files_written_before_parameters_had_names_are_read(tmp_path):
+    """They have the disk function's name, two weights, and the coefficients of the phase function."""
+    scene = synthetic_scene(size=6, views=4)
+    path = tmp_path / "scene.h5"
+    write_scene(path, scene)
+    with h5py.File(path, "r+") as file:
+        model = file["reflectance"]
+        values = model["parameters"][()]
+        del model["parameters"], model.attrs["name"]
+        model.attrs["disk"], model["weight"], model["phase_coefficients"] = "lunar-lambert", values[:2], values[2:]
+    assert read_scene(path).reflectance == scene.reflectance
