@@ -28,8 +28,8 @@ MAX_GAIN = 0.2
 MAX_FALL = 0.9
 """An albedo falls by this share at most in one step, so that it stays positive."""
 
-SHORTER = (1.0, 0.25, 0.0625)
-"""Shares of a step that are tried, one after the other, before damping rises."""
+SHORTER = 0.25
+"""Share of a step that is tried where the whole of it fails, twice, before damping rises."""
 
 _ROBUST_ITERATIONS = 10
 _SAMPLE = 10_000
@@ -66,7 +66,7 @@ def descend(
     if graph.reflectance is not None:
         parameter = graph.reflectance.limit_step(estimate.parameters, parameter)
     whole = _global_share(camera, parameter, estimate)
-    for share in (part * whole for part in SHORTER):
+    for share in (whole, SHORTER * whole, SHORTER**2 * whole):
         moves = limited(share * landmark, step_limit, estimate)
         candidate = estimate.step(share * camera, moves, share * parameter)
         new_cost = graph.cost(candidate)
