@@ -113,6 +113,7 @@ def adjust(
         gradients = ImageGradients(gradients.at[picked], gradients.gradient[picked])
     sorted_scene = replace(scene, landmarks=scene.landmarks[order], tracks=tracks)
     sorted_scene, gradients, members = with_tie_points(sorted_scene, gradients, tie_points, control)
+    del tracks  # a copy of a hundred megabytes at full size
     given, start = (
         scene.reflectance,
         Estimate(scene.views, sorted_scene.landmarks, np.median(scene.landmarks.position, axis=0)),
@@ -182,6 +183,8 @@ def _uncertainty(setup: Setup, fit: _Fit) -> tuple[dict[str, np.ndarray], np.nda
         response = parameter_response(graph, fit.solution, setup.options.solver)
         assert setup.reflectance is not None
         sigma = np.abs(setup.reflectance.parameter_scale) * np.sqrt(np.diag(response.covariance))
+        del graph
+    setup.table.release()
     seen = replace(stated, brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor)
     graph = FactorGraph(factor_groups(setup, fit.lit, seen, fit.smoothness))
     found = estimate_uncertainty(

@@ -72,7 +72,10 @@ def run(site_file: Path, out: Path, options: RunOptions | None = None, progress:
         options=options.relight,
         max_iterations=choices.max_iterations,
     )
-    relit = maps.relight(maps.first_map(scene))
+    first = maps.first_map(scene)
+    del dense, scene  # of all maps, the latest two are held in memory
+    relit = maps.relight(first)
+    del first
     finished = maps.last_estimate(relit)
     summary = RunSummary(
         adjustment=finished.value.adjustment,

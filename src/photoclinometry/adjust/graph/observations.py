@@ -62,6 +62,10 @@ class ObservationTable:
         """(2, P) keypoints [px] by place."""
         return np.array([spread(axis, self.place, self.layout.places) for axis in self.tracks.keypoint.T])
 
+    def release(self) -> None:
+        """Lets go of the keypoints by place; they are laid out anew when they are needed."""
+        self.__dict__.pop("keypoint_lanes", None)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Keypoints:
