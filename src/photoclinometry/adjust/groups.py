@@ -93,8 +93,9 @@ class Setup:
 
     @property
     def fixes_frame(self) -> bool:
-        """Whether more than the gauge is known of the frame B."""
-        return self.pose_priors is not None or self.control is not None
+        """Whether more than the gauge is known of the frame B: two poses, control points, or all positions."""
+        poses = 0 if self.pose_priors is None else np.count_nonzero(np.isfinite(self.pose_priors.center_sigma))
+        return poses > 1 or self.control is not None or self.options.position_sigma_gsd is not None
 
 
 def setup_of(
