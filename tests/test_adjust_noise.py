@@ -8,8 +8,8 @@ from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
     correlation_px,
+    fitted_sigma,
     keypoint_factor,
-    robust_sigma,
     scale_scatter,
     view_prior_factor,
 )
@@ -67,10 +67,10 @@ def test_noise_of_a_true_scene_is_what_was_drawn():
     """At the truth nothing was fitted: the residuals are the noise itself, whitened by the keypoints' own sigma."""
     scene = synthetic_scene(size=30, views=6, keypoint_noise_px=0.2, brightness_noise=0.01)
     whitened = keypoint_residuals(scene) / scene.tracks.keypoint_sigma[:, None]
-    assert robust_sigma(whitened, parameters=0) == pytest.approx(1.0, rel=0.03)
+    assert fitted_sigma(whitened, parameters=0) == pytest.approx(1.0, rel=0.03)
     lit = np.ones(len(scene.tracks), bool)
     drawn = 0.01 * synthetic_scene(size=30, views=6).tracks.brightness.mean()
-    assert robust_sigma(brightness_residuals(scene), parameters=0) == pytest.approx(drawn, rel=0.03)
+    assert fitted_sigma(brightness_residuals(scene), parameters=0) == pytest.approx(drawn, rel=0.03)
     # as if three had been fitted to a landmark's twelve coordinates and three to its six brightnesses
     everyone = np.ones(len(scene.landmarks), bool)
     assert keypoint_factor(scene, keypoint_residuals(scene), everyone) == pytest.approx(np.sqrt(12 / 9), rel=0.03)

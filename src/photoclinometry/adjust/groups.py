@@ -94,7 +94,7 @@ class Setup:
     @property
     def fixes_frame(self) -> bool:
         """Whether more than the gauge is known of the frame B: two poses, control points, or all positions."""
-        poses = 0 if self.pose_priors is None else np.count_nonzero(np.isfinite(self.pose_priors.center_sigma))
+        poses = 0 if self.pose_priors is None else int(np.isfinite(self.pose_priors.center_sigma).sum())
         return poses > 1 or self.control is not None or self.options.position_sigma_gsd is not None
 
 

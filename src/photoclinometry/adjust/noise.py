@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from photoclinometry.model.robust import robust_sigma
 from photoclinometry.model.scene import Scene
 
 _MAX_VIEWS = 8
@@ -85,7 +86,7 @@ def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> fl
     """Standard deviation of the whitened residuals of landmarks `which` (J,), each of which takes three of freedom."""
     mine = which[scene.tracks.landmark]
     whitened = residual[mine] / scene.tracks.keypoint_sigma[mine, None]
-    return robust_sigma(whitened, parameters=3 * int(np.count_nonzero(which)))
+    return fitted_sigma(whitened, parameters=3 * int(np.count_nonzero(which)))
 
 
 def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> float:
@@ -95,7 +96,7 @@ def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> flo
     """
     landmarks = int(np.count_nonzero(np.bincount(scene.tracks.landmark[lit])))
     floor = MIN_BRIGHTNESS_SHARE * float(np.median(scene.tracks.brightness[lit]))
-    return max(robust_sigma(residual[lit], parameters=3 * landmarks), floor)
+    return max(fitted_sigma(residual[lit], parameters=3 * landmarks), floor)
 
 
 def view_prior_factor(offsets: np.ndarray, factor: float) -> float:
@@ -128,10 +129,10 @@ def scale_scatter(scale: np.ndarray, phase: np.ndarray | None = None) -> float:
     return max(float(np.sqrt(np.sum(off**2) / freedom)), MIN_SCALE_SCATTER)
 
 
-def robust_sigma(residual: np.ndarray, parameters: int) -> float:
+def fitted_sigma(residual: np.ndarray, parameters: int) -> float:
     """Standard deviation from the median absolute residual, with `parameters` fitted to the residuals."""
     freedom = max(residual.size - parameters, MIN_FREEDOM * residual.size) / residual.size
-    return 1.4826 * float(np.median(np.abs(residual)) / np.sqrt(freedom))
+    return robust_sigma(residual) / float(np.sqrt(freedom))
 
 
 def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stride: int = 1) -> float:
@@ -154,7 +155,7 @@ def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stri
 def _shared(values: np.ndarray, pixel: np.ndarray, stride: int) -> float:
     """How many of one view's residuals share an error."""
     middle = np.median(values)
-    spread = 1.4826 * np.median(np.abs(values - middle))
+    spread = robust_sigma(values - middle)
     if spread == 0.0:
         return 1.0
     row, col = ((pixel - pixel.min(0)) // stride).T

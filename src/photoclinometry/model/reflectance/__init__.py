@@ -29,8 +29,6 @@ from photoclinometry.model.reflectance.reflectance import (
     starting_model,
 )
 
-_PHASE_FLOOR = PHASE_FLOOR
-
 __all__ = [
     "DEG",
     "MODELS",
