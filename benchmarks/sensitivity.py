@@ -1,32 +1,53 @@
 """Halves and doubles every tuned number of the pipeline, and tables what that does to three small sites.
 
-    python benchmarks/sensitivity.py --out sensitivity                       all numbers: a day
+    python benchmarks/sensitivity.py --out sensitivity                       all numbers
     python benchmarks/sensitivity.py --out sensitivity --only adjust/noise   those of one file
 
 Tuned numbers are found in the sources: literals in named constants of modules, in defaults of options and arguments,
-and unnamed ones inside functions. Each is changed in a copy of the sources, and the sites are mapped with that copy in
+and unnamed ones inside functions. They are changed in a copy of the sources, and the sites are mapped with that copy in
 a process of its own, so that compiled functions change, too. Sites: moderate light, strong light, and few views, all of
-Hapke's ground. Results are kept in OUT/results.jsonl; a stopped call goes on. OUT/table.md has a row per number: the
-largest change of surface distance, normals, relative rotations and completeness over sites and both directions.
+Hapke's ground.
+
+Most numbers shape nothing. So the numbers of a file are first changed together, `--group` at a time. Where surface,
+normals, rotations and completeness of all sites stay within NOTHING per cent, each of the group has that row. The
+numbers of the other groups are then changed one by one, those of the most influential group first. What is left when a
+call is stopped has its group's row, and the next call goes on. Results are kept in OUT/results.jsonl; OUT/table.md has
+a row per number: the largest change over sites and both directions.
 """
 
 from __future__ import annotations
 
 import ast
 import json
+import math
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 import tyro
 
 ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "photoclinometry"
+NOTHING = 2.0
+"""Per cent. About the change that a map has from a change of rounding, on sites as small as these."""
 PACKAGES = ("surface", "photometry", "registration", "sfm", "matching", "adjust", "pipeline")
 """Those whose numbers may shape a map."""
+NOT_HERE = (
+    "adjust/covariance/",  # only sigmas
+    "adjust/graph/kernels.py",  # places in compiled rows
+    "adjust/graph/product.py",
+    "matching/roma.py",  # another matcher
+    "pipeline/control.py",  # sites without control points, and without pose priors
+    "pipeline/refine.py",  # another command
+    "registration/",  # maps in frames that are given, and comparison of maps
+)
+"""What does not take part in the maps of these sites."""
 ARITHMETIC = {0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 100.0, 180.0, 255.0, 1.4826}
 """Unnamed numbers that are parts of formulas and units."""
 STRUCTURE = ("LANES", "STORED", "CAMERA_SIZE", "LANDMARK_SIZE", "SIMILARITY", "DEG", "FORMAT", "VERSION")
@@ -47,9 +68,11 @@ MAP = """
 import json, sys
 import photoclinometry as pcm
 from photoclinometry.matching.densify import DensifyOptions
-options = {"densify": DensifyOptions(min_views=4), "adjust": pcm.AdjustOptions(uncertainty=False)}
-run = pcm.run(sys.argv[1], sys.argv[2], **options)
-print(json.dumps(pcm.evaluate(run, truth=sys.argv[3]).metrics))
+from photoclinometry.pipeline import run
+run.write_products = lambda folder, summary: summary.adjustment.scene
+site, out, truth = sys.argv[1:]
+scene = pcm.run(site, out, densify=DensifyOptions(min_views=4), adjust=pcm.AdjustOptions(uncertainty=False))
+print(json.dumps(pcm.evaluate(scene, truth=truth, site=site).metrics))
 """
 
 
@@ -74,9 +97,11 @@ class Number:
 
 def tuned_numbers(package: Path) -> Iterator[Number]:
     """The tuned numbers of a package's sources, in the order of files and lines."""
-    for file in sorted(f for name in PACKAGES for f in (package / name).rglob("*.py")):
-        text = file.read_text(encoding="utf-8")
-        yield from _numbers_of(file.relative_to(package).as_posix(), text, ast.parse(text), "", named=False)
+    for path in sorted(f for name in PACKAGES for f in (package / name).rglob("*.py")):
+        file = path.relative_to(package).as_posix()
+        if not file.startswith(NOT_HERE):
+            text = path.read_text(encoding="utf-8")
+            yield from _numbers_of(file, text, ast.parse(text), "", named=False)
 
 
 def _numbers_of(file: str, text: str, node: ast.AST, name: str, *, named: bool) -> Iterator[Number]:
@@ -113,16 +138,17 @@ def _is_tuned(value: float, name: str, named: bool) -> bool:
     return isinstance(value, float) and abs(value) not in ARITHMETIC
 
 
-def changed_source(text: str, number: Number, factor: float) -> str:
-    """The source with one literal times a factor; integers stay integers, one at least."""
+def changed_source(text: str, numbers: Sequence[Number], factor: float) -> str:
+    """The source with some of its literals times a factor; integers stay integers, one at least."""
     lines = text.split("\n")
-    line, end = lines[number.line - 1], number.column + len(number.text)
-    if line[number.column : end] != number.text:
-        raise ValueError(f"{number.key}: expected {number.text!r}, found {line[number.column : end]!r}")
-    value = ast.literal_eval(number.text) * factor
-    if isinstance(ast.literal_eval(number.text), int):
-        value = max(1, round(value))
-    lines[number.line - 1] = f"{line[: number.column]}{value!r}{line[end:]}"
+    for number in sorted(numbers, key=lambda n: n.column, reverse=True):
+        line, end = lines[number.line - 1], number.column + len(number.text)
+        if line[number.column : end] != number.text:
+            raise ValueError(f"{number.key}: expected {number.text!r}, found {line[number.column : end]!r}")
+        value = ast.literal_eval(number.text) * factor
+        if isinstance(ast.literal_eval(number.text), int):
+            value = max(1, round(value))
+        lines[number.line - 1] = f"{line[: number.column]}{value!r}{line[end:]}"
     return "\n".join(lines)
 
 
@@ -138,35 +164,107 @@ def map_site(package: Path, site: Path, out: Path) -> dict[str, float] | None:
     return {short: metrics[name] for name, short in FIGURES.items()}
 
 
-def table(results: list[dict]) -> str:
-    """Markdown, a row per number, the most influential first."""
-    base = {r["site"]: r["figures"] for r in results if r["key"] == "base"}
-    rows = []
-    for key in dict.fromkeys(r["key"] for r in results if r["key"] != "base"):
-        mine = [r for r in results if r["key"] == key]
+@dataclass
+class Results:
+    """Figures of all maps so far: by the numbers changed, the factor and the site."""
+
+    file: Path
+    figures: dict[tuple[str, float, str], dict[str, float] | None]
+
+    @classmethod
+    def read(cls, file: Path) -> Results:
+        lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+        rows = [json.loads(line) for line in lines]
+        return cls(file, {(row["key"], row["factor"], row["site"]): row["figures"] for row in rows})
+
+    def add(self, key: str, factor: float, site: str, figures: dict[str, float] | None) -> None:
+        self.figures[key, factor, site] = figures
+        with self.file.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps({"key": key, "factor": factor, "site": site, "figures": figures}) + "\n")
+
+    def change(self, numbers: Sequence[Number]) -> dict[str, float] | None:
+        """The largest change of each figure in per cent, infinite where there was no map; None if not measured."""
+        key = key_of(numbers)
+        measured = [(site, figures) for (k, _, site), figures in self.figures.items() if k == key]
+        if not measured:
+            return None
         largest = dict.fromkeys(FIGURES.values(), 0.0)
-        failed = any(r["figures"] is None for r in mine)
-        for r in (r for r in mine if r["figures"] is not None):
-            for figure in largest:
-                before = base[r["site"]][figure]
-                largest[figure] = max(largest[figure], 100.0 * abs(r["figures"][figure] / before - 1.0), key=abs)
-        rows.append((failed, max(largest.values()), mine[0]["number"], largest))
+        for site, figures in measured:
+            base = self.figures["base", 1.0, site]
+            for name in largest:
+                after = math.inf if figures is None or base is None else 100.0 * abs(figures[name] / base[name] - 1.0)
+                largest[name] = max(largest[name], after)
+        return largest
+
+
+def key_of(numbers: Sequence[Number]) -> str:
+    """Of the numbers that are changed together."""
+    return " ".join(number.key for number in numbers) or "base"
+
+
+def groups_of(numbers: Sequence[Number], size: int) -> list[list[Number]]:
+    """Up to `size` numbers of the same file each."""
+    files = [list(mine) for _, mine in groupby(numbers, key=lambda n: n.file)]
+    return [mine[k : k + size] for mine in files for k in range(0, len(mine), size)]
+
+
+def table(results: Results, groups: Sequence[Sequence[Number]]) -> str:
+    """Markdown, a row per number, the most influential first."""
+    rows = []
+    for group in groups:
+        for number in group:
+            single, together = results.change([number]), results.change(group)
+            change = together if single is None else single
+            if change is not None:
+                alone = len(group) == 1 or single is not None
+                rows.append((alone, max(change.values()), number, change, len(group) - 1))
     rows.sort(key=lambda row: (row[0], row[1]), reverse=True)
-    head = ["number", "value", *(f"{figure} [%]" for figure in FIGURES.values()), "no map"]
+    head = ["number", "value", *(f"{figure} [%]" for figure in FIGURES.values()), "changed"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    for failed, _, number, largest in rows:
-        cells = [f"{number['file']}:{number['line']} {number['name']}", number["text"]]
-        cells += [f"{value:.1f}" for value in largest.values()] + ["yes" if failed else ""]
+    for alone, _, number, change, others in rows:
+        cells = [f"{number.file}:{number.line} {number.name}", number.text]
+        cells += ["no map" if math.isinf(value) else f"{value:.1f}" for value in change.values()]
+        cells.append("alone" if alone else f"with {others} others")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
-def main(out: Path, only: str = "") -> None:
-    """Change numbers one by one.
+@dataclass(frozen=True)
+class Laboratory:
+    """Maps the sites with changed copies of the sources."""
+
+    out: Path
+    results: Results
+    processes: int
+
+    @property
+    def copy(self) -> Path:
+        return self.out / "source" / "photoclinometry"
+
+    def measure(self, numbers: Sequence[Number]) -> None:
+        """Maps the sites with numbers halved, then doubled; with none, as they are."""
+        for factor in (0.5, 2.0) if numbers else (1.0,):
+            for file in {n.file for n in numbers}:
+                text = (SOURCE / file).read_text(encoding="utf-8")
+                changed = changed_source(text, [n for n in numbers if n.file == file], factor)
+                (self.copy / file).write_text(changed, encoding="utf-8")
+            todo = [site for site in SITES if (key_of(numbers), factor, site) not in self.results.figures]
+            with ThreadPoolExecutor(self.processes) as pool:
+                maps = pool.map(lambda s: map_site(self.copy, self.out / s, self.out / "runs" / s), todo)
+                for site, figures in zip(todo, maps, strict=True):
+                    self.results.add(key_of(numbers), factor, site, figures)
+        for file in {n.file for n in numbers}:
+            shutil.copyfile(SOURCE / file, self.copy / file)
+
+
+def main(out: Path, only: str = "", group: int = 5, processes: int = 1) -> None:
+    """Change numbers, group by group, then one by one.
 
     Args:
         out: Folder for sites, results and table.
         only: Numbers whose file and name hold this text.
+        group: How many numbers are changed together at first.
+        processes: How many maps are made at once.
     """
     from photoclinometry.simulate.options import SimulationOptions
     from photoclinometry.simulate.site import simulate_site
@@ -175,32 +273,24 @@ def main(out: Path, only: str = "") -> None:
     for name, options in SITES.items():
         if not (out / name / "site.toml").is_file():
             simulate_site(SimulationOptions(**{**SIZE, **options}), out / name)
-    source, copy = ROOT / "src" / "photoclinometry", out / "source" / "photoclinometry"
-    shutil.rmtree(copy, ignore_errors=True)
-    shutil.copytree(source, copy)
-    kept = out / "results.jsonl"
-    results = [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()] if kept.is_file() else []
-    known = {(r["key"], r["factor"], r["site"]) for r in results}
+    laboratory = Laboratory(out, Results.read(out / "results.jsonl"), processes)
+    shutil.rmtree(laboratory.copy, ignore_errors=True)
+    shutil.copytree(SOURCE, laboratory.copy)
+    groups = groups_of([n for n in tuned_numbers(SOURCE) if only in f"{n.file} {n.name}"], group)
 
-    def measure(key: str, factor: float, number: Number | None) -> None:
-        for site in SITES:
-            if (key, factor, site) not in known:
-                figures = map_site(copy, out / site, out / "run")
-                content = None if number is None else asdict(number)
-                results.append({"key": key, "factor": factor, "site": site, "figures": figures, "number": content})
-                with kept.open("a", encoding="utf-8") as stream:
-                    stream.write(json.dumps(results[-1]) + "\n")
+    def measure(numbers: Sequence[Number]) -> float:
+        laboratory.measure(numbers)
+        (out / "table.md").write_text(table(laboratory.results, groups), encoding="utf-8")
+        largest = max((laboratory.results.change(numbers) or {}).values())
+        print(f"{largest:6.1f} %  {', '.join(f'{n.key} {n.name}' for n in numbers) or 'base'}", flush=True)
+        return largest
 
-    measure("base", 1.0, None)
-    chosen = [n for n in tuned_numbers(source) if only in f"{n.file} {n.name}"]
-    for place, number in enumerate(chosen):
-        text = (source / number.file).read_text(encoding="utf-8")
-        for factor in (0.5, 2.0):
-            (copy / number.file).write_text(changed_source(text, number, factor), encoding="utf-8")
-            measure(number.key, factor, number)
-        (copy / number.file).write_text(text, encoding="utf-8")
-        (out / "table.md").write_text(table(results), encoding="utf-8")
-        print(f"{place + 1} of {len(chosen)}: {number.key} {number.name}", flush=True)
+    measure([])
+    effect = [measure(numbers) for numbers in groups]
+    for k in sorted(range(len(groups)), key=lambda k: -effect[k]):
+        if effect[k] > NOTHING and len(groups[k]) > 1:
+            for number in groups[k]:
+                measure([number])
 
 
 if __name__ == "__main__":

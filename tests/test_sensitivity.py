@@ -4,14 +4,12 @@ import ast
 
 import pytest
 
-from sensitivity import ROOT, Number, changed_source, table, tuned_numbers
-
-PACKAGE = ROOT / "src" / "photoclinometry"
+from sensitivity import SOURCE, Number, Results, changed_source, groups_of, table, tuned_numbers
 
 
 @pytest.fixture(scope="module")
 def numbers():
-    return list(tuned_numbers(PACKAGE))
+    return list(tuned_numbers(SOURCE))
 
 
 def test_named_constants_options_and_unnamed_numbers_are_found(numbers):
@@ -24,30 +22,52 @@ def test_named_constants_options_and_unnamed_numbers_are_found(numbers):
 
 def test_one_literal_changes_and_nothing_else(numbers):
     number = next(n for n in numbers if n.name == "DIRECT_SIGMA_PX")
-    text = (PACKAGE / number.file).read_text(encoding="utf-8")
-    half = changed_source(text, number, 0.5)
+    text = (SOURCE / number.file).read_text(encoding="utf-8")
+    half = changed_source(text, [number], 0.5)
     assert "DIRECT_SIGMA_PX = 12.5" in half
     assert half.replace("DIRECT_SIGMA_PX = 12.5", "DIRECT_SIGMA_PX = 25.0") == text
     for each in numbers:
-        ast.parse(changed_source((PACKAGE / each.file).read_text(encoding="utf-8"), each, 2.0))
+        ast.parse(changed_source((SOURCE / each.file).read_text(encoding="utf-8"), [each], 2.0))
 
 
 def test_integers_stay_integers_and_positive():
     number = Number("a.py", 1, 4, "1", "N", True)
-    assert changed_source("N = 1", number, 0.5) == "N = 1"
-    assert changed_source("N = 1", number, 2.0) == "N = 2"
+    assert changed_source("N = 1", [number], 0.5) == "N = 1"
+    assert changed_source("N = 1", [number], 2.0) == "N = 2"
     with pytest.raises(ValueError, match="expected '1'"):
-        changed_source("N = 2", number, 2.0)
+        changed_source("N = 2", [number], 2.0)
 
 
-def test_the_table_has_the_largest_change_over_sites_and_directions():
-    def result(key, factor, surface):
-        figures = None if surface is None else dict(surface=surface, normals=1.0, rotations=1.0, completeness=99.0)
-        number = {"file": "a.py", "line": 3, "name": key, "text": "2.0"}
-        return {"key": key, "factor": factor, "site": "moderate", "figures": figures, "number": number}
+def test_numbers_of_one_line_change_together():
+    numbers = [Number("a.py", 1, 7, "1.5", "A, B", True), Number("a.py", 1, 12, "70.0", "A, B", True)]
+    assert changed_source("A, B = 1.5, 70.0", numbers, 2.0) == "A, B = 3.0, 140.0"
 
-    results = [result("base", 1.0, 0.1), result("A", 0.5, 0.12), result("A", 2.0, 0.07), result("B", 2.0, None)]
-    rows = table(results).split("\n")[2:]
-    assert rows[0].startswith("| a.py:3 B |")
-    assert rows[0].endswith("| yes |")
-    assert rows[1] == "| a.py:3 A | 2.0 | 30.0 | 0.0 | 0.0 | 0.0 |  |"
+
+def test_groups_are_of_one_file():
+    numbers = [Number(file, line, 0, "1.0", "N", True) for file in ("a.py", "b.py") for line in (1, 2, 3)]
+    assert [[n.key for n in group] for group in groups_of(numbers, 2)] == [
+        ["a.py:1:0", "a.py:2:0"],
+        ["a.py:3:0"],
+        ["b.py:1:0", "b.py:2:0"],
+        ["b.py:3:0"],
+    ]
+
+
+def test_the_table_has_the_largest_change_over_sites_and_directions(tmp_path):
+    def figures(surface):
+        return dict(surface=surface, normals=1.0, rotations=1.0, completeness=99.0)
+
+    first, second, third, fourth = (Number("a.py", k, 4, f"{k}.5", f"N{k}", True) for k in (1, 2, 3, 4))
+    results = Results(tmp_path / "results.jsonl", {})
+    results.add("base", 1.0, "moderate", figures(0.1))
+    results.add("a.py:1:4 a.py:2:4", 0.5, "moderate", figures(0.1))
+    results.add("a.py:1:4 a.py:2:4", 2.0, "moderate", figures(0.13))
+    results.add("a.py:2:4", 0.5, "moderate", figures(0.12))
+    results.add("a.py:2:4", 2.0, "moderate", figures(0.09))
+    results.add("a.py:3:4", 2.0, "moderate", None)
+    rows = table(Results.read(results.file), [[first, second], [third], [fourth]]).split("\n")[2:-1]
+    assert rows == [
+        "| a.py:3 N3 | 3.5 | no map | no map | no map | no map | alone |",
+        "| a.py:2 N2 | 2.5 | 20.0 | 0.0 | 0.0 | 0.0 | alone |",
+        "| a.py:1 N1 | 1.5 | 30.0 | 0.0 | 0.0 | 0.0 | with 1 others |",
+    ]
