@@ -114,10 +114,8 @@ def adjust(
     sorted_scene = replace(scene, landmarks=scene.landmarks[order], tracks=tracks)
     sorted_scene, gradients, members = with_tie_points(sorted_scene, gradients, tie_points, control)
     del tracks  # a copy of a hundred megabytes at full size
-    given, start = (
-        scene.reflectance,
-        Estimate(scene.views, sorted_scene.landmarks, np.median(scene.landmarks.position, axis=0)),
-    )
+    given = scene.reflectance
+    start = Estimate(scene.views, sorted_scene.landmarks, np.median(scene.landmarks.position, axis=0))
     if scene.reflectance is not None and options.reflectance_sigma > 0:
         given = reflectance or scene.reflectance
         start = replace(start, parameters=given.relative_change(scene.reflectance))

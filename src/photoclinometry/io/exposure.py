@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.robust import SIGMA_PER_MEDIAN
 from photoclinometry.model.scene import Image
 
-_MAD_TO_SIGMA = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
 _FEWEST_PIXELS = 100
 """Images with fewer valid pixels are too small to distinguish sky from ground."""
 _DARK_PERCENTILE, _BRIGHT_PERCENTILE = 0.1, 99.0
@@ -65,7 +64,7 @@ def off_body_mask(image: Image) -> np.ndarray:
 
     # The level and noise of the sky, from the dark part of the edge.
     level = np.median(samples)
-    noise = _MAD_TO_SIGMA * np.median(np.abs(samples - level))
+    noise = SIGMA_PER_MEDIAN * np.median(np.abs(samples - level))
     tolerance = min(max(_SKY_SIGMAS * noise, _LEAST_TOLERANCE * contrast), _DARK_SHARE * contrast)
     candidate = ((image.brightness <= level + tolerance) | ~image.valid).astype(np.uint8)
     candidate = cv2.morphologyEx(candidate, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))

@@ -32,6 +32,8 @@ class Linearised:
     observed: Observed
     links: Links
     """Smoothness."""
+    smooth_residual: np.ndarray
+    """(P,) of smoothness, whitened."""
     camera_prior: np.ndarray
     """(K, 10, 10) information from Suns and priors."""
     prior: np.ndarray
@@ -61,7 +63,7 @@ def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
     observations, tracks = graph.observations, graph.observations.table.tracks
     smooth = graph.smoothness.linearize(estimate, float)
     brightness, slope = observations.brightness_lines
-    rest = graph.rest(estimate)
+    rest, several = graph.general_part(estimate)
     plain = np.ascontiguousarray
     return Linearised(
         cameras=cameras,
@@ -78,9 +80,10 @@ def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
             observations.brightness_limit,
         ),
         links=links(smooth.neighbours, smooth.rows),
+        smooth_residual=smooth.residual,
         camera_prior=rest["view"].rest,
         prior=rest["landmark"].rest.astype(float),
-        several=graph.several(estimate),
+        several=several,
         pivot=estimate.pivot,
         packed=observations.packed_at(estimate),
     )

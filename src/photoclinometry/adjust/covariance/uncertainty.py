@@ -55,9 +55,8 @@ def estimate_uncertainty(
     count as known. Empty, with a warning, where the measurements do not determine the views.
     """
     at = linearised(graph, estimate)
-    smoothness = graph.smoothness.linearize(estimate, float).residual
     photometric = graph.with_brightness
-    errors = error_model(keypoint_correlation, brightness_correlation, smoothness, photometric=photometric)
+    errors = error_model(keypoint_correlation, brightness_correlation, at.smooth_residual, photometric=photometric)
     frame = None
     if own_frame:
         frame = mapped

@@ -95,7 +95,6 @@ class FactorGraph:
         border = border._replace(
             block=border.block + parameters.block[0], gradient=border.gradient + parameters.gradient[0]
         )
-        several = tuple(each for group in rows for each in group if len(each.touches) > 1)
         return Linearization(
             cost=cost,
             views=views,
@@ -104,17 +103,13 @@ class FactorGraph:
             border=border,
             observed=observed,
             smooth=smooth,
-            several=several,
+            several=_touching_several(rows),
         )
 
-    def rest(self, estimate: Estimate) -> dict[Variable, Sums]:
-        """Sums of the general groups alone."""
-        return self._sums(estimate, [group.rows(estimate) for group in self.general])
-
-    def several(self, estimate: Estimate) -> tuple[Rows, ...]:
-        """Rows of the general groups whose factors touch several variables."""
-        rows = (each for group in self.general for each in group.rows(estimate))
-        return tuple(each for each in rows if len(each.touches) > 1)
+    def general_part(self, estimate: Estimate) -> tuple[dict[Variable, Sums], tuple[Rows, ...]]:
+        """Of the general groups alone: their sums, and the rows of factors that touch several variables."""
+        rows = [group.rows(estimate) for group in self.general]
+        return self._sums(estimate, rows), _touching_several(rows)
 
     @staticmethod
     def _sums(estimate: Estimate, rows: Sequence[Sequence[Rows]]) -> dict[Variable, Sums]:
@@ -197,6 +192,11 @@ class Linearization:
 
 def _cost(rows: Sequence[Rows]) -> float:
     return sum(each.cost for each in rows)
+
+
+def _touching_several(rows: Sequence[Sequence[Rows]]) -> tuple[Rows, ...]:
+    """Of the rows of groups, those whose factors touch several variables."""
+    return tuple(each for group in rows for each in group if len(each.touches) > 1)
 
 
 def _no_sums(count: int, size: int, rest: type) -> Sums:
