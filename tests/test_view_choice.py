@@ -335,6 +335,26 @@ def test_a_real_image_of_bennu_sees_the_place_that_its_sumfile_points_at(tmp_pat
         choose_views(site, lon + 180.0, -lat)
 
 
+@pytest.mark.data
+@needs_formats
+def test_real_cubes_of_bennu_are_listed_for_the_place_that_the_spacecraft_touched(tmp_path, capsys):
+    """NFTCam, seconds from the ground on 2020-10-20, and NavCam, over it half a year before, see one place; MapCam saw
+    the other side. The kernels' ellipsoid is within metres of the ground there."""
+    folder = FORMATS / "osirisRexImages"
+    cubes = (folder / "20200303T213031S138_ncm_L0-reduced.cub", folder / "20201020T214241S004_nft_L0-reduced.cub")
+    cubes += (FORMATS / "phocube" / "20190425T211232S312_map_iofL2pan-crop.cub",)
+    assert phomo("ingest", *cubes, "--uncalibrated", "--out", tmp_path / "site") == 0
+    capsys.readouterr()
+    assert phomo("views", tmp_path / "site", "--at", 45.48, 53.73) == 0
+    said = capsys.readouterr()
+    head, first, second = said.out.splitlines()
+    assert head.split()[0] == "image"
+    assert first.split()[:3] == ["*", "20200303T213031S138_ncm_L0-reduced", "0.61"]
+    assert second.split()[:3] == ["*", "20201020T214241S004_nft_L0-reduced", "0.00806"]
+    assert "2 views see 45.48 E, 53.73 N" in said.err
+    assert "Not seen from 1, beside 0 images" in said.err
+
+
 def read_three(exposure):
     """A site of one exposure."""
     v = SiteView("a", exposure.path, exposure.camera, exposure.sun, pose_prior=exposure.prior)

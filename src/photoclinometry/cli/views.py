@@ -57,11 +57,10 @@ def show(choice: ViewChoice) -> None:
     names = [Path(s.name).stem for s in found.seen]
     width = max(5, *(len(name) for name in names))
     chosen = {s.name for s in choice.chosen}
-    heads = ("m/px", "emis.", "inc.", "phase", "sub-sc", "km")
-    print(f"  {'image':{width}}" + "".join(f"{head:>7}" for head in heads))
+    print(f"  {'image':{width}}    m/px emis.  inc. phase sub-sc      km")
     for name, s in zip(names, found.seen, strict=True):
-        angles = (s.emission_deg, s.incidence_deg, s.phase_deg, s.sub_spacecraft_deg)
-        numbers = f"{s.gsd_m:7.4g}" + "".join(f"{angle:7.1f}" for angle in angles) + f"{s.distance_m / 1e3:7.4g}"
+        angles = f"{s.emission_deg:6.1f}{s.incidence_deg:6.1f}{s.phase_deg:6.1f}{s.sub_spacecraft_deg:7.1f}"
+        numbers = f"{s.gsd_m:8.3g}{angles}{s.distance_m / 1e3:8.3g}"
         print(f"{'*' if s.name in chosen else ' '} {name:{width}}{numbers}")
     place = found.place
     _say(
