@@ -91,7 +91,8 @@ def steps_of(page: Path) -> list[Step]:
 
 def _needs(text: str, absent: set[str]) -> str | None:
     """Why something cannot run: it names what a command that was left out would have written."""
-    named = {word.split("/")[0] for word in re.findall(r"[\w./-]+", text)}
+    without_body = re.sub(r"--body \S+", "", text)  # a site may be called as its body
+    named = {word.split("/")[0] for word in re.findall(r"[\w./-]+", without_body)}
     missing = sorted(named & absent)
     return f"needs {missing[0]}, which a command left out makes" if missing else None
 

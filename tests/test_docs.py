@@ -13,7 +13,7 @@ import photoclinometry.cli
 from run_documents import code_blocks
 
 ROOT = Path(__file__).parents[1]
-ROOT_PAGES = [ROOT / name for name in ("README.md", "DESIGN.md", "CONTRIBUTING.md")]
+ROOT_PAGES = [ROOT / name for name in ("README.md", "PACKAGE.md", "DESIGN.md", "CONTRIBUTING.md")]
 GENERATED = ("about", "gallery", "generated", "cli", "modules")
 PAGES = ROOT_PAGES + [
     page
