@@ -13,7 +13,7 @@ logging.getLogger("photoclinometry").setLevel(logging.WARNING)  # examples run h
 import photoclinometry  # noqa: E402
 
 project = "photoclinometry"
-author = "The photoclinometry developers"
+author = "The photoclinometry authors"
 release = photoclinometry.__version__
 html_title = "photoclinometry"
 

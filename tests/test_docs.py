@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 import photoclinometry.cli
+from run_documents import code_blocks
 
 ROOT = Path(__file__).parents[1]
-ROOT_PAGES = [ROOT / name for name in ("README.md", "DESIGN.md", "CONTRIBUTING.md")]
+ROOT_PAGES = [ROOT / name for name in ("README.md", "PACKAGE.md", "DESIGN.md", "CONTRIBUTING.md")]
 GENERATED = ("about", "gallery", "generated", "cli", "modules")
 PAGES = ROOT_PAGES + [
     page
@@ -26,17 +27,9 @@ def name_of(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
-def code_blocks(page: Path) -> list[str]:
-    """Indented and fenced blocks of a page, as they are."""
-    text = page.read_text(encoding="utf-8")
-    fenced = re.findall(r"^```\w*\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
-    indented = re.findall(r"(?:^    .*\n|^\n)+", text, flags=re.MULTILINE)
-    return fenced + [re.sub(r"^    ", "", block, flags=re.MULTILINE) for block in indented]
-
-
 def commands_of(page: Path) -> list[str]:
     """Lines of code blocks that call `phomo`, continued lines joined, comments taken off."""
-    lines = "\n".join(code_blocks(page)).replace("\\\n", " ").splitlines()
+    lines = "\n".join(block for _, block in code_blocks(page)).replace("\\\n", " ").splitlines()
     return [line.split(" #")[0].strip() for line in lines if line.startswith("phomo ")]
 
 

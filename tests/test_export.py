@@ -261,6 +261,18 @@ def test_a_format_whose_extra_is_not_installed_names_it(tmp_path, monkeypatch):
         export_scene(synthetic_scene(size=8, views=3), tmp_path / "out", ExportOptions(products=("stack",)))
 
 
+def test_without_an_extra_the_rest_is_exported(tmp_path, monkeypatch):
+    """Where products are not asked for by name, those whose package is missing are left out, and named."""
+    wanted = {"csv": FORMATS["csv"], "dtm": replace(FORMATS["dtm"], package="pancakes", extra="breakfast")}
+    for name in list(FORMATS):
+        monkeypatch.delitem(FORMATS, name)
+    for name, product in wanted.items():
+        monkeypatch.setitem(FORMATS, name, product)
+    about = export_scene(synthetic_scene(size=8, views=3), tmp_path / "out")
+    assert set(about["files"]) == {"landmarks.csv", "views.csv"}
+    assert about["left_out"] == {"dtm": "pancakes is not installed: pip install 'photoclinometry[breakfast]'"}
+
+
 def test_the_help_lists_every_format(capsys):
     assert phomo("export", "--help") == 0
     said = capsys.readouterr().out

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from photoclinometry.adjust import Adjustment, AdjustOptions
     from photoclinometry.api import (
         adjust,
+        choose_views,
         evaluate,
         export,
         read_scene,
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from photoclinometry.output.export import ExportOptions
     from photoclinometry.pipeline.products import RunResult
     from photoclinometry.pipeline.run import RunOptions
+    from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
     from photoclinometry.simulate.options import SimulationOptions
 
 __version__ = "0.1.0"
@@ -60,7 +62,10 @@ __all__ = [
     "Scene",
     "SimulationOptions",
     "Site",
+    "ViewChoice",
+    "ViewLimits",
     "adjust",
+    "choose_views",
     "evaluate",
     "export",
     "read_scene",
@@ -89,6 +94,8 @@ _MODULE = {
     "Scene": "model.scene",
     "SimulationOptions": "simulate.options",
     "Site": "io.site",
+    "ViewChoice": "registration.view_choice",
+    "ViewLimits": "registration.view_choice",
 }
 """Where each public name is defined; those not listed are functions of `api`."""
 

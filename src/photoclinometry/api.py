@@ -34,6 +34,8 @@ from photoclinometry.photometry.render import render_reference, render_view
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.pipeline.run import run as _run
+from photoclinometry.registration import view_choice
+from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
@@ -53,6 +55,40 @@ def read_site(path: str | Path) -> Site:
         InputError: The file is missing, or something in it is wrong; the message names the view and the key.
     """
     return site_file.read_site(path)
+
+
+def choose_views(
+    site: str | Path,
+    lon_deg: float,
+    lat_deg: float,
+    *,
+    radii_m: tuple[float, ...] | None = None,
+    out: str | Path | None = None,
+    limits: ViewLimits | None = None,
+    **changes: Any,
+) -> ViewChoice:
+    """Find which views of a site see a place of the body, and choose those for a map of it.
+
+    Args:
+        site: A site.toml with pose priors in the body-fixed frame, in metres.
+        lon_deg: Longitude of the place, eastward.
+        lat_deg: Planetocentric latitude of the place.
+        radii_m: The body's radius, its equatorial and polar radius, or its three semi-axes. Default: the body's.
+        out: A new site.toml of the chosen views, with the region about the place; none by default.
+        limits: Which of the views that see the place are chosen.
+        **changes: Fields of `ViewLimits`, such as count=12.
+
+    Returns:
+        The views that see the place, with resolution and angles, and those chosen.
+
+    Raises:
+        InputError: There are no pose priors, no view sees the place, too few are within the limits, or `out` exists.
+    """
+    read = site_file.read_site(site)
+    found = view_choice.choose_views(read, lon_deg, lat_deg, radii_m, changed(limits or ViewLimits(), changes))
+    if out is not None:
+        view_choice.write_chosen_site(Path(out), read, found)
+    return found
 
 
 def simulate(

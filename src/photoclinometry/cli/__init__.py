@@ -39,10 +39,12 @@ def _run(arguments: Sequence[str] | None) -> None:
     from photoclinometry.cli.run import run
     from photoclinometry.cli.simulate import simulate
     from photoclinometry.cli.study import study
+    from photoclinometry.cli.views import views
     from photoclinometry.model.errors import InputError, PhotoclinometryError
 
     commands = {
         "ingest": ingest,
+        "views": views,
         "simulate": simulate,
         "run": run,
         "refine": refine,

@@ -39,6 +39,9 @@ def export(
     console = Console(stderr=True, soft_wrap=True)
     for name, about in exported["files"].items():
         console.print(f"{name}: {about}", highlight=False, markup=False)
+    if exported["left_out"]:
+        names, reason = ", ".join(exported["left_out"]), next(iter(exported["left_out"].values()))
+        console.print(f"left out: {names}: {reason}", highlight=False, markup=False)
     console.print(f"frame: {exported['frame']}", highlight=False, markup=False)
     print(out)
 

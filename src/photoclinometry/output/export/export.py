@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Sequence
 from dataclasses import asdict
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +27,17 @@ FORMAT = "photoclinometry export"
 def export_scene(scene: Scene, out: Path | str, options: ExportOptions | None = None) -> dict[str, Any]:
     """The products in the folder `out`, with export.json, which says the frame and its unit, and what each file is.
 
-    `out` is new, empty, or an earlier export, which is replaced. Returns what export.json holds. Raises InputError for
-    products that the scene or its frame does not allow, and RunFolderError; `out` then is as it was.
+    `out` is new, empty, or an earlier export, which is replaced. Without `options.products`, products whose extra is
+    not installed are left out, with the reason in the log and under "left_out". Returns what export.json holds. Raises
+    InputError for products that the scene or its frame does not allow, and RunFolderError; `out` then is as it was.
     """
     options, out = options or ExportOptions(), Path(out).resolve()
     placed = framed(scene, options)
     products = _chosen(placed, options)
+    missing = {} if options.products else _not_installed(products)
+    products = [name for name in products if name not in missing]
+    for reason, names in _by_reason(missing).items():
+        log.warning("left out: %s: %s", ", ".join(names), reason)
     _check_folder(out)
     with atomic_path(out) as temporary:
         temporary.mkdir()
@@ -44,6 +51,7 @@ def export_scene(scene: Scene, out: Path | str, options: ExportOptions | None = 
             "frame": placed.words,
             "options": asdict(options),
             "files": files,
+            "left_out": missing,
         }
         write_text(temporary / MANIFEST, json.dumps(about, indent=1, default=str) + "\n")
     return about
@@ -76,6 +84,24 @@ def _chosen(placed: Framed, options: ExportOptions) -> list[str]:
         if why is not None:
             raise InputError(f"scene {placed.scene.name!r} cannot be exported as {name}: {why}")
     return list(dict.fromkeys(options.products))
+
+
+def _not_installed(products: Sequence[str]) -> dict[str, str]:
+    """The products whose package is not installed, with what to do."""
+    missing = {}
+    for name in products:
+        package, extra = FORMATS[name].package, FORMATS[name].extra
+        if package is not None and find_spec(package) is None:
+            missing[name] = f"{package} is not installed: pip install 'photoclinometry[{extra}]'"
+    return missing
+
+
+def _by_reason(missing: dict[str, str]) -> dict[str, list[str]]:
+    """The products by the reason why they are left out."""
+    found: dict[str, list[str]] = {}
+    for name, reason in missing.items():
+        found.setdefault(reason, []).append(name)
+    return found
 
 
 def _check_folder(out: Path) -> None:

@@ -37,6 +37,8 @@ class Format:
     """Products that share a writer are written by one call. Raises InputError and RunFolderError."""
     extra: str | None = None
     """Of pyproject.toml's optional dependencies, what the writer needs."""
+    package: str | None = None
+    """The package of that extra which the writer imports."""
     lacks: Callable[[Framed], str | None] = _always
     """Why a scene cannot be exported so; None: it can."""
 
@@ -82,7 +84,7 @@ def _tables(folder: Path, framed: Framed, products: tuple[str, ...], options: An
     return write_tables(folder, framed)
 
 
-_GEO = {"write": write_maps, "extra": "geo"}
+_GEO = {"write": write_maps, "extra": "geo", "package": "rasterio"}
 
 _ALL = (
     Format(name="dtm", about="GeoTIFF of heights", **_GEO),

@@ -1,0 +1,75 @@
+"""`phomo views`: which images of a site see a place of the body, and a site of those chosen for a map of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from photoclinometry.registration.view_choice import ViewLimits
+
+if TYPE_CHECKING:
+    from photoclinometry.registration.view_choice import ViewChoice
+
+
+def views(
+    site: tyro.conf.Positional[Path],
+    /,
+    at: Annotated[tuple[float, float], tyro.conf.arg(metavar="LON LAT")],
+    radii_m: tuple[float, ...] | None = None,
+    out: Path | None = None,
+    limits: Annotated[ViewLimits, tyro.conf.arg(name="")] = ViewLimits(),  # noqa: B008
+) -> None:
+    """List the images of a site that see a place of the body, and write a site of those chosen for a map of it.
+
+    The site needs pose priors, as `phomo ingest` writes them from SPICE kernels, ISIS cubes or SUMFILEs. The body is
+    taken for its reference ellipsoid: no ground hides other ground. Images are not opened.
+
+    Args:
+        site: A site.toml, or a folder with one.
+        at: Longitude, eastward, and planetocentric latitude of the place [degrees].
+        radii_m: The body's radius, its equatorial and polar radius, or its three semi-axes [m]. Default: the body's.
+        out: A new site.toml, or a folder for one: the chosen images, and the region about the place. Images stay where
+            they are.
+        limits: Which of the images that see the place are chosen.
+    """
+    from photoclinometry.io.site import read_site
+    from photoclinometry.registration.view_choice import choose_views, write_chosen_site
+
+    found = read_site(site / "site.toml" if site.is_dir() else site)
+    choice = choose_views(found, at[0], at[1], radii_m, limits)
+    show(choice)
+    if out is not None:
+        path = out if out.suffix == ".toml" else out / "site.toml"
+        written = write_chosen_site(path, found, choice)
+        region = written.region
+        if region is None or region.size_px is None:
+            _say("region: chosen by `phomo run`, since the place is at the edge of every image")
+        else:
+            _say(f"region: {region.size_px[0]} x {region.size_px[1]} px about the place, in {region.reference}")
+        print(path)
+
+
+def show(choice: ViewChoice) -> None:
+    """A line for each view that sees the place, chosen ones marked, and how many there are of each kind."""
+    found = choice.sightings
+    names = [Path(s.name).stem for s in found.seen]
+    width = max(5, *(len(name) for name in names))
+    chosen = {s.name for s in choice.chosen}
+    print(f"  {'image':{width}}    m/px emis.  inc. phase sub-sc      km")
+    for name, s in zip(names, found.seen, strict=True):
+        angles = f"{s.emission_deg:6.1f}{s.incidence_deg:6.1f}{s.phase_deg:6.1f}{s.sub_spacecraft_deg:7.1f}"
+        numbers = f"{s.gsd_m:8.3g}{angles}{s.distance_m / 1e3:8.3g}"
+        print(f"{'*' if s.name in chosen else ' '} {name:{width}}{numbers}")
+    place = found.place
+    _say(
+        f"{len(found.seen)} views see {place.lon_deg:g} E, {place.lat_deg:g} N; {len(chosen)} are chosen (*). Not seen "
+        f"from {found.beyond_limb}, beside {found.outside_image} images; {found.without_prior} have no pose prior"
+    )
+
+
+def _say(text: str) -> None:
+    from rich.console import Console
+
+    Console(stderr=True).print(text, soft_wrap=True, highlight=False, markup=False)

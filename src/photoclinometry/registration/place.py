@@ -1,0 +1,90 @@
+"""Places of a body by longitude and latitude, on the body's reference ellipsoid. No shape model is needed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import unit
+
+SEMI_AXES_M = {
+    "bennu": (283.065, 271.215, 249.72),  # bennu_v16.tpc (NAIF)
+    "ceres": (482e3, 482e3, 446e3),  # dawn_ceres_v05.tpc (NAIF)
+    "deimos": (7.8e3, 6.0e3, 5.1e3),
+    "eros": (17e3, 5.5e3, 5.5e3),
+    "gaspra": (9.1e3, 5.2e3, 4.4e3),
+    "ida": (26.8e3, 12e3, 7.6e3),
+    "itokawa": (274.0, 156.0, 138.0),  # itokawa_gaskell_n3.tpc (NAIF)
+    "lutetia": (62e3, 50.5e3, 46.5e3),
+    "mathilde": (33e3, 24e3, 23e3),
+    "moon": (1737.4e3, 1737.4e3, 1737.4e3),
+    "phobos": (13e3, 11.4e3, 9.1e3),
+    "ryugu": (448.0, 448.0, 448.0),  # mean radius: Watanabe et al. (2019), Science 364, 268
+    "vesta": (289e3, 280e3, 229e3),
+}
+"""Semi-axes along x, y, z of the body-fixed frame [m]; from pck00010.tpc (NAIF) where no other source is named."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """A point of a body's reference ellipsoid."""
+
+    lon_deg: float
+    """Eastward, as it was given."""
+    lat_deg: float
+    """Planetocentric."""
+    position: np.ndarray
+    """(3,) in the body-fixed frame [m]."""
+    normal: np.ndarray
+    """(3,) unit vector, outwards, of the ellipsoid."""
+    semi_axes_m: tuple[float, float, float]
+    """Of the ellipsoid, along x, y, z."""
+
+
+def place_at(lon_deg: float, lat_deg: float, semi_axes_m: tuple[float, float, float]) -> Place:
+    """The point of an ellipsoid in a direction from its centre: longitude eastward, planetocentric latitude [degrees].
+
+    Raises InputError for angles outside of [-360, 360] and [-90, 90].
+    """
+    if not (-360.0 <= lon_deg <= 360.0 and -90.0 <= lat_deg <= 90.0):
+        raise InputError(
+            f"{lon_deg:g} {lat_deg:g} is not a longitude and a latitude: give degrees eastward from -360 to 360, then "
+            "degrees northward from -90 to 90"
+        )
+    lon, lat = math.radians(lon_deg), math.radians(lat_deg)
+    direction = np.array([math.cos(lat) * math.cos(lon), math.cos(lat) * math.sin(lon), math.sin(lat)])
+    axes = np.array(semi_axes_m, float)
+    position = direction / np.linalg.norm(direction / axes)
+    return Place(
+        lon_deg=lon_deg,
+        lat_deg=lat_deg,
+        position=position,
+        normal=unit(position / axes**2),
+        semi_axes_m=semi_axes_m,
+    )
+
+
+def semi_axes(body: str | None, radii_m: tuple[float, ...] | None = None) -> tuple[float, float, float]:
+    """The semi-axes [m] of a body's reference ellipsoid, or of the sphere, spheroid or ellipsoid that `radii_m` gives.
+
+    radii_m: one radius, the equatorial and the polar one, or three semi-axes. Raises InputError for other numbers, and
+    for a body that SEMI_AXES_M does not have.
+    """
+    if radii_m is not None:
+        if len(radii_m) not in (1, 2, 3) or not all(math.isfinite(r) and r > 0 for r in radii_m):
+            raise InputError(
+                f"radii {' '.join(f'{r:g}' for r in radii_m) or '(none)'}: give one of a sphere, the equatorial and "
+                "the polar one, or three semi-axes, in metres above 0"
+            )
+        first, last = radii_m[0], radii_m[-1]
+        return (first, radii_m[1] if len(radii_m) == 3 else first, last)
+    found = SEMI_AXES_M.get((body or "").lower())
+    if found is None:
+        raise InputError(
+            f"the size of body {body!r} is not known (known: {', '.join(SEMI_AXES_M)}); give its radius in metres "
+            "(--radii-m)"
+        )
+    return found

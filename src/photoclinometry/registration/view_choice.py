@@ -1,0 +1,170 @@
+"""The choice of views for a map of one place: within limits, and as different in light as there are."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from photoclinometry.io.site import MIN_VIEWS, RegionRequest, Site, SiteView, write_site
+from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.registration.place import place_at, semi_axes
+from photoclinometry.registration.viewing import Sighting, Sightings, light_and_sight, sightings
+
+REGION_PX = 400
+"""Width and height of the region of a chosen site [px], where the image has as much around the place."""
+SMALLEST_REGION_PX = 64
+"""Without an image that has this around the place [px], the region is left open: so small a map shows nothing."""
+_SAME_RESOLUTION = 1.25
+"""Views within this factor of the median resolution may be the reference: the map is made at its resolution."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewLimits:
+    """Which of the views that see a place are chosen."""
+
+    max_emission: float = 70.0
+    """Greatest emission angle [degrees], above 0 to 90: beyond it ground is foreshortened threefold and more."""
+    max_incidence: float = 80.0
+    """Greatest incidence angle [degrees], above 0 to 90: beyond it most ground is in shadow."""
+    resolution: tuple[float, float] | None = None
+    """Finest and coarsest ground sample distance [m]; all by default. Views within a factor of two match best."""
+    count: int | None = None
+    """Most views, 3 or more: those that differ most in the directions of Sun and camera. All by default."""
+
+    def __post_init__(self):
+        for name in ("max_emission", "max_incidence"):
+            value = getattr(self, name)
+            if not 0.0 < value <= 90.0:
+                raise InputError(f"{_flag(name)} {value:g}: give degrees above 0, to 90")
+        if self.resolution is not None:
+            fine, coarse = self.resolution
+            if not (0.0 < fine <= coarse < math.inf):
+                raise InputError(
+                    f"--resolution {fine:g} {coarse:g}: give the finest, then the coarsest, metres above 0"
+                )
+        if self.count is not None and self.count < MIN_VIEWS:
+            raise InputError(f"--count {self.count}: a map needs {MIN_VIEWS} views at least")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewChoice:
+    """The views that see a place, and those chosen for a map of it."""
+
+    sightings: Sightings
+    chosen: tuple[Sighting, ...]
+    """In the order of the site."""
+    left_out: dict[str, int]
+    """How many of the views that see the place each limit excludes, by its option; one view may fail several."""
+
+
+def choose_views(
+    site: Site,
+    lon_deg: float,
+    lat_deg: float,
+    radii_m: tuple[float, ...] | None = None,
+    limits: ViewLimits = ViewLimits(),
+) -> ViewChoice:
+    """The views of a site that see a place by their pose priors, and those within the limits.
+
+    lon_deg: eastward, lat_deg: planetocentric. radii_m: one radius, equatorial and polar, or three semi-axes; by
+    default those of the site's body. Raises InputError where no view has a pose prior, none sees the place, or the
+    body's size is not known.
+    """
+    place = place_at(lon_deg, lat_deg, semi_axes(site.body, radii_m))
+    found = sightings(site, place)
+    if not found.seen:
+        raise InputError(
+            f"{site.path}: no view sees {lon_deg:g} {lat_deg:g}: from {found.beyond_limb} it lies beyond the limb, "
+            f"beside {found.outside_image} images; {found.without_prior} have no pose prior. Longitudes count eastward"
+        )
+    within = {
+        "max_emission": [s.emission_deg <= limits.max_emission for s in found.seen],
+        "max_incidence": [s.incidence_deg <= limits.max_incidence for s in found.seen],
+    }
+    if limits.resolution is not None:
+        fine, coarse = limits.resolution
+        within["resolution"] = [fine <= s.gsd_m <= coarse for s in found.seen]
+    passed = np.logical_and.reduce(list(within.values()))
+    chosen = diverse([s for s, ok in zip(found.seen, passed, strict=True) if ok], limits.count)
+    left_out = {_flag(name): len(ok) - sum(ok) for name, ok in within.items()}
+    return ViewChoice(sightings=found, chosen=chosen, left_out=left_out)
+
+
+def diverse(seen: Sequence[Sighting], count: int | None) -> tuple[Sighting, ...]:
+    """`count` of the views, in their order: the one of least emission, then always the one least like those taken.
+
+    Views are compared by the directions of Sun and camera (`light_and_sight`). All of them if `count` is None or more.
+    """
+    if count is None or len(seen) <= count:
+        return tuple(seen)
+    apart = light_and_sight(seen)
+    taken = [int(np.argmin([s.emission_deg for s in seen]))]
+    nearest = apart[taken[0]].copy()
+    while len(taken) < count:
+        nearest[taken] = -1.0  # a view that was taken is not taken again, even where others are its equals
+        taken.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, apart[taken[-1]])
+    return tuple(seen[k] for k in sorted(taken))
+
+
+def write_chosen_site(path: Path, site: Site, choice: ViewChoice) -> Site:
+    """Writes the site of the chosen views, its region about the place, to `path`, a new file; returns it.
+
+    Where the place is at the edge of every image, the region is left open. Images stay where they are: their paths are
+    relative to the new file. Raises InputError for fewer than MIN_VIEWS views, RunFolderError where the file exists or
+    cannot be written.
+    """
+    if path.exists():
+        raise RunFolderError(f"{path}: exists; choose another --out, such as a new folder's site.toml")
+    if len(choice.chosen) < MIN_VIEWS:
+        limits = ", ".join(f"{flag} leaves out {n}" for flag, n in choice.left_out.items() if n) or "none is left out"
+        raise InputError(
+            f"{len(choice.chosen)} of the {len(choice.sightings.seen)} views that see the place are within the limits, "
+            f"a map needs {MIN_VIEWS} at least ({limits}); widen them"
+        )
+    by_name = {view.name: view for view in site.views}
+    names = {s.name: _relative(by_name[s.name], path) for s in choice.chosen}
+    views = tuple(replace(by_name[old], name=new, image=path.parent / new) for old, new in names.items())
+    reference = reference_view(choice.chosen, by_name)
+    region = None
+    if reference is not None:
+        size = _room(reference, by_name[reference.name])
+        region = RegionRequest(names[reference.name], reference.pixel, (size, size))
+    chosen = replace(site, views=views, region=region, path=path)
+    write_site(path, chosen)
+    return chosen
+
+
+def reference_view(chosen: Sequence[Sighting], views: dict[str, SiteView]) -> Sighting | None:
+    """The chosen view of least emission that has room for a region about the place, of typical resolution if possible.
+
+    None where none has SMALLEST_REGION_PX of it.
+    """
+    middle = float(np.median([s.gsd_m for s in chosen]))
+    roomy = [s for s in chosen if _room(s, views[s.name]) >= SMALLEST_REGION_PX]
+    usual = [s for s in roomy if middle / _SAME_RESOLUTION <= s.gsd_m <= middle * _SAME_RESOLUTION]
+    return min(usual or roomy, key=lambda s: s.emission_deg, default=None)
+
+
+def _room(seen: Sighting, view: SiteView) -> int:
+    """Side of the largest square about the place in the image [px], REGION_PX at most."""
+    (x, y), camera = seen.pixel, view.camera
+    return min(REGION_PX, int(2.0 * min(x, y, camera.width - x, camera.height - y)))
+
+
+def _relative(view: SiteView, path: Path) -> str:
+    """The image's path from the folder of `path`, with forward slashes; its whole path where there is none."""
+    image = view.image.resolve()
+    try:
+        return PurePath(os.path.relpath(image, path.parent.resolve())).as_posix()
+    except ValueError:  # on another drive (Windows)
+        return image.as_posix()
+
+
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
