@@ -15,6 +15,12 @@ def write_arrays(path: Path | str, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def read_arrays(path: Path | str) -> dict[str, np.ndarray]:
-    """The arrays that `write_arrays` wrote. Damaged archives raise nearly every built-in exception (zipfile)."""
-    with np.load(path) as stored:
-        return {name: stored[name] for name in stored}
+    """The arrays that `write_arrays` wrote; pickled objects are never loaded.
+
+    Damaged archives raise nearly every built-in exception (zipfile).
+    """
+    with np.load(path, allow_pickle=False) as stored:
+        found = {name: stored[name] for name in stored}
+    if not all(isinstance(values, np.ndarray) for values in found.values()):
+        raise ValueError(f"{path}: holds members that are no arrays")
+    return found

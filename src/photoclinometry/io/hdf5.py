@@ -1,15 +1,25 @@
-"""HDF5 files: written whole or not at all."""
+"""HDF5 files: written whole or not at all, and read in a process of their own before they are read here."""
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import io
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Lock, Timer
 
 import h5py
 
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.model.errors import InputError
+
+_TIMEOUT_S = 120.0
+"""Longest wait for a check [s], where the system has no limit of CPU time, or is busy."""
 
 
 @contextlib.contextmanager
@@ -23,3 +33,85 @@ def new_hdf5(path: Path | str) -> Iterator[h5py.File]:
         yield file
     with atomic_path(path) as temporary:
         temporary.write_bytes(stream.getbuffer())
+    _checks.sound.add(_state(Path(path)))
+
+
+def check_hdf5(path: Path, what: str, remedy: str, error: type[InputError] = InputError) -> None:
+    """Raises `error` for a file that HDF5 cannot read without harm, or whose values are elsewhere (`io/hdf5_check.py`).
+
+    what: kind of file, and remedy: what to do, for messages. A file that this process wrote, or has checked, and that
+    has not changed since, is not checked again.
+    """
+    try:
+        state = _state(path)
+    except OSError as cause:
+        raise error(f"{path}: cannot be read: {cause.strerror or cause}; check the path") from cause
+    if state in _checks.sound:
+        return
+    fault = _checks.fault_of(path)
+    if fault:
+        raise error(f"{path}: is not a {what}, or is damaged ({fault}); {remedy}")
+    _checks.sound.add(state)
+
+
+class _Checks:
+    """The process that checks, started when it is needed, and again after a file has ended it."""
+
+    def __init__(self):
+        self.sound: set[tuple[str, int, int]] = set()
+        """Path, size and time of change [ns] of files that need no check."""
+        self.process: subprocess.Popen[str] | None = None
+        self.owner = 0
+        """The process that started it: a fork of that must not use its pipes."""
+        self.lock = Lock()
+
+    def fault_of(self, path: Path) -> str:
+        """What is wrong with a file; empty where nothing is."""
+        with self.lock:
+            process = self._started()
+            assert process.stdin is not None
+            assert process.stdout is not None
+            timer = Timer(_TIMEOUT_S, process.kill)
+            timer.start()
+            try:
+                process.stdin.write(json.dumps(str(path.resolve())) + "\n")
+                process.stdin.flush()
+                answer = process.stdout.readline()
+            except OSError:
+                answer = ""
+            finally:
+                timer.cancel()
+            if not answer:
+                self.end()
+                return "the HDF5 library crashes on it, or does not end"
+            return json.loads(answer)
+
+    def _started(self) -> subprocess.Popen[str]:
+        if self.process is None or self.owner != os.getpid():
+            # -P: modules beside the script must not hide others of the same name.
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", str(Path(__file__).with_name("hdf5_check.py"))],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+                encoding="utf-8",
+            )
+            self.owner = os.getpid()
+        return self.process
+
+    def end(self) -> None:
+        """Ends the process."""
+        if self.process is not None and self.owner == os.getpid():
+            self.process.kill()
+            self.process.communicate()
+            self.process = None
+
+
+_checks = _Checks()
+atexit.register(_checks.end)
+
+
+def _state(path: Path) -> tuple[str, int, int]:
+    about = path.stat()
+    return str(path.resolve()), about.st_size, about.st_mtime_ns

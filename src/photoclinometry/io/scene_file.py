@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from photoclinometry import __version__
-from photoclinometry.io.hdf5 import new_hdf5
+from photoclinometry.io.hdf5 import check_hdf5, new_hdf5
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import MODELS, Reflectance
@@ -112,6 +112,7 @@ def read_scene(path: Path | str) -> Scene:
     path = Path(path)
     if not path.is_file():
         raise RunFolderError(f"{path}: there is no such file; run the site first, or check the path")
+    check_hdf5(path, "scene file", "run the site again", RunFolderError)
     try:
         with h5py.File(path, "r") as file:
             _check_version(path, file)

@@ -6,6 +6,7 @@ the file, the view, the key and the value found, with what to write instead.
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -171,7 +172,7 @@ def _read_sun(table: Table) -> np.ndarray:
     """The key `sun` as a unit vector; a length off by the rounding of a few decimals is corrected."""
     remedy = "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
     sun = table.numbers("sun", 3, remedy)
-    length = float(np.linalg.norm(sun))
+    length = math.hypot(*sun)
     if length == 0.0:
         raise table.error("sun", f"is the zero vector; {remedy}")
     if abs(length - 1.0) > _UNIT_TOLERANCE:
@@ -185,7 +186,7 @@ def _read_prior(table: Table | None) -> PosePrior | None:
     from scipy.spatial.transform import Rotation
 
     wxyz = table.numbers("rotation_wxyz", 4, "give a unit quaternion, scalar first")
-    length = float(np.linalg.norm(wxyz))
+    length = math.hypot(*wxyz)
     if abs(length - 1.0) > _UNIT_TOLERANCE:
         raise table.error("rotation_wxyz", f"has length {length:.6g}, not 1; give a unit quaternion")
     translation = table.numbers("translation", 3)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import csv
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.io.reading import read_limited
-from photoclinometry.model.errors import InputError
+from photoclinometry.io.csv_rows import CsvRow, read_csv_rows
 
-_MAX_BYTES = 1 << 26
-"""64 MiB: half a million lines; larger files are something else."""
 _COLUMNS = ("image", "sun_x", "sun_y", "sun_z")
 _UNIT_TOLERANCE = 1e-3
 """A vector written with three decimals is this near to unit length."""
@@ -31,47 +28,18 @@ class SunRow:
 def read_suns(path: Path) -> dict[str, SunRow]:
     """The Suns by image name as written. Raises InputError that names the line."""
     rows: dict[str, SunRow] = {}
-    reader = csv.DictReader(_text(path).splitlines(), skipinitialspace=True)
-    try:
-        missing = [c for c in _COLUMNS if c not in (reader.fieldnames or ())]
-        if missing:
-            raise InputError(f"{path}: the first line has no column {missing[0]!r}; write {','.join(_COLUMNS)}")
-        for row in reader:
-            name = (row["image"] or "").strip()
-            if name in rows:
-                raise InputError(f"{path}, line {reader.line_num}: {name!r} occurs twice; remove one")
-            rows[name] = _row(path, reader.line_num, row)
-    except csv.Error as error:
-        raise InputError(f"{path}, line {reader.line_num}: {error}; write comma-separated values") from error
+    for row in read_csv_rows(path, "table of Suns", _COLUMNS):
+        name = row.name("image")
+        if name in rows:
+            raise row.error(f"{name!r} occurs twice; remove one")
+        rows[name] = _sun(row)
     return rows
 
 
-def _text(path: Path) -> str:
-    data = read_limited(path, "table of Suns", _MAX_BYTES)
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: is not UTF-8 text ({error.reason} at byte {error.start}); save it as UTF-8"
-        ) from error
-
-
-def _row(path: Path, line: int, row: dict[str, str | None]) -> SunRow:
-    sun = np.array([_number(path, line, row, key) for key in _COLUMNS[1:]])
-    length = float(np.linalg.norm(sun))
+def _sun(row: CsvRow) -> SunRow:
+    sun = np.array([row.number(column) for column in _COLUMNS[1:]])
+    length = math.hypot(*sun)
     if abs(length - 1.0) > _UNIT_TOLERANCE:
-        raise InputError(f"{path}, line {line}: the Sun has length {length:.6g}, expected a unit vector")
-    sigma = _number(path, line, row, "sun_sigma_deg") if (row.get("sun_sigma_deg") or "").strip() else None
-    if sigma is not None and sigma <= 0:
-        raise InputError(f"{path}, line {line}: sun_sigma_deg is {sigma:g}, expected a positive number")
-    return SunRow(sun / length, None if sigma is None else float(np.deg2rad(sigma)))
-
-
-def _number(path: Path, line: int, row: dict[str, str | None], key: str) -> float:
-    try:
-        value = float(row[key] or "")
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise InputError(f"{path}, line {line}: {key} is {row[key]!r}, expected a number")
-    return value
+        raise row.error(f"the Sun has length {length:.6g}, expected a unit vector")
+    sigma = math.radians(row.positive("sun_sigma_deg")) if row.has("sun_sigma_deg") else None
+    return SunRow(sun / length, sigma)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.hdf5 import check_hdf5
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Camera, Views
@@ -74,6 +75,7 @@ def read_truth(path: Path | str) -> Truth:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: there is no such truth file; `phomo simulate` writes one beside site.toml")
+    check_hdf5(path, "truth file", "simulate it again")
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("format") != FORMAT:
@@ -83,9 +85,27 @@ def read_truth(path: Path | str) -> Truth:
                     f"{path}: has version {file.attrs['version']} of the format, this program reads "
                     f"{VERSION}; simulate the site again"
                 )
-            return _truth(file)
-    except (OSError, KeyError) as error:
+            truth = _truth(file)
+    except InputError:
+        raise
+    # A damaged file makes h5py raise nearly every built-in exception.
+    except Exception as error:
         raise InputError(f"{path}: cannot be read as a truth file ({error}); simulate it again") from error
+    _check(path, truth)
+    return truth
+
+
+def _check(path: Path, truth: Truth) -> None:
+    """Raises InputError where the arrays of the views do not agree."""
+    views = truth.views
+    shapes = {"rotation": (3, 3), "translation": (3,), "sun": (3,), "sun_measured": (3,)}
+    parts = {"rotation": views.body_from_cam.rotation, "translation": views.body_from_cam.translation}
+    for key in _VIEW_DATA:
+        values, expected = parts.get(key, getattr(views, key, None)), (len(views.name), *shapes.get(key, ()))
+        if np.shape(values) != expected or not np.isfinite(np.asarray(values)).all():
+            raise InputError(f"{path}: {key} is not of {expected} finite numbers; simulate it again")
+    if len(views.cameras) != len(views.name):
+        raise InputError(f"{path}: has {len(views.cameras)} cameras of {len(views.name)} views; simulate it again")
 
 
 def _truth(file: Any) -> Truth:

@@ -28,7 +28,7 @@ def read_obj(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
     try:
         vertices = np.array([line.split()[1:4] for line in vertex_lines], np.float64).reshape(-1, 3)
         faces = _faces(face_lines, len(vertices))
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: is not a complete OBJ file ({error}); export it again") from error
     if len(vertices) == 0 or len(faces) == 0:
         raise InputError(

@@ -7,6 +7,7 @@ reads these three files. https://colmap.github.io/format.html#binary-file-format
 
 from __future__ import annotations
 
+import math
 import struct
 from pathlib import Path
 from typing import Any
@@ -207,7 +208,7 @@ def _read_images(data: _Bytes, cameras: dict[int, Camera | str]) -> list[tuple[s
             raise InputError(f"{data.path}: {camera}; undistort the model first (colmap image_undistorter)")
         if camera is None:
             raise data.error(f"image {number} uses camera {camera_number}, which does not exist")
-        if not np.isfinite(pose).all() or abs(np.linalg.norm(pose[:4]) - 1.0) > _UNIT_TOLERANCE:
+        if not np.isfinite(pose).all() or abs(math.hypot(*pose[:4]) - 1.0) > _UNIT_TOLERANCE:
             raise data.error(f"image {number} has no valid pose")
         images.append((name, pose[:4], pose[4:], camera))
     if not images:

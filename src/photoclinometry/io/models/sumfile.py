@@ -8,6 +8,7 @@ Gaskell et al. (2008), Meteoritics & Planetary Science 43, 1049-1061, doi:10.111
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -213,10 +214,11 @@ def _check(path: Path, value: dict[str, tuple[float, ...]]) -> None:
     if value["MMFL, CTR"][0] <= 0:
         raise InputError(f"{path}: the focal length MMFL is {value['MMFL, CTR'][0]:g} mm, expected a positive one")
     axes = np.array([value[key] for key in ("CX", "CY", "CZ")])
-    if np.abs(axes @ axes.T - np.eye(3)).max() > _UNIT_TOLERANCE or np.linalg.det(axes) < 0:
+    # Entries beyond 1 are refused before products of huge ones overflow.
+    if np.abs(axes).max() > 2.0 or np.abs(axes @ axes.T - np.eye(3)).max() > _UNIT_TOLERANCE or np.linalg.det(axes) < 0:
         raise InputError(f"{path}: CX, CY, CZ are not right-handed unit vectors at right angles; get it again")
-    if abs(np.linalg.norm(value["SZ"]) - 1.0) > _UNIT_TOLERANCE:
-        raise InputError(f"{path}: SZ has length {np.linalg.norm(value['SZ']):.6g}, expected the Sun's unit vector")
+    if abs(math.hypot(*value["SZ"]) - 1.0) > _UNIT_TOLERANCE:
+        raise InputError(f"{path}: SZ has length {math.hypot(*value['SZ']):.6g}, expected the Sun's unit vector")
     k = value["K-MATRIX"]
     if k[0] * k[4] == k[1] * k[3]:
         raise InputError(f"{path}: K-MATRIX {k} puts the focal plane on a line; get it again")

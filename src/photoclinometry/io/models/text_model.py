@@ -261,5 +261,7 @@ def _reference_xy(views: Views, tracks: Tracks, position: np.ndarray, reference:
 
 def _units(vectors: np.ndarray) -> np.ndarray:
     """Vectors (n, 3) scaled to unit length, unless they have it up to rounding."""
-    good = np.abs(np.linalg.norm(vectors, axis=-1) - 1.0) < _UNIT
-    return np.where(good[:, None], vectors, unit(vectors))
+    # By the largest component first: squares of huge or tiny ones leave the range of doubles.
+    scaled = vectors / np.abs(vectors).max(-1, keepdims=True)
+    good = np.abs(np.linalg.norm(scaled, axis=-1) * np.abs(vectors).max(-1) - 1.0) < _UNIT
+    return np.where(good[:, None], vectors, unit(scaled))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,10 +132,8 @@ def _image(path: Path, at: int, words: list[str], line: int, text: bytes, camera
     wxyz, translation, sun, scale, bias = values[1:5], values[5:8], values[8:11], values[13], values[14]
     if camera not in cameras:
         raise fault(path, at, f"image {number} uses camera {camera}, which cameras.txt does not hold")
-    if abs(np.linalg.norm(wxyz) - 1.0) > _UNIT_TOLERANCE:
-        raise fault(
-            path, at, f"image {number}: QW QX QY QZ is not a rotation (its length is {np.linalg.norm(wxyz):.4g})"
-        )
+    if abs(math.hypot(*wxyz) - 1.0) > _UNIT_TOLERANCE:
+        raise fault(path, at, f"image {number}: QW QX QY QZ is not a rotation (its length is {math.hypot(*wxyz):.4g})")
     if not np.any(sun):
         raise fault(path, at, f"image {number} has no Sun (SX SY SZ are zero); was this model made of geometry alone?")
     if scale <= 0:

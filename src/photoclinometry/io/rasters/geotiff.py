@@ -99,9 +99,10 @@ def _read_band(path: Path | str) -> _Band:
                     raise InputError(f"{path}: holds {file.count} bands of {file.shape} pixels, expected heights")
                 band = file.read(1, masked=True)
                 scale, offset, transform, crs = file.scales[0], file.offsets[0], file.transform, file.crs
-    except RasterioError as error:
+    except (RasterioError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read as a GeoTIFF ({error}); export it again") from error
-    height = np.ma.getdata(band).astype(np.float64) * scale + offset
+    with np.errstate(invalid="ignore", over="ignore"):
+        height = np.ma.getdata(band).astype(np.float64) * scale + offset
     valid = ~np.ma.getmaskarray(band) & np.isfinite(height)
     if not valid.any():
         raise InputError(f"{path}: no pixel has a height (all are no-data); export the terrain model again")

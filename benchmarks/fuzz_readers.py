@@ -1,0 +1,209 @@
+"""Every reader is given spoilt files: each is read correctly or refused by name, soon, and without a crash.
+
+    python benchmarks/fuzz_readers.py [--files 100000] [--data FOLDER] [--only NAME ...] [--seed 0] [--workers 1]
+
+--data: a folder of real samples beside those made here. --keep FOLDER writes the files of each fault there; --trial N
+with one --only NAME reads that file alone, with its traceback. Ends with exit code 1 where there was a fault.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import fuzz_samples as made
+from fuzz_samples import Reader, samples
+from fuzz_workers import BATCH, Job, Tally, run_jobs, spoilt_files, try_file, write_files
+from photoclinometry.io.archives.archive import read_product
+from photoclinometry.io.archives.pvl import parse_pvl
+from photoclinometry.io.control_points_csv import read_control_points
+from photoclinometry.io.ground import read_ground
+from photoclinometry.io.held_out import read_held_out
+from photoclinometry.io.images import read_image
+from photoclinometry.io.meshes.obj import read_obj
+from photoclinometry.io.models.colmap import read_colmap
+from photoclinometry.io.models.sumfile import read_sumfile
+from photoclinometry.io.models.text_model import read_text_model
+from photoclinometry.io.scene_file import read_scene
+from photoclinometry.io.similarity import read_similarity
+from photoclinometry.io.site import read_site
+from photoclinometry.io.suns_csv import SunRow, read_suns
+from photoclinometry.model.scene import Image, Scene
+
+
+def _sound(holds: Any, what: str) -> None:
+    if not holds:
+        raise AssertionError(f"accepted, but {what}")
+
+
+def _image(image: Image) -> None:
+    _sound(image.brightness.shape == image.valid.shape and image.valid.dtype == bool, "without a mask")
+    _sound(np.isfinite(image.brightness).all(), "brightness is not finite")
+
+
+def read_product_wholly(path: Path) -> None:
+    """A product, and what its label tells."""
+    from photoclinometry.ingest.facts import read_facts
+
+    product = read_product(path)
+    _image(product.image)
+    read_facts(product)
+
+
+def read_view(path: Path) -> None:
+    """A product as a view."""
+    from photoclinometry.ingest.exposure import AuxiliaryData, read_exposure
+    from photoclinometry.ingest.options import IngestOptions
+
+    suns = {path.name: SunRow(np.array([0.6, 0.0, -0.8]), None)}
+    exposure = read_exposure(path, IngestOptions(pinhole=(500.0, 500.0, 30.0, 20.0)), AuxiliaryData(suns=suns))
+    _image(exposure.image)
+    _sound(np.isfinite(exposure.sun).all(), "the Sun is not finite")
+
+
+def read_mesh(path: Path) -> None:
+    """A PLY file, with its faces in range."""
+    from photoclinometry.io.meshes.ply import read_ply
+
+    ply = read_ply(path)
+    _sound(np.isfinite(ply.position).all(), "vertices are not finite")
+    _sound(ply.faces is None or not len(ply.faces) or ply.faces.max() < len(ply.position), "faces out of range")
+
+
+def read_truth_file(path: Path) -> None:
+    """The truth of a simulated site."""
+    from photoclinometry.simulate.truth_file import read_truth
+
+    read_truth(path)
+
+
+def read_stage(path: Path) -> None:
+    """A stage's record: damage is warned of, and nothing is raised."""
+    from photoclinometry.pipeline.records import read_record
+
+    read_record(path, "key", Scene)
+
+
+def read_model(path: Path) -> None:
+    """A COLMAP model."""
+    _, _, poses, points = read_colmap(path)
+    _sound(np.isfinite(poses.rotation).all() and points.shape[1:] == (3,), "poses are not finite")
+
+
+def read_kernel(path: Path) -> None:
+    """A kernel, in SPICE's process, with questions."""
+    from photoclinometry.io.spice import loaded_kernels
+    from photoclinometry.model.errors import InputError
+
+    with loaded_kernels([path]) as kernels:
+        try:
+            kernels.keyword("BODY2101955_RADII")
+            kernels.position("SUN", 6.0e8, "J2000", "NONE", "2101955")
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+
+_ARCHIVES = (
+    "formats/**/*.cub",
+    "formats/pds3/*.img",
+    "formats/pds3/*.lbl",
+    "formats/near/*/*.lbl",
+    "formats/pds4/*.xml",
+)
+_BESIDE = (".img", ".fit", ".lbl")
+
+READERS = {
+    "image": Reader(read=lambda p: _image(read_image(p)), make=made.make_images, alone=True, share=3.0,
+                    real=("vesta-opnav022/images/*.png",)),
+    "cube": Reader(read=read_product_wholly, make=made.make_cubes, alone=True, real=("formats/**/*.cub",)),
+    "pds3": Reader(read=read_product_wholly, make=made.make_pds3, real=_ARCHIVES[1:4], beside=_BESIDE),
+    "pds4": Reader(read=read_product_wholly, make=made.make_pds4, real=_ARCHIVES[4:], beside=_BESIDE),
+    "cube to view": Reader(read=read_view, make=made.make_cubes, alone=True),
+    "pds3 to view": Reader(read=read_view, make=made.make_pds3),
+    "pvl": Reader(read=lambda p: parse_pvl(p.read_bytes(), str(p)), make=made.make_labels, alone=True, share=2.0,
+                  real=("formats/**/*.pvl", "formats/**/*.lbl", "spice/*/*.lbl")),
+    "site.toml": Reader(read=read_site, make=made.make_sites, alone=True, real=("*/site.toml",), share=2.0),
+    "suns": Reader(read=read_suns, make=made.make_suns, share=2.0),
+    "control points": Reader(read=read_control_points, make=made.make_control, alone=True, share=2.0),
+    "ply": Reader(read=read_mesh, make=made.make_meshes, alone=True, share=2.0),
+    "obj": Reader(read=read_obj, make=made.make_obj, alone=True, share=2.0),
+    "surface": Reader(read=read_ground, make=made.make_dtm, alone=True, share=2.0),
+    "scene.h5": Reader(read=read_scene, make=made.make_scene),
+    "truth.h5": Reader(read=read_truth_file, make=made.make_truth),
+    "colmap": Reader(read=read_model, make=made.make_colmap, share=2.0),
+    "text model": Reader(read=read_text_model, make=made.make_text_model, share=2.0),
+    "sumfile": Reader(read=read_sumfile, make=made.make_sumfile, real=("formats/spc/*.SUM",), share=2.0),
+    "held_out.json": Reader(read=read_held_out, make=made.make_held_out, share=2.0),
+    "transform": Reader(read=read_similarity, make=made.make_similarity, share=2.0),
+    "stage record": Reader(read=read_stage, make=made.make_record),
+    "kernel": Reader(read=read_kernel, make=made.make_kernels, share=0.02, real=("spice/*/*.b*", "spice/*/*.t*")),
+}  # fmt: skip
+
+
+def jobs_of(names: list[str], files: int, shares: dict[str, float]) -> list[Job]:
+    """Batches of about `files` trials in all, shared out among the readers."""
+    whole = sum(shares[name] for name in names)
+    counts = {name: max(1, round(files * shares[name] / whole)) for name in names}
+    return [
+        Job(name, range(start, min(start + BATCH, count)))
+        for name, count in counts.items()
+        for start in range(0, count, BATCH)
+    ]
+
+
+def table(found: dict[str, Tally]) -> str:
+    """One line for each reader, and one for all."""
+    rows = [f"{'reader':16}{'files':>8}{'refused':>9}{'accepted':>9}{'faults':>7}{'slowest':>9}{'memory':>10}"]
+    whole = Tally()
+    for name, tally in [*found.items(), ("all", whole)]:
+        rows.append(
+            f"{name:16}{tally.files:8}{tally.refused:9}{tally.accepted:9}{len(tally.faults):7}"
+            f"{tally.slowest_s:7.2f} s{tally.largest_mib:6.0f} MiB"
+        )
+        whole.add(tally)
+    return "\n".join(rows)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--files", type=int, default=100_000, help="spoilt files in all")
+    parser.add_argument("--data", type=Path, help="folder of real samples")
+    parser.add_argument("--only", nargs="+", choices=READERS, default=list(READERS), help="readers")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--keep", type=Path, help="folder for the files of each fault")
+    parser.add_argument("--trial", type=int, help="read this one alone")
+    options = parser.parse_args(arguments)
+    logging.disable(logging.CRITICAL)
+    readers = {name: READERS[name] for name in options.only}
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        good = {name: samples(r, folder / "good" / name, options.data) for name, r in readers.items()}
+        if options.trial is not None:
+            (name,) = options.only
+            path = write_files(spoilt_files(name, good[name], options.trial, options.seed), options.keep or folder)
+            print(*try_file(readers[name], path), sep="\n")
+            return 0
+        jobs = jobs_of(options.only, options.files, {name: r.share for name, r in readers.items()})
+        found = run_jobs(readers, good, jobs, options.seed, folder, options.workers)
+        for name, tally in found.items():
+            for trial, what in tally.faults:
+                print(f"--- {name}, --trial {trial}: {what.strip()}")
+                if options.keep:
+                    place = options.keep / f"{name}-{trial}".replace(" ", "-")
+                    write_files(spoilt_files(name, good[name], trial, options.seed), place)
+    print(table(found))
+    print(f"{time.monotonic() - begin:.0f} s, seed {options.seed}")
+    return int(any(tally.faults for tally in found.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

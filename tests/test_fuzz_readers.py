@@ -1,0 +1,188 @@
+"""Every reader meets spoilt files: a short round of the benchmark, and the faults that long rounds have found."""
+
+import logging
+import pickle
+import struct
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+
+from archives import FORMATS, SHARED
+from fuzz_readers import READERS, main
+from fuzz_samples import samples
+from fuzz_workers import spoilt_files, try_file, write_files
+from photoclinometry.io.arrays import read_arrays
+from photoclinometry.io.ground import read_ground
+from photoclinometry.io.hdf5 import check_hdf5
+from photoclinometry.io.meshes.obj import read_obj
+from photoclinometry.io.models.colmap import read_colmap, write_colmap
+from photoclinometry.io.models.sumfile import read_sumfile
+from photoclinometry.io.scene_file import read_scene, write_scene
+from photoclinometry.io.suns_csv import read_suns
+from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.pipeline.records import read_record
+from photoclinometry.simulate.truth_file import read_truth
+from scenes import synthetic_scene
+
+FILES = 30
+"""Spoilt files of each reader in a short round."""
+
+
+@pytest.fixture(autouse=True)
+def _quiet():
+    logging.disable(logging.CRITICAL)
+    yield
+    logging.disable(logging.NOTSET)
+
+
+@pytest.mark.parametrize("name", [name for name in READERS if name != "kernel"])
+def test_a_short_round_finds_no_fault(tmp_path, name):
+    pytest.importorskip("rasterio" if name == "surface" else "numpy")
+    good = samples(READERS[name], tmp_path / "good", SHARED if FORMATS.is_dir() else None)
+    for sample in good:
+        assert try_file(READERS[name], write_files(sample, tmp_path / "whole"))[0] in ("accepted", "refused")
+    outcomes = set()
+    for trial in range(FILES):
+        path = write_files(spoilt_files(name, good, trial, 0), tmp_path / f"{trial}")
+        outcome, what, _ = try_file(READERS[name], path)
+        assert outcome != "fault", f"--seed 0 --only {name!r} --trial {trial}: {what}"
+        outcomes.add(outcome)
+    assert "refused" in outcomes or name == "stage record"
+
+
+def test_the_benchmark_ends_with_a_table(capsys):
+    assert main(["--files", "20", "--only", "suns", "transform"]) == 0
+    table = capsys.readouterr().out
+    assert "suns" in table
+    assert "all" in table
+
+
+class Harm:
+    """Unpickling it would make a folder."""
+
+    def __init__(self, mark):
+        self.mark = mark
+
+    def __reduce__(self):
+        return (self.mark.__class__.mkdir, (self.mark,))
+
+
+def test_pickles_in_archives_of_arrays_are_never_loaded(tmp_path):
+    mark = tmp_path / "mark"
+    np.savez(tmp_path / "a.npz", key=np.array("k"), text=np.array([Harm(mark)], object))
+    with pytest.raises(ValueError, match="allow_pickle=False"):
+        read_arrays(tmp_path / "a.npz")
+    assert read_record(tmp_path / "a.npz", "k", type(synthetic_scene(size=3, views=3))) is None
+    with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:  # a member that is nothing but a pickle
+        archive.writestr("key.npy", pickle.dumps(Harm(mark)))
+    with pytest.raises(ValueError, match="no arrays"):
+        read_arrays(tmp_path / "b.npz")
+    assert not mark.exists()
+
+
+def hostile(path, change):
+    """A scene file to which something was added."""
+    write_scene(path, synthetic_scene(size=3, views=3))
+    with h5py.File(path, "r+") as file:
+        change(file)
+    return path
+
+
+def _huge(file):
+    file.create_dataset("huge", (10**12,), "f8", chunks=(10**6,), compression="gzip")
+
+
+def _elsewhere(file):
+    file.create_dataset("elsewhere", (10,), "u1", external=[("/etc/hostname", 0, 10)])
+
+
+def _foreign_filter(file):
+    space, plist = h5py.h5s.create_simple((8,)), h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_chunk((8,))
+    plist.set_filter(32015, h5py.h5z.FLAG_OPTIONAL)
+    h5py.h5d.create(file.id, b"foreign", h5py.h5t.NATIVE_INT32, space, plist)
+
+
+HOSTILE = {
+    "huge array": (_huge, "cannot hold"),
+    "values of another file": (_elsewhere, "in another file"),
+    "link to another file": (lambda f: f.__setitem__("out", h5py.ExternalLink("/etc/hostname", "/")), "a link to"),
+    "link": (lambda f: f.__setitem__("out", h5py.SoftLink("/nothing")), "link to elsewhere"),
+    "group within itself": (lambda f: f["views"].__setitem__("again", f), "nested too deeply"),
+    "references": (lambda f: f.create_dataset("r", data=f.ref, dtype=h5py.ref_dtype), "objects"),
+    "filter of a plugin": (_foreign_filter, "needs the filters"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hdf5_files_that_reach_beyond_themselves_are_refused(tmp_path, name):
+    change, said = HOSTILE[name]
+    path = hostile(tmp_path / "a.h5", change)
+    with pytest.raises(
+        RunFolderError, match=rf"a\.h5: is not a scene file, or is damaged \(.*{said}.*\); run the site"
+    ):
+        read_scene(path)
+
+
+def test_a_file_that_ends_the_checking_process_is_refused_and_the_next_is_checked(tmp_path, monkeypatch):
+    from photoclinometry.io import hdf5
+
+    path = hostile(tmp_path / "a.h5", lambda f: None)
+    process = hdf5._checks._started()
+    process.kill()
+    process.wait()
+    with pytest.raises(InputError, match="crashes on it, or does not end"):
+        check_hdf5(path, "scene file", "run again")
+    check_hdf5(path, "scene file", "run again")
+
+
+def test_a_truth_file_with_broken_json_is_refused(tmp_path):
+    (sample,) = samples(READERS["truth.h5"], tmp_path / "good", None)
+    path = write_files(sample, tmp_path)
+    for key, value in (("photometry", '"unended'), ("photometry", "[]"), ("psf_sigma_px", "much")):
+        with h5py.File(path, "r+") as file:
+            kept = file.attrs[key]
+            file.attrs[key] = value
+        with pytest.raises(InputError, match=r"a\.h5: cannot be read as a truth file"):
+            read_truth(path)
+        with h5py.File(path, "r+") as file:
+            file.attrs[key] = kept
+    with h5py.File(path, "r+") as file:
+        file["views/scale"][0] = np.nan
+    with pytest.raises(InputError, match=r"a\.h5: scale is not of \(3,\) finite numbers"):
+        read_truth(path)
+
+
+def test_numbers_that_no_integer_holds_are_refused_in_obj(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 99999999999999999999\n")
+    with pytest.raises(InputError, match=r"a\.obj: is not a complete OBJ file"):
+        read_obj(tmp_path / "a.obj")
+
+
+def test_vectors_whose_length_overflows_are_refused(tmp_path):
+    (tmp_path / "a.csv").write_text("image,sun_x,sun_y,sun_z\na.png,1e200,1e200,1e200\n")
+    with pytest.raises(InputError, match=r"a\.csv, line 2: the Sun has length 1\.73205e\+200"):
+        read_suns(tmp_path / "a.csv")
+    write_colmap(tmp_path / "sparse", synthetic_scene(size=3, views=3))
+    images = bytearray((tmp_path / "sparse" / "images.bin").read_bytes())
+    images[12:20] = struct.pack("<d", 1e200)
+    (tmp_path / "sparse" / "images.bin").write_bytes(images)
+    with pytest.raises(InputError, match=r"images\.bin: .*no valid pose"):
+        read_colmap(tmp_path / "sparse")
+    (sample,) = samples(READERS["sumfile"], tmp_path / "sum", None)
+    path = write_files(sample, tmp_path)
+    path.write_text(path.read_text().replace("1.0000000000E+00", "1.000000000E+200", 1))
+    with pytest.raises(InputError, match=r"a\.SUM: .*unit vectors"):
+        read_sumfile(path)
+
+
+def test_a_map_with_letters_of_no_alphabet_is_refused(tmp_path):
+    pytest.importorskip("rasterio")
+    good = samples(READERS["surface"], tmp_path / "good", None)
+    content = good[0].files[good[0].entry]
+    assert b"unknown|" in content
+    (tmp_path / "a.tif").write_bytes(content.replace(b"unknown|", b"unkn\x90\xe3n|"))
+    with pytest.raises(InputError, match=r"a\.tif: cannot be read as a GeoTIFF"):
+        read_ground(tmp_path / "a.tif")
