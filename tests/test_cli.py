@@ -58,7 +58,7 @@ def test_a_reader_that_has_gone_is_not_complained_about():
 
 
 def test_help_of_run_explains_options(capsys):
-    phomo("run", "--help")
+    phomo("run", "--help-all")
     help_text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     for said in ("--reflectance", "--densify.min-views", "--adjust.smooth-sigma-rad", "Folder for the run", "Lowe's"):
         assert said in help_text

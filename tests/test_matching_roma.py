@@ -58,10 +58,10 @@ def test_a_missing_package_names_the_extra(monkeypatch, files, package):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"coarse_px": 561}, "--roma.coarse-px is 561; give a multiple of 14"),
-        ({"coarse_px": 0}, "--roma.coarse-px is 0"),
-        ({"fine_px": 860}, "--roma.fine-px is 860; give a multiple of 8"),
-        ({"fine_px": -8}, "--roma.fine-px is -8"),
+        ({"coarse_px": 561}, "coarse_px is 561; give a whole number, 56 to 8192, a multiple of 14"),
+        ({"coarse_px": 0}, "coarse_px is 0"),
+        ({"fine_px": 860}, "fine_px is 860; give a whole number, 32 to 8192, a multiple of 8"),
+        ({"fine_px": -8}, "fine_px is -8"),
     ],
 )
 def test_sides_that_the_network_cannot_take_are_refused(files, change, message):

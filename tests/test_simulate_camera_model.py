@@ -116,8 +116,8 @@ def test_a_constant_stays_constant():
         ({"offset_dn": (300.0, 100.0)}, "offset_dn"),
         ({"exposure_level": 0.0}, "exposure_level"),
         ({"smear_px": -1.0}, "smear"),
-        ({"smear_px": 100.0}, "the limit is 64 px"),
-        ({"hot_pixels": 1.5}, "share of the pixels"),
+        ({"smear_px": 100.0}, "smear_px is 100; give 0 to 64"),
+        ({"hot_pixels": 1.5}, "hot_pixels is 1.5; give 0 or more, below 1"),
     ],
 )
 def test_impossible_detectors_are_refused(change, message):

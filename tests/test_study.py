@@ -56,7 +56,7 @@ def test_one_view_in_ten_is_held_out_the_same_for_every_model():
         ({"lightings": ("dim",)}, "no lighting 'dim'"),
         ({"seeds": ()}, "needs seeds"),
         ({"seeds": (1, 1)}, "each once"),
-        ({"hold_out_every": 1}, "at least 2"),
+        ({"hold_out_every": 1}, "hold_out_every is 1; give a whole number, 2 to 1000000, or 0"),
     ],
 )
 def test_a_study_that_cannot_be_is_refused_before_anything_is_made(changes, message):

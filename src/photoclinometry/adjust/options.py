@@ -3,63 +3,65 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from photoclinometry.adjust.solve.solver import SolverOptions
+from photoclinometry.model.ranges import Range, Ranged
 
 
 @dataclass(frozen=True, kw_only=True)
-class AdjustOptions:
+class AdjustOptions(Ranged):
     """Noise, gates, losses and priors of the joint estimate."""
 
-    keypoint_sigma_px: float | None = None
+    keypoint_sigma_px: Annotated[float | None, Range(above=0)] = None
     """Keypoint noise of every observation [px]; left out, each keypoint's own, times a factor from the residuals."""
-    brightness_sigma: float | None = None
+    brightness_sigma: Annotated[float | None, Range(above=0)] = None
     """Brightness noise, in the images' brightness; left out, estimated from the residuals."""
-    keypoint_correlation_px: float | None = None
+    keypoint_correlation_px: Annotated[float | None, Range(least=1)] = None
     """Side of the square of landmarks that share their keypoints' errors [px]: matches are found over windows. As many
     observations count as one: each one's sigma is multiplied by this. 1 for independent errors; left out, estimated
     from the residuals."""
-    brightness_correlation_px: float | None = None
+    brightness_correlation_px: Annotated[float | None, Range(least=1)] = None
     """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
     the ground it misses next door too."""
-    keypoint_slack: float = 1.0
+    keypoint_slack: Annotated[float, Range(above=0)] = 1.0
     """All keypoints' standard deviations are this many times what they are measured to be: for maps that are to be
     matched again (see `rounds.RelightOptions`)."""
-    smooth_sigma_rad: float = 0.2
+    smooth_sigma_rad: Annotated[float, Range(least=0)] = 0.2
     """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none.
     It grows with the correlation of brightness beyond 3 px, so that shading keeps its say against it."""
-    smooth_neighbours: int = 4
+    smooth_neighbours: Annotated[int, Range(least=0, most=1000)] = 4
     """Neighbours per landmark in the smoothness factors."""
-    max_incidence_deg: float = 85.0
+    max_incidence_deg: Annotated[float, Range(above=0, most=90)] = 85.0
     """Brightness is not used where the Sun is lower than this."""
-    max_emission_deg: float = 85.0
+    max_emission_deg: Annotated[float, Range(above=0, most=90)] = 85.0
     """Brightness is not used where the camera is lower than this."""
-    keypoint_loss: float = 3.0
+    keypoint_loss: Annotated[float, Range(above=0, infinite=True)] = 3.0
     """Huber limit of keypoints, in standard deviations of one; inf for least squares."""
-    brightness_loss: float = 3.0
+    brightness_loss: Annotated[float, Range(above=0, infinite=True)] = 3.0
     """Huber limit of brightness, in standard deviations of one; inf for least squares."""
-    pose_rotation_sigma_rad: float = 1e-4
+    pose_rotation_sigma_rad: Annotated[float, Range(above=0)] = 1e-4
     """Gauge: prior on the reference view's rotation [rad]."""
-    pose_translation_sigma_gsd: float = 1e-2
+    pose_translation_sigma_gsd: Annotated[float, Range(above=0)] = 1e-2
     """Gauge: prior on the reference view's position [GSD]."""
-    landmark_sigma_gsd: float = 1e-2
+    landmark_sigma_gsd: Annotated[float, Range(above=0)] = 1e-2
     """Gauge: prior on the position of one central landmark, which fixes the scale [GSD]."""
-    scale_sigma: float | None = None
+    scale_sigma: Annotated[float | None, Range(above=0)] = None
     """Prior on the images' brightness scales about 1. Left out: what they are found to scatter by, 0.01 at most, for
     I/F with a phase function; else none but on the reference view, whose scale is 1."""
-    bias_sigma: float | None = None
+    bias_sigma: Annotated[float | None, Range(above=0)] = None
     """Prior on the images' brightness biases about 0. Left out: 1e-3 of the median brightness for I/F, else a tenth."""
-    position_sigma_gsd: float | None = None
+    position_sigma_gsd: Annotated[float | None, Range(above=0)] = None
     """Prior on every landmark's position about its start [GSD]; left out, free."""
-    normal_sigma_rad: float | None = None
+    normal_sigma_rad: Annotated[float | None, Range(above=0)] = None
     """Prior on every landmark's normal about its start [rad]; left out, free."""
-    albedo_sigma: float | None = None
+    albedo_sigma: Annotated[float | None, Range(above=0)] = None
     """Relative prior on every landmark's albedo about its start; left out, free."""
-    reflectance_sigma: float = 0.05
+    reflectance_sigma: Annotated[float, Range(least=0)] = 0.05
     """Relative prior on the reflectance's phase weighting and phase coefficients about those given, which are
     estimated too: published ones are means over a body, and no disk function is quite the ground's. 0 holds them."""
     uncertainty: bool = True
     """Find the covariance of every view and landmark after the last round."""
-    max_rounds: int = 4
+    max_rounds: Annotated[int, Range(least=1, most=100)] = 4
     """Rounds of gating, solving and measuring the noise, at most."""
     solver: SolverOptions = field(default_factory=SolverOptions)

@@ -27,41 +27,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run(arguments: Sequence[str] | None) -> None:
     # Waiting threads should sleep instead of spinning, since compiled loops are short.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    import tyro
-
-    from photoclinometry.cli.evaluate import evaluate
-    from photoclinometry.cli.export import export
-    from photoclinometry.cli.fetch import fetch
-    from photoclinometry.cli.info import info
-    from photoclinometry.cli.ingest import ingest
-    from photoclinometry.cli.refine import refine
-    from photoclinometry.cli.render import render
-    from photoclinometry.cli.run import run
-    from photoclinometry.cli.simulate import simulate
-    from photoclinometry.cli.study import study
-    from photoclinometry.cli.views import views
+    from photoclinometry.cli.arguments import call
     from photoclinometry.model.errors import InputError, PhotoclinometryError
 
-    commands = {
-        "ingest": ingest,
-        "views": views,
-        "simulate": simulate,
-        "run": run,
-        "refine": refine,
-        "render": render,
-        "evaluate": evaluate,
-        "info": info,
-        "export": export,
-        "fetch": fetch,
-        "study": study,
-    }
     try:
-        tyro.extras.subcommand_cli_from_dict(
-            commands,
-            prog="phomo",
-            description="Poses, dense landmarks, normals and albedo of small bodies, from spacecraft images.",
-            args=arguments,
-        )
+        call(arguments)
     except InputError as error:
         _fail(error, 2)
     except PhotoclinometryError as error:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from photoclinometry.model.ranges import Pinhole, Range, Ranged
 
 
 @dataclass(frozen=True, kw_only=True)
-class IngestOptions:
+class IngestOptions(Ranged):
     """Facts that the files do not hold, and how the site is made. Defaults come from labels, kernels and tables."""
 
     kernels: tuple[Path, ...] = ()
@@ -20,13 +22,13 @@ class IngestOptions:
     the camera frame (x right, y down, z forward)."""
     camera: str | None = None
     """Name of a camera in the table, such as dawn-fc2, for files that do not name theirs. A wrong name lists all."""
-    pinhole: tuple[float, float, float, float] | None = None
+    pinhole: Pinhole | None = None
     """fx fy cx cy [px] of a camera without distortion that is not in the table."""
     body: str | None = None
     """Name of the body in the images, as in SPICE, such as bennu."""
     name: str | None = None
     """The site's name; the output folder's by default."""
-    solar_flux: float | None = None
+    solar_flux: Annotated[float | None, Range(above=0)] = None
     """Solar irradiance in the filter at 1 AU [W m^-2 um^-1], to convert radiance to I/F."""
     uncalibrated: bool = False
     """Treat all brightness as uncalibrated, I/F included; needed if only some images are I/F."""
@@ -36,11 +38,11 @@ class IngestOptions:
     """The images are free of distortion, or were corrected for it."""
     pose_priors: bool = True
     """Write known poses into site.toml as priors."""
-    sun_sigma_deg: float = 0.05
+    sun_sigma_deg: Annotated[float, Range(above=0, most=180)] = 0.05
     """Standard deviation of Suns from kernels, tables and labels [degrees]."""
-    position_sigma: float = 1e-3
+    position_sigma: Annotated[float, Range(above=0)] = 1e-3
     """Standard deviation of camera positions, as a share of the distance to the body; SUMFILEs state theirs."""
-    pointing_sigma_deg: float = 0.03
+    pointing_sigma_deg: Annotated[float, Range(above=0, most=180)] = 0.03
     """Standard deviation of camera attitudes [degrees]; SUMFILEs state theirs."""
     keep_going: bool = False
     """Leave out files that cannot be used, instead of making no site."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from photoclinometry.matching.triangulation import Limits, PinholeCameras, trian
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Camera, Region
 
 log = logging.getLogger(__name__)
@@ -23,20 +25,20 @@ BLOCK = 2**21
 
 
 @dataclass(frozen=True, kw_only=True)
-class DensifyOptions:
+class DensifyOptions(Ranged):
     """Landmarks from dense matches."""
 
-    min_views: int = 6
+    min_views: Annotated[int, Range(least=2, most=1_000_000)] = 6
     """A landmark is observed in at least this many views, the reference included."""
-    max_sampson_px2: float = 1.0
+    max_sampson_px2: Annotated[float, Range(above=0)] = 1.0
     """Greatest squared Sampson distance of a match to the epipolar geometry of the sparse poses [px^2]."""
-    max_reprojection_px: float = 3.0
+    max_reprojection_px: Annotated[float, Range(above=0)] = 3.0
     """Observations farther from the triangulated point are dropped [px]."""
-    min_triangulation_deg: float = 1.0
+    min_triangulation_deg: Annotated[float, Range(least=0, below=90)] = 1.0
     """The reference's ray and one other at least must meet at this angle."""
-    min_certainty: float = 0.05
+    min_certainty: Annotated[float, Range(least=0, most=1)] = 0.05
     """Matches of less certainty are not used."""
-    reference_sigma_px: float = 0.1
+    reference_sigma_px: Annotated[float, Range(above=0)] = 0.1
     """Standard deviation of the reference's own keypoint, the pixel centre that defines the landmark [px]."""
 
 

@@ -10,10 +10,12 @@ out: where the light has moved it follows the shading, and raised the median err
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
+from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Image, Region
 from photoclinometry.surface.sampling import sample, smoothing_px
 
@@ -30,22 +32,22 @@ MIN_STRUCTURE = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlowOptions:
+class FlowOptions(Ranged):
     """Dense matching by optical flow."""
 
-    max_round_trip_px: float = 1.0
+    max_round_trip_px: Annotated[float, Range(above=0)] = 1.0
     """A match must come back to its pixel within this when matched in return [px]."""
-    min_correlation: float = 0.3
+    min_correlation: Annotated[float, Range(least=-1, most=1)] = 0.3
     """Least correlation of the two normalised pictures around a match."""
-    contrast_window_px: float = 6.0
+    contrast_window_px: Annotated[float, Range(above=0, most=1000)] = 6.0
     """Standard deviation of the Gaussian window of the local normalisation [px]."""
-    patch_px: int = 8
+    patch_px: Annotated[int, Range(least=4, most=64)] = 8
     """Side of the patches of the inverse search [px]."""
-    smoothness: float = 20.0
+    smoothness: Annotated[float, Range(least=0)] = 20.0
     """Weight of a smooth displacement against the gradients' agreement (weight 10) in the refinement."""
-    refinement_steps: int = 10
+    refinement_steps: Annotated[int, Range(least=0, most=1000)] = 10
     """Fixed-point steps of the variational refinement."""
-    sigma_floor_px: float = 0.04
+    sigma_floor_px: Annotated[float, Range(above=0)] = 0.04
     """Least standard deviation that a match is given [px]."""
 
 

@@ -18,13 +18,14 @@ import warnings
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from photoclinometry.io.reading import read_bytes
 from photoclinometry.matching.warp import Warp, WarpMatcher, WarpOptions
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.ranges import Range
 
 PUBLISHED = {
     "weights": "https://github.com/Parskatt/storage/releases/download/roma/roma_outdoor.pth",
@@ -46,9 +47,9 @@ class RomaOptions(WarpOptions):
     """File of RoMa's own weights: roma_outdoor.pth, as its authors publish it. Nothing is downloaded."""
     dinov2: Path | None = None
     """File of the backbone's weights: dinov2_vitl14_pretrain.pth, as published for DINOv2."""
-    coarse_px: int = 560
+    coarse_px: Annotated[int, Range(least=56, most=8192, multiple_of=14)] = 560
     """Side of the picture in which it is matched first; a multiple of 14. It was trained with 560."""
-    fine_px: int = 864
+    fine_px: Annotated[int, Range(least=32, most=8192, multiple_of=8)] = 864
     """Side of the picture in which that is refined; a multiple of 8."""
     device: str = "cpu"
     """Where the network runs, in torch's words: cpu, cuda."""
@@ -61,11 +62,6 @@ def roma_matcher(options: RomaOptions) -> WarpMatcher:
         if path is None:
             raise InputError(f"the matcher roma needs --roma.{name} FILE; nothing is downloaded, fetch it from {url}")
         read_bytes(path, f"file of weights for --roma.{name} (published at {url})", limit=1)
-    for name, divisor in (("coarse_px", 14), ("fine_px", 8)):
-        side = getattr(options, name)
-        if side < 4 * divisor or side % divisor:
-            option = name.replace("_", "-")
-            raise InputError(f"--roma.{option} is {side}; give a multiple of {divisor}, {4 * divisor} or more")
     for package in ("torch", "romatch"):
         if importlib.util.find_spec(package) is None:
             raise InputError(f"the matcher roma needs the package {package}: pip install 'photoclinometry[roma]'")

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from photoclinometry.matching.flow import crop, jacobian_determinant, resample
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
+from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Region
 from photoclinometry.surface.sampling import sample
 
@@ -43,14 +45,14 @@ Network = Callable[[np.ndarray, np.ndarray], tuple[Warp, Warp]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class WarpOptions:
+class WarpOptions(Ranged):
     """Which of a network's matches are kept, and with which standard deviation."""
 
-    max_round_trip_px: float = 1.0
+    max_round_trip_px: Annotated[float, Range(above=0)] = 1.0
     """A match, followed by the match in the other direction, must end within this of its pixel [px]."""
-    min_certainty: float = 0.05
+    min_certainty: Annotated[float, Range(least=0, most=1)] = 0.05
     """Least certainty that the network gives a match."""
-    sigma_cells: float = 0.5
+    sigma_cells: Annotated[float, Range(above=0)] = 0.5
     """Standard deviation of a match about each axis, in cells of the warp's grid (pixels, as the network sees
     them)."""
 

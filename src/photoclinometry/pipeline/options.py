@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.matching.densify import DensifyOptions
@@ -12,20 +12,21 @@ from photoclinometry.matching.flow import FlowOptions
 from photoclinometry.matching.registry import MATCHERS, matcher_entry
 from photoclinometry.matching.roma import RomaOptions
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import ModelChoice
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.region import RegionOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class RelightOptions:
+class RelightOptions(Ranged):
     """Relighting iterations: views are matched with the reference as it would look under each view's Sun."""
 
-    rounds: int = 3
+    rounds: Annotated[int, Range(least=0, most=100)] = 3
     """Iterations at most, after the first map. Geometry alone has none."""
-    settled_px: float = 0.03
+    settled_px: Annotated[float, Range(least=0)] = 0.03
     """No further iteration once half of all matches moved by less [px]; from the second on, as the first is loose."""
-    slack: float = 5.0
+    slack: Annotated[float, Range(above=0)] = 5.0
     """Factor on the standard deviations of keypoints in all iterations but the last. Below the window size, matches to
     a relit image are biased towards the map that was used for relighting: held tightly, that map hardly moves."""
     direct: bool = True
@@ -34,13 +35,13 @@ class RelightOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOptions:
+class RunOptions(Ranged):
     """Everything that shapes a run. Every field has a default that suits most sites."""
 
     reflectance: ModelChoice = "auto"
     """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
     mcewen. none: geometry alone (dense structure from motion)."""
-    match_rounds: int = 2
+    match_rounds: Annotated[int, Range(least=1, most=100)] = 2
     """Matching passes before the first map: after a pre-warp by the sparse surface, then by the dense one."""
     matcher: str = "relight"
     """relight: optical flow, then relighting iterations, which match each view with the reference relit for it. flow:
@@ -66,6 +67,7 @@ class RunOptions:
     adjust: AdjustOptions = field(default_factory=AdjustOptions)
 
     def __post_init__(self):
+        super().__post_init__()
         known = ("relight", *MATCHERS)
         if self.matcher not in known:
             raise InputError(f"no matcher {self.matcher!r}; known: {', '.join(known)}")

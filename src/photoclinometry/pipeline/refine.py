@@ -6,7 +6,7 @@ import logging
 import math
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from photoclinometry.io.models.text_model import TextModel, model_fingerprint, r
 from photoclinometry.io.site import DEFAULT_SUN_SIGMA_RAD
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import MODELS, ModelChoice, Reflectance, has_published
 from photoclinometry.model.scene import Scene, Tracks
 from photoclinometry.photometry.predict import observation_brightness
@@ -28,7 +29,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RefineOptions:
+class RefineOptions(Ranged):
     """What the files of a model do not say, and how the estimate is made."""
 
     reflectance: ModelChoice = "auto"
@@ -36,11 +37,11 @@ class RefineOptions:
     mcewen. none: geometry alone."""
     body: str | None = None
     """Body with published coefficients of the reflectance models: vesta or ceres."""
-    phase_weighting: tuple[float, float] | None = None
+    phase_weighting: Annotated[tuple[float, float] | None, Range()] = None
     """w0 and w1 [1/rad] of the disk function, in place of the published ones."""
-    phase_coefficients: tuple[float, ...] | None = None
+    phase_coefficients: Annotated[tuple[float, ...] | None, Range()] = None
     """c_0, c_1 [1/rad], c_2 [1/rad^2], ... of the phase function, in place of the published ones."""
-    albedo_unit: float | None = None
+    albedo_unit: Annotated[float | None, Range(above=0)] = None
     """What the model's albedos are multiplied with to be normal albedos, and divided by again in the refined model: the
     authors' are in units of c_0 (Vesta 0.301, Ceres 0.0746). Left out: c_0 of the phase coefficients given, else 1."""
     brightness: Literal["auto", "iof", "dn"] = "auto"
@@ -48,13 +49,13 @@ class RefineOptions:
     phase function (auto: if the body is named), else uncalibrated."""
     reference: str | None = None
     """Name of the image whose pose is held and whose pixels maps are drawn on. Left out: the model's first."""
-    sun_sigma_deg: float = math.degrees(DEFAULT_SUN_SIGMA_RAD)
+    sun_sigma_deg: Annotated[float, Range(above=0, most=180)] = math.degrees(DEFAULT_SUN_SIGMA_RAD)
     """Standard deviation of the Sun directions about each axis [degrees]."""
-    shadow_threshold: float = 0.0
+    shadow_threshold: Annotated[float, Range(least=0)] = 0.0
     """Brightness below this is shadow and not used (the authors: 0.025 at Vesta, 0.0025 at Ceres)."""
-    min_observations: int = 6
+    min_observations: Annotated[int, Range(least=1, most=1_000_000)] = 6
     """Landmarks with fewer lit observations are left out (with fewer keypoints, of geometry alone)."""
-    min_view_observations: int = 100
+    min_view_observations: Annotated[int, Range(least=1, most=2**31 - 1)] = 100
     """Images with fewer are left out."""
     adjust: AdjustOptions = field(
         default_factory=lambda: AdjustOptions(keypoint_correlation_px=1.0, reflectance_sigma=0.0)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from photoclinometry.model.ranges import Range, Ranged
 
 
 @dataclass(frozen=True, kw_only=True)
-class SfmOptions:
+class SfmOptions(Ranged):
     """Sparse structure from motion."""
 
-    max_features: int = 5000
+    max_features: Annotated[int, Range(least=1, most=1_000_000)] = 5000
     """SIFT keypoints per image, the strongest contrast first."""
-    partners: int = 20
+    partners: Annotated[int, Range(least=1, most=1_000_000)] = 20
     """Other views that each view is matched with: the most similar ones by a preview of a few keypoints. Views that do
     not register then are matched with all."""
     relief_keypoints: bool = True
@@ -20,18 +22,18 @@ class SfmOptions:
     reveals if the Sun's direction is known."""
     mapper: Literal["incremental", "global"] = "incremental"
     """How poses are found: view after view, or all at once."""
-    max_ratio: float = 0.8
+    max_ratio: Annotated[float, Range(above=0, most=1)] = 0.8
     """Lowe's ratio test: the best descriptor is nearer than this times the second best."""
-    max_epipolar_px: float = 2.0
+    max_epipolar_px: Annotated[float, Range(above=0)] = 2.0
     """A pair's matches agree with its two-view geometry within this [px]."""
-    max_reprojection_px: float = 1.5
+    max_reprojection_px: Annotated[float, Range(above=0)] = 1.5
     """Observations of sparse points farther from their projection are dropped [px]."""
-    min_triangulation_deg: float = 1.0
+    min_triangulation_deg: Annotated[float, Range(least=0, below=90)] = 1.0
     """Points whose rays meet at a smaller angle are dropped."""
-    min_pair_matches: int = 20
+    min_pair_matches: Annotated[int, Range(least=1, most=1_000_000)] = 20
     """Pairs with fewer verified matches count as not overlapping."""
-    seed: int = 0
+    seed: Annotated[int, Range(least=0, most=2**31 - 1)] = 0
     """Seed of RANSAC and of the mapper."""
-    threads: int = -1
+    threads: Annotated[int, Range(least=1, most=1024, also=(-1,))] = -1
     """-1: all cores. One thread reproduces a model bit by bit. Several add up in varying order, so that weakly
     determined values vary within their uncertainty."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 
 from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Camera, Image, Region
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.initialize import SHADOW_SHARE
@@ -22,19 +23,15 @@ around a region, and other views are least likely to cut off the middle."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class RegionOptions:
+class RegionOptions(Ranged):
     """The region of the dense map, where `site.toml` leaves it open."""
 
-    size_px: tuple[int, int] = (400, 400)
+    size_px: Annotated[tuple[int, int], Range(least=2, most=65535)] = (400, 400)
     """Width and height of the region of the reference image [px]; less where the image is smaller."""
-    stride: int = 1
+    stride: Annotated[int, Range(least=1, most=65535)] = 1
     """A landmark at every so many pixels, down and across. Views are matched at every pixel in any case."""
-    shadow_fraction: float = SHADOW_SHARE
+    shadow_fraction: Annotated[float, Range(least=0, below=1)] = SHADOW_SHARE
     """A pixel darker than this times the median of its image's valid pixels counts as shadow."""
-
-    def __post_init__(self):
-        if self.stride < 1 or self.stride != int(self.stride):
-            raise InputError(f"region.stride {self.stride}: give a positive whole number of pixels")
 
 
 class Request(Protocol):

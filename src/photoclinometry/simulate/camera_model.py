@@ -9,10 +9,12 @@ A calibrated image is (DN - offset) / gain with gain [DN per I/F] known exactly.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.ranges import Range, Ranged
 
 PSF_REACH = 4.0
 """Standard deviations at which the point-spread function is cut off; 3e-4 of the light lies beyond."""
@@ -31,46 +33,37 @@ _SATURATED_UINT16 = 65535
 
 
 @dataclass(frozen=True, kw_only=True)
-class Detector:
+class Detector(Ranged):
     """A framing camera behind a narrow-angle lens."""
 
-    psf_sigma_px: float = 0.5
+    psf_sigma_px: Annotated[float, Range(least=0, most=64)] = 0.5
     """Gaussian point-spread function before the pixels integrate, standard deviation [px]."""
-    smear_px: float = 0.0
+    smear_px: Annotated[float, Range(least=0, most=_MAX_SMEAR_PX)] = 0.0
     """Motion of the scene across the detector during an exposure [px], in a direction drawn per image.
     Poses and Suns in the truth are those of mid-exposure."""
     noise: bool = True
     """Simulate shot noise, read noise and rounding to whole DN; off: exact radiance."""
-    full_well_e: float = 150_000.0
+    full_well_e: Annotated[float, Range(above=0)] = 150_000.0
     """Electrons at which a pixel saturates."""
-    read_noise_e: float = 20.0
+    read_noise_e: Annotated[float, Range(least=0)] = 20.0
     """Standard deviation of the read noise [electrons]."""
-    bits: int = 14
+    bits: Annotated[int, Range(least=8, most=16)] = 14
     """Bits of the digitiser, 8 to 16."""
-    exposure_level: float = 0.6
+    exposure_level: Annotated[float, Range(above=0, most=1)] = 0.6
     """Share of the full well that the 99th percentile of an image's brightness reaches, on average."""
-    exposure_spread: float = 0.15
+    exposure_spread: Annotated[float, Range(least=0, below=1)] = 0.15
     """Relative variation of the exposure between images: a factor per image, uniform within 1 -+ this."""
-    offset_dn: tuple[float, float] = (100.0, 300.0)
+    offset_dn: Annotated[tuple[float, float], Range(least=0, most=2**15)] = (100.0, 300.0)
     """Range of the offset (DN without light), which differs between images [DN]."""
-    hot_pixels: float = 0.0
+    hot_pixels: Annotated[float, Range(least=0, below=1)] = 0.0
     """Share of the pixels with a random extra charge, the same in every image."""
-    cosmic_rays: float = 0.0
+    cosmic_rays: Annotated[float, Range(least=0)] = 0.0
     """Mean number of cosmic ray hits per image."""
 
     def __post_init__(self):
-        if min(self.psf_sigma_px, self.smear_px, self.read_noise_e, self.cosmic_rays) < 0 or self.full_well_e <= 0:
-            raise InputError("PSF, smear, read noise, cosmic rays and full well must not be negative")
-        if self.smear_px > _MAX_SMEAR_PX:
-            raise InputError(f"a smear of {self.smear_px:g} px blurs everything; the limit is {_MAX_SMEAR_PX} px")
-        if not 0 <= self.hot_pixels < 1:
-            raise InputError(f"hot_pixels is a share of the pixels, 0 to 1, got {self.hot_pixels:g}")
-        if not 8 <= self.bits <= 16:
-            raise InputError(f"a detector has 8 to 16 bits, got {self.bits}")
-        if not (0 < self.exposure_level <= 1 and 0 <= self.exposure_spread < 1):
-            raise InputError("exposure_level must be within (0, 1], exposure_spread within [0, 1)")
+        super().__post_init__()
         low, high = self.offset_dn
-        if not 0 <= low <= high <= 0.5 * 2**self.bits:
+        if not low <= high <= 0.5 * 2**self.bits:
             raise InputError(
                 f"offset_dn {low:g} to {high:g} must be a range within the lower half of {self.bits} bits, "
                 f"0 to {2 ** (self.bits - 1)}"

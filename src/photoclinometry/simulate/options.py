@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from photoclinometry.io.site import MIN_VIEWS
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES
+from photoclinometry.model.ranges import Pinhole, Range, Ranged
 from photoclinometry.model.reflectance import ModelName
 from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.camera_model import Detector
@@ -16,7 +17,7 @@ from photoclinometry.simulate.photometry import named_photometry
 from photoclinometry.simulate.presets import Preset, named_preset
 from photoclinometry.simulate.trajectory import named_lighting
 
-_SMALLEST_IMAGE_PX = 32
+SMALLEST_IMAGE_PX = 32
 """Smaller images hold no keypoints."""
 _MAX_SUPERSAMPLING = 8
 """64 rays per pixel; more only cost time."""
@@ -27,7 +28,7 @@ _LARGEST_EMISSION_DEG = 60
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulationOptions:
+class SimulationOptions(Ranged):
     """The site to simulate. An option that is None is taken from the preset."""
 
     preset: str = "demo"
@@ -36,15 +37,15 @@ class SimulationOptions:
     lighting: str = "moderate"
     """Range of the Sun's azimuth and incidence [degrees]: moderate (25; 30 to 60), strong (90; 25 to 70) or harsh (360;
     25 to 80)."""
-    seed: int = 0
+    seed: Annotated[int, Range(least=0, most=2**31 - 1)] = 0
     """Seed of all random numbers."""
-    views: int | None = None
+    views: Annotated[int | None, Range(least=MIN_VIEWS, most=1_000_000)] = None
     """Number of images, 3 or more; by default the preset's."""
-    image_size: int | None = None
+    image_size: Annotated[int | None, Range(least=SMALLEST_IMAGE_PX, most=65535)] = None
     """Width and height of the images [px]; by default the preset's."""
-    image_height: int | None = None
+    image_height: Annotated[int | None, Range(least=SMALLEST_IMAGE_PX, most=65535)] = None
     """Height of the images [px]; by default the width."""
-    intrinsics: tuple[float, float, float, float] | None = None
+    intrinsics: Pinhole | None = None
     """fx fy cx cy [px]; by default those of Dawn's camera, centred. The distance to the ground follows from the focal
     length and the ground sample distance. The boresight, at (cx, cy), points at the site."""
     surface: Path | None = None
@@ -52,32 +53,33 @@ class SimulationOptions:
     the number of views, and the body with its reflectance and mean albedo."""
     surface_unit: Literal["m", "km"] = "m"
     """Unit of a mesh's coordinates, and of a terrain model's heights."""
-    surface_center: tuple[float, ...] | None = None
+    surface_center: Annotated[tuple[float, ...] | None, Range()] = None
     """Point of the surface that the cameras look at: x y z in a mesh's coordinates, easting northing [m] on a map; by
     default the middle. Closed shapes need it."""
-    gsd: float | None = None
+    gsd: Annotated[float | None, Range(above=0, below=_LARGEST_GSD)] = None
     """Ground sample distance of all images of ground from a file [m]; by default the preset's finest."""
-    region_size: int | None = None
+    region_size: Annotated[int | None, Range(least=2, most=65535)] = None
     """Width and height of the region to map [px]; by default the preset's, or half the image."""
-    supersampling: int = 2
+    supersampling: Annotated[int, Range(least=1, most=_MAX_SUPERSAMPLING)] = 2
     """Rays per pixel, along each side."""
     reflectance: ModelName = "lunar-lambert"
     """Reflectance model of the ground, with the body's published parameters."""
     brightness: str = "iof"
     """iof (calibrated, FITS) or dn (16-bit PNG; gain and offset differ between images)."""
-    max_emission_deg: float = 25.0
+    max_emission_deg: Annotated[float, Range(least=0, most=_LARGEST_EMISSION_DEG)] = 25.0
     """Greatest emission angle of the boresights on level ground [degrees]."""
-    pointing_jitter_px: float = 15.0
+    pointing_jitter_px: Annotated[float, Range(least=0)] = 15.0
     """Standard deviation by which boresights miss the site's centre [px]."""
-    sun_sigma_deg: float = 0.0573
+    sun_sigma_deg: Annotated[float, Range(above=0, most=180)] = 0.0573
     """Standard deviation of the Sun directions in site.toml [degrees]."""
-    pose_sigma: tuple[float, float] | None = None
+    pose_sigma: Annotated[tuple[float, float] | None, Range(above=0)] = None
     """Write pose priors with these standard deviations: attitudes about each axis [degrees], camera centres along each
     axis [m]. By default there are no priors."""
     detector: Detector = field(default_factory=Detector)
     """The camera's optics and noise."""
 
     def __post_init__(self):
+        super().__post_init__()
         preset = named_preset(self.preset)
         named_lighting(self.lighting)
         named_photometry(self.reflectance, preset.body)
@@ -85,28 +87,14 @@ class SimulationOptions:
             raise InputError(f'surface_unit must be "m" or "km", got {self.surface_unit!r}')
         if self.brightness not in ("iof", "dn"):
             raise InputError(f'brightness must be "iof" or "dn", got {self.brightness!r}')
-        if self.seed < 0:
-            raise InputError(f"the seed must not be negative, got {self.seed}")
         if self.surface is None and (self.gsd, self.surface_center) != (None, None):
             raise InputError("--gsd and --surface-center go with --surface; presets have theirs")
-        if self.gsd is not None and not 0 < self.gsd < _LARGEST_GSD:
-            raise InputError(f"gsd must be positive and below {_LARGEST_GSD:g} m, got {self.gsd}")
-        if self.views is not None and self.views < MIN_VIEWS:
-            raise InputError(f"a site needs at least {MIN_VIEWS} views, got {self.views}")
-        if not 1 <= self.supersampling <= _MAX_SUPERSAMPLING:
-            raise InputError(f"supersampling must be 1 to {_MAX_SUPERSAMPLING}, got {self.supersampling}")
         camera = simulated_camera(self, preset)
-        if min(camera.width, camera.height) < _SMALLEST_IMAGE_PX:
-            raise InputError(
-                f"images must be at least {_SMALLEST_IMAGE_PX} px wide and high, got {camera.width} x {camera.height}"
-            )
         if not all(0 <= c <= size for c, size in zip(camera.principal_px, (camera.width, camera.height), strict=True)):
             raise InputError(
                 f"the boresight (cx, cy) = {camera.principal_px} lies outside of the {camera.width} x {camera.height} "
                 "image; the order of intrinsics is fx fy cx cy"
             )
-        if not 0 <= self.max_emission_deg <= _LARGEST_EMISSION_DEG:
-            raise InputError(f"max_emission_deg must be 0 to {_LARGEST_EMISSION_DEG}, got {self.max_emission_deg}")
 
 
 def simulated_camera(options: SimulationOptions, preset: Preset) -> Camera:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
+from photoclinometry.io.site import MIN_VIEWS
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import ModelName, model_named
 from photoclinometry.pipeline.run import RunOptions
-from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.options import SMALLEST_IMAGE_PX, SimulationOptions
 from photoclinometry.simulate.presets import named_preset
 
 MODELS = ("akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert")
@@ -20,7 +23,7 @@ GEOMETRY = "none"
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyOptions:
+class StudyOptions(Ranged):
     """The sites to simulate, and the models to map them with. Every combination is one cell."""
 
     presets: tuple[str, ...] = ("cornelia", "ahuna", "ikapati")
@@ -31,30 +34,29 @@ class StudyOptions:
     """Reflectance of the simulated ground: "matched" (the model that it is mapped with), or a model for all."""
     lightings: tuple[str, ...] = ("moderate",)
     """Lightings: moderate, strong, harsh."""
-    seeds: tuple[int, ...] = (0,)
+    seeds: Annotated[tuple[int, ...], Range(least=0, most=2**31 - 1)] = (0,)
     """Seeds of the sites; tables give mean and standard deviation over them."""
-    hold_out_every: int = 10
+    hold_out_every: Annotated[int, Range(least=2, most=1_000_000, also=(0,))] = 10
     """Hold one view in this many out of the maps, to measure them on it; 0 holds out none."""
     geometry_alone: bool = True
     """Also map without photometry, to compare heights."""
-    views: int | None = None
+    views: Annotated[int | None, Range(least=MIN_VIEWS, most=1_000_000)] = None
     """Images of each site; the preset's number by default."""
-    image_size: int | None = None
+    image_size: Annotated[int | None, Range(least=SMALLEST_IMAGE_PX, most=65535)] = None
     """Width and height of the images [px]; the preset's by default."""
-    region_size: int | None = None
+    region_size: Annotated[int | None, Range(least=2, most=65535)] = None
     """Width and height of the maps [px]; the preset's by default."""
     run: RunOptions = field(default_factory=RunOptions)
     """Options of the runs; `reflectance` and `hold_out` are set by the study."""
 
     def __post_init__(self):
+        super().__post_init__()
         for name in ("presets", "models", "surfaces", "lightings", "seeds"):
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
                 raise InputError(f"a study needs {name}, each once, got {list(values)}")
         for model in self.models:
             model_named(model)
-        if self.hold_out_every < 0 or self.hold_out_every == 1:
-            raise InputError(f"hold_out_every must be 0 or at least 2, got {self.hold_out_every}")
         cells(self)  # raises InputError for options that the simulator refuses
 
     @property

@@ -16,6 +16,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from photoclinometry.adjust.solve.krylov import Krylov, conjugate_gradients
 from photoclinometry.adjust.solve.preconditioner import chebyshev_degree, lowest_eigenvalue
 from photoclinometry.adjust.solve.step_control import Trial, descend
 from photoclinometry.model.errors import NotConvergedError
+from photoclinometry.model.ranges import Range, Ranged
 
 log = logging.getLogger(__name__)
 
@@ -59,29 +61,29 @@ that is not worth following there."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class SolverOptions:
+class SolverOptions(Ranged):
     """How the minimum is sought; results do not depend on these but for the last digits."""
 
-    max_steps: int = 30
+    max_steps: Annotated[int, Range(least=1, most=100_000)] = 30
     """Levenberg-Marquardt steps at most."""
-    relative_decrease: float = 1e-5
+    relative_decrease: Annotated[float, Range(least=0, below=1)] = 1e-5
     """Converged when two successive steps lower the cost by less than this share, or one that promised no more ..."""
-    absolute_decrease: float = 1.0
+    absolute_decrease: Annotated[float, Range(least=0)] = 1.0
     """... or by less than this, in squared standard deviations: no variable then moves by a standard deviation."""
-    initial_damping: float = 1e-5
+    initial_damping: Annotated[float, Range(above=0)] = 1e-5
     """Added to the diagonal of the normal equations, relative to it."""
-    min_damping: float = 1e-12
+    min_damping: Annotated[float, Range(above=0)] = 1e-12
     """Damping never falls below this."""
-    truncation: float = 0.1
+    truncation: Annotated[float, Range(above=0, below=1)] = 0.1
     """A linear solve ends when its last iteration lowered the linear model's cost by less than this share of the mean
     over its iterations (Nash and Sofer 1990, doi:10.1016/0167-6377(90)90064-D), while the cost falls fast ..."""
-    final_truncation: float = 1e-3
+    final_truncation: Annotated[float, Range(above=0, below=1)] = 1e-3
     """... and by less than this share afterwards: what is weakly determined comes last, after a lull."""
-    max_cg_iterations: int = 200
+    max_cg_iterations: Annotated[int, Range(least=1, most=100_000)] = 200
     """Conjugate-gradient iterations at most, per step."""
-    chebyshev_low: float = 0.02
+    chebyshev_low: Annotated[float, Range(above=0, most=2)] = 0.02
     """Lowest eigenvalue that the landmarks' preconditioner treats, out of (0, 2]; fewer where there are none so low."""
-    chebyshev_reduction: float = 0.4
+    chebyshev_reduction: Annotated[float, Range(above=0, below=1)] = 0.4
     """By how much it shrinks errors; sets the polynomial's degree."""
 
     def roughly(self) -> SolverOptions:
