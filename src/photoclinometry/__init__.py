@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from photoclinometry.model.reflectance import Reflectance
     from photoclinometry.model.scene import Camera, Image, Scene
     from photoclinometry.output.export import ExportOptions
+    from photoclinometry.pipeline.presets import preset
     from photoclinometry.pipeline.products import RunResult
     from photoclinometry.pipeline.run import RunOptions
     from photoclinometry.simulate.options import SimulationOptions
@@ -63,6 +64,7 @@ __all__ = [
     "adjust",
     "evaluate",
     "export",
+    "preset",
     "read_scene",
     "read_site",
     "reflectance",
@@ -89,6 +91,7 @@ _MODULE = {
     "Scene": "model.scene",
     "SimulationOptions": "simulate.options",
     "Site": "io.site",
+    "preset": "pipeline.presets",
 }
 """Where each public name is defined; those not listed are functions of `api`."""
 
