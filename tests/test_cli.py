@@ -156,7 +156,8 @@ def test_run_logs_reports_and_prints_where(mapped, tmp_path, capsys, monkeypatch
     assert phomo("run", mapped.site, "--out", folder) == 0
     said = capsys.readouterr()
     assert said.out.strip() == str(folder / "report" / "index.html")
-    assert "last_estimate: read back from the earlier run" in said.err
+    assert "last estimate   as in the earlier run" in said.err
+    assert "reweighting" not in said.err
     assert f"{len(mapped.result.scene.landmarks)} landmarks in 6 views, mean PSNR" in said.err
     log = (folder / "log").read_text()
     assert "INFO photoclinometry.pipeline.run_folder: dense: read back from the earlier run" in log
@@ -182,6 +183,16 @@ def test_info_describes_a_site_and_a_finished_run(mapped, capsys):
     assert "lunar-lambert, brightness iof" in said
     assert "images/005.fits" in said
     assert "PSNR" in said
+
+
+@pytest.mark.parametrize("what", ["site", "run"])
+def test_tables_of_info_fit_80_columns_and_cut_nothing(mapped, capsys, monkeypatch, what):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert phomo("info", getattr(mapped, what)) == 0
+    said = capsys.readouterr().out
+    assert max(len(line) for line in said.splitlines()) <= 80
+    assert "\u2026" not in said
+    assert all(f"images/{k:03d}.fits" in said for k in range(6))
 
 
 @pytest.mark.parametrize("suffix", ["fits", "png"])

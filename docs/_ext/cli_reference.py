@@ -30,9 +30,11 @@ def page(name: str, command: Callable[..., Any]) -> str:
     """A command's page in Markdown: what it does, and every option with its values and its default."""
     import tyro
 
+    from photoclinometry.cli.arguments import registry_with
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        parser = tyro.extras.get_parser(command, prog=f"phomo {name}")
+        parser = tyro.extras.get_parser(command, prog=f"phomo {name}", registry=registry_with())
     lines = [f"# phomo {name}", "", _escaped(parser.description or ""), ""]
     for group in parser._action_groups:
         actions = [action for action in group._group_actions if action.dest != "help"]
@@ -73,7 +75,7 @@ def write_pages(app: Any = None) -> None:
     """Writes reference/cli/, which is not kept in the repository."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     found = commands()
-    intro = "Each page is generated from the command itself; `phomo COMMAND --help` prints the same."
+    intro = "Each page is generated from the command itself; `phomo COMMAND --help-all` prints the same."
     table = [f"- [`phomo {name}`]({name}.md): {_first_line(command)}" for name, command in found.items()]
     tree = ["```{toctree}", ":hidden:", "", *found, "```"]
     pages = {"index": "\n".join(["# Commands", "", intro, "", *table, "", *tree]) + "\n"}

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from photoclinometry.model.reflectance import Reflectance
     from photoclinometry.model.scene import Camera, Image, Scene
     from photoclinometry.output.export import ExportOptions
+    from photoclinometry.pipeline.presets import preset
     from photoclinometry.pipeline.products import RunResult
     from photoclinometry.pipeline.run import RunOptions
     from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
@@ -68,6 +69,7 @@ __all__ = [
     "choose_views",
     "evaluate",
     "export",
+    "preset",
     "read_scene",
     "read_site",
     "reflectance",
@@ -96,6 +98,7 @@ _MODULE = {
     "Site": "io.site",
     "ViewChoice": "registration.view_choice",
     "ViewLimits": "registration.view_choice",
+    "preset": "pipeline.presets",
 }
 """Where each public name is defined; those not listed are functions of `api`."""
 

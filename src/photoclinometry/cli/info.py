@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from photoclinometry.io.run_files import read_run
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import BODY_FIXED
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+TIGHT = (0, 1, 0, 0)
+"""Padding of tables: two blanks between columns."""
 
 
 def info(path: Path, /) -> None:
@@ -31,7 +38,6 @@ def info(path: Path, /) -> None:
 def show_site(path: Path) -> None:
     """Name, brightness, region, and a table of the views with their cameras, Suns and pose priors."""
     from rich.console import Console
-    from rich.table import Table
 
     from photoclinometry.io.site import read_site
 
@@ -47,9 +53,8 @@ def show_site(path: Path) -> None:
             parts |= {"stride [px]": region.stride}
         listed = ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items())
         console.print("region: " + listed.replace("[", r"\["))
-    table = Table()
-    table.add_column("view", no_wrap=True)
-    for head in ("camera", "size [px]", "focal [px]", "phase [°]", "Sun sigma [°]", "pose", "file"):
+    table = view_table()
+    for head in ("camera", "size\n[px]", "focal\n[px]", "phase\n[°]", "Sun sigma\n[°]", "pose", "file"):
         table.add_column(head.replace("[", r"\["))
     for view in site.views:
         camera = view.camera
@@ -58,7 +63,7 @@ def show_site(path: Path) -> None:
         table.add_row(
             view.name,
             camera.model,
-            f"{camera.width} x {camera.height}",
+            f"{camera.width}\u00a0x\u00a0{camera.height}",
             f"{camera.focal_px[0]:.1f}",
             f"{phase:.1f}",
             f"{np.degrees(view.sun_sigma_rad):.3g}",
@@ -68,13 +73,24 @@ def show_site(path: Path) -> None:
     console.print(table)
 
 
-def show_run(run: Path) -> None:
-    """The content of the scene, its views, and the figures that the run recorded."""
-    from rich.console import Console
+def view_table() -> Table:
+    """A table that begins with names of views. Where the terminal is narrow, long ones are folded, not cut."""
+    from rich import box
     from rich.table import Table
 
+    table = Table(box=box.SIMPLE_HEAD, padding=TIGHT, pad_edge=False)
+    table.add_column("view", overflow="fold", min_width=15)
+    return table
+
+
+def show_run(run: Path) -> None:
+    """The content of the scene, its views, and the figures that the run recorded."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Column, Table
+
     from photoclinometry.evaluate.sigmas import view_sigmas
-    from photoclinometry.evaluate.tables import metric_rows, number, split_unit, words
+    from photoclinometry.evaluate.tables import metric_rows, split_unit, words
     from photoclinometry.io.json_file import read_json
 
     scene = read_run(run)
@@ -91,24 +107,24 @@ def show_run(run: Path) -> None:
         f"{scene.views.name[scene.reference]}{every}; ground sample distance {scene.gsd:.4g} ({unit})"
     )
     console.print(f"frame: {'body-fixed, by pose priors' if scene.frame == BODY_FIXED else 'of the images alone'}")
-    table = Table()
-    table.add_column("view", no_wrap=True)
+    table = view_table()
     sigmas = view_sigmas(scene)
-    units = [split_unit(name) for name in sigmas]
-    for head in ("keypoints", "scale", "bias", *(f"{words(name)} \\[{unit}]" for name, unit in units)):
-        table.add_column(head, justify="right")
+    heads = [f"{words(name)} \\[{unit}]".replace(" ", "\n") for name, unit in map(split_unit, sigmas)]
+    for head in ("keypoints", "scale", "bias", *heads):
+        table.add_column(head, justify="right", overflow="fold")
     keypoints = np.bincount(scene.tracks.view, minlength=len(scene.views))
     for k, name in enumerate(scene.views.name):
-        values = (scene.views.scale[k], scene.views.bias[k], *(sigma[k] for sigma in sigmas.values()))
-        table.add_row(name, str(keypoints[k]), *(number(float(value)) for value in values))
+        shown = (f"{scene.views.scale[k]:.4g}", f"{scene.views.bias[k]:.1e}", *(f"{s[k]:.3g}" for s in sigmas.values()))
+        table.add_row(name, str(keypoints[k]), *shown)
     console.print(table)
     if (run / "metrics.json").is_file():
         metrics = read_json(run / "metrics.json")["metrics"]
         flat = {k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
         spreads, singles = metric_rows(flat)
-        figures = Table("figure", "mean", "median", "RMS", "90 %")
+        heads = (Column(head, justify="right") for head in ("mean", "median", "RMS", "90 %"))
+        figures = Table("figure", *heads, box=box.SIMPLE_HEAD, padding=TIGHT, pad_edge=False)
         for name, unit, *values in spreads:
             figures.add_row(f"{name} [{unit}]".replace("[", r"\["), *values)
         for name, value in singles:
-            figures.add_row(name, value)
+            figures.add_row(name, value.replace(" ", "\u00a0"))
         console.print(figures)

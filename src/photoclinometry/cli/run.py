@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from photoclinometry.cli.terminal import log_to, progress_bars, say_result
+from photoclinometry.model.errors import InputError
+from photoclinometry.pipeline.presets import PRESETS, preset
 from photoclinometry.pipeline.run import RunOptions
+
+if TYPE_CHECKING:
+    PresetName = str
+else:
+    PresetName = Literal[*PRESETS]
 
 
 def run(
     site: tyro.conf.Positional[Path],
     /,
-    out: Path,
+    out: Path | None = None,
+    preset: PresetName | None = None,
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = RunOptions(),  # noqa: B008
 ) -> None:
     """Map a site: poses, dense landmarks, normals and albedo, with a report.
@@ -22,8 +32,9 @@ def run(
     A run that was stopped goes on where it was; changed options redo only what depends on them.
 
     Args:
-        site: site.toml, which names the images, the camera and a Sun direction per image.
-        out: Folder for the run; new, empty, or that of an earlier run of the same site.
+        site: site.toml, which names the images, the camera and a Sun direction per image; or the folder with it.
+        out: Folder for the run; new, empty, or that of an earlier run of the same site. Default: run/ beside site.toml.
+        preset: Defaults for a common case, which other options replace. {presets}.
         options: How the map is made.
     """
     from rich.console import Console
@@ -31,10 +42,35 @@ def run(
     from photoclinometry.io.site import read_site
     from photoclinometry.pipeline import run as pipeline
 
+    site = site_file(site)
     read_site(site)  # a mistake here leaves no run folder behind
     pipeline.first_matcher(options)
 
+    out = out or site.parent / "run"
     console = Console(stderr=True)
     with progress_bars(console) as progress, log_to(out, console):
         result = pipeline.run(site, out, options, progress)
     say_result(console, result)
+
+
+_ABOUT = "; ".join(f"{name}: {each.about}" for name, each in PRESETS.items())
+run.__doc__ = (run.__doc__ or "").replace("{presets}", _ABOUT)
+
+
+def prepared(words: Sequence[str]) -> Callable[..., Any]:
+    """`run` with the defaults of the preset that is among the command's words."""
+    from photoclinometry.cli.arguments import with_defaults
+
+    given = [after for word, after in pairwise(words) if word == "--preset"]
+    given += [word.partition("=")[2] for word in words if word.startswith("--preset=")]
+    known = [name for name in given if name in PRESETS]  # others are refused when the words are parsed
+    return with_defaults(run, "options", preset(known[-1])) if known else run
+
+
+def site_file(path: Path) -> Path:
+    """The site.toml that a path names: itself, or the one in a folder. Raises InputError for a folder without one."""
+    if not path.is_dir():
+        return path
+    if not (path / "site.toml").is_file():
+        raise InputError(f"{path}: the folder holds no site.toml; give a site.toml, or the folder with one")
+    return path / "site.toml"

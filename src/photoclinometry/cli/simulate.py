@@ -19,7 +19,7 @@ class Simulate:
     out: Path
     """Folder for the site; new or empty."""
     overwrite: bool = False
-    """Replace a simulated site in that folder."""
+    """Replace a simulated site in that folder, with all that the folder holds."""
     options: Annotated[SimulationOptions, tyro.conf.arg(name="")] = field(default_factory=SimulationOptions)
 
 

@@ -19,7 +19,7 @@ from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.report import page
-from photoclinometry.output.report.curves import draw_convergence, draw_renderings
+from photoclinometry.output.report.curves import CONVERGENCE, draw_convergence, draw_renderings
 from photoclinometry.output.report.maps import draw_maps, draw_relit, draw_values
 
 log = logging.getLogger(__name__)
@@ -133,7 +133,7 @@ def _estimate_sections(work: Path, content: ReportContent) -> list[Section]:
         sections.append(("Ground control points", note, page.mapping_table(content.control)))
     if content.convergence:
         draw_convergence(work / "convergence.png", content.convergence)
-        shown = page.figures([("convergence.png", "Cost by type of factor.")], "grid wide half")
+        shown = page.figures([("convergence.png", CONVERGENCE)], "grid wide half")
         sections.append(("Convergence", "", shown))
     return sections
 

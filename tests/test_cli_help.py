@@ -1,0 +1,126 @@
+"""What `phomo` says of itself: short and full help, version, completion, presets, and hints at what was misspelt."""
+
+import re
+import subprocess
+
+import pytest
+
+import photoclinometry as pcm
+from commands import phomo
+from photoclinometry.cli.arguments import command_named, option_fields
+from photoclinometry.cli.first_options import FIRST
+from photoclinometry.cli.run import prepared, site_file
+from photoclinometry.model.errors import InputError
+from photoclinometry.pipeline.options import RunOptions
+from photoclinometry.pipeline.presets import PRESETS, preset
+
+
+def said(capsys, *arguments) -> str:
+    """What a command prints on standard output, with exit code 0."""
+    assert phomo(*arguments) == 0
+    return capsys.readouterr().out
+
+
+@pytest.fixture(autouse=True)
+def narrow(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+
+
+@pytest.mark.parametrize(
+    "command", ["ingest", "simulate", "run", "refine", "render", "evaluate", "info", "export", "fetch", "study"]
+)
+def test_help_of_every_command_fits_a_screen(command, capsys):
+    lines = said(capsys, command, "--help").splitlines()
+    assert len(lines) <= 60
+    if command in FIRST:
+        assert f"`phomo {command} --help-all`" in " ".join(lines)
+
+
+@pytest.mark.parametrize("command", FIRST)
+def test_help_shows_the_first_options_and_help_all_shows_every_one(command, capsys):
+    options = {f"--{name.replace('_', '-')}" for name, _, _ in option_fields(command_named(command))}
+    first = {f"--{name.replace('_', '-')}" for name in FIRST[command]}
+
+    def shown(text: str) -> set[str]:
+        return options & set(re.findall(r"^[│| ]{1,4}(--[\w.-]+)", text, flags=re.MULTILINE))
+
+    assert shown(said(capsys, command, "--help")) == first <= options
+    assert shown(said(capsys, command, "--help-all")) == options
+
+
+def test_help_says_the_range_of_a_number(capsys):
+    assert "Range: 1 to 65535. (default: 1)" in " ".join(said(capsys, "run", "--help").replace("│", " ").split())
+    full = " ".join(said(capsys, "run", "--help-all").replace("│", " ").split())
+    assert "inf for least squares. Range: above 0, or inf. (default: 3.0)" in full
+
+
+def test_the_version_is_printed(capsys):
+    assert said(capsys, "--version") == f"phomo {pcm.__version__}\n"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_completion_is_a_script_that_knows_commands_and_options(shell, capsys):
+    script = said(capsys, "--tyro-print-completion", shell)
+    assert "simulate" in script
+    assert "smooth-sigma-rad" in script
+
+
+def test_the_script_for_bash_is_one_that_bash_takes(capsys, tmp_path):
+    file = tmp_path / "phomo"
+    file.write_text(said(capsys, "--tyro-print-completion", "bash"))
+    subprocess.run(["bash", "-n", str(file)], check=True)
+
+
+MISSPELT = {
+    "command": (("rnu", "a.toml"), "did you mean `phomo run`?"),
+    "command unlike any": (("zzz",), "commands: ingest, simulate, run"),
+    "option": (("run", "a.toml", "--sfm.max-feature", "5"), "--sfm.max-features INT"),
+    "option of the command itself": (("run", "a.toml", "--oout", "b"), "--out"),
+    "preset": (("run", "a.toml", "--preset", "quik"), "'quick'"),
+    "option of another command": (("info", "a.toml", "--out", "b"), "phomo info --help"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "hint"), MISSPELT.values(), ids=MISSPELT)
+def test_what_is_misspelt_is_answered_by_what_was_meant(arguments, hint, capsys):
+    assert phomo(*arguments) == 2
+    answer = capsys.readouterr().err
+    assert hint in answer
+    assert "phomo study" not in answer
+
+
+def test_presets_set_what_they_say_and_other_options_go_before_them(monkeypatch):
+    quick = preset("quick")
+    assert (quick.region.stride, quick.relight.rounds, quick.adjust.uncertainty) == (2, 1, False)
+    assert quick.sfm == RunOptions().sfm
+    seen = {}
+    monkeypatch.setattr("photoclinometry.io.site.read_site", lambda path: None)
+
+    def library(site, out, options, progress):
+        seen.update(site=site, out=out, options=options)
+        raise InputError("seen")
+
+    monkeypatch.setattr("photoclinometry.pipeline.run.run", library)
+    assert phomo("run", "a/site.toml", "--preset", "quick", "--region.stride", 3, "--out", "/dev/null/no") == 2
+    assert prepared(["a.toml", "--preset=best"]).__signature__.parameters["options"].default == preset("best")  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_changes_options_that_exist(name):
+    assert preset(name) != RunOptions()
+    known = {option for option, _, _ in option_fields(command_named("run"))}
+    assert set(PRESETS[name].values) <= known
+
+
+def test_a_preset_that_is_none_is_answered_by_the_nearest():
+    with pytest.raises(InputError, match="known: few-views, uncalibrated, quick, best; nearest: best"):
+        pcm.preset("bset")
+
+
+def test_run_takes_a_folder_with_a_site(tmp_path, capsys):
+    (tmp_path / "site.toml").write_text("")
+    assert site_file(tmp_path) == tmp_path / "site.toml" == site_file(tmp_path / "site.toml")
+    (tmp_path / "site.toml").unlink()
+    assert phomo("run", tmp_path) == 2
+    assert "the folder holds no site.toml" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
