@@ -96,7 +96,7 @@ def make_images(folder: Path) -> list[str]:
 
 
 def make_cubes(folder: Path) -> list[str]:
-    tables = geometry_tables([1, 0, 0, 0], [1, 2, 3], [0, 1, 0, 0], [1, 2, 3], constant=np.eye(3))
+    tables = geometry_tables([1, 0, 0, 0], [0, 0, -5], [1, 0, 0, 0], [0.6e8, 0, -0.8e8], constant=np.eye(3))
     write_cube(folder / "tiled.cub", texture(), tile=(20, 30), tables=tables, keywords="  A = 1\n")
     write_cube(folder / "lines.cub", (texture() * 1e5).astype(np.int16), kind="SignedWord", order="Msb", tables=tables)
     return ["tiled.cub", "lines.cub"]

@@ -127,7 +127,7 @@ def test_missing_images_are_all_named_before_any_is_read(path):
         (b"", "is an empty file; fetch or export it again"),
         (b"GIF89a....", "is not a FITS, PNG or TIFF image .* convert it"),
         (b"II+\0....", "is a BigTIFF; convert it"),
-        (b"SIMPLE  =                    T", "is damaged .* fetch or export it again"),
+        (b"SIMPLE  =                    T", "was cut short: it ends after 30 bytes.* fetch or export"),
         (b"\x89PNG\r\n\x1a\n", "is damaged .*ends after 8 bytes"),
         (b"II*\0\xff\xff\xff\xff", "is damaged .*past the end"),
     ],
@@ -182,6 +182,55 @@ def test_an_all_dark_frame_is_named(path, noise):
     write_fits(path.parent / "images" / "1.fits", dark)
     with pytest.raises(ImageError, match=r"1\.fits: is dark: nothing rises above its noise .* remove this view"):
         load_images(read_site(path))
+
+
+NOTHING = {
+    "saturated below the container's top": (
+        np.full((SIZE, SIZE), 4095.0),
+        r"is constant: all its valid pixels are 4095, ",
+    ),
+    "pure noise": (
+        np.random.default_rng(0).normal(0.2, 0.01, (SIZE, SIZE)),
+        r"is noise alone: 0\.(2|19)\d* with a standard deviation of 0\.0\d* and no detail",
+    ),
+    "saturated noise": (
+        np.random.default_rng(0).normal(4000, 3, (SIZE, SIZE)),
+        r"is noise alone: [\d.]+ with a standard deviation of [23]",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", NOTHING)
+def test_a_frame_without_detail_is_not_called_dark_unless_it_is(path, fault):
+    values, said = NOTHING[fault]
+    write_fits(path.parent / "images" / "1.fits", values)
+    with pytest.raises(ImageError, match=rf"1\.fits: {said}.*remove this view"):
+        load_images(read_site(path))
+
+
+@pytest.mark.parametrize("kept", [100, 2880, 5000, 16000])
+@pytest.mark.parametrize("checksum", [True, False])
+def test_a_fits_file_that_was_cut_short_is_called_that(tmp_path, kept, checksum):
+    from astropy.io import fits
+
+    path = tmp_path / "a.fits"
+    if checksum:
+        write_fits(path, picture(0))
+    else:
+        fits.PrimaryHDU(picture(0)).writeto(path)
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(
+        ImageError, match=rf"a\.fits: was cut short: it ends after {kept} bytes.* fetch or export it again"
+    ):
+        read_image(path)
+
+
+def test_a_site_without_views_is_told_so_whatever_its_region(path):
+    text = path.read_text()
+    head = text[: text.index("[region]")]
+    path.write_text(head + "[region]\nsize_px = [40, 20]\n")
+    with pytest.raises(SiteError, match=r"views: there are 0, at least 3 are needed; add \[\[views\]\]"):
+        read_site(path)
 
 
 def test_a_duplicated_image_is_named_with_its_original(path):

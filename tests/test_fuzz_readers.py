@@ -1,5 +1,6 @@
 """Every reader meets spoilt files: a short round of the benchmark, and the faults that long rounds have found."""
 
+import json
 import logging
 import pickle
 import struct
@@ -16,10 +17,13 @@ from fuzz_workers import spoilt_files, try_file, write_files
 from photoclinometry.io.arrays import read_arrays
 from photoclinometry.io.ground import read_ground
 from photoclinometry.io.hdf5 import check_hdf5
+from photoclinometry.io.held_out import read_held_out
 from photoclinometry.io.meshes.obj import read_obj
+from photoclinometry.io.meshes.ply import read_ply
 from photoclinometry.io.models.colmap import read_colmap, write_colmap
 from photoclinometry.io.models.sumfile import read_sumfile
 from photoclinometry.io.scene_file import read_scene, write_scene
+from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.pipeline.records import read_record
@@ -41,8 +45,9 @@ def _quiet():
 def test_a_short_round_finds_no_fault(tmp_path, name):
     pytest.importorskip("rasterio" if name == "surface" else "numpy")
     good = samples(READERS[name], tmp_path / "good", SHARED if FORMATS.is_dir() else None)
-    for sample in good:
-        assert try_file(READERS[name], write_files(sample, tmp_path / "whole"))[0] in ("accepted", "refused")
+    whole = [try_file(READERS[name], write_files(sample, tmp_path / f"whole{n}")) for n, sample in enumerate(good)]
+    assert "accepted" in [outcome for outcome, *_ in whole]
+    assert [what for outcome, what, _ in whole if outcome == "fault"] == []
     outcomes = set()
     for trial in range(FILES):
         path = write_files(spoilt_files(name, good, trial, 0), tmp_path / f"{trial}")
@@ -153,6 +158,35 @@ def test_a_truth_file_with_broken_json_is_refused(tmp_path):
         file["views/scale"][0] = np.nan
     with pytest.raises(InputError, match=r"a\.h5: scale is not of \(3,\) finite numbers"):
         read_truth(path)
+
+
+def test_numbers_beyond_doubles_and_arrays_that_disagree_are_refused_in_held_out_views(tmp_path):
+    (sample,) = samples(READERS["held_out.json"], tmp_path / "good", None)
+    path = write_files(sample, tmp_path)
+    content = json.loads(path.read_text())
+    for key, value in (("scale", [10**400] * 3), ("scale", [1.0]), ("rotation", [[1.0]]), ("name", [1, 2, 3])):
+        path.write_text(json.dumps(content | {key: value}))
+        with pytest.raises(RunFolderError, match=r"held_out\.json: is damaged"):
+            read_held_out(path)
+
+
+def test_a_transform_whose_products_overflow_is_refused(tmp_path):
+    (tmp_path / "a.toml").write_text(
+        "scale = 1\nrotation = [[1e300, 1e300, 0], [0, 1, 0], [0, 0, 1]]\ntranslation = [0, 0, 0]\n"
+    )
+    with pytest.raises(InputError, match=r"a\.toml: rotation: is not a rotation"):
+        read_similarity(tmp_path / "a.toml")
+
+
+def test_signalling_nans_of_a_mesh_are_no_warning(tmp_path):
+    (tmp_path / "a.ply").write_bytes(
+        b"ply\nformat binary_little_endian 1.0\nelement vertex 1\n"
+        + b"".join(b"property float %s\n" % name for name in (b"x", b"y", b"z", b"nx", b"ny", b"nz"))
+        + b"end_header\n"
+        + struct.pack("<5f", 1, 2, 3, 0, 0)
+        + struct.pack("<I", 0x7F800001)
+    )
+    assert np.isnan(read_ply(tmp_path / "a.ply").normal[0, 2])
 
 
 def test_numbers_that_no_integer_holds_are_refused_in_obj(tmp_path):

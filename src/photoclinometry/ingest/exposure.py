@@ -74,7 +74,7 @@ class AuxiliaryData:
 
 def read_exposure(path: Path, options: IngestOptions, auxiliary: AuxiliaryData) -> Exposure:
     """A file as a view. Raises InputError that lists everything that is missing, with the options that give it."""
-    product = read_product(path)
+    product = read_product(path, linear=options.linear)
     facts = read_facts(product)
     if facts.scanner:
         raise ImageError(

@@ -32,6 +32,8 @@ class IngestOptions(Ranged):
     """Solar irradiance in the filter at 1 AU [W m^-2 um^-1], to convert radiance to I/F."""
     uncalibrated: bool = False
     """Treat all brightness as uncalibrated, I/F included; needed if only some images are I/F."""
+    linear: bool = False
+    """PNG files are linear in radiance although they declare gamma, sRGB or a colour profile."""
     lines: Literal["label", "down", "up"] = "label"
     """Order of the image's lines, for labels without it or with a wrong one: up if the first belongs at the bottom."""
     undistorted: bool = False

@@ -35,6 +35,8 @@ _PLATEAU_CONTRAST = 0.005
 """A spread below this share of the contrast is flat whatever its texture (compression, rounding)."""
 _CLIP_PERCENT = (0.1, 99.9)
 """Percentiles to which brightness is clipped, so that hot and dead pixels do not count as signal."""
+_DARK_SIGMAS = 2.0
+"""An image of noise is dark where its median is nearer to 0 than so many standard deviations."""
 _BLOCK = 8
 """Side of the blocks whose means show a signal that noise hides in single pixels [px]."""
 _BLOCK_SIGMAS = 12.0
@@ -102,19 +104,38 @@ def _is_plateau(image: Image, inside: np.ndarray, top: float, tolerance: float, 
     return bool(spread <= max(_PLATEAU_SPREAD * white, _PLATEAU_CONTRAST * contrast))
 
 
-def shows_nothing(image: Image) -> bool:
-    """Whether the image is constant, or white noise about a constant.
+def why_it_shows_nothing(image: Image) -> str | None:
+    """In words, that an image is constant, or white noise about a constant; None if it shows something.
 
-    Then the means over blocks of 8 x 8 pixels differ by no more than their standard errors explain.
+    Of noise, the means over blocks of 8 x 8 pixels differ by no more than their standard errors explain. The image is
+    dark where its mean is within the noise of 0, or it is 0 itself. It has a valid pixel.
     """
     seen = image.brightness[image.valid]
+    low, high = float(seen.min()), float(seen.max())
+    if low == high and low != 0.0:
+        return f"is constant: all its valid pixels are {low:g}, as where it is overexposed, covered or made up"
+    noise = _white_noise(image)
+    if noise is None:
+        return None
+    middle = float(np.median(seen))
+    if abs(middle) <= _DARK_SIGMAS * noise:
+        return f"is dark: nothing rises above its noise (brightness {low:g} to {high:g})"
+    return (
+        f"is noise alone: {middle:g} with a standard deviation of {noise:.3g} and no detail, as where it is "
+        "overexposed, covered or out of focus"
+    )
+
+
+def _white_noise(image: Image) -> float | None:
+    """The standard deviation of an image that is white noise about a constant; None for others."""
+    seen = image.brightness[image.valid]
     if seen.min() == seen.max():
-        return True
+        return 0.0
     low, high = np.percentile(seen, _CLIP_PERCENT)
     clipped = np.where(image.valid, np.clip(image.brightness, low, high), np.median(seen))
     height, width = (n // _BLOCK * _BLOCK for n in clipped.shape)
     if height * width == 0:
-        return False
+        return None
     noise = np.std(np.diff(clipped, axis=1)) / np.sqrt(2.0)
     means = clipped[:height, :width].reshape(height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK).mean((1, 3))
-    return bool(np.ptp(means) <= _BLOCK_SIGMAS * noise / _BLOCK)
+    return float(noise) if np.ptp(means) <= _BLOCK_SIGMAS * noise / _BLOCK else None

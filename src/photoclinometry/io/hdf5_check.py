@@ -27,7 +27,7 @@ _SMALL_BYTES = 1 << 24
 """Arrays that need not be in the file, since HDF5 fills them (16 MiB)."""
 _MAX_DEPTH = 4
 """Nested groups; the files of this package have two, and recursion must end."""
-_CPU_S, _BYTES_PER_S = 4, 20_000_000
+_CPU_S, _BYTES_PER_S = 3, 20_000_000
 """CPU time for any file [s], and rate at which a large one is read at least."""
 _MEMORY_BYTES = 1 << 30
 """Memory for any file (1 GiB), beside what its arrays take."""

@@ -32,11 +32,28 @@ def read_held_out(path: Path) -> Views | None:
         return None
     content = read_json(path)
     try:
-        return Views(
+        views = Views(
             name=tuple(content["name"]),
             cameras=tuple(Camera(m, w, h, tuple(p)) for m, w, h, p in content["cameras"]),
             body_from_cam=Rigid(np.array(content["rotation"], float), np.array(content["translation"], float)),
             **{key: np.array(content[key], float) for key in VIEW_ARRAYS},
         )
-    except (ValueError, KeyError, TypeError) as error:
+        _check(views)
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise RunFolderError(f"{path}: is damaged ({error}); run the site again") from error
+    return views
+
+
+def _check(views: Views) -> None:
+    """Raises ValueError where the arrays do not agree."""
+    count = len(views.name)
+    vectors = {"sun": (3,), "sun_measured": (3,)}
+    expected = {key: (count, *vectors.get(key, ())) for key in VIEW_ARRAYS}
+    found = {key: getattr(views, key) for key in VIEW_ARRAYS}
+    expected |= {"rotation": (count, 3, 3), "translation": (count, 3)}
+    found |= {"rotation": views.body_from_cam.rotation, "translation": views.body_from_cam.translation}
+    for key, values in found.items():
+        if values.shape != expected[key]:
+            raise ValueError(f"{key} is of shape {values.shape}, {count} views need {expected[key]}")
+    if len(views.cameras) != count or not all(isinstance(name, str) for name in views.name):
+        raise ValueError(f"there are {len(views.cameras)} cameras and {count} names")

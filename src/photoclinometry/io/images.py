@@ -24,31 +24,49 @@ MAX_PIXELS = 2**28
 """Files that declare more pixels (16k x 16k) are refused before anything is decoded."""
 
 _PNG = b"\x89PNG\r\n\x1a\n"
+_PNG_PROFILES = {b"sRGB": "sRGB", b"iCCP": "a colour profile"}
+"""Chunks of an encoding for the eye."""
+_PNG_UNITY = 100_000
+"""gAMA counts in parts of this."""
+_JPEG = b"\xff\xd8\xff"
 _TIFF = {b"II*\0": "<", b"MM\0*": ">"}
+_CUT_SHORT = ("buffer is too small", "may have been truncated", "Empty or corrupt FITS", "Header missing END card")
+"""Words of astropy's for a FITS file that ends early."""
+_GAMMA_TOLERANCE = 0.02
+"""A gAMA chunk this near to 1 declares linear numbers."""
 _BIG_TIFF = (b"II+\0", b"MM\0+")
 
 
-def read_image(path: Path | str) -> Image:
+def read_image(path: Path | str, *, linear: bool = False, remedy: str = "") -> Image:
     """One image: brightness (h, w) float32, and `valid` where it is a measurement.
 
     Not valid: NaN and infinite values, FITS BLANK, integers at the top of their container's range
     (saturated), values at or above a FITS header's SATURATE or above its DATAMAX. Brightness is 0 there.
     A detector with fewer bits than its container (12 in 16) saturates at a lower number: give it as SATURATE.
     The format is recognised by content, not by name. Colour images are accepted if all channels are equal
-    and every pixel is opaque. Raises ImageError.
+    and every pixel is opaque. A PNG that declares an encoding for the eye (gAMA other than 1, sRGB, iCCP) is refused
+    unless `linear` states that its numbers are linear nevertheless; remedy: how to state so, for the message.
+    Raises ImageError.
     """
     path = Path(path)
     data = read_image_bytes(path, "image")
     if data.startswith(b"SIMPLE"):
         values, valid = _read_fits(path, data)
     elif data.startswith(_PNG):
-        _check_png(path, data)
+        encoding = _check_png(path, data)
+        if encoding and not linear:
+            raise ImageError(
+                f"{path}: declares that its numbers are not linear in radiance ({encoding}); export it again from "
+                f"linear data{remedy and f', or {remedy} if its numbers are linear all the same'}"
+            )
         values, valid = _read_raster(path, data)
     elif data[:4] in _TIFF:
         _check_tiff(path, data)
         values, valid = _read_raster(path, data)
     elif data[:4] in _BIG_TIFF:
         raise ImageError(f"{path}: is a BigTIFF; convert it to plain TIFF or FITS")
+    elif data.startswith(_JPEG):
+        raise ImageError(f"{path}: is a JPEG, whose numbers are not linear in radiance; get the image as FITS or PNG")
     else:
         raise ImageError(f"{path}: is not a FITS, PNG or TIFF image (it begins with {data[:8]!r}); convert it")
     if values.size == 0:
@@ -106,9 +124,12 @@ def _check_size(path: Path, width: int, height: int) -> None:
         raise ImageError(f"{path}: declares {width} x {height} pixels, more than {MAX_PIXELS}; crop it first")
 
 
-def _check_png(path: Path, data: bytes) -> None:
-    """Checks every chunk and its checksum, since the decoder fills missing data with zeros. Raises ImageError."""
-    at, kind = len(_PNG), b""
+def _check_png(path: Path, data: bytes) -> str:
+    """Checks every chunk and its checksum, since the decoder fills missing data with zeros. Raises ImageError.
+
+    Returns the encoding for the eye that the file declares, in words; empty for none. W3C's PNG, 11.3.2.
+    """
+    at, kind, encoding = len(_PNG), b"", ""
     while kind != b"IEND":
         if at + 12 > len(data):
             raise _damaged(path, f"the PNG ends after {len(data)} bytes, before its end mark")
@@ -122,7 +143,13 @@ def _check_png(path: Path, data: bytes) -> None:
             if kind != b"IHDR" or length != 13:
                 raise _damaged(path, "the PNG has no header")
             _check_size(path, *struct.unpack_from(">II", data, at + 8))
+        if kind == b"gAMA" and length == 4:
+            gamma = struct.unpack_from(">I", data, at + 8)[0] / _PNG_UNITY
+            encoding = encoding or (f"gamma {gamma:.4g}" if abs(gamma - 1.0) > _GAMMA_TOLERANCE else "")
+        elif kind in _PNG_PROFILES:
+            encoding = _PNG_PROFILES[kind]
         at = end + 4
+    return encoding
 
 
 def _check_tiff(path: Path, data: bytes) -> None:
@@ -201,6 +228,11 @@ def _read_fits(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
         raise
     # A damaged file makes astropy raise nearly every built-in exception, and its own warnings.
     except Exception as error:
+        if any(words in str(error) for words in _CUT_SHORT):
+            raise ImageError(
+                f"{path}: was cut short: it ends after {len(data)} bytes, before the end of the header or of the "
+                "pixels that it announces; fetch or export it again"
+            ) from error
         raise _damaged(path, f"{type(error).__name__}: {error}") from error
     found = ", ".join(str(s) for s in shapes if s) or "none"
     raise ImageError(f"{path}: has no image with two axes (found: {found}); extract one plane")

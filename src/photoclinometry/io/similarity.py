@@ -31,7 +31,8 @@ def read_similarity(path: Path | str) -> Similarity:
     rotation = table.matrix("rotation", 3)
     translation = table.numbers("translation", 3)
     table.finish()
-    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    # Larger entries are of no rotation, and their products may overflow.
+    off = np.abs(rotation).max() if np.abs(rotation).max() > 2.0 else np.abs(rotation @ rotation.T - np.eye(3)).max()
     if off > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
         raise InputError(
             f"{path}: rotation: is not a rotation (rows off orthonormal by {off:.2g}, or mirrored); correct it"

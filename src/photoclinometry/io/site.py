@@ -76,6 +76,8 @@ class Site:
     region: RegionRequest | None
     path: Path
     """The file itself; image paths are relative to its folder."""
+    linear: bool = False
+    """The numbers of its images are linear in radiance whatever the files declare (gamma, sRGB)."""
 
     @property
     def sun_in_cam(self) -> np.ndarray:
@@ -101,12 +103,15 @@ def read_site(path: Path | str) -> Site:
     name = table.text("name")
     body = table.text("body", None)
     brightness = table.choice("brightness", ("iof", "dn"))
+    linear = table.boolean("linear", False)
     default, cameras = _read_cameras(table)
     views = tuple(_read_view(path, entry, default, cameras) for entry in table.tables("views"))
+    if not views:
+        _check_views(table, views)
     region = _read_region(table.table("region", None), views)
     table.finish()
     _check_views(table, views)
-    return Site(name, body, brightness, views, region, path)
+    return Site(name, body, brightness, views, region, path, linear)
 
 
 def write_site(path: Path | str, site: Site) -> None:
@@ -258,6 +263,8 @@ def site_document(site: Site) -> dict[str, Any]:
     if site.body is not None:
         document["body"] = site.body
     document["brightness"] = site.brightness
+    if site.linear:
+        document["linear"] = True
     cameras = list(dict.fromkeys(view.camera for view in site.views))
     entries = [
         {"model": c.model, "width": c.width, "height": c.height, "params": [float(p) for p in c.params]}

@@ -42,7 +42,7 @@ def site_table(site: Site) -> dict[str, str]:
 
 def site_picture(site: Site) -> np.ndarray:
     """Grey values (h, w) of one image, NaN where its pixels are not valid. Raises ImageError."""
-    image = read_image(shown_view(site).image)
+    image = read_image(shown_view(site).image, linear=site.linear)
     return thumbnail(np.where(image.valid, image.brightness, np.nan))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from photoclinometry.io.exposure import off_body_mask, shows_nothing
+from photoclinometry.io.exposure import off_body_mask, why_it_shows_nothing
 from photoclinometry.io.images import read_image
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
@@ -30,7 +30,7 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
         )
     images, seen = [], {}
     for number, view in enumerate(site.views, start=1):
-        image = read_image(view.image)
+        image = read_view_image(site, view)
         _check_image(view, image)
         content = hashlib.sha256(image.brightness.tobytes()).digest()
         if content in seen:
@@ -43,6 +43,11 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
         if progress is not None:
             progress("images", number, len(site.views))
     return images
+
+
+def read_view_image(site: Site, view: SiteView) -> Image:
+    """The image of a view, sky included, named after its file. Raises ImageError."""
+    return read_image(view.image, linear=site.linear, remedy="write linear = true in site.toml")
 
 
 def input_fingerprint(site: Site) -> str:
@@ -72,9 +77,6 @@ def _check_image(view: SiteView, image: Image) -> None:
         )
     if not image.valid.any():
         raise ImageError(f"{view.image}: has no valid pixel (all NaN, blank or saturated); remove this view")
-    if shows_nothing(image):
-        seen = image.brightness[image.valid]
-        raise ImageError(
-            f"{view.image}: is dark: nothing rises above its noise (brightness {seen.min():g} to "
-            f"{seen.max():g}); remove this view"
-        )
+    nothing = why_it_shows_nothing(image)
+    if nothing:
+        raise ImageError(f"{view.image}: {nothing}; remove this view")

@@ -72,6 +72,13 @@ class Table:
             raise self.error(key, f"{value!r} is not supported (known: {listed})" + (remedy and f"; {remedy}"))
         return value
 
+    def boolean(self, key: str, default: bool) -> bool:
+        """true or false."""
+        value = self._get(key, default, "true or false")
+        if not isinstance(value, bool):
+            raise self._wrong_type(key, "true or false")
+        return value
+
     def positive_number(self, key: str, default: Any = _REQUIRED) -> Any:
         """A finite number above 0."""
         value = self._get(key, default, "a positive number")

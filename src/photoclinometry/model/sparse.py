@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,6 +77,32 @@ def without_views(sparse: SparseModel, views: np.ndarray) -> SparseModel:
         point_start=row_starts(count[kept]),
         point_view=sparse.point_view[keep],
         point_xy=sparse.point_xy[keep],
+    )
+
+
+def among_more_views(sparse: SparseModel, used: np.ndarray, reasons: Sequence[str]) -> SparseModel:
+    """The model of the views `used` (K,) bool, as one of all K views; the others count as not registered.
+
+    reasons: (K,) why a view was not used, empty for those that were.
+    """
+    if used.all():
+        return sparse
+    rows = np.flatnonzero(used)
+    registered = np.zeros(len(used), bool)
+    registered[rows] = sparse.registered
+    rotation, translation = np.tile(np.eye(3), (len(used), 1, 1)), np.zeros((len(used), 3))
+    rotation[rows], translation[rows] = sparse.body_from_cam.rotation, sparse.body_from_cam.translation
+    reason, brought_in = np.array(reasons, object), np.full(len(used), "", object)
+    for all_views, own in ((reason, sparse.reason), (brought_in, sparse.brought_in)):
+        if len(own):
+            all_views[rows] = own
+    return replace(
+        sparse,
+        registered=registered,
+        body_from_cam=Rigid(rotation, translation),
+        point_view=rows[sparse.point_view].astype(sparse.point_view.dtype),
+        reason=reason.astype(str),
+        brought_in=brought_in.astype(str),
     )
 
 

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.io.site_images import input_fingerprint, load_images
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Camera, Image, Region, Views
-from photoclinometry.model.sparse import SparseModel, without_views
+from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
 from photoclinometry.photometry.inconsistent_views import InconsistentViews as Inconsistent
 from photoclinometry.photometry.inconsistent_views import find_inconsistent_views
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.region import RegionOptions, choose_region
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +33,8 @@ class Inputs:
     """Without region and pose priors, which not all stages depend on."""
     images: list[Image]
     """(K,) in the site's order."""
+    unusable: Mapping[str, str] = field(default_factory=dict)
+    """Views whose brightness cannot be, by name, with the reason. No stage uses them."""
 
     @property
     def cameras(self) -> list[Camera]:
@@ -82,8 +89,12 @@ class SparseReconstruction(Stage[SparseModel]):
 
     def make(self, tools: Tools) -> SparseModel:
         inputs = self.inputs.value
-        sun = inputs.site.sun_in_cam
-        return reconstruct_sparse(inputs.images, inputs.cameras, tools.scratch, self.options, tools.progress, sun)
+        used = np.array([image.name not in inputs.unusable for image in inputs.images])
+        images = [inputs.images[k] for k in np.flatnonzero(used)]
+        cameras = [inputs.cameras[k] for k in np.flatnonzero(used)]
+        sun = inputs.site.sun_in_cam[used]
+        found = reconstruct_sparse(images, cameras, tools.scratch, self.options, tools.progress, sun)
+        return among_more_views(found, used, [inputs.unusable.get(image.name, "") for image in inputs.images])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,11 +131,17 @@ class ChooseRegion(Stage[Place]):
 
 
 def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
-    """The images of a site, with a digest of their content and of what the site says of them."""
+    """The images of a site, with a digest of their content and of what the site says of them.
+
+    Views whose brightness cannot be that of ground are named, to be left out. Raises SiteError, ImageError.
+    """
     alone = replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
     with folder.timed("images"):
         images = load_images(alone, folder.progress)
-    return Keyed(Inputs(site=alone, images=images), input_fingerprint(alone))
+        unusable = impossible_views(alone, images)
+    for name, reason in unusable.items():
+        log.warning("%s is left out: %s", name, reason, extra={"code": "brightness", "view": name})
+    return Keyed(Inputs(site=alone, images=images, unusable=unusable), input_fingerprint(alone))
 
 
 def choose_views(

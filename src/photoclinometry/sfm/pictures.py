@@ -35,9 +35,16 @@ def brightness_picture(image: Image) -> np.ndarray:
     Raises InputError where the image is constant or has no valid pixels.
     """
     values = image.brightness[image.valid]
-    low, high = np.percentile(values, STRETCH_PERCENT) if values.size else (0.0, 0.0)
+    if not values.size:
+        raise InputError(
+            f"{image.name}: has no valid pixel (all NaN, saturated or sky); leave this view out of the site"
+        )
+    low, high = np.percentile(values, STRETCH_PERCENT)
     if not high > low:
-        raise InputError(f"{image.name}: constant or without valid pixels; leave this view out of the site")
+        share = 100.0 * np.mean(values == low)
+        raise InputError(
+            f"{image.name}: is constant: {share:.3g} % of its valid pixels are {low:g}; leave this view out of the site"
+        )
     unit_range = np.clip((np.where(image.valid, image.brightness, low) - low) / (high - low), 0.0, 1.0)
     return np.rint(255.0 * unit_range).astype(np.uint8)
 

@@ -101,7 +101,8 @@ def _check(path: Path, truth: Truth) -> None:
     shapes = {"rotation": (3, 3), "translation": (3,), "sun": (3,), "sun_measured": (3,)}
     parts = {"rotation": views.body_from_cam.rotation, "translation": views.body_from_cam.translation}
     for key in _VIEW_DATA:
-        values, expected = parts.get(key, getattr(views, key, None)), (len(views.name), *shapes.get(key, ()))
+        values = parts[key] if key in parts else getattr(views, key)
+        expected = (len(views.name), *shapes.get(key, ()))
         if np.shape(values) != expected or not np.isfinite(np.asarray(values)).all():
             raise InputError(f"{path}: {key} is not of {expected} finite numbers; simulate it again")
     if len(views.cameras) != len(views.name):

@@ -17,19 +17,19 @@ _HEAD_BYTES = 4096
 """Bytes in which a format is recognised; PDS3 labels may begin with comments."""
 
 
-def read_product(path: Path | str) -> Product:
+def read_product(path: Path | str, *, linear: bool = False) -> Product:
     """An ISIS cube, a PDS3 or PDS4 label with its image, a FITS file, a PNG or TIFF. Raises ImageError, InputError.
 
     A data file with a label of the same name beside it (.lbl, .xml) is read through that label. The keywords of a FITS
-    file become the last block of its label.
+    file become the last block of its label. linear: the numbers of a PNG are linear whatever it declares.
     """
-    product = _read(Path(path))
+    product = _read(Path(path), linear)
     if product.kind in ("PDS3", "PDS4") and read_image_bytes(product.data, limit=6) == b"SIMPLE":
         product.label.blocks.append(read_fits_header(product.data))
     return product
 
 
-def _read(path: Path) -> Product:
+def _read(path: Path, linear: bool) -> Product:
     head = read_image_bytes(path, limit=_HEAD_BYTES)
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     if _is_isis(start):
@@ -40,12 +40,13 @@ def _read(path: Path) -> Product:
         return read_pds4(path)
     if head.startswith(b"SIMPLE"):
         label = _label_beside(path)
-        return _read(label) if label else _read_fits(path)
+        return _read(label, linear) if label else _read_fits(path)
     if head.startswith((b"\x89PNG", b"II*\0", b"MM\0*")):
-        return Product(path=path, data=path, kind="plain", image=read_image(path))
+        image = read_image(path, linear=linear, remedy="pass --linear")
+        return Product(path=path, data=path, kind="plain", image=image)
     label = _label_beside(path)
     if label is not None:
-        return _read(label)
+        return _read(label, linear)
     raise ImageError(
         f"{path}: is not a PDS3 or PDS4 label, ISIS cube, FITS, PNG or TIFF image (it begins with {head[:8]!r}); "
         "if it has a label, give the label; otherwise convert it"

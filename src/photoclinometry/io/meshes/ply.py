@@ -123,7 +123,8 @@ def _columns(path: Path, vertex: Columns, names: tuple[str, ...]) -> np.ndarray 
     columns = [vertex[name] for name in names]
     if any(isinstance(column, tuple) for column in columns):
         raise InputError(f"{path}: vertex property {names[0]} is a list, expected one number per vertex")
-    return np.stack(columns, -1).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a NaN of single precision may be a signalling one
+        return np.stack(columns, -1).astype(np.float64)
 
 
 def fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:

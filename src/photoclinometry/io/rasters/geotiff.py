@@ -99,7 +99,9 @@ def _read_band(path: Path | str) -> _Band:
                     raise InputError(f"{path}: holds {file.count} bands of {file.shape} pixels, expected heights")
                 band = file.read(1, masked=True)
                 scale, offset, transform, crs = file.scales[0], file.offsets[0], file.transform, file.crs
-    except (RasterioError, UnicodeDecodeError) as error:
+    except InputError:
+        raise
+    except (RasterioError, ValueError) as error:  # CRSError and UnicodeDecodeError are no RasterioError
         raise InputError(f"{path}: cannot be read as a GeoTIFF ({error}); export it again") from error
     with np.errstate(invalid="ignore", over="ignore"):
         height = np.ma.getdata(band).astype(np.float64) * scale + offset
