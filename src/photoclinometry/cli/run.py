@@ -15,6 +15,7 @@ def run(
     site: tyro.conf.Positional[Path],
     /,
     out: Path,
+    overwrite: bool = False,
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = RunOptions(),  # noqa: B008
 ) -> None:
     """Map a site: poses, dense landmarks, normals and albedo, with a report.
@@ -24,17 +25,21 @@ def run(
     Args:
         site: site.toml, which names the images, the camera and a Sun direction per image.
         out: Folder for the run; new, empty, or that of an earlier run of the same site.
+        overwrite: Remove what the folder holds of another site; without it, such a folder is refused.
         options: How the map is made.
     """
     from rich.console import Console
 
     from photoclinometry.io.site import read_site
     from photoclinometry.pipeline import run as pipeline
+    from photoclinometry.pipeline.run_folder import check_run
+    from photoclinometry.pipeline.run_owner import owner_of_site
 
-    read_site(site)  # a mistake here leaves no run folder behind
+    described = read_site(site)  # a mistake here leaves no run folder behind
     pipeline.first_matcher(options)
+    check_run(out, owner_of_site(described), overwrite=overwrite)
 
     console = Console(stderr=True)
-    with progress_bars(console) as progress, log_to(out, console):
-        result = pipeline.run(site, out, options, progress)
+    with progress_bars(console) as progress, log_to(out, console, overwrite=overwrite):
+        result = pipeline.run(site, out, options, progress, overwrite)
     say_result(console, result)
