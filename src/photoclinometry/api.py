@@ -124,6 +124,7 @@ def run(
     out: str | Path,
     *,
     options: RunOptions | None = None,
+    overwrite: bool = False,
     progress: Progress | None = None,
     **changes: Any,
 ) -> RunResult:
@@ -135,17 +136,18 @@ def run(
         site: The site.toml, which names the images, the camera and a Sun direction per image.
         out: Folder for the run; new, empty, or that of an earlier run of the same site.
         options: How the map is made.
+        overwrite: Remove what the folder holds of another site; without it, such a folder is refused.
         progress: Called as progress(what, done, total); total is 0 where it is not known.
         **changes: Fields of `RunOptions`, such as reflectance="mcewen".
 
     Returns:
-        The map (`scene`), its figures, and the views that were left out.
+        The map (`scene`), its figures, the views that were left out, all `warnings`, and whether it is `trusted`.
 
     Raises:
-        InputError: The site or an option is wrong.
+        InputError: The site or an option is wrong, or the folder belongs to another site or is in use.
         ReconstructionError: The images do not determine a map.
     """
-    return _run(Path(site), Path(out), changed(options or RunOptions(), changes), progress)
+    return _run(Path(site), Path(out), changed(options or RunOptions(), changes), progress, overwrite)
 
 
 def read_scene(path: str | Path) -> Scene:

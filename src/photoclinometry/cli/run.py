@@ -24,6 +24,7 @@ def run(
     site: tyro.conf.Positional[Path],
     /,
     out: Path | None = None,
+    overwrite: bool = False,
     preset: PresetName | None = None,
     options: Annotated[RunOptions, tyro.conf.arg(name="")] = RunOptions(),  # noqa: B008
 ) -> None:
@@ -34,6 +35,7 @@ def run(
     Args:
         site: site.toml, which names the images, the camera and a Sun direction per image; or the folder with it.
         out: Folder for the run; new, empty, or that of an earlier run of the same site. Default: run/ beside site.toml.
+        overwrite: Remove what the folder holds of another site; without it, such a folder is refused.
         preset: Defaults for a common case, which other options replace. {presets}.
         options: How the map is made.
     """
@@ -41,15 +43,18 @@ def run(
 
     from photoclinometry.io.site import read_site
     from photoclinometry.pipeline import run as pipeline
+    from photoclinometry.pipeline.run_folder import check_run
+    from photoclinometry.pipeline.run_owner import owner_of_site
 
     site = site_file(site)
-    read_site(site)  # a mistake here leaves no run folder behind
+    described = read_site(site)  # a mistake here leaves no run folder behind
     pipeline.first_matcher(options)
-
     out = out or site.parent / "run"
+    check_run(out, owner_of_site(described), overwrite=overwrite)
+
     console = Console(stderr=True)
-    with progress_bars(console) as progress, log_to(out, console):
-        result = pipeline.run(site, out, options, progress)
+    with progress_bars(console) as progress, log_to(out, console, overwrite=overwrite):
+        result = pipeline.run(site, out, options, progress, overwrite)
     say_result(console, result)
 
 

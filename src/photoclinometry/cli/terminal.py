@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -38,35 +39,52 @@ def progress_bars(console: Any) -> Iterator[Progress]:
 
 
 def say_result(console: Any, result: RunResult) -> None:
-    """The size of the map and its shortcomings on the console; the report's path on standard output."""
+    """The size of the map and its shortcomings on the console; the report's path on standard output.
+
+    Raises UntrustedMapError, for the last line and the exit code, where the map is not to be trusted.
+    """
+    from photoclinometry.model.errors import UntrustedMapError
+
+    warned_of = {warned.view for warned in result.warnings}
     for name, reason in result.left_out.items():
-        console.print(f"left out: {name}: {reason}", highlight=False, markup=False)
+        if name not in warned_of:
+            console.print(f"left out: {name}: {reason}", highlight=False, markup=False)
     psnr = result.metrics.get("psnr_mean_db")
     quality = f", mean PSNR {psnr:.1f} dB" if psnr is not None else ""
     console.print(f"{len(result.scene.landmarks)} landmarks in {len(result.scene.views)} views{quality}")
     if not result.adjustment.converged:
         console.print(f"the joint estimate has not converged: {result.adjustment.message}")
-    print(result.report)
+    if result.warnings:
+        console.print(f"warnings: {len(result.warnings)}")
+    for warned in result.warnings:
+        console.print(f"- {warned.words} [{warned.code}]", highlight=False, markup=False)
+    print(result.report, flush=True)
+    if not result.trusted:
+        raise UntrustedMapError(f"the map is written, but not to be trusted: {'; '.join(result.distrust)}")
 
 
 class log_to:
-    """Context in which the package's log goes to OUT/log (everything) and to the terminal (stages, warnings)."""
+    """Context in which the package's log goes to OUT/log (everything) and to the terminal (stages, warnings).
 
-    def __init__(self, out: Path, console: Console):
+    overwrite: begin the file anew.
+    """
+
+    def __init__(self, out: Path, console: Console, *, overwrite: bool = False):
         self.out, self.console = Path(out), console
+        self.mode = "w" if overwrite else "a"
 
     def __enter__(self) -> Self:
-        from photoclinometry.model.errors import RunFolderError
-        from photoclinometry.pipeline.run_folder import open_run
+        from photoclinometry.io.atomic import unwritable
+        from photoclinometry.pipeline.run_folder import MARK, open_run
 
         self.logger = logging.getLogger("photoclinometry")
         self.level = self.logger.level
-        open_run(self.out)
+        if not (self.out / MARK).is_file():
+            open_run(self.out)
         try:
-            file = logging.FileHandler(self.out / "log", encoding="utf-8")
+            file = _LogFile(self.out / "log", self.mode, encoding="utf-8")
         except OSError as error:
-            reason = error.strerror or error
-            raise RunFolderError(f"{self.out / 'log'}: cannot be written: {reason}; choose another --out") from error
+            raise unwritable(self.out / "log", error) from error
         file.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
         terminal = _Terminal(self.console)
         terminal.setLevel(logging.INFO)
@@ -83,6 +101,18 @@ class log_to:
             self.logger.removeHandler(handler)
             handler.close()
         self.logger.setLevel(self.level)
+
+
+class _LogFile(logging.FileHandler):
+    """The log on disk. A line that does not fit on the disk any more is lost; the run ends by what it cannot write."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handleError(record)
+
+    def close(self) -> None:
+        with suppress(OSError):
+            super().close()
 
 
 class _Terminal(logging.Handler):

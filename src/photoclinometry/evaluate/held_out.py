@@ -18,6 +18,7 @@ from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
 from photoclinometry.model.scene import Camera, Image, Scene, Views
+from photoclinometry.model.warning import warn
 from photoclinometry.photometry.initialize import predicted_ratio, sample_brightness
 from photoclinometry.registration.alignment import align_views, transform_poses
 from photoclinometry.surface.depth_fit import landmark_depth
@@ -78,7 +79,8 @@ def resect_views(scene: Scene, views: Views, index: np.ndarray, images: Sequence
     for k in index:
         resection = _resect_one(scene, views, int(k), images, matcher)
         if resection is None:
-            log.warning("%s: held out, but shows too little of the map to measure", views.name[k])
+            name = views.name[k]
+            warn(log, "held-out-unseen", "%s: held out, but shows too little of the map to measure", name, view=name)
         else:
             found.append(resection)
     poses = [one.body_from_cam for one in found]

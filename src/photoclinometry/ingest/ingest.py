@@ -21,6 +21,7 @@ from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.progress import Progress
+from photoclinometry.model.warning import warn
 
 logger = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ def ingest(
     with atomic_path(out) as folder:
         _write(folder, out, exposures, options)
     if len(exposures) < MIN_VIEWS:
-        logger.warning("the site has %d views; phomo run needs at least %d", len(exposures), MIN_VIEWS)
+        warn(logger, "few-views", "the site has %d views; phomo run needs at least %d", len(exposures), MIN_VIEWS)
     return IngestResult(out / SITE_FILE, tuple(exposures), tuple(refused))
 
 

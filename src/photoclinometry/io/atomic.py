@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.errors import OutputError, RunFolderError
 
 _REMEDIES = {
     errno.ENOSPC: "free some space or choose another output folder",
@@ -35,7 +35,7 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
 
     The block writes a file there, or makes a folder of files. Parent folders are made. On success everything
     is flushed to the disk and renamed over `path`; on any exception `path` stays as it was and nothing
-    temporary remains. Every OSError (disk full, read-only, ...) becomes a RunFolderError with a remedy.
+    temporary remains. Every OSError becomes a RunFolderError with a remedy, those of the disk an OutputError.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.partial-{secrets.token_hex(4)}{path.suffix}")
@@ -61,11 +61,16 @@ def write_text(path: Path | str, text: str) -> None:
     write_bytes(path, text.encode())
 
 
+_WRONG_PATH = frozenset({errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ENAMETOOLONG})
+"""Errors of the path that was given; all others are of the disk."""
+
+
 def unwritable(path: Path, error: OSError) -> RunFolderError:
-    """The error for a path that could not be written, with a remedy."""
+    """The error for a path that could not be written, with a remedy: an OutputError unless the path itself is wrong."""
     reason = error.strerror or str(error)
     remedy = _REMEDIES.get(error.errno or 0, "check the disk or choose another output folder")
-    return RunFolderError(f"{path}: cannot be written: {reason}; {remedy}")
+    kind = RunFolderError if error.errno in _WRONG_PATH else OutputError
+    return kind(f"{path}: cannot be written: {reason}; {remedy}")
 
 
 def _flush(path: Path) -> None:

@@ -24,6 +24,10 @@ class RunFolderError(InputError):
     """A run folder belongs to another version or another site, or cannot be written."""
 
 
+class OutputError(RunFolderError):
+    """Something cannot be written: the disk is full, read-only or broken (the command ends with exit code 1)."""
+
+
 class ReconstructionError(PhotoclinometryError, RuntimeError):
     """The images do not determine what was asked (the command ends with exit code 1)."""
 
@@ -34,3 +38,7 @@ class NotConvergedError(PhotoclinometryError, RuntimeError):
 
 class FetchError(PhotoclinometryError, OSError):
     """Published data cannot be fetched, or arrived damaged (the command ends with exit code 1)."""
+
+
+class UntrustedMapError(PhotoclinometryError, RuntimeError):
+    """A map was made, and is not to be trusted (the command ends with exit code 3, with all files written)."""

@@ -17,6 +17,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance, photometric_angles
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.sparse import SparseModel
+from photoclinometry.model.warning import warn
 from photoclinometry.photometry.sun_check import MIN_POINTS, coarse_scene, sun_from_other_views
 from photoclinometry.photometry.sun_fit import MIN_LIT_SHARE, SunFit
 
@@ -112,7 +113,8 @@ def inconsistent_views(scene: Scene) -> list[tuple[int, str]]:
         used[worst[0]] = False
         found.append(worst)
     for view, why in found:
-        log.warning("%s is left out: %s", scene.views.name[view], why)
+        name = scene.views.name[view]
+        warn(log, "view-left-out", "%s is left out: %s", name, why, view=name)
     return found
 
 
@@ -162,7 +164,8 @@ def _warn_undecided(scene: Scene, used: np.ndarray, checks: _SunChecks) -> None:
         out |= used & checks.inconsistent()
     if out.any():
         named = ", ".join(scene.views.name[k] for k in np.flatnonzero(out))
-        log.warning(
+        warn(
+            log, "most-suns-contradict" if typical > SIGMAS * MODEL_RAD else "sun-undecided",
             "the Sun directions and the brightness of the views contradict each other (%s), and %d views do not tell "
             "which is wrong; all of these are kept: check their `sun`", named, used.sum(),
         )  # fmt: skip

@@ -16,6 +16,7 @@ from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import align_similarity
 from photoclinometry.model.scene import BODY_FIXED, Scene, Tracks, Views
+from photoclinometry.model.warning import warn
 from photoclinometry.registration.alignment import transform_scene
 
 log = logging.getLogger(__name__)
@@ -74,7 +75,9 @@ def place_by_control(scene: Scene, points: Sequence[ControlPoint]) -> Scene | No
     found = np.zeros((0, 3)) if control is None else triangulate_tracks(control.tracks, scene.views)
     fixed = np.isfinite(found).all(axis=1)
     if control is None or np.count_nonzero(fixed) < MIN_POINTS:
-        log.warning(
+        warn(
+            log,
+            "control-too-few",
             "%d control points are seen in two registered views, at least %d are needed: the map stays in a frame of "
             "its own",
             np.count_nonzero(fixed),
@@ -84,7 +87,7 @@ def place_by_control(scene: Scene, points: Sequence[ControlPoint]) -> Scene | No
     known = control.position[fixed]
     extent = np.linalg.svd(known - known.mean(0), compute_uv=False)
     if extent[1] < MIN_WIDTH * extent[0]:
-        log.warning("the control points lie on a line: the map stays in a frame of its own")
+        warn(log, "control-too-few", "the control points lie on a line: the map stays in a frame of its own")
         return None
     similarity = align_similarity(found[fixed], known)
     off = np.linalg.norm(similarity(found[fixed]) - known, axis=1)
@@ -127,7 +130,9 @@ def warn_of_contradictions(rows: Sequence[Mapping[str, Any]]) -> None:
     """Names control points in the log that the images or the other points contradict."""
     for row in rows:
         if max(row["off_sigmas"], row["pixels_off_sigmas"]) > CONTRADICTS:
-            log.warning(
+            warn(
+                log,
+                "control-contradicts",
                 "control point %s: the estimate is %.4g m from its position (%.3g sigmas) and %.3g px from its pixels "
                 "(%.3g sigmas); check its pixels, its position and its sigma",
                 *(row[key] for key in ("name", "off_m", "off_sigmas", "pixels_off_px", "pixels_off_sigmas")),

@@ -15,6 +15,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, so3_log
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.warning import warn
 from photoclinometry.registration.georeference import MIN_PRIORS, OUTLIER, agreement, deviation, georeferenced
 
 log = logging.getLogger(__name__)
@@ -35,7 +36,9 @@ def usable_priors(priors: Mapping[str, PosePrior], scene: Scene) -> dict[str, Po
     """The priors (by name) of the scene's views; none, with the reason in the log, where they are too few."""
     usable = {name: prior for name, prior in priors.items() if name in scene.views.name}
     if usable and len(usable) < MIN_PRIORS:
-        log.warning(
+        warn(
+            log,
+            "priors-too-few",
             "%d of the %d views have a pose prior, at least %d are needed: the map stays in a frame of its own",
             len(usable),
             len(scene.views),
@@ -54,7 +57,7 @@ def place_by_priors(scene: Scene, priors: Mapping[str, PosePrior]) -> Placed | N
     try:
         moved, fit = georeferenced(scene, priors)
     except InputError as error:
-        log.warning("pose priors are not used, the map stays in the frame that it has: %s", error)
+        warn(log, "priors-too-few", "pose priors are not used, the map stays in the frame that it has: %s", error)
         return None
     log.info(
         "the map is in the frame of the pose priors of %d views: %.4g m and %.3g degrees from them (RMS), "
@@ -138,13 +141,16 @@ def warn_of_outliers(rows: Sequence[Mapping[str, Any]]) -> None:
         if row["used"] and row["off_sigmas"] <= OUTLIER:
             continue
         what = "is used, but is far off; check its sigmas" if row["used"] else "contradicts the images and is left out"
-        log.warning(
+        warn(
+            log,
+            "prior-contradicts",
             "%s: its pose prior %s: %.4g m and %.3g degrees from the estimate, %.3g sigmas",
             row["name"],
             what,
             row["center_off_m"],
             row["rotation_off_deg"],
             row["off_sigmas"],
+            view=row["name"],
         )
 
 

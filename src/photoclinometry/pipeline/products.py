@@ -14,11 +14,13 @@ from photoclinometry.adjust import Adjustment
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
+from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline import result_display
 from photoclinometry.pipeline.control import control_metrics, control_table, warn_of_contradictions
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.run_folder import RunFolder
+from photoclinometry.pipeline.trust import change_explained, why_untrusted
 
 Row = dict[str, Any]
 """Of a table, by name of column."""
@@ -35,6 +37,15 @@ class RunResult:
     """The report's page."""
     left_out: dict[str, str]
     """Names of views that the map was made without, and why."""
+    warnings: tuple[Warned, ...] = ()
+    """All that was warned of, in the stages that were read back, too."""
+    distrust: tuple[str, ...] = ()
+    """Why the map is not to be trusted; empty where it is."""
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing says that the map is wrong as a whole."""
+        return not self.distrust
 
     @property
     def folder(self) -> Path:
@@ -78,6 +89,10 @@ class _Tables:
     views: list[Row]
     pose_priors: list[Row]
     control: list[Row]
+    warnings: tuple[Warned, ...]
+    """All of the run."""
+    distrust: tuple[str, ...]
+    """Why the map is not to be trusted."""
 
 
 def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
@@ -91,14 +106,14 @@ def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
         write_scene(folder.path / "scene.h5", scene)
         write_ply(folder.path / "landmarks.ply", scene, mesh=True)
         write_colmap(folder.path / "sparse", scene)
-        tables = _tables(summary)
+        tables = _tables(folder, summary)
     with folder.timed("report"):
         page = _write_report(folder, summary, tables)
     _write_metrics(folder, summary, tables)
-    return RunResult(scene, adjustment, tables.metrics, page, dict(summary.left_out))
+    return RunResult(scene, adjustment, tables.metrics, page, dict(summary.left_out), tables.warnings, tables.distrust)
 
 
-def _tables(summary: RunSummary) -> _Tables:
+def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     from photoclinometry.evaluate.evaluate import evaluate_scene, held_out_table, view_table
 
     adjustment, scene, images = summary.adjustment, summary.adjustment.scene, summary.images
@@ -112,10 +127,20 @@ def _tables(summary: RunSummary) -> _Tables:
     metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
     metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
     metrics |= control_metrics(of_control)
+    if scene.reflectance is not None:
+        metrics["brightness_change_explained_percent"] = 100.0 * change_explained(scene)
     how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}
     views = [{"used": True, **row, **how.get(row["name"], {})} for row in used + aside]
     views += [{"name": name, "used": False, "left_out": reason} for name, reason in summary.left_out.items()]
-    return _Tables(metrics=metrics, views=views, pose_priors=of_priors, control=of_control)
+    warnings = folder.warnings
+    return _Tables(
+        metrics=metrics,
+        views=views,
+        pose_priors=of_priors,
+        control=of_control,
+        warnings=warnings,
+        distrust=why_untrusted(adjustment, len(summary.left_out), warnings),
+    )
 
 
 def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Path:
@@ -130,6 +155,8 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         control=tables.control,
         convergence=[i.cost for i in summary.adjustment.log if i.accepted],
         options=summary.config,
+        warnings=[warned.words for warned in tables.warnings],
+        distrust=tables.distrust,
     )
     return report.write_report(folder.path / "report", summary.adjustment.scene, summary.images, content)
 
@@ -139,6 +166,9 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
     from photoclinometry.io.atomic import write_text
 
     content = {
+        "trusted": not tables.distrust,
+        "not_trusted_because": list(tables.distrust),
+        "warnings": [warned.as_row() for warned in tables.warnings],
         "metrics": json_numbers(tables.metrics),
         "views": tables.views,
         "left_out": [{"name": name, "reason": reason} for name, reason in summary.left_out.items()],

@@ -1,7 +1,7 @@
 """Results of stages on disk: any dataclass of arrays, numbers, text and further dataclasses, as an .npz with its key.
 
 What is not an array is in one JSON text. Values come back by the types that the dataclass states: exactly as they were,
-to the last bit.
+to the last bit. The warnings of the stage are kept with its result, so that a run that goes on ends with the same ones.
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ import json
 import logging
 import types
 import typing
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.model.warning import Warned, warn
 
 log = logging.getLogger(__name__)
 
@@ -26,15 +27,27 @@ _ARRAY = {"array": True}
 """Stands in the JSON text for an array that is stored beside it."""
 
 
-def write_record(file: Path, key: str, value: Any) -> None:
-    """The value, with the key of the stage that made it. Raises RunFolderError, and TypeError for other values."""
+@dataclass(frozen=True)
+class Record(Generic[T]):
+    """What is kept of a stage."""
+
+    value: T
+    warnings: tuple[Warned, ...]
+
+
+def write_record(file: Path, key: str, value: Any, warnings: Sequence[Warned] = ()) -> None:
+    """The value, with the key of the stage that made it, and what that warned of.
+
+    Raises RunFolderError, and TypeError for other values.
+    """
     arrays: dict[str, np.ndarray] = {}
     text = json.dumps(_encoded(value, "value", arrays))
+    said = json.dumps([warning.as_row() for warning in warnings])
     with atomic_path(file) as temporary, open(temporary, "wb") as stream:
-        np.savez(stream, key=np.array(key), text=np.array(text), **arrays)  # pyright: ignore[reportArgumentType]
+        np.savez(stream, key=np.array(key), text=np.array(text), warnings=np.array(said), **arrays)  # pyright: ignore[reportArgumentType]
 
 
-def read_record(file: Path, key: str, kind: type[T]) -> T | None:
+def read_record(file: Path, key: str, kind: type[T]) -> Record[T] | None:
     """What `write_record` wrote; None where nothing of this key is there. A damaged file is warned of."""
     if not file.is_file():
         return None
@@ -42,10 +55,11 @@ def read_record(file: Path, key: str, kind: type[T]) -> T | None:
         with open(file, "rb") as stream, np.load(stream) as stored:
             if str(stored["key"]) != key:
                 return None
-            return _decoded(kind, json.loads(str(stored["text"])), "value", stored)
+            warnings = tuple(Warned(**row) for row in json.loads(str(stored["warnings"])))
+            return Record(_decoded(kind, json.loads(str(stored["text"])), "value", stored), warnings)
     # zipfile meets damage with nearly every built-in exception.
     except Exception as error:
-        log.warning("%s: damaged (%s); the stage is done again", file, error)
+        warn(log, "file-damaged", "%s: damaged (%s); the stage is done again", file, error)
         return None
 
 

@@ -22,7 +22,8 @@ from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline.choices import choose_reflectance
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
-from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.run_folder import claimed_run
+from photoclinometry.pipeline.run_owner import owner_of_model
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest
 
 log = logging.getLogger(__name__)
@@ -115,28 +116,34 @@ def read_start(folder: Path, options: RefineOptions | None = None) -> Start:
 
 
 def refine(
-    start: Start, out: Path, options: RefineOptions | None = None, progress: Progress | None = None
+    start: Start,
+    out: Path,
+    options: RefineOptions | None = None,
+    progress: Progress | None = None,
+    overwrite: bool = False,
 ) -> RunResult:
     """The joint estimate of a model, as a run folder with the refined model in `out`/model.
 
     There are no images, so that there are no renderings beside them in the report. What the folder holds of the same
-    estimate is not estimated again. Raises InputError and ReconstructionError.
+    estimate is not estimated again. overwrite: what it holds of another model is removed first. Raises InputError and
+    ReconstructionError.
     """
     options = options or RefineOptions()
-    folder = open_run(out, progress or no_progress)
-    config = {"model": str(start.source.resolve()), **asdict(options)}
-    folder.write_config(config)
-    scene = Keyed(start.model.scene, digest(model_fingerprint(start.source), options))
-    adjustment = folder.done(RefineModel(start=scene, options=options.adjust)).value
-    with folder.timed("model"):
-        write_text_model(
-            folder.path / "model",
-            _with_albedo(adjustment.scene, 1.0 / start.albedo_unit),
-            image_id=start.model.image_id,
-            point_id=start.model.point_id,
-        )
-    left_out = dict.fromkeys(start.left_out, "too few lit observations")
-    return write_products(folder, RunSummary(adjustment=adjustment, config=config, left_out=left_out))
+    owner = owner_of_model(start.source, start.model.scene)
+    with claimed_run(out, owner, progress or no_progress, overwrite=overwrite) as folder:
+        config = {"model": str(start.source.resolve()), **asdict(options)}
+        folder.write_config(config)
+        scene = Keyed(start.model.scene, digest(model_fingerprint(start.source), options))
+        adjustment = folder.done(RefineModel(start=scene, options=options.adjust)).value
+        with folder.timed("model"):
+            write_text_model(
+                folder.path / "model",
+                _with_albedo(adjustment.scene, 1.0 / start.albedo_unit),
+                image_id=start.model.image_id,
+                point_id=start.model.point_id,
+            )
+        left_out = dict.fromkeys(start.left_out, "too few lit observations")
+        return write_products(folder, RunSummary(adjustment=adjustment, config=config, left_out=left_out))
 
 
 def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:

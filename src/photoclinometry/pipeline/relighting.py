@@ -23,6 +23,7 @@ from photoclinometry.matching.relight import RelightMatcher, map_depth
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Image, Scene, Tracks
+from photoclinometry.model.warning import warn
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 
@@ -168,11 +169,14 @@ def inconsistent_brightness(scene: Scene) -> list[tuple[str, float]]:
 
 def _warn_of_inconsistent_views(scene: Scene) -> None:
     for name, misfit in inconsistent_brightness(scene):
-        log.warning(
+        warn(
+            log,
+            "view-brightness",
             "%s: its brightness is %.0f %% off what the map predicts, far more than other views': "
             "check its `sun`, its exposure, and what it shows",
             name,
             100.0 * misfit,
+            view=name,
         )
 
 

@@ -15,6 +15,8 @@ def result_line(result: RunResult) -> str:
     scene, about = result.scene, result_table(result)
     counts = f"{len(scene.views)} views, {len(scene.landmarks)} landmarks"
     parts = [f"{key} {about[key]}" for key in ("mean PSNR", "estimate", "views left out") if key in about]
+    parts += [f"{len(result.warnings)} warnings"] if result.warnings else []
+    parts += [] if result.trusted else ["NOT TO BE TRUSTED"]
     return f"<RunResult {named(scene.name, scene.body)}: {'; '.join([counts, *parts])}; {result.folder}>"
 
 
@@ -30,5 +32,7 @@ def result_table(result: RunResult) -> dict[str, str]:
     psnr = result.metrics.get("psnr_mean_db")
     quality = {} if psnr is None else {"mean PSNR": f"{psnr:.1f} dB"}
     state = "converged" if result.adjustment.converged else f"not converged: {result.adjustment.message}"
+    trust = {} if result.trusted else {"not to be trusted": "; ".join(result.distrust)}
+    warned = {"warnings": "; ".join(warned.words for warned in result.warnings)} if result.warnings else {}
     left_out = {"views left out": ", ".join(result.left_out)} if result.left_out else {}
-    return {**quality, "estimate": state, **left_out, "report": str(result.report)}
+    return {**quality, "estimate": state, **trust, **left_out, **warned, "report": str(result.report)}

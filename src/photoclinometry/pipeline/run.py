@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from photoclinometry.evaluate.held_out import held_out_views
 from photoclinometry.io import held_out as held_out_file
-from photoclinometry.io.site import read_site
+from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Views
 from photoclinometry.pipeline.choices import Choices, choose, choose_reflectance, first_matcher
@@ -19,7 +20,8 @@ from photoclinometry.pipeline.map_stages import FinishedMap, MapStages, PlaceHel
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
-from photoclinometry.pipeline.run_folder import RunFolder, open_run
+from photoclinometry.pipeline.run_folder import RunFolder, claimed_run
+from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import (
     ChooseRegion,
     PosedImages,
@@ -33,19 +35,30 @@ from photoclinometry.pipeline.stage import Keyed
 __all__ = ["RunOptions", "RunResult", "choose_reflectance", "first_matcher", "run"]
 
 
-def run(site_file: Path, out: Path, options: RunOptions | None = None, progress: Progress | None = None) -> RunResult:
+def run(
+    site_file: Path,
+    out: Path,
+    options: RunOptions | None = None,
+    progress: Progress | None = None,
+    overwrite: bool = False,
+) -> RunResult:
     """Maps a site: from `site.toml` and images to everything in the run folder `out`.
 
-    A folder that holds part of the same run is gone on with. Raises InputError (what was given is wrong) and
+    A folder that holds part of the same run is gone on with. overwrite: what it holds of another site is removed first.
+    Raises InputError (what was given is wrong, or the folder belongs to another site or is in use) and
     ReconstructionError (the images do not determine a map).
     """
     options = options or RunOptions()
     site = read_site(site_file)
     choices = choose(site, options)
-    folder = open_run(out, progress or no_progress)
-    config = {"site": str(Path(site_file).resolve()), **asdict(options)}
-    folder.write_config(config)
+    with claimed_run(out, owner_of_site(site), progress or no_progress, overwrite=overwrite) as folder:
+        config = {"site": str(Path(site_file).resolve()), **asdict(options)}
+        folder.write_config(config)
+        return _map(folder, site, choices, options, config)
 
+
+def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, config: dict[str, Any]) -> RunResult:
+    """All stages, and what they leave."""
     inputs = read_inputs(folder, site)
     sparse = folder.done(SparseReconstruction(inputs=inputs, options=options.sfm))
     posed = PosedImages(inputs=inputs, sparse=sparse)

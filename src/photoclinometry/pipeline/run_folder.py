@@ -1,14 +1,14 @@
 """A run's folder: its options, its log, and the results of its stages, so that a run that was stopped goes on.
 
-A stage whose key (`stage.Stage.key`) is the one on disk is read back; any other is made, and kept.
+A stage whose key (`stage.Stage.key`) is the one on disk is read back; any other is made, and kept. A folder belongs to
+one site (`run_owner`), and one process at a time writes there (`run_lock`).
 """
 
 from __future__ import annotations
 
-import json
 import logging
-import resource
 import shutil
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,22 +16,32 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from photoclinometry import __version__
-from photoclinometry.io.atomic import atomic_path, write_text
+from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.options import write_options
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.warning import Warned, collected_warnings, distinct
+from photoclinometry.pipeline import run_lock
 from photoclinometry.pipeline.records import read_record, write_record
+from photoclinometry.pipeline.run_mark import FORMAT, MARK, check_format, check_new, clear, must_clear, write_mark
+from photoclinometry.pipeline.run_owner import Owner
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools
+
+__all__ = [
+    "FORMAT",
+    "MARK",
+    "RunFolder",
+    "StageCost",
+    "adopt_stages",
+    "check_run",
+    "claimed_run",
+    "open_run",
+    "peak_memory_gb",
+]
 
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
-
-FORMAT = 1
-"""Raised when what is in a run folder changes its meaning."""
-
-MARK = "run.json"
 
 
 @dataclass
@@ -43,8 +53,8 @@ class StageCost:
     """Whether it was read back from an earlier run."""
     wall_s: float
     cpu_s: float
-    peak_memory_gb: float
-    """Largest resident size of the process up to the end of the stage."""
+    peak_memory_gb: float | None
+    """Largest resident size of the process up to the end of the stage; None where the system does not tell."""
 
 
 @dataclass
@@ -55,6 +65,13 @@ class RunFolder:
     progress: Progress = no_progress
     costs: list[StageCost] = field(default_factory=list)
     """Of the stages so far, in their order."""
+    warned: list[Warned] = field(default_factory=list)
+    """All that was warned of so far, in stages that were read back, too."""
+
+    @property
+    def warnings(self) -> tuple[Warned, ...]:
+        """What was warned of so far, each once."""
+        return distinct(self.warned)
 
     def done(self, stage: Stage[T]) -> Keyed[T]:
         """The stage's result: from disk if its key is there, else made and, where the stage says so, kept.
@@ -65,15 +82,20 @@ class RunFolder:
         with self.timed(stage.file_name) as cost:
             found = read_record(file, key, stage.result) if stage.kept else None
             cost.resumed = found is not None
+            if found is not None:
+                self.warned += found.warnings
+                return Keyed(found.value, key)
+            tools = Tools(progress=self.progress, scratch=self.path / "stages" / stage.file_name)
+            with collected_warnings() as warned:
+                made = stage.make(tools)
+            if not stage.kept:
+                return Keyed(made, key)
+            write_record(file, key, made, distinct(warned))
+            del made  # both at a time would take twice the memory
+            found = read_record(file, key, stage.result)
             if found is None:
-                found = stage.make(Tools(progress=self.progress, scratch=self.path / "stages" / stage.file_name))
-                if stage.kept:
-                    write_record(file, key, found)
-                    found = None  # both at a time would take twice the memory
-                    found = read_record(file, key, stage.result)
-                    if found is None:
-                        raise RunFolderError(f"{file}: cannot be read back; check the disk")
-        return Keyed(found, key)
+                raise RunFolderError(f"{file}: cannot be read back; check the disk")
+            return Keyed(found.value, key)
 
     @contextmanager
     def timed(self, name: str) -> Iterator[StageCost]:
@@ -83,7 +105,7 @@ class RunFolder:
         log.info("%s ...", name)
         yield cost
         cost.wall_s, cost.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
-        cost.peak_memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        cost.peak_memory_gb = peak_memory_gb()
         self.costs.append(cost)
         how = "read back from the earlier run" if cost.resumed else f"{cost.wall_s:.1f} s, {cost.cpu_s:.1f} CPU s"
         log.info("%s: %s", name, how)
@@ -96,18 +118,48 @@ class RunFolder:
         return self.path / "stages" / f"{name}.npz"
 
 
+@contextmanager
+def claimed_run(
+    path: Path, owner: Owner, progress: Progress = no_progress, *, overwrite: bool = False
+) -> Iterator[RunFolder]:
+    """The folder at `path` for a run of `owner`, made if it is new, and locked for other runs during the block.
+
+    The folder's `warned` collects what is warned of in the block. overwrite: what the folder holds of another site is
+    removed. Raises RunFolderError for folders of another site without that, for those that are not a run's, are in use,
+    hold files that no run wrote where they are to be cleared, or cannot be written.
+    """
+    path = Path(path)
+    check_run(path, owner, overwrite=overwrite)
+    if not (path / MARK).is_file():
+        write_mark(path)
+    with run_lock.locked(path), collected_warnings() as warned:
+        if must_clear(path, owner, overwrite):  # another run may have come first
+            clear(path)
+        write_mark(path, owner)
+        yield RunFolder(path, progress, warned=warned)
+
+
+def check_run(path: Path, owner: Owner, *, overwrite: bool = False) -> None:
+    """Raises RunFolderError where `claimed_run` would, but for what shows only in writing. Changes nothing."""
+    path = Path(path)
+    if not (path / MARK).is_file():
+        check_new(path)
+        return
+    run_lock.check_lock(path)
+    must_clear(path, owner, overwrite)
+
+
 def open_run(path: Path, progress: Progress = no_progress) -> RunFolder:
-    """The folder at `path`, made if it is new.
+    """The folder at `path`, made if it is new, neither locked nor of a certain site.
 
     Raises RunFolderError for a folder that is not a run's, was made by another version, or cannot be written.
     """
     path = Path(path)
-    mark = path / MARK
-    if mark.is_file():
-        _check_version(mark)
-    elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise RunFolderError(f"{path}: exists and is not a run folder; choose another --out, or empty it")
-    write_text(mark, json.dumps({"format": FORMAT, "version": __version__}) + "\n")
+    if (path / MARK).is_file():
+        check_format(path)
+    else:
+        check_new(path)
+        write_mark(path)
     return RunFolder(path, progress)
 
 
@@ -126,14 +178,11 @@ def adopt_stages(source: Path, target: Path, names: Sequence[str]) -> None:
                 shutil.copyfile(file, temporary)
 
 
-def _check_version(mark: Path) -> None:
+def peak_memory_gb() -> float | None:
+    """Largest resident size of this process so far; None where the system does not tell (Windows)."""
     try:
-        made_by = json.loads(mark.read_text(encoding="utf-8"))
-        found = made_by["format"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise RunFolderError(f"{mark}: damaged ({error}); choose another --out, or remove the folder") from error
-    if found != FORMAT:
-        raise RunFolderError(
-            f"{mark.parent}: run folder format {found}, made by version {made_by.get('version')}; this version "
-            f"({__version__}) writes format {FORMAT}: choose another --out, or remove the folder"
-        )
+        import resource
+    except ImportError:
+        return None
+    bytes_each = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * bytes_each / 2**30

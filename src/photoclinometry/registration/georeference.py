@@ -19,6 +19,7 @@ from photoclinometry.model.geometry import Rigid, Similarity, skew, so3_exp, so3
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.robust import huber_weight
 from photoclinometry.model.scene import BODY_FIXED, Scene
+from photoclinometry.model.warning import warn
 from photoclinometry.registration.alignment import align_poses, camera_distance, transform_poses, transform_scene
 
 log = logging.getLogger(__name__)
@@ -103,7 +104,7 @@ def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene,
             "(x_C = R x_B + t, x right, y down, z forward, metres)"
         )
     for outlier in outliers:
-        log.warning("pose prior left out, it contradicts the images: %s", outlier)
+        warn(log, "prior-contradicts", "pose prior left out, it contradicts the images: %s", outlier)
     return replace(transform_scene(fit.similarity, scene), frame=BODY_FIXED), fit
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -40,9 +42,31 @@ MODELS = 10
 
 
 @contextmanager
+def _signals_deferred() -> Iterator[None]:
+    """Ctrl-C and SIGTERM that come in the block have their effect after it, by the handlers that stood before.
+
+    While it is imported, pycolmap takes whatever is raised for its own damage. It also takes SIGTERM for itself, upon
+    which it would write its stack.
+    """
+    numbers, came = (signal.SIGINT, signal.SIGTERM), []
+    if threading.current_thread() is not threading.main_thread() or None in map(signal.getsignal, numbers):
+        yield
+        return
+    before = {number: signal.signal(number, lambda number, _: came.append(number)) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in came:
+            signal.raise_signal(number)
+
+
+@contextmanager
 def quiet_pycolmap(seed: int) -> Iterator[None]:
     """COLMAP seeded, and silent except for errors; this package logs what matters itself."""
-    import pycolmap
+    with _signals_deferred():
+        import pycolmap
 
     before = pycolmap.logging.minloglevel
     pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)

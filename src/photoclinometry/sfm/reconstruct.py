@@ -17,6 +17,7 @@ from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel, connected_groups, normalised
+from photoclinometry.model.warning import warn
 from photoclinometry.sfm.database import add_relief_keypoints, match_views, read_keypoints, write_views
 from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap, size, views_of
 from photoclinometry.sfm.options import SfmOptions
@@ -89,7 +90,7 @@ def reconstruct_sparse(
     )  # fmt: skip
     reason = _reasons(names, sparse.registered, [views_of(model) for model in found.models], found.inliers, options)
     for view in np.flatnonzero(~sparse.registered):
-        log.warning("%s is left out: %s", names[view], reason[view])
+        warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
     brought_in = _brought_in(plain, found, options)
     for view in np.flatnonzero(brought_in != ""):
         log.info("%s registers by %s", names[view], brought_in[view])

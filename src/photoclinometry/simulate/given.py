@@ -17,6 +17,7 @@ from photoclinometry.io.ground import Mesh, read_ground
 from photoclinometry.io.rasters.geotiff import Dtm
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES, Similarity, unit
+from photoclinometry.model.warning import warn
 from photoclinometry.simulate.surface import sphere_drop
 from photoclinometry.simulate.terrain import Grid
 from photoclinometry.surface.rasterise import draw_triangles
@@ -221,7 +222,13 @@ def _check_fine(path: Path, size: float, what: str, gsd: float) -> None:
 def _check_single(path: Path, double: np.ndarray, drawn: np.ndarray) -> None:
     share = double.sum() / max(drawn.sum(), 1)
     if 0 < share <= _MAX_OVERLAP:
-        log.warning("%s: %.2g %% of the ground lies under other ground and is left out", path, 100 * share)
+        warn(
+            log,
+            "ground-overlaps",
+            "%s: %.2g %% of the ground lies under other ground and is left out",
+            path,
+            100 * share,
+        )
     if share > _MAX_OVERLAP:
         raise InputError(
             f"{path}: is not a height field: {100 * share:.2g} % of the ground lies under other ground; choose another "

@@ -22,6 +22,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Camera, Views
+from photoclinometry.model.warning import warn
 from photoclinometry.simulate.camera_model import expose, hot_pixel_charge, pixel_average
 from photoclinometry.simulate.given import given_relief
 from photoclinometry.simulate.observe import radiance
@@ -137,7 +138,8 @@ def _radiance_image(
         margin,
     )
     if not complete:
-        log.warning("%s sees past the edge of the simulated ground; it is dark there", views.name[k])
+        name = views.name[k]
+        warn(log, "view-past-edge", "%s sees past the edge of the simulated ground; it is dark there", name, view=name)
     angle = stream(options, Stream.SMEAR, k).uniform(0.0, np.pi)
     smear = (options.detector.smear_px * np.cos(angle), options.detector.smear_px * np.sin(angle))
     return pixel_average(fine, options.supersampling, margin, options.detector.psf_sigma_px, smear)

@@ -14,6 +14,7 @@ from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.arrays import read_arrays, write_arrays
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.json_file import read_json, write_json
+from photoclinometry.model.warning import warn
 from photoclinometry.photometry.predict import phase_of_views
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.simulate.truth import Truth
@@ -74,5 +75,5 @@ def read_record(folder: Path, cell: Cell, key: str) -> Record | None:
         return Record(cell, metrics, arrays)
     # A damaged archive raises nearly every built-in exception.
     except Exception as error:
-        log.warning("%s: damaged (%s); the cell is measured again", folder, error)
+        warn(log, "file-damaged", "%s: damaged (%s); the cell is measured again", folder, error)
         return None

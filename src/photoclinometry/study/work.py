@@ -11,6 +11,7 @@ from photoclinometry.io.options import write_options
 from photoclinometry.io.reading import read_text
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.progress import Progress
+from photoclinometry.model.warning import warn
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.run_folder import adopt_stages
 from photoclinometry.pipeline.stage import digest, program_digest
@@ -68,9 +69,9 @@ def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
     for sibling in sorted(run.parent.glob("*")) if run.parent.is_dir() else ():
         adopt_stages(sibling, run, ("sparse", "region", "dense"))
     try:
-        result = pipeline.run(site, run, cell.run_options(options))
+        result = pipeline.run(site, run, cell.run_options(options), overwrite=True)
     except ReconstructionError as error:
-        log.warning("%s: %s", cell.name, error)
+        warn(log, "run-failed", "%s: %s", cell.name, error)
         record = Record(cell, {}, failure=str(error))
         write_record(folder, record, key)
         return record

@@ -28,6 +28,7 @@ from photoclinometry.adjust.graph.reflectance_parameters import ParameterRespons
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.geometry import skew
 from photoclinometry.model.scene import Views
+from photoclinometry.model.warning import warn
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +65,7 @@ def estimate_uncertainty(
     try:
         found = marginals(at, errors, frame=frame)
     except np.linalg.LinAlgError:
-        log.warning("no uncertainties: the measurements do not determine all views")
+        warn(log, "no-uncertainty", "no uncertainties: the measurements do not determine all views")
         return {}
     if response is not None:
         found = with_parameters(found, at, response, frame)

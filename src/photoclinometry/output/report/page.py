@@ -40,6 +40,10 @@ th { color: var(--soft); font-weight: 600; background: #fafbfc; }
 th:first-child, td:first-child, td.text, th.text { text-align: left; }
 tr:last-child td { border-bottom: 0; }
 tr.out td { color: #a33; }
+.banner { border: 1px solid #e3c76b; border-left-width: 6px; border-radius: 8px; background: #fdf6e0;
+          padding: 12px 16px; margin: 18px 0 0; }
+.banner.wrong { border-color: #b3261e; background: #fbe9e7; color: #8c1d18; }
+.banner ul { margin: 6px 0 0; padding-left: 20px; }
 .stack > * + * { margin-top: 16px; }
 pre { margin: 0; padding: 12px 14px; font-size: 12.5px; line-height: 1.45; overflow-x: auto; }
 footer { color: var(--soft); font-size: 13px; padding: 18px 0 40px; }
@@ -68,6 +72,16 @@ def tiles(metrics: Mapping[str, Any]) -> str:
             value = f"{number(metrics[key])} {unit}".strip()
             shown.append(f'<div class="tile"><b>{escape(value)}</b><span>{escape(caption)}</span></div>')
     return f'<div class="tiles">{"".join(shown)}</div>'
+
+
+def banners(distrust: Sequence[str], warnings: Sequence[str]) -> str:
+    """What must be read before the map is used: why it is not to be trusted, in red, and what the run warned of."""
+    shown = ""
+    if distrust:
+        shown += _banner("wrong", "This map is not to be trusted", distrust)
+    if warnings:
+        shown += _banner("", f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}", warnings)
+    return shown
 
 
 def figures(items: Sequence[tuple[str, str]], kind: str = "grid") -> str:
@@ -137,8 +151,8 @@ def options_text(options: Mapping[str, Any], prefix: str = "") -> str:
     return "\n".join(line for line in lines if line)
 
 
-def page(title: str, subtitle: str, sections: Sequence[tuple[str, str, str]], footer: str) -> str:
-    """The whole document; sections are (heading, one line below it or "", HTML)."""
+def page(title: str, subtitle: str, sections: Sequence[tuple[str, str, str]], footer: str, banner: str = "") -> str:
+    """The whole document; sections are (heading, one line below it or "", HTML), banner is HTML above them."""
     anchors = [heading.lower().replace(" ", "-") for heading, _, _ in sections]
     links = "".join(f'<a href="#{a}">{escape(s[0])}</a>' for a, s in zip(anchors, sections, strict=True))
     body = "".join(
@@ -151,8 +165,13 @@ def page(title: str, subtitle: str, sections: Sequence[tuple[str, str, str]], fo
         f"<style>{STYLE}</style></head><body>"
         f'<header><div class="wrap"><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></div></header>'
         f'<nav><div class="wrap">{links}</div></nav>'
-        f'<main class="wrap">{body}</main><footer class="wrap">{escape(footer)}</footer></body></html>\n'
+        f'<main class="wrap">{banner}{body}</main><footer class="wrap">{escape(footer)}</footer></body></html>\n'
     )
+
+
+def _banner(kind: str, heading: str, lines: Sequence[str]) -> str:
+    listed = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return f'<div class="{f"banner {kind}".strip()}"><b>{escape(heading)}</b><ul>{listed}</ul></div>'
 
 
 def _note(text: str) -> str:

@@ -51,6 +51,10 @@ class ReportContent:
     """Per-landmark values (J,) to be drawn as maps, such as `Comparison.errors`."""
     options: Mapping[str, Any] | None = None
     """Of the run, nested as they are."""
+    warnings: Sequence[str] = ()
+    """What the run warned of: a banner on top."""
+    distrust: Sequence[str] = ()
+    """Why the map is not to be trusted: a red banner on top."""
 
 
 def write_report(
@@ -79,7 +83,13 @@ def write_report(
         if content.options:
             text = escape(page.options_text(content.options))
             sections.append(("Options", "", f'<div class="scroll"><pre>{text}</pre></div>'))
-        html = page.page(scene.name, _subtitle(scene), sections, f"Written by photoclinometry {__version__}.")
+        html = page.page(
+            scene.name,
+            _subtitle(scene),
+            sections,
+            f"Written by photoclinometry {__version__}.",
+            page.banners(content.distrust, content.warnings),
+        )
         (work / "index.html").write_text(html, encoding="utf-8")
         (work / "summary.json").write_text(json.dumps(json_numbers(metrics), indent=2) + "\n", encoding="utf-8")
     log.info("report: %s", folder / "index.html")

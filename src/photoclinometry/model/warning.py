@@ -1,0 +1,84 @@
+"""Warnings of the library: logged, and collected as values, so that the result of a run can name them all.
+
+Every warning goes through `warn`, which asks for a code. Collecting does not depend on how logging is set up.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+
+CODES: Mapping[str, str] = {
+    "control-contradicts": "a ground control point is far from the estimate",
+    "control-too-few": "the ground control points do not determine the frame",
+    "few-views": "a site that was made of archive files has too few views to be mapped",
+    "file-damaged": "a file of an earlier run was damaged, and what it held is made again",
+    "ground-overlaps": "part of a surface given to the simulator lies under other parts",
+    "held-out-unseen": "a held-out view shows too little of the map to be measured",
+    "most-suns-contradict": "the Sun directions as a whole contradict the brightness of the images",
+    "no-uncertainty": "no uncertainties could be computed",
+    "prior-contradicts": "a pose prior is left out, or far off",
+    "priors-too-few": "the pose priors do not determine the frame",
+    "run-failed": "a run of a study gave no map",
+    "sun-undecided": "Sun directions contradict each other, and which are wrong cannot be told",
+    "view-brightness": "the brightness of a view is far off what the map predicts",
+    "view-left-out": "a view contradicts the others and is left out",
+    "view-past-edge": "a simulated view sees past the edge of its ground",
+    "view-unregistered": "a view could not be registered and is left out",
+}
+"""Every code, and what it means."""
+
+
+@dataclass(frozen=True)
+class Warned:
+    """A warning."""
+
+    code: str
+    """One of CODES."""
+    words: str
+    view: str = ""
+    """Name of the view that it is about; empty where it is about several or none."""
+
+    def as_row(self) -> dict[str, str]:
+        """For JSON and tables."""
+        return asdict(self)
+
+
+_collectors: list[list[Warned]] = []
+"""The lists of all blocks of `collected_warnings` that are open."""
+
+
+def warn(log: logging.Logger, code: str, words: str, *values: object, view: str = "") -> None:
+    """Logs a warning (`words % values`), and hands it to every open `collected_warnings`.
+
+    log: of the calling module. code: one of CODES. view: name of the view that it is about.
+    """
+    if code not in CODES:
+        raise ValueError(f"{code!r} is no code of a warning; add it to CODES")
+    log.warning(words, *values, extra={"code": code, "view": view}, stacklevel=2)
+    warned = Warned(code, words % values if values else words, view)
+    for collector in _collectors:
+        collector.append(warned)
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[Warned]]:
+    """Collects what is warned of in the block, by any thread of this process, in the list that it yields."""
+    found: list[Warned] = []
+    _collectors.append(found)
+    try:
+        yield found
+    finally:
+        # By identity: lists with the same content are equal.
+        del _collectors[next(n for n, other in enumerate(_collectors) if other is found)]
+
+
+def distinct(warnings: Iterable[Warned]) -> tuple[Warned, ...]:
+    """The warnings in their order, each once; of those of one code about one view, the latest.
+
+    A run judges a view at every relighting iteration, by a better map each time.
+    """
+    latest = {(w.code, w.view or w.words): w for w in warnings}
+    return tuple(latest.values())

@@ -1,0 +1,197 @@
+"""The lock of a run folder: a file that names the process that writes there, so that no second one does.
+
+A lock whose process has ended is stale, and is taken over: whoever was killed with -9 goes on without further ado.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import secrets
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from photoclinometry.io.atomic import unwritable
+from photoclinometry.model.errors import RunFolderError
+
+log = logging.getLogger(__name__)
+
+NAME = "lock"
+
+GRACE_S = 10.0
+"""A lock that cannot be read is taken for one that is just being written, up to this age. That takes milliseconds."""
+
+TRIES = 5
+"""A lock that vanishes or changes while it is looked at is looked at again, so many times at most."""
+
+
+@dataclass(frozen=True)
+class Holder:
+    """The process that holds a lock."""
+
+    pid: int
+    host: str
+    since: str
+    """When the lock was made, in UTC."""
+    process_start: str = ""
+    """When the process started, as the system counts; empty where it does not tell. Process numbers are used again."""
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the process is one of this computer."""
+        return self.host == socket.gethostname()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the process still runs; it must be one of this computer."""
+        if not _exists(self.pid):
+            return False
+        start = _process_start(self.pid)
+        return not (start and self.process_start and start != self.process_start)
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Holds the lock of `folder` during the block.
+
+    Raises RunFolderError where another process, or another thread of this one, holds it, or it cannot be written.
+    """
+    path = folder / NAME
+    text = _take(path)
+    try:
+        yield
+    finally:
+        # Somebody may have removed it by hand, and another run have made its own.
+        with suppress(OSError):
+            if path.read_text(encoding="utf-8") == text:
+                path.unlink()
+
+
+def check_lock(folder: Path) -> None:
+    """Raises RunFolderError where a process that may still run holds the lock of `folder`. Changes nothing."""
+    text = _content(folder / NAME)
+    if text is not None and not _is_stale(folder / NAME, text):
+        raise RunFolderError(_refusal(folder / NAME, text))
+
+
+def _take(path: Path) -> str:
+    """Makes the lock; returns its content."""
+    since = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    holder = Holder(os.getpid(), socket.gethostname(), since, _process_start(os.getpid()))
+    # Two threads of one process would write the same.
+    text = json.dumps(asdict(holder) | {"token": secrets.token_hex(4)}) + "\n"
+    for _ in range(TRIES):
+        try:
+            file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644)
+        except FileExistsError:
+            found = _content(path)
+            if found is not None:
+                if not _is_stale(path, found):
+                    raise RunFolderError(_refusal(path, found)) from None
+                _remove_stale(path, found)
+            continue
+        except OSError as error:
+            raise unwritable(path, error) from error
+        try:
+            with os.fdopen(file, "w", encoding="utf-8") as stream:
+                stream.write(text)
+        except OSError as error:
+            with suppress(OSError):
+                path.unlink()
+            raise unwritable(path, error) from error
+        return text
+    raise RunFolderError(f"{path}: other runs make and remove it all the time; start one run at a time in this folder")
+
+
+def _content(path: Path) -> str | None:
+    """What the lock says; None where there is none (any more)."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be read: {error.strerror or error}; choose another --out") from error
+
+
+def _holder(text: str) -> Holder | None:
+    """The process that a lock names; None where it is damaged."""
+    try:
+        found = json.loads(text)
+        return Holder(int(found["pid"]), str(found["host"]), str(found["since"]), str(found.get("process_start", "")))
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _is_stale(path: Path, text: str) -> bool:
+    """Whether no process can hold the lock any more."""
+    holder = _holder(text)
+    if holder is None:
+        try:
+            return time.time() - path.stat().st_mtime > GRACE_S
+        except OSError:
+            return False
+    return holder.is_here and not holder.is_running
+
+
+def _remove_stale(path: Path, text: str) -> None:
+    """Removes a stale lock of this content, and none that another process has made meanwhile."""
+    aside = path.with_name(f".{NAME}.partial-{secrets.token_hex(4)}")
+    try:
+        os.rename(path, aside)
+        if aside.read_text(encoding="utf-8", errors="replace") != text:
+            os.rename(aside, path)
+            return
+        aside.unlink()
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise unwritable(path, error) from error
+    log.info("%s: the run that held it has ended without removing it (%s); taken over", path, text.strip())
+
+
+def _refusal(path: Path, text: str) -> str:
+    """Who holds the lock, and what to do."""
+    holder = _holder(text)
+    if holder is None:
+        return f"{path}: is just being written by another run; try again in {GRACE_S:.0f} s, or choose another --out"
+    who = f"{path.parent}: process {holder.pid} on {holder.host} has been writing to this folder since {holder.since}"
+    if holder.is_here:
+        return f"{who}; wait for it, stop it, or choose another --out"
+    return f"{who}; wait for it or choose another --out; if it no longer runs there, remove {path}"
+
+
+def _exists(pid: int) -> bool:
+    """Whether there is a process of this number; True where that cannot be told."""
+    if os.name == "nt":
+        return True  # os.kill would end it
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True  # another user's
+    return _state(pid) != "Z"
+
+
+def _stat(pid: int) -> list[str]:
+    """The fields of /proc/PID/stat after the name of the program; empty where there is no such file."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+    except OSError:
+        return []
+
+
+def _state(pid: int) -> str:
+    """One letter, Z of a process that has ended and was not waited for; empty where the system does not tell."""
+    return next(iter(_stat(pid)), "")
+
+
+def _process_start(pid: int) -> str:
+    """When the process started, in clock ticks since the system did (field 22 of /proc/PID/stat); else empty."""
+    fields = _stat(pid)
+    return fields[19] if len(fields) > 19 else ""

@@ -1,0 +1,63 @@
+"""SIGTERM and Ctrl-C: one line, the exit code, no traceback, also where compiled code is at work."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+# A stand-in for the pipeline, in a process of its own: says that it is there, and then does not return to Python.
+STUCK = """
+import sys
+from photoclinometry.cli import signals
+from photoclinometry.cli import main
+import photoclinometry.cli as cli
+signals.GRACE_S = 0.3
+def run(arguments):
+    {before}
+    print("there", flush=True)
+    {work}
+def forever():
+    n = 0
+    while n >= 0:
+        n = (n + 1) % 7
+cli._run = run
+main([])
+"""
+PYTHON = "\n    import time\n    time.sleep(60)"
+COMPILED = "\n    import numba\n    numba.njit('void()', nogil=True)(forever)()"
+SWALLOWS = (
+    "\n    import time\n    for _ in range(100):\n        try:\n            time.sleep(1)\n"
+    "        except BaseException:\n            pass"
+)
+COLMAP = "from photoclinometry.sfm.mapping import quiet_pycolmap\n    quiet_pycolmap(0).__enter__()"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to send")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)], ids=["term", "int"])
+@pytest.mark.parametrize(
+    ("before", "work"),
+    [("pass", PYTHON), ("pass", COMPILED), ("pass", SWALLOWS), (COLMAP, PYTHON)],
+    ids=["python", "compiled code", "code that catches all", "after pycolmap was imported"],
+)
+def test_a_signal_ends_a_command_with_one_line(number, code, before, work):
+    program = STUCK.format(before=before, work=work)
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "there\n"
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == code
+    word = "terminated" if number == signal.SIGTERM else "interrupted"
+    assert said == f"phomo: {word}; the same command resumes after the last finished stage\n"
+
+
+def test_handlers_are_as_they_were_after_a_command():
+    from commands import phomo
+
+    before = signal.getsignal(signal.SIGTERM)
+    phomo("--help")
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert signal.set_wakeup_fd(-1) == -1

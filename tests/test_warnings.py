@@ -1,0 +1,233 @@
+"""Warnings reach the result: terminal, metrics.json, report, `RunResult`; a map that is not to be trusted says so."""
+
+import ast
+import json
+import logging
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from commands import phomo
+from photoclinometry.model.warning import CODES, Warned, collected_warnings, distinct, warn
+from photoclinometry.output.report import page
+from photoclinometry.photometry.predict import observation_brightness
+from photoclinometry.pipeline import products
+from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.stage import Stage, Tools
+from photoclinometry.pipeline.trust import LEAST_EXPLAINED, brightness_off, change_explained, why_untrusted
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "photoclinometry"
+
+log = logging.getLogger("photoclinometry.tests")
+
+
+def calls(name: str) -> list[tuple[Path, ast.Call]]:
+    """Calls of a function or method of this name in the sources."""
+    found = []
+    for file in SOURCE.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", None)) == name:
+                found.append((file, node))
+    return found
+
+
+def test_every_warning_of_the_library_has_a_code():
+    """Nothing is warned of but by `warn`, which asks for a code; the codes are those of the table, all of them used."""
+    assert {file.name for file, call in calls("warning") if isinstance(call.func, ast.Attribute)} == {"warning.py"}
+    used = set()
+    for _, call in calls("warn"):
+        code = call.args[1]
+        choices = [code.body, code.orelse] if isinstance(code, ast.IfExp) else [code]
+        used |= {choice.value for choice in choices if isinstance(choice, ast.Constant)}
+    assert used == set(CODES)
+
+
+def test_the_reference_lists_every_code():
+    listed = (ROOT / "docs" / "reference" / "metrics.md").read_text(encoding="utf-8")
+    for code, meaning in CODES.items():
+        assert f"| `{code}` | {meaning} |" in listed
+
+
+def test_a_warning_is_logged_and_collected_however_logging_is_set_up(caplog):
+    quiet = logging.getLogger("photoclinometry.quiet")
+    quiet.setLevel(logging.CRITICAL)
+    with collected_warnings() as outer, collected_warnings() as inner:
+        warn(log, "view-brightness", "%s is %d %% off", "a", 7, view="a")
+        warn(quiet, "no-uncertainty", "100 % lost")
+    warn(log, "no-uncertainty", "after the block")
+    assert outer == inner
+    assert outer == [Warned("view-brightness", "a is 7 % off", "a"), Warned("no-uncertainty", "100 % lost")]
+    (first, last) = caplog.records
+    assert (first.getMessage(), first.code, first.view) == ("a is 7 % off", "view-brightness", "a")
+    assert first.filename == "test_warnings.py"
+    assert last.getMessage() == "after the block"
+    with pytest.raises(ValueError, match="no code of a warning"):
+        warn(log, "oops", "x")
+
+
+def test_of_warnings_about_one_view_the_latest_counts():
+    said = [
+        Warned("a", "5 % off", "v"),
+        Warned("b", "x"),
+        Warned("a", "4 % off", "v"),
+        Warned("b", "x"),
+        Warned("b", "y"),
+    ]
+    assert distinct(said) == (Warned("a", "4 % off", "v"), Warned("b", "x"), Warned("b", "y"))
+
+
+@dataclass(frozen=True)
+class Nothing:
+    """A result."""
+
+    value: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubtful(Stage[Nothing]):
+    """A stage that warns."""
+
+    name = "warning"
+    result = Nothing
+
+    def make(self, tools: Tools) -> Nothing:
+        warn(log, "view-left-out", "%s is left out", "a", view="a")
+        return Nothing(1.0)
+
+
+def test_a_stage_that_is_read_back_warns_again(tmp_path):
+    made, again = open_run(tmp_path), open_run(tmp_path)
+    with collected_warnings() as made.warned:
+        made.done(Doubtful())
+    again.done(Doubtful())
+    assert again.costs[0].resumed
+    assert made.warnings == again.warnings == (Warned("view-left-out", "a is left out", "a"),)
+
+
+@pytest.fixture
+def doubtful(mapped, monkeypatch, no_figures):
+    """Runs that warn at their end of what makes a map untrusted; the folder to run into."""
+    table = products.prior_table
+
+    def warning(*arguments):
+        warn(log, "most-suns-contradict", "the Sun directions <contradict> each other")
+        return table(*arguments)
+
+    monkeypatch.setattr(products, "prior_table", warning)
+
+
+def test_a_run_that_warns_says_so_at_its_end_and_in_its_files(mapped, tmp_path, capsys, doubtful):
+    folder = mapped.copy(tmp_path / "run")
+    assert phomo("run", mapped.site, "--out", folder) == 3
+    said = capsys.readouterr()
+    end = " ".join(said.err.split())
+    assert end.index("6 views, mean PSNR") < end.index(
+        "warnings: 1 - the Sun directions <contradict> each other [most-"
+    )
+    assert said.err.splitlines()[-1].startswith("phomo: the map is written, but not to be trusted: the Sun directions")
+    assert said.out.strip() == str(folder / "report" / "index.html")
+    content = json.loads((folder / "metrics.json").read_text())
+    row = {"code": "most-suns-contradict", "words": "the Sun directions <contradict> each other", "view": ""}
+    assert content["warnings"] == [row]
+    assert content["trusted"] is False
+    assert "check the convention of `sun`" in content["not_trusted_because"][0]
+    assert not (folder / "lock").exists()
+
+
+def test_a_result_shows_its_warnings(mapped, tmp_path, doubtful):
+    result = pipeline.run(mapped.site, mapped.copy(tmp_path / "run"))
+    assert [warned.code for warned in result.warnings] == ["most-suns-contradict"]
+    assert not result.trusted
+    assert "1 warnings; NOT TO BE TRUSTED" in repr(result)
+    assert "&lt;contradict&gt;" in result._repr_html_()
+
+
+def test_a_sound_map_is_trusted_and_has_no_warnings(mapped):
+    content = json.loads((mapped.run / "metrics.json").read_text())
+    assert content["trusted"] is True
+    assert content["not_trusted_because"] == content["warnings"] == []
+    assert content["metrics"]["brightness_change_explained_percent"] > 80.0
+    assert mapped.result.trusted
+    assert "banner" not in mapped.result.report.read_text(encoding="utf-8").split("</style>")[1]
+
+
+def test_the_banners_of_the_report_name_warnings_and_reasons():
+    html = page.banners(["<b>"], ["one", "two"])
+    assert html.index("not to be trusted") < html.index("&lt;b&gt;") < html.index("2 warnings") < html.index("two")
+    assert 'class="banner wrong"' in html
+    assert page.banners([], []) == ""
+
+
+def mirrored(scene):
+    """All Suns mirrored, x -> -x in C."""
+    rotation = scene.views.body_from_cam.rotation
+    in_cam = np.einsum("kji,kj->ki", rotation, scene.views.sun) * [-1.0, 1.0, 1.0]
+    return replace(scene, views=replace(scene.views, sun=np.einsum("kij,kj->ki", rotation, in_cam)))
+
+
+def equal(scene):
+    """All Suns the same in C."""
+    rotation = scene.views.body_from_cam.rotation
+    first = rotation[0].T @ scene.views.sun[0]
+    return replace(scene, views=replace(scene.views, sun=rotation @ first))
+
+
+def exposed_otherwise(scene):
+    """The brightness of every other view ten times what the map was made of."""
+    factor = np.where(scene.tracks.view % 2, 10.0, 1.0)
+    return replace(scene, tracks=replace(scene.tracks, brightness=scene.tracks.brightness * factor))
+
+
+@pytest.mark.parametrize("spoil", [mirrored, equal, exposed_otherwise])
+def test_a_map_that_explains_less_than_flat_ground_is_not_trusted(mapped, spoil):
+    scene = spoil(mapped.result.scene)
+    assert change_explained(scene) < LEAST_EXPLAINED
+    (reason,) = why_untrusted(replace(mapped.result.adjustment, scene=scene), 0, ())
+    assert reason.startswith(f"the brightness is {100 * brightness_off(scene):.0f} % off what the map predicts")
+
+
+def test_light_that_does_not_change_is_no_reason_for_distrust(mapped):
+    """Nothing is left to explain but noise, and the map explains none of it: it is not off by much, either."""
+    scene = equal(mapped.result.scene)
+    noise = 1.0 + 0.01 * np.random.default_rng(0).normal(size=len(scene.tracks))
+    same = replace(scene, tracks=replace(scene.tracks, brightness=observation_brightness(scene) * noise))
+    assert change_explained(same) < 0.8
+    assert why_untrusted(replace(mapped.result.adjustment, scene=same), 0, ()) == ()
+
+
+def test_an_estimate_that_has_not_converged_is_not_trusted(mapped):
+    stopped = replace(mapped.result.adjustment, converged=False, message="stopped after 3 steps")
+    assert why_untrusted(stopped, 0, ()) == ("the joint estimate has not converged: stopped after 3 steps",)
+
+
+@pytest.mark.parametrize(("left_out", "trusted"), [(6, True), (7, False)])
+def test_a_map_of_the_smaller_part_of_the_views_is_not_trusted(mapped, left_out, trusted):
+    reasons = why_untrusted(mapped.result.adjustment, left_out, ())
+    assert reasons == (() if trusted else ("7 of 13 views are left out",))
+
+
+def test_an_albedo_that_no_surface_has_is_not_trusted(mapped):
+    """I/F in percent."""
+    scene = mapped.result.scene
+    percent = replace(
+        scene,
+        landmarks=replace(scene.landmarks, albedo=100.0 * scene.landmarks.albedo),
+        tracks=replace(scene.tracks, brightness=100.0 * scene.tracks.brightness),
+        views=replace(scene.views, bias=100.0 * scene.views.bias),
+    )
+    (reason,) = why_untrusted(replace(mapped.result.adjustment, scene=percent), 0, ())
+    assert "which no surface has: the brightness is not I/F" in reason
+
+
+def test_what_was_warned_of_is_in_the_report(mapped, tmp_path):
+    from photoclinometry.output.report import ReportContent, write_report
+    from scenes import synthetic_scene
+
+    scene = synthetic_scene(size=12, views=3, reflectance=None)
+    content = ReportContent(warnings=["a.fits is left out"], distrust=["7 of 13 views are left out"])
+    html = write_report(tmp_path / "report", scene, content=content).read_text(encoding="utf-8")
+    assert html.index("This map is not to be trusted") < html.index("1 warning<") < html.index("Summary</h2>")
