@@ -54,6 +54,17 @@ def test_an_exact_scene_in_another_frame_has_no_error(scene):
         assert metrics[key] == pytest.approx(0.0, abs=2e-3), key
 
 
+def test_position_errors_are_told_apart_by_direction(scene):
+    """Squares of the two parts add up to that of the whole; of noise alike in all directions, one and two thirds."""
+    rng = np.random.default_rng(6)
+    marks = scene.landmarks
+    moved = replace(marks, position=marks.position + 0.2 * scene.gsd * rng.normal(size=marks.position.shape))
+    metrics = compare(scene.with_estimate(scene.views, moved), scene)
+    whole, along, sideways = (metrics[f"position_error{part}_rms_gsd"] for part in ("", "_along_normal", "_sideways"))
+    assert whole**2 == pytest.approx(along**2 + sideways**2)
+    assert along**2 / whole**2 == pytest.approx(1 / 3, abs=0.05)
+
+
 def test_disturbances_are_reported_at_their_size(scene):
     """Normals turned by 2 degrees, albedos 5 % up and down, keypoints 0.3 px, one Sun by 1 degree."""
     rng = np.random.default_rng(5)

@@ -9,7 +9,7 @@ import pytest
 
 from commands import phomo
 from photoclinometry.io.meshes.ply import read_ply
-from photoclinometry.io.models.sumfile import read_sumfile
+from photoclinometry.io.models.sumfile import read_sumfile, sumfile_of_view
 from photoclinometry.io.models.text_model import read_text_model
 from photoclinometry.io.rasters.globe import geographic
 from photoclinometry.io.scene_file import write_scene
@@ -18,7 +18,7 @@ from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.output.export.formats import FORMATS, Format
 from photoclinometry.output.export.meshes import albedo_texture, srgb
-from photoclinometry.output.export.sumfiles import sumfile_names
+from photoclinometry.output.export.sumfiles import sumfile_names, with_sigmas
 from photoclinometry.photometry.render import landmark_faces
 from places import cratered_place
 from scenes import synthetic_scene
@@ -137,6 +137,23 @@ def test_sumfiles_have_the_cameras_where_they_are(exported):
         line = found.center[1] + found.k_matrix[3] * u + found.k_matrix[4] * v
         expected = scene.views.project(k, scene.landmarks.position) + 0.5  # theirs count from 1 at pixel centres
         np.testing.assert_allclose(np.stack([sample, line], -1), expected, atol=1e-3)
+
+
+def test_sumfiles_have_the_sigmas_that_the_run_states(place, tmp_path):
+    """Per axis, in km and radians; where none are stated, or none are finite, SPC's usual 1 km and 1 mrad."""
+    scene = place.scene
+    blank = sumfile_of_view("a", scene.views.cameras[0], scene.views.body_from_cam[0], scene.views.sun[0], utc="-")
+    assert with_sigmas(blank, scene, 0) == blank
+    count = len(scene.views)
+    center = np.tile(np.diag([4.0, 9.0, 16.0]), (count, 1, 1))
+    stated = replace(scene, uncertainty={"center": center, "rotation": np.tile([1e-5, 2e-5, 3e-5], (count, 1))})
+    found = with_sigmas(blank, stated, 1)
+    assert found.position_sigma == pytest.approx((2e-3, 3e-3, 4e-3))
+    assert found.pointing_sigma == pytest.approx((1e-5, 2e-5, 3e-5))
+    loose = replace(scene, uncertainty={"center": np.full(count, np.inf), "rotation": np.full(count, 5e-5)})
+    found = with_sigmas(blank, loose, 0)
+    assert found.position_sigma == blank.position_sigma
+    assert found.pointing_sigma == pytest.approx((5e-5, 5e-5, 5e-5))
 
 
 def test_sumfiles_of_views_of_one_name_are_named_after_their_folders():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.io.rasters.globe import find_globe, geographic, name_of, semi_axes
-from photoclinometry.io.rasters.projection import site_projection
+from photoclinometry.io.rasters.projection import degrees_words, site_projection
 from photoclinometry.model.errors import InputError
 
 pytest.importorskip("rasterio")
@@ -105,15 +105,38 @@ def test_maps_across_longitude_180_are_not_torn():
     [
         ("equirectangular", [0, 10], [60, 88], None, "latitude 88.0.*polar-stereographic"),
         ("equirectangular", [0, 120, 240], [0, 0, 0], None, "around the body"),
-        ("polar-stereographic", [0, 10], [-3, 10], None, "crosses the equator"),
+        ("polar-stereographic", [0, 10], [-3, 10], None, "crosses the equator.*--projection equirectangular"),
+        ("polar-stereographic", [0, 10], [-12, -10], None, "latitude -10.0.* 70 % too long; choose .* equirectangular"),
+        ("polar-stereographic", [0, 10], [29, 50], None, "latitude 29.0.* 35 % too long"),
         ("orthographic", [0, 10], [0, 10], (200.0, 91.0), "not a longitude and latitude"),
         ("orthographic", [0, 10], [0, 10], (170.0, 0.0), "2 of 2 landmarks lie on the far side"),
+        ("orthographic", [0, 10], [0, 10], (-170.0, -5.0), "orthographic map about 170 W, 5 S"),
     ],
 )
 def test_maps_that_cannot_be_drawn_are_refused(projection, lon, lat, center, message):
     position = on_sphere(np.array(lon, float), np.array(lat, float), np.zeros(len(lon)))
     with pytest.raises(InputError, match=message):
         site_projection(find_globe("vesta"), projection, position, center).from_body(position)
+
+
+@pytest.mark.parametrize(
+    ("lon", "lat", "words"),
+    [
+        (-135.14, -10.0, "135.14 W, 10 S"),
+        (224.86, -10.0, "135.14 W, 10 S"),
+        (42.0, 56.0, "42 E, 56 N"),
+        (180.0, 0.0, "180 W, 0 N"),
+        (0.0, 90.0, "0 E, 90 N"),
+    ],
+)
+def test_longitudes_are_named_east_or_west(lon, lat, words):
+    assert degrees_words(lon, lat) == words
+
+
+def test_orthographic_maps_are_named_by_west_and_south():
+    position = on_sphere(np.array([-136.0, -134.0]), np.array([-11.0, -9.0]), np.zeros(2))
+    found = site_projection(find_globe("vesta"), "orthographic", position, (-135.14, -10.0))
+    assert "Orthographic about 135.14 W, 10 S" in found.crs.to_wkt()
 
 
 def test_a_flat_spheroid_has_no_polar_map_that_can_be_read_back():

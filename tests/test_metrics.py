@@ -5,6 +5,7 @@ import pytest
 
 from photoclinometry.evaluate.metrics import (
     albedo_error,
+    along_and_sideways,
     landmark_error,
     normal_error,
     photometric_error,
@@ -20,6 +21,13 @@ def test_photometric_error_by_hand():
     assert error[0] == pytest.approx(np.sqrt(12.5) / 10.5)
     assert np.isnan(error[1])
     assert error[2] == 0.0
+
+
+def test_an_error_of_position_has_a_part_along_the_normal_and_one_sideways():
+    """A point 3 too low and 4 aside of its place on ground that looks along z: an error of 5, of the surface 3."""
+    along, sideways = along_and_sideways(np.array([[0.0, 4.0, -3.0]]), np.array([[0.0, 0.0, 1.0]]))
+    assert along == pytest.approx([-3.0])
+    assert sideways == pytest.approx([4.0])
 
 
 def test_psnr_by_hand():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from photoclinometry.io.rasters.projection import degrees_words
 from photoclinometry.registration.view_choice import ViewLimits
 
 if TYPE_CHECKING:
@@ -62,9 +63,9 @@ def show(choice: ViewChoice) -> None:
         angles = f"{s.emission_deg:6.1f}{s.incidence_deg:6.1f}{s.phase_deg:6.1f}{s.sub_spacecraft_deg:7.1f}"
         numbers = f"{s.gsd_m:8.3g}{angles}{s.distance_m / 1e3:8.3g}"
         print(f"{'*' if s.name in chosen else ' '} {name:{width}}{numbers}")
-    place = found.place
+    place = degrees_words(found.place.lon_deg, found.place.lat_deg)
     _say(
-        f"{len(found.seen)} views see {place.lon_deg:g} E, {place.lat_deg:g} N; {len(chosen)} are chosen (*). Not seen "
+        f"{len(found.seen)} views see {place}; {len(chosen)} are chosen (*). Not seen "
         f"from {found.beyond_limb}, beside {found.outside_image} images; {found.without_prior} have no pose prior"
     )
 

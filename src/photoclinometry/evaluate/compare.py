@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from photoclinometry.evaluate.evaluate import completeness
-from photoclinometry.evaluate.metrics import albedo_error, albedo_factor, landmark_error, normal_error, spread
+from photoclinometry.evaluate.metrics import (
+    albedo_error,
+    albedo_factor,
+    along_and_sideways,
+    landmark_error,
+    normal_error,
+    spread,
+)
 from photoclinometry.evaluate.pose_errors import frame_metrics, pose_metrics
 from photoclinometry.evaluate.sigma_calibration import sigma_metrics
 from photoclinometry.model.errors import InputError
@@ -52,9 +59,10 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
     The scene is aligned by its cameras' poses, then to the true surface. Positions are compared in three ways: with
     the nearest point of the surface (`surface_distance`); with the nearest of the true points behind the reference
     pixels, as if these were another map (Eq. 36, `landmark_error`); and with the true point behind the landmark's
-    pixel (`position_error`), which also shows a shift of the map along the ground. Normals and albedos are compared at
-    the landmark's reference pixel: averaged over point-spread function and pixel, the resolution of the images, and at
-    the point (`_at_point`).
+    pixel (`position_error`), which also shows a shift of the map along the ground: its parts are along the true normal
+    there (`position_error_along_normal`), the error of the surface, and `position_error_sideways`. Normals and albedos
+    are compared at the landmark's reference pixel: averaged over point-spread function and pixel, the resolution of the
+    images, and at the point (`_at_point`).
     """
     from photoclinometry.simulate.truth import nearest_surface, truth_maps
 
@@ -101,15 +109,19 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
         albedo=at(maps.albedo_mean),
         pixel=scene.landmarks.pixel,
     )
+    off, true_normal = aligned.landmarks.position - true.position, at(maps.normal)
+    along, sideways = along_and_sideways(off, true_normal)
     errors = {
         "surface_distance_m": fit.distance,
         "landmark_error_m": landmark_error(aligned.landmarks.position, maps.position[maps.hit]),
-        "position_error_m": np.linalg.norm(aligned.landmarks.position - true.position, axis=-1),
+        "position_error_m": np.linalg.norm(off, axis=-1),
+        "position_error_along_normal_m": along,
+        "position_error_sideways_m": sideways,
         "normal_error_deg": np.degrees(normal_error(aligned.landmarks.normal, true.normal)),
-        "normal_error_at_point_deg": np.degrees(normal_error(aligned.landmarks.normal, at(maps.normal))),
+        "normal_error_at_point_deg": np.degrees(normal_error(aligned.landmarks.normal, true_normal)),
     }
     metrics = _spreads(errors)
-    for key in ("surface_distance", "landmark_error", "position_error"):
+    for key in (key.removesuffix("_m") for key in errors if key.endswith("_m")):
         metrics |= spread(errors[f"{key}_m"] / aligned.gsd, key, "gsd")
     metrics |= _alignment_metrics(by_poses, fit.similarity, fit.determined, aligned)
     if scene.frame == BODY_FIXED:

@@ -39,6 +39,12 @@ def landmark_error(position: np.ndarray, reference: np.ndarray) -> np.ndarray:
     return KDTree(reference).query(position)[0]
 
 
+def along_and_sideways(error: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of positions (n, 3) in two parts (n,): along unit normals (n, 3), signed, and the length of the rest."""
+    along = np.sum(error * normal, axis=-1)
+    return along, np.linalg.norm(error - along[:, None] * normal, axis=-1)
+
+
 def normal_error(normal: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Angle [rad] between normals (..., 3), of any length (Eq. 37; atan2 where the paper has arccos)."""
     return angle_between(normal, reference)

@@ -25,6 +25,8 @@ _CODE = {"geographic": 0, "equirectangular": 10, "equirectangular-180": 15, "nor
 """Kinds of systems in IAU_2015: the last two digits of a code."""
 _HIGHEST_EQUIRECTANGULAR_DEG = 85.0
 """Latitude beyond which equirectangular pixels are stretched more than eleven times from west to east."""
+_LOWEST_POLAR_DEG = 30.0
+"""Latitude below which lengths of a polar stereographic map are a third too long and more: 2 / (1 + sin latitude)."""
 _FLATTEST_POLAR = 0.01
 """Flattening beyond which PROJ's polar stereographic maps do not read back to their positions."""
 _HORIZON = 0.05
@@ -64,7 +66,7 @@ def site_projection(
         if not (-360.0 <= lon <= 360.0 and -90.0 <= lat <= 90.0):
             raise InputError(f"--center-deg {lon} {lat} is not a longitude and latitude")
         _check_seen(lon, lat, geographic(globe, position)[:, :2])
-        name = f"Orthographic about {lon:g} E, {lat:g} N"
+        name = f"Orthographic about {degrees_words(lon, lat)}"
         return MapProjection(globe=globe, crs=_projected(globe, name, "Orthographic", lat, lon))
     lon, lat = geographic(globe, position)[:, :2].T
     if projection == "polar-stereographic":
@@ -77,7 +79,17 @@ def site_projection(
         kind = "north" if np.median(lat) >= 0 else "south"
         pole = 90.0 if kind == "north" else -90.0
         if np.any(lat * pole < 0):
-            raise InputError(f"the map crosses the equator; a {projection} map shows one hemisphere: choose another")
+            raise InputError(
+                f"the map crosses the equator, and a {projection} map shows one hemisphere; choose --projection "
+                "equirectangular or orthographic"
+            )
+        nearest = float(np.abs(lat).min())
+        if nearest < _LOWEST_POLAR_DEG:
+            stretch = 100.0 * (2.0 / (1.0 + np.sin(np.radians(nearest))) - 1.0)
+            raise InputError(
+                f"the map reaches latitude {lat[np.argmin(np.abs(lat))]:.1f}, where lengths of a {projection} map are "
+                f"{stretch:.0f} % too long; choose --projection equirectangular or orthographic"
+            )
         crs = _iau_or(globe, kind) or _projected(globe, f"{kind.title()} Polar", "Polar_Stereographic", pole, 0.0)
         return MapProjection(globe=globe, crs=crs)
     if np.abs(lat).max() > _HIGHEST_EQUIRECTANGULAR_DEG:
@@ -103,9 +115,15 @@ def _check_seen(lon_deg: float, lat_deg: float, points_deg: np.ndarray) -> None:
     hidden = int(np.sum(cosine < _HORIZON))
     if hidden:
         raise InputError(
-            f"{hidden} of {len(lon)} landmarks lie on the far side of an orthographic map about {lon_deg:g} E, "
-            f"{lat_deg:g} N; choose another --center-deg"
+            f"{hidden} of {len(lon)} landmarks lie on the far side of an orthographic map about "
+            f"{degrees_words(lon_deg, lat_deg)}; choose another --center-deg"
         )
+
+
+def degrees_words(lon_deg: float, lat_deg: float) -> str:
+    """A longitude, eastward, and a latitude in words: "135.14 W, 10 S" for -135.14 and -10, or 224.86 and -10."""
+    east = round((lon_deg + 180.0) % 360.0 - 180.0, 9)
+    return f"{abs(east):g} {'W' if east < 0 else 'E'}, {abs(lat_deg):g} {'S' if lat_deg < 0 else 'N'}"
 
 
 def local_crs(name: str) -> Any:
