@@ -15,7 +15,7 @@ from photoclinometry.model.sparse import SparseModel, without_views
 from photoclinometry.photometry.inconsistent_views import InconsistentViews as Inconsistent
 from photoclinometry.photometry.inconsistent_views import find_inconsistent_views
 from photoclinometry.pipeline.run_folder import RunFolder
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, say_found
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.region import RegionOptions, choose_region
 
@@ -83,7 +83,12 @@ class SparseReconstruction(Stage[SparseModel]):
     def make(self, tools: Tools) -> SparseModel:
         inputs = self.inputs.value
         sun = inputs.site.sun_in_cam
-        return reconstruct_sparse(inputs.images, inputs.cameras, tools.scratch, self.options, tools.progress, sun)
+        found = reconstruct_sparse(inputs.images, inputs.cameras, tools.scratch, self.options, tools.progress, sun)
+        say_found(
+            f"{found.registered.sum()} of {len(inputs.images)} views, {len(found.points):,} points, "
+            f"{found.mean_reprojection_px:.2f} px"
+        )
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +102,11 @@ class InconsistentViews(Stage[Inconsistent]):
 
     def make(self, tools: Tools) -> Inconsistent:
         inputs, sparse = self.posed.inputs.value, self.posed.sparse.value
-        return find_inconsistent_views(
+        found = find_inconsistent_views(
             sparse, inputs.images, self.posed.views, self.reflectance, inputs.site.brightness
         )
+        say_found(f"{found.left_out.sum()} of {sparse.registered.sum()} views contradict the others")
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +123,7 @@ class ChooseRegion(Stage[Place]):
     def make(self, tools: Tools) -> Place:
         inputs, sparse, sun = self.posed.inputs.value, self.posed.sparse.value, self.posed.views.sun
         reference, region = choose_region(sparse, inputs.images, inputs.cameras, sun, self.request, self.options)
+        say_found(f"{region.width} x {region.height} px of {self.posed.views.name[reference]}")
         return Place(reference=reference, region=region)
 
 
@@ -124,6 +132,7 @@ def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
     alone = replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
     with folder.timed("images"):
         images = load_images(alone, folder.progress)
+        say_found(f"{len(images)} of {site.name}")
     return Keyed(Inputs(site=alone, images=images), input_fingerprint(alone))
 
 
