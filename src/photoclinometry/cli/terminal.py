@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from photoclinometry.cli.stage_lines import StageLines
 from photoclinometry.model.progress import Progress
 from photoclinometry.pipeline.products import RunResult
 
@@ -18,24 +19,44 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_bars(console: Any) -> Iterator[Progress]:
-    """A progress bar on the console for every kind of work that is reported."""
+    """A progress bar on the console for the work that is reported, with the time that it still takes.
+
+    A bar is there while its work is, and goes when other work begins: what came of it is in the stage's line. Work
+    without a known total shows its count and no time left.
+    """
     from rich import progress as bar
 
     columns = (
         bar.TextColumn("{task.description:18}"),
         bar.BarColumn(),
-        bar.MofNCompleteColumn(),
+        bar.TextColumn("{task.fields[count]}"),
         bar.TimeElapsedColumn(),
+        bar.TextColumn("{task.fields[left]}"),
     )
-    with bar.Progress(*columns, console=console) as bars:
-        tasks: dict[str, bar.TaskID] = {}
+    with bar.Progress(*columns, console=console, transient=True) as bars:
+        now: dict[str, bar.TaskID] = {}
 
         def progress(what: str, done: int, total: int) -> None:
-            if what not in tasks:
-                tasks[what] = bars.add_task(what, total=None)
-            bars.update(tasks[what], completed=done, total=total or None)
+            if what not in now:
+                for old in now.values():
+                    bars.remove_task(old)
+                now.clear()
+                now[what] = bars.add_task(what, total=None, count="", left="")
+            elapsed = bars.tasks[0].elapsed if bars.tasks else None
+            count = f"{done}/{total}" if total else f"{done}"
+            bars.update(
+                now[what], completed=done, total=total or None, count=count, left=time_left(elapsed, done, total)
+            )
 
         yield progress
+
+
+def time_left(elapsed_s: float | None, done: int, total: int) -> str:
+    """The time that the rest takes at the mean speed so far, as "left 0:12"; empty where that is not known."""
+    if not elapsed_s or not 0 < done < total:
+        return ""
+    seconds = round(elapsed_s * (total - done) / done)
+    return f"left {seconds // 60}:{seconds % 60:02d}"
 
 
 def say_result(console: Any, result: RunResult) -> None:
@@ -118,7 +139,9 @@ class _LogFile(logging.FileHandler):
 class _Terminal(logging.Handler):
     def __init__(self, console: Console):
         super().__init__()
-        self.console = console
+        self.console, self.stages = console, StageLines()
 
     def emit(self, record: logging.LogRecord) -> None:
-        self.console.print(record.getMessage(), highlight=False, markup=False)
+        line = self.stages.line(record)
+        if line is not None:
+            self.console.print(line, highlight=False, markup=False, soft_wrap=True)

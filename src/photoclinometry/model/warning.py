@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 
 CODES: Mapping[str, str] = {
+    "brightness-impossible": "the brightness of a view cannot be that of sunlit ground, and the view is left out",
     "control-contradicts": "a ground control point is far from the estimate",
     "control-too-few": "the ground control points do not determine the frame",
     "few-views": "a site that was made of archive files has too few views to be mapped",

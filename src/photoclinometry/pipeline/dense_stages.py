@@ -19,7 +19,7 @@ from photoclinometry.photometry.initialize import (
     sample_brightness,
 )
 from photoclinometry.pipeline.sparse_stages import Place, PosedImages
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.depth_fit import landmark_depth, sparse_depth
 from photoclinometry.surface.surroundings import surroundings_of
 
@@ -61,6 +61,10 @@ class MatchDensely(Stage[DenseTracks]):
             dense = triangulated(setup, matches, self.densify)
             depth = landmark_depth(dense.position, dense.pixel, poses[reference], setup.padded, cameras[reference])
         assert dense is not None
+        landmarks, pixels = len(dense.position), place.region.height * place.region.width / place.region.stride**2
+        say_found(
+            f"{landmarks:,} landmarks ({100 * landmarks / pixels:.0f} %), {len(dense.view) / landmarks:.1f} views each"
+        )
         return dense
 
 

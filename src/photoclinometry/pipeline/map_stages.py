@@ -25,7 +25,7 @@ from photoclinometry.pipeline.relighting import (
 )
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import PosedImages
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,9 @@ class FirstEstimate(Stage[Iterate]):
 
     def make(self, tools: Tools) -> Iterate:
         scene = self.estimate(self.start.value, Step(rough=True), tools.progress).scene
-        return Iterate(scene=scene, figures=first_map_figures(scene))
+        figures = first_map_figures(scene)
+        say_found(_quality(figures))
+        return Iterate(scene=scene, figures=figures)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +93,13 @@ class RelightingIteration(Stage[Iterate]):
         matcher, images = self.matcher.value, self.posed.registered_images
         matched = rematch(before, images, matcher, self.densify, report, f"relight {number}")
         moved = keypoints_moved(before, matched)
+        say_found(f"matches moved {moved:.2f} px")
         if self.must_end or is_settled(number, moved, self.settled_px):
             return Iterate(scene=matched, number=number, is_start_of_last=True, keypoints_moved_px=moved)
         step = Step(keypoint_sigma_factor=self.keypoint_sigma_factor, rough=True)
         scene = self.estimate(matched, step, report).scene
         figures = iteration_figures(number, scene, before, moved)
+        say_found(_quality(figures))
         return Iterate(scene=scene, number=number, keypoints_moved_px=moved, figures=figures)
 
 
@@ -119,11 +123,19 @@ class LastEstimate(Stage[FinishedMap]):
             found = refine_directly(start.scene, self.posed.registered_images, estimate)
         else:
             found = estimate(start.scene, Step())
+        landmarks = f"{len(found.scene.landmarks):,} landmarks in {len(found.scene.views)} views"
+        say_found(landmarks if found.converged else f"{landmarks}, not converged")
         if self.before is None:
             return FinishedMap(adjustment=found, figures=first_map_figures(found.scene))
         before, moved = self.before.value.scene, start.keypoints_moved_px
         assert moved is not None
         return FinishedMap(adjustment=found, figures=iteration_figures(start.number, found.scene, before, moved))
+
+
+def _quality(figures: IterationFigures) -> str:
+    """How good the map of an iteration is, in a few words."""
+    error = figures.photometric_error_mean_percent
+    return f"{figures.landmarks:,} landmarks" if error is None else f"brightness within {error:.2f} %"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,7 +51,17 @@ PRESETS = {
 
 
 def preset(name: str) -> RunOptions:
-    """The options of a run for a common case: "few-views", "uncalibrated", "quick" or "best". Raises InputError."""
+    """The options of a run for a common case.
+
+    Args:
+        name: "few-views", "uncalibrated", "quick" or "best".
+
+    Returns:
+        Options for `run`, which takes single ones beside them.
+
+    Raises:
+        InputError: There is no such preset; the message names them, and the nearest.
+    """
     if name not in PRESETS:
         near = difflib.get_close_matches(name, PRESETS, n=1, cutoff=0.0)[0]
         raise InputError(f"no preset {name!r}; known: {', '.join(PRESETS)}; nearest: {near}")

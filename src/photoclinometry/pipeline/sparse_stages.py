@@ -15,10 +15,11 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Camera, Image, Region, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
+from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import InconsistentViews as Inconsistent
 from photoclinometry.photometry.inconsistent_views import find_inconsistent_views
 from photoclinometry.pipeline.run_folder import RunFolder
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, say_found
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.region import RegionOptions, choose_region
 
@@ -94,6 +95,10 @@ class SparseReconstruction(Stage[SparseModel]):
         cameras = [inputs.cameras[k] for k in np.flatnonzero(used)]
         sun = inputs.site.sun_in_cam[used]
         found = reconstruct_sparse(images, cameras, tools.scratch, self.options, tools.progress, sun)
+        say_found(
+            f"{found.registered.sum()} of {len(inputs.images)} views, {len(found.points):,} points, "
+            f"{found.mean_reprojection_px:.2f} px"
+        )
         return among_more_views(found, used, [inputs.unusable.get(image.name, "") for image in inputs.images])
 
 
@@ -108,9 +113,11 @@ class InconsistentViews(Stage[Inconsistent]):
 
     def make(self, tools: Tools) -> Inconsistent:
         inputs, sparse = self.posed.inputs.value, self.posed.sparse.value
-        return find_inconsistent_views(
+        found = find_inconsistent_views(
             sparse, inputs.images, self.posed.views, self.reflectance, inputs.site.brightness
         )
+        say_found(f"{found.left_out.sum()} of {sparse.registered.sum()} views contradict the others")
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +134,7 @@ class ChooseRegion(Stage[Place]):
     def make(self, tools: Tools) -> Place:
         inputs, sparse, sun = self.posed.inputs.value, self.posed.sparse.value, self.posed.views.sun
         reference, region = choose_region(sparse, inputs.images, inputs.cameras, sun, self.request, self.options)
+        say_found(f"{region.width} x {region.height} px of {self.posed.views.name[reference]}")
         return Place(reference=reference, region=region)
 
 
@@ -139,8 +147,9 @@ def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
     with folder.timed("images"):
         images = load_images(alone, folder.progress)
         unusable = impossible_views(alone, images)
+        say_found(f"{len(images)} of {site.name}")
     for name, reason in unusable.items():
-        log.warning("%s is left out: %s", name, reason, extra={"code": "brightness", "view": name})
+        warn(log, "brightness-impossible", "%s is left out: %s", name, reason, view=name)
     return Keyed(Inputs(site=alone, images=images, unusable=unusable), input_fingerprint(alone))
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
@@ -26,6 +27,8 @@ import photoclinometry
 from photoclinometry.model.progress import Progress
 
 T = TypeVar("T")
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,11 @@ class Stage(Generic[T]):
     @property
     def key(self) -> str:
         return digest(program_digest(), self.name, self)
+
+
+def say_found(what: str) -> None:
+    """Logs what a stage has found and how good it is, in 50 characters; the terminal shows it in the stage's line."""
+    log.info("found: %s", what, extra={"found": what})
 
 
 @cache

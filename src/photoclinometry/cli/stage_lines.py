@@ -1,0 +1,82 @@
+"""One line on the terminal for each stage: its name, what it found and how good that is, and its time.
+
+    sparse              29 of 29 views, 41,203 points, 0.31 px          12.4 s
+    relighting 1        matches moved 0.12 px, normals 0.8 degrees      31.0 s
+
+What a stage found is a record of the log that carries it (`pipeline.stage.say_found`). Warnings are shown as they are,
+and everything else is only in the log file.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+
+_FOLDER = "photoclinometry.pipeline.run_folder"
+"""The log that tells of the end of each stage."""
+NAMES = {
+    "images": "images",
+    "sparse": "sparse",
+    "inconsistent_views": "check of views",
+    "region": "region",
+    "dense": "dense",
+    "initialise": "first scene",
+    "first_estimate": "first estimate",
+    "relighting": "relighting",
+    "last_estimate": "last estimate",
+    "held_out": "views held out",
+    "refine": "estimate",
+    "model": "model",
+    "products": "files",
+    "report": "report",
+}
+"""Of stages, as people read them; an iteration's number follows."""
+_NAME, _FOUND = 16, 50
+"""Widths of the columns, in characters: with the time, lines fit 80 columns."""
+_UNTOLD_S = 0.05
+"""Stages that found nothing to tell and took less are left out [s]."""
+
+
+class StageLines:
+    """Makes lines of the log's records."""
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+        """What the running stage has found."""
+
+    def line(self, record: logging.LogRecord) -> str | None:
+        """What the terminal shows of a record; None for nothing."""
+        if record.levelno >= logging.WARNING:
+            return record.getMessage()
+        if (found := getattr(record, "found", None)) is not None:
+            self.found.append(str(found))
+        elif (ended := _ended(record)) is not None:
+            found, self.found = ", ".join(self.found), []
+            return stage_line(ended[0], found, ended[1])
+        return None
+
+
+def _ended(record: logging.LogRecord) -> tuple[str, float | None] | None:
+    """The stage that a record says has ended, and its time [s], None where it was read back; None for other records."""
+    if record.name != _FOLDER or record.msg != "%s: %s" or not isinstance(record.args, tuple):
+        return None
+    stage, how = map(str, record.args)
+    time = re.match(r"([\d.]+) s, ", how)
+    return stage, float(time[1]) if time else None
+
+
+def stage_line(stage: str, found: str, wall_s: float | None) -> str | None:
+    """The line of a stage that has ended; wall_s None: it was read back. None for one that has nothing to tell."""
+    if wall_s is None:
+        found, time = found or "as in the earlier run", ""
+    elif not found and wall_s < _UNTOLD_S:
+        return None
+    else:
+        time = f"{wall_s:.1f} s" if wall_s < 600 else f"{wall_s / 60:.1f} min"
+    return f"{shown_name(stage):{_NAME}}{found:{_FOUND}} {time:>10}".rstrip()
+
+
+def shown_name(stage: str) -> str:
+    """A stage's name as people read it: relighting_2 is "relighting 2"."""
+    kind, _, number = stage.rpartition("_")
+    return f"{NAMES[kind]} {number}" if kind in NAMES and number.isdigit() else NAMES.get(stage, stage)

@@ -1,0 +1,91 @@
+"""One line on the terminal for each stage; developers' text stays in the log file."""
+
+import logging
+import re
+
+import pytest
+from rich.console import Console
+
+from photoclinometry.cli.stage_lines import NAMES, StageLines, shown_name, stage_line
+from photoclinometry.cli.terminal import progress_bars, time_left
+from photoclinometry.pipeline.stage import say_found
+
+
+@pytest.fixture
+def shown():
+    """Lines that the records of the package's log make."""
+    lines, found = StageLines(), []
+
+    class Handler(logging.Handler):
+        def emit(self, record):
+            line = lines.line(record)
+            if line is not None:
+                found.append(line)
+
+    log, handler = logging.getLogger("photoclinometry"), Handler()
+    level = log.level
+    log.addHandler(handler)
+    log.setLevel(logging.DEBUG)
+    yield found
+    log.removeHandler(handler)
+    log.setLevel(level)
+
+
+def test_a_stage_is_one_line_of_what_it_found_and_its_time(shown):
+    folder = logging.getLogger("photoclinometry.pipeline.run_folder")
+    folder.info("%s ...", "sparse")
+    logging.getLogger("photoclinometry.adjust").info("reweighting iteration 1: Noise(keypoint_factor=0.4354)")
+    say_found("29 of 29 views, 41,203 points, 0.31 px")
+    logging.getLogger("photoclinometry.sfm").warning("images/3.fits is left out: no matches")
+    folder.info("%s: %s", "sparse", "12.4 s, 40.0 CPU s")
+    folder.info("%s: %s", "relighting_2", "read back from the earlier run")
+    assert shown == [
+        "images/3.fits is left out: no matches",
+        "sparse          29 of 29 views, 41,203 points, 0.31 px                 12.4 s",
+        "relighting 2    as in the earlier run",
+    ]
+
+
+def test_lines_fit_80_columns():
+    assert len(stage_line("inconsistent_views", "x" * 50, 599.9) or "") <= 80
+    assert "20.0 min" in (stage_line("last_estimate", "", 1200.0) or "")
+    assert stage_line("initialise", "", 0.01) is None
+
+
+def test_every_stage_of_a_run_has_a_name(mapped):
+    stages = {file.stem for file in (mapped.run / "stages").glob("*.npz")}
+    names = {re.sub(r" \d+$", "", shown_name(stage)) for stage in stages}
+    assert names <= set(NAMES.values())
+
+
+def test_findings_of_a_run_fit_their_column(mapped, tmp_path, shown):
+    """All stages anew, from the images."""
+    from photoclinometry.pipeline import run as pipeline
+    from photoclinometry.pipeline.options import RelightOptions, RunOptions
+
+    pipeline.run(mapped.site, tmp_path / "run", RunOptions(relight=RelightOptions(rounds=1)))
+    lines = {line[:16].strip(): line for line in shown}
+    assert "6 of 6 views, " in lines["sparse"]
+    assert "32 x 32 px of images/" in lines["region"]
+    assert " landmarks (" in lines["dense"]
+    assert "matches moved" in lines["relighting 1"]
+    assert "landmarks in 6 views" in lines["last estimate"]
+    assert all(len(line) <= 80 for line in shown)
+    assert not any("Noise(" in line for line in shown)
+
+
+@pytest.mark.parametrize(
+    ("elapsed", "done", "total", "left"),
+    [(10.0, 1, 3, "left 0:20"), (61.0, 50, 100, "left 1:01"), (10.0, 3, 3, ""), (10.0, 5, 0, ""), (None, 0, 3, "")],
+)
+def test_the_time_left_is_that_of_the_mean_speed_and_nothing_where_the_total_is_unknown(elapsed, done, total, left):
+    assert time_left(elapsed, done, total) == left
+
+
+def test_a_bar_goes_when_other_work_begins():
+    console = Console(file=open("/dev/null", "w"), force_terminal=True)  # noqa: SIM115
+    with progress_bars(console) as progress:
+        progress("images", 3, 3)
+        progress("adjust", 1, 0)
+        progress("adjust", 2, 0)
+    console.file.close()
