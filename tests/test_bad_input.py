@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.io.images import read_image, write_fits, write_png
-from photoclinometry.io.site import read_site
+from photoclinometry.io.site import read_site, write_site
 from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import ImageError, InputError, SiteError
 from sites import SIZE, picture, view_text, write_small_site
@@ -39,6 +39,12 @@ MISTAKES = {
     "unknown camera key": ("width", "widht", ("camera: width", "is missing", "'widht'; did you mean 'width'?")),
     "unknown region key": ("center_px", "centre_px", ("region: centre_px", "unknown", "'center_px'?")),
     "no name": ('name = "small"', "", ("name", "is missing")),
+    "unknown body": (
+        '"vesta"',
+        '"tatooine"',
+        ("body: 'tatooine' is not known", "bennu", "vesta", "body_radius_m", "leave"),
+    ),
+    "radius of nothing": ('"vesta"', '"tatooine"\nbody_radius_m = 0', ("body_radius_m", "positive number")),
     "wrong brightness": ('"iof"', '"radiance"', ("brightness", "'radiance'", "'iof', 'dn'")),
     "brightness missing": ('brightness = "iof"', "", ("brightness", "is missing")),
     "no camera": ("[camera]", "[cam]", ("camera", "[camera] or one [cameras.NAME]")),
@@ -92,6 +98,22 @@ def test_a_mistake_in_site_toml_is_named(path, mistake):
     for part in said:
         assert part in message[at:], message
         at = message.index(part, at)
+
+
+def test_another_body_is_accepted_with_its_radius_and_cameras_outside_of_it(path):
+    text = path.read_text().replace('"vesta"', '"tatooine"\nbody_radius_m = 5000')
+    path.write_text(text)
+    site = read_site(path)
+    assert (site.body, site.body_radius_m) == ("tatooine", 5000.0)
+    write_site(path.with_name("again.toml"), site)
+    assert read_site(path.with_name("again.toml")).body_radius_m == 5000.0
+    path.write_text(
+        text.replace(SUN, SUN + "\n" + PRIOR.format("[1, 0, 0, 0]"), 1).replace("{{", "{").replace("}}", "}")
+    )
+    with pytest.raises(
+        SiteError, match=r"body_radius_m: is 5000 m, but cam_from_body of images/0\.fits is 9 m from its centre.*metres"
+    ):
+        read_site(path)
 
 
 def test_fewer_than_three_views_are_refused(path):

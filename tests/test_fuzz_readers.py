@@ -22,6 +22,7 @@ from photoclinometry.io.meshes.obj import read_obj
 from photoclinometry.io.meshes.ply import read_ply
 from photoclinometry.io.models.colmap import read_colmap, write_colmap
 from photoclinometry.io.models.sumfile import read_sumfile
+from photoclinometry.io.models.text_model import read_text_model
 from photoclinometry.io.scene_file import read_scene, write_scene
 from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.suns_csv import read_suns
@@ -187,6 +188,22 @@ def test_signalling_nans_of_a_mesh_are_no_warning(tmp_path):
         + struct.pack("<I", 0x7F800001)
     )
     assert np.isnan(read_ply(tmp_path / "a.ply").normal[0, 2])
+
+
+def test_faults_that_other_modules_find_name_the_file(tmp_path):
+    (sample,) = samples(READERS["truth.h5"], tmp_path / "truth", None)
+    path = write_files(sample, tmp_path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["photometry"] = file.attrs["photometry"].replace("lunar-lambert", "lunatic")
+    with pytest.raises(InputError, match=r"a\.h5: no reflectance model 'lunatic'.*; simulate it again"):
+        read_truth(path)
+    (sample,) = samples(READERS["text model"], tmp_path / "text", None)
+    folder = write_files(sample, tmp_path)
+    cameras = (folder / "cameras.txt").read_text().splitlines()
+    words = cameras[-1].split()
+    (folder / "cameras.txt").write_text("\n".join([*cameras[:-1], " ".join([*words[:2], "1", "1", *words[4:]])]) + "\n")
+    with pytest.raises(InputError, match=r"points3D\.txt: .* landmarks lie far outside of the reference image"):
+        read_text_model(folder)
 
 
 def test_numbers_that_no_integer_holds_are_refused_in_obj(tmp_path):

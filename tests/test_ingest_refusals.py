@@ -44,6 +44,18 @@ def test_a_missing_sun_alone_is_named(tmp_path):
     assert "camera is not known" not in message
 
 
+def test_kernels_that_were_passed_are_not_asked_for_again(tmp_path):
+    pytest.importorskip("spiceypy")
+    (tmp_path / "a.tpc").write_text("KPL/PCK\n\\begindata\nBODY2101955_RADII = ( 1 2 3 )\n\\begintext\n")
+    (path,) = plain_images(tmp_path / "in", 1)
+    message = refusal([path], tmp_path, pinhole=(500.0, 500.0, 30.0, 20.0), kernels=(tmp_path / "a.tpc",))
+    assert (
+        "which SPICE needs: pass --camera; so the Sun's direction is unknown: correct that, or pass --sumfiles"
+        in message
+    )
+    assert "--kernels" not in message
+
+
 def test_an_unknown_part_of_a_detector_is_refused(tmp_path):
     path = mapcam_cube(tmp_path / "a.cub", pixels=texture())
     message = refusal([path], tmp_path)
@@ -111,7 +123,7 @@ def test_two_sumfiles_for_one_image_are_refused(tmp_path):
         ("image,sun_x,sun_y\n", "no column 'sun_z'"),
         ("image,sun_x,sun_y,sun_z\na.png,1,0,x\n", "line 2: sun_z is 'x'"),
         ("image,sun_x,sun_y,sun_z\na.png,1,1,0\n", "line 2: the Sun has length 1.41421"),
-        ("image,sun_x,sun_y,sun_z\na.png,1,0\n", "line 2: sun_z is None"),
+        ("image,sun_x,sun_y,sun_z\na.png,1,0\n", "line 2: sun_z is empty, expected a number"),
         ("image,sun_x,sun_y,sun_z\na.png,1,0,0\na.png,1,0,0\n", "line 3: 'a.png' occurs twice"),
         ("image,sun_x,sun_y,sun_z,sun_sigma_deg\na.png,1,0,0,-1\n", "sun_sigma_deg is -1"),
         ("\xff\xfe", "not UTF-8"),

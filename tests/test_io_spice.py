@@ -91,6 +91,64 @@ def test_a_meta_kernel_that_loads_itself_is_refused(tmp_path):
         pass
 
 
+def meta_kernel(path, files, value="./data"):
+    names = "".join(f"'$K/{name}'\n" for name in files)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(
+        f"KPL/MK\n\\begindata\nPATH_VALUES = ( '{value}' )\nPATH_SYMBOLS = ( 'K' )\nKERNELS_TO_LOAD = ( {names} )\n"
+        "\\begintext\n"
+    )
+    return path
+
+
+def test_relative_paths_of_a_meta_kernel_are_taken_from_its_own_folder(tmp_path, monkeypatch):
+    """As NAIF's archives have them: mk/x.tm names ../pck/a.tpc by PATH_VALUES = ( '..' )."""
+    (tmp_path / "archive" / "pck").mkdir(parents=True)
+    kernel(tmp_path / "archive" / "pck" / "a.tpc", "1 2 3")
+    kernel(tmp_path / "archive" / "pck" / "b.tpc", "4 5 6")
+    meta = meta_kernel(tmp_path / "archive" / "mk" / "x.tm", ["pck/a.tpc", "pck/b.tpc"], "..")
+    monkeypatch.chdir(tmp_path)
+    with spice.loaded_kernels([meta]) as kernels:
+        assert kernels.keyword("BODY2101955_RADII") == (4.0, 5.0, 6.0)
+        assert kernels.keyword("PATH_VALUES") is None
+    monkeypatch.chdir(tmp_path / "archive" / "mk")  # from there the paths lead to the same files
+    with spice.loaded_kernels([meta]) as kernels:
+        assert kernels.keyword("BODY2101955_RADII") == (4.0, 5.0, 6.0)
+
+
+def test_kernels_that_a_meta_kernel_names_in_vain_are_named(tmp_path):
+    (tmp_path / "data").mkdir()
+    kernel(tmp_path / "data" / "a.tpc", "1 2 3")
+    meta = meta_kernel(tmp_path / "x.tm", ["a.tpc", "lsk/b.tls", "c.bsp"])
+    with (
+        pytest.raises(
+            InputError,
+            match=r"x\.tm: 2 of the 3 kernels that it names are neither .*: \./data/lsk/b\.tls, \./data/c\.bsp; "
+            "fetch them, or correct PATH_VALUES",
+        ),
+        spice.loaded_kernels([meta]),
+    ):
+        pass
+
+
+@pytest.mark.data
+@needs_spice
+def test_a_time_that_kernels_do_not_cover_is_told_with_their_times():
+    folder = SPICE / "osiris_rex_mapcam_bennu"
+    with spice.loaded_kernels([folder]) as kernels:
+        time = kernels.time_of_utc("2021-06-01T00:00:00")
+        said = r"V001_0\.bsp \(2019-03-03T\S+ to 2019-03-03T\S+\).*: load the kernels of that time"
+        with pytest.raises(
+            InputError, match=r"the position of SUN.*the time 2021-06-01T00:00:00 is outside of .*" + said
+        ):
+            kernels.position("SUN", time, "J2000", "LT+S", "2101955")
+        with pytest.raises(InputError, match=r"rotation.*2021-06-01T00:00:00 is outside of .*\.bc \(2019"):
+            kernels.rotation("IAU_BENNU", "ORX_OCAMS_MAPCAM", time)
+        with pytest.raises(InputError, match=r"does not give the position of JUPITER") as raised:
+            kernels.position("JUPITER", kernels.time_of_utc("2019-03-03T10:51:00"), "J2000", "LT+S", "2101955")
+        assert "outside of" not in str(raised.value)
+
+
 def test_missing_kernels_and_empty_folders_are_named(tmp_path):
     with pytest.raises(InputError, match="no such kernel"), spice.loaded_kernels([tmp_path / "a.bsp"]):
         pass

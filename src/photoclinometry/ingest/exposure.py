@@ -104,8 +104,11 @@ def _exposure(
     except InputError as error:
         geometry = None
         missing.append(str(error))
-    if geometry is None and row is None and len(missing) < 2:
-        missing.append("the Sun's direction is unknown: pass --kernels, --sumfiles, or --suns")
+        if row is None:
+            missing.append("so the Sun's direction is unknown: correct that, or pass --sumfiles or --suns")
+    else:
+        if geometry is None and row is None:
+            missing.append("the Sun's direction is unknown: pass --kernels, --sumfiles, or --suns")
     if missing or optics is None:
         raise InputError("; ".join(missing))
     detector = replace(optics.detector, distortion=None) if options.undistorted else optics.detector

@@ -14,6 +14,7 @@ from photoclinometry.ingest.exposure import AuxiliaryData, Exposure, read_exposu
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.sumfiles import read_sumfiles
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.bodies import is_known
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.json_file import write_json
 from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
@@ -128,6 +129,9 @@ def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: Inge
         write_fits(folder / name, pixels)
         views.append(SiteView(name, out / name, exposure.camera, exposure.sun, exposure.sun_sigma_rad, exposure.prior))
     body = next((e.body for e in exposures if e.body), None)
+    if body is not None and not is_known(body):
+        logger.warning("%s: the body %r is not known here; site.toml does not name it", out, body)
+        body = None
     site_name = options.name or out.resolve().name
     write_site(folder / SITE_FILE, Site(site_name, body, exposures[0].brightness, tuple(views), None, out / SITE_FILE))
     sources = [{"image": name, "file": e.path.name, **e.sources} for name, e in zip(names, exposures, strict=True)]

@@ -43,6 +43,8 @@ class CsvRow:
     def number(self, column: str) -> float:
         """A finite number."""
         found = self.values.get(column, "")
+        if not found:
+            raise self.error(f"{column} is empty, expected a number")
         try:
             value = float(found)
         except ValueError:

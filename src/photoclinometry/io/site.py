@@ -16,6 +16,7 @@ import numpy as np
 
 from photoclinometry.io import site_display
 from photoclinometry.io.atomic import write_text
+from photoclinometry.io.bodies import check_outside, read_body
 from photoclinometry.io.table import Table
 from photoclinometry.io.toml_file import read_toml
 from photoclinometry.model.errors import InputError, SiteError
@@ -78,6 +79,8 @@ class Site:
     """The file itself; image paths are relative to its folder."""
     linear: bool = False
     """The numbers of its images are linear in radiance whatever the files declare (gamma, sRGB)."""
+    body_radius_m: float | None = None
+    """Mean radius of a body that is not known by name."""
 
     @property
     def sun_in_cam(self) -> np.ndarray:
@@ -101,7 +104,7 @@ def read_site(path: Path | str) -> Site:
     path = Path(path)
     table = read_toml(path, "site.toml", SiteError)
     name = table.text("name")
-    body = table.text("body", None)
+    body, radius = read_body(table)
     brightness = table.choice("brightness", ("iof", "dn"))
     linear = table.boolean("linear", False)
     default, cameras = _read_cameras(table)
@@ -111,7 +114,8 @@ def read_site(path: Path | str) -> Site:
     region = _read_region(table.table("region", None), views)
     table.finish()
     _check_views(table, views)
-    return Site(name, body, brightness, views, region, path, linear)
+    check_outside(table, radius, {view.name: view.pose_prior for view in views if view.pose_prior is not None})
+    return Site(name, body, brightness, views, region, path, linear, radius)
 
 
 def write_site(path: Path | str, site: Site) -> None:
@@ -262,6 +266,8 @@ def site_document(site: Site) -> dict[str, Any]:
     document: dict[str, Any] = {"name": site.name}
     if site.body is not None:
         document["body"] = site.body
+    if site.body_radius_m is not None:
+        document["body_radius_m"] = float(site.body_radius_m)
     document["brightness"] = site.brightness
     if site.linear:
         document["linear"] = True

@@ -25,6 +25,10 @@ from photoclinometry.model.errors import InputError
 _TEXT = (".tls", ".tsc", ".tpc", ".tf", ".ti")
 _BINARY = (".bsp", ".bc", ".bpc", ".bds")
 _META = (".tm", ".mk")
+_NOT_COVERED = ("SPKINSUFFDATA", "NOFRAMECONNECT", "CKINSUFFDATA")
+"""SPICE's errors for times, or bodies and frames, that no kernel covers."""
+_LISTED = 4
+"""Kernels that an error names; the others are counted."""
 _KNOWN_HEADS = (b"KPL/", b"DAF/", b"NAIF/DAF", b"DAS/", b"\\begin")
 _FARTHEST_KM = 1e12
 """Positions farther away than this are of no body of the solar system: a kernel is damaged [km]."""
@@ -55,12 +59,20 @@ class Kernels:
         self._process.communicate()
 
     def load(self, file: Path) -> None:
-        """Loads one more kernel, which overrides earlier ones."""
+        """Loads one more kernel, which overrides earlier ones.
+
+        Relative paths in a meta-kernel that lead nowhere from the working folder are taken from the meta-kernel's own.
+        """
         _check_head(file)
         try:
-            self._ask("", "load", str(file))
+            named = self._ask("", "listed", str(file)) if file.suffix.lower() in _META else []
+            if all(Path(kernel).exists() for kernel in named):
+                self._ask("", "load", str(file))
+                return
         except InputError as error:
             raise InputError(f"{file}: SPICE cannot load this kernel: {error}") from error
+        for kernel in _beside_meta_kernel(file, named):
+            self.load(kernel)
 
     def time_of_clock(self, spacecraft: int, clock: str) -> float:
         """Ephemeris time [s TDB past J2000] of a spacecraft clock's reading."""
@@ -73,7 +85,7 @@ class Kernels:
     def position(self, target: str, time: float, frame: str, correction: str, observer: str) -> np.ndarray:
         """(3,) [km] of `target` as seen from `observer`."""
         what = f"the position of {target} seen from {observer} at {time:.3f} s"
-        place = np.array(self._ask(what, "position", target, time, frame, correction, observer))
+        place = np.array(self._ask_at(time, what, "position", target, time, frame, correction, observer))
         if not (np.abs(place) < _FARTHEST_KM).all():
             raise InputError(
                 f"SPICE gives {place.tolist()} km as {what}; one of the position kernels (*.bsp) is damaged"
@@ -82,9 +94,8 @@ class Kernels:
 
     def rotation(self, source: str, target: str, time: float) -> np.ndarray:
         """(3, 3) target_from_source."""
-        return np.array(
-            self._ask(f"the rotation from {source} to {target} at {time:.3f} s", "rotation", source, target, time)
-        )
+        what = f"the rotation from {source} to {target} at {time:.3f} s"
+        return np.array(self._ask_at(time, what, "rotation", source, target, time))
 
     def keyword(self, name: str) -> tuple[Any, ...] | None:
         """The values of a keyword of the text kernels, numbers or text; None if there is no such keyword."""
@@ -108,6 +119,32 @@ class Kernels:
     def frame_name(self, code: int) -> str | None:
         """The name of a frame; None if the kernels do not define it."""
         return self._ask(f"the name of frame {code}", "frame name", code)
+
+    def _ask_at(self, time: float, what: str, question: str, *arguments: Any) -> Any:
+        """As `_ask`, of a time [s TDB past J2000]; the error names the kernels that do not cover it."""
+        try:
+            return self._ask(what, question, *arguments)
+        except InputError as error:
+            if not any(code in str(error) for code in _NOT_COVERED):
+                raise
+            lacking = [k for k in self._ask("the times of the kernels", "coverage") if not k[1] <= time <= k[2]]
+            if not lacking:
+                raise
+            listed = ", ".join(
+                f"{Path(file).name} ({self._date(begin)} to {self._date(end)})"
+                for file, begin, end in lacking[:_LISTED]
+            )
+            more = f" and {len(lacking) - _LISTED} more" if len(lacking) > _LISTED else ""
+            raise InputError(
+                f"{error}; the time {self._date(time)} is outside of {listed}{more}: load the kernels of that time"
+            ) from error
+
+    def _date(self, time: float) -> str:
+        """A time [s TDB past J2000] as UTC, or as it is where no leap seconds are loaded."""
+        try:
+            return self._ask("", "date", time)
+        except InputError:
+            return f"{time:.0f} s TDB"
 
     def _ask(self, what: str, question: str, *arguments: Any) -> Any:
         assert self._process.stdin is not None
@@ -181,6 +218,24 @@ def loading_order(files: Sequence[Path]) -> list[Path]:
         return (0 if generic else 2 if addendum else 1, path.name)
 
     return sorted(files, key=rank)
+
+
+def _beside_meta_kernel(meta: Path, named: Sequence[str]) -> list[Path]:
+    """The kernels that a meta-kernel names, from its own folder where they are not in the working folder.
+
+    Raises InputError that names those in neither.
+    """
+    files = [Path(k) if Path(k).exists() else meta.parent / k for k in named]
+    missing = [str(k) for k, file in zip(named, files, strict=True) if not file.exists()]
+    if missing:
+        listed = ", ".join(missing[:_LISTED]) + (", ..." if len(missing) > _LISTED else "")
+        raise InputError(
+            f"{meta}: {len(missing)} of the {len(named)} kernels that it names are neither in the working folder nor "
+            f"relative to its own: {listed}; fetch them, or correct PATH_VALUES in it"
+        )
+    if meta.resolve() in [file.resolve() for file in files]:
+        raise InputError(f"{meta}: SPICE cannot load this kernel: it names itself; remove it from KERNELS_TO_LOAD")
+    return files
 
 
 def _check_head(file: Path) -> None:

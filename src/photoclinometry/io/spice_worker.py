@@ -17,6 +17,8 @@ from spiceypy.utils.exceptions import NotFoundError, SpiceyError
 
 _MAX_VALUES = 100
 """Values of a keyword that are read; the longest of a camera has a dozen."""
+_MAX_KERNELS = 10_000
+"""Kernels of a meta-kernel that are read; those of whole missions name some hundreds."""
 _MAX_REASON = 300
 """Characters of SPICE's explanation that an error shows."""
 
@@ -43,8 +45,53 @@ def or_none(function: Callable[..., Any]) -> Callable[..., Any]:
     return asked
 
 
+def listed(meta: str) -> list[str]:
+    """The kernels that a meta-kernel names, with its path symbols replaced; the pool is left without its variables."""
+    spice.ldpool(meta)
+    try:
+        values, symbols = keyword("PATH_VALUES") or [], keyword("PATH_SYMBOLS") or []
+        files: list[str] = []
+        try:
+            while len(files) < _MAX_KERNELS:
+                files.append(spice.stpool("KERNELS_TO_LOAD", len(files), "+")[0])
+        except NotFoundError:  # the end of the list
+            pass
+    finally:
+        for name in ("KERNELS_TO_LOAD", "PATH_VALUES", "PATH_SYMBOLS"):
+            spice.dvpool(name)
+    # A longer symbol may begin with a shorter one.
+    for symbol, value in sorted(zip(symbols, values, strict=False), key=lambda pair: -len(str(pair[0]))):
+        files = [file.replace(f"${symbol}", str(value)) for file in files]
+    return files
+
+
+def coverage() -> list[tuple[str, float, float]]:
+    """File, begin and end [s TDB past J2000] of each loaded kernel of positions or attitudes."""
+    found: list[tuple[str, float, float]] = []
+    for kind in ("SPK", "CK"):
+        for n in range(spice.ktotal(kind)):
+            file = spice.kdata(n, kind)[0]
+            windows = []
+            for body in spice.spkobj(file) if kind == "SPK" else spice.ckobj(file):
+                try:
+                    cover = (
+                        spice.spkcov(file, body)
+                        if kind == "SPK"
+                        else spice.ckcov(file, body, False, "INTERVAL", 0.0, "TDB")
+                    )
+                except SpiceyError:  # the clock of an attitude is not loaded
+                    continue
+                windows += [spice.wnfetd(cover, k) for k in range(spice.wncard(cover))]
+            if windows:
+                found.append((file, min(w[0] for w in windows), max(w[1] for w in windows)))
+    return found
+
+
 QUESTIONS: dict[str, Callable[..., Any]] = {
     "load": spice.furnsh,
+    "listed": listed,
+    "coverage": coverage,
+    "date": lambda time: str(spice.et2utc(time, "ISOC", 0)),
     "clock": spice.scs2e,
     "utc": spice.str2et,
     "position": lambda *a: spice.spkpos(*a)[0].tolist(),

@@ -86,8 +86,8 @@ def read_truth(path: Path | str) -> Truth:
                     f"{VERSION}; simulate the site again"
                 )
             truth = _truth(file)
-    except InputError:
-        raise
+    except InputError as error:
+        raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}; simulate it again") from error
     # A damaged file makes h5py raise nearly every built-in exception.
     except Exception as error:
         raise InputError(f"{path}: cannot be read as a truth file ({error}); simulate it again") from error

@@ -101,7 +101,10 @@ def read_text_model(
     )
     chosen = 0 if reference is None else _reference(images_file, views.name, reference)
     in_reference = _reference_xy(views, tracks, points.column[:, 1:4], chosen)
-    pixel, region = pixels_of_landmarks(in_reference, views.cameras[chosen])
+    try:
+        pixel, region = pixels_of_landmarks(in_reference, views.cameras[chosen])
+    except InputError as error:
+        raise InputError(f"{points_file}: {error}") from error
     scene = Scene(
         name=folder.resolve().name,
         body=body,

@@ -1,0 +1,42 @@
+"""The key `body` of `site.toml`, and `body_radius_m` for bodies that are not known here."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.io.rasters.globe import NAIF_NUMBER
+from photoclinometry.io.table import Table
+from photoclinometry.model.pose_prior import PosePrior
+
+MORE_BODIES = ("67p", "arrokoth", "bennu", "didymos", "dimorphos", "dinkinesh", "donaldjohanson", "ryugu")
+"""Bodies of missions that PROJ's IAU_2015 has no reference system of."""
+
+
+def is_known(body: str) -> bool:
+    """Whether `site.toml` may name a body without its radius; case does not count."""
+    return body.lower() in NAIF_NUMBER or body.lower() in MORE_BODIES
+
+
+def read_body(table: Table) -> tuple[str | None, float | None]:
+    """The body's name and its mean radius [m], None where the site does not give them. Raises SiteError."""
+    body, radius = table.text("body", None), table.positive_number("body_radius_m", None)
+    if body is not None and radius is None and not is_known(body):
+        known = sorted([*NAIF_NUMBER, *MORE_BODIES])
+        raise table.error(
+            "body",
+            f"{body!r} is not known (known: {', '.join(known)}); for another body give its mean radius, too "
+            "(body_radius_m), or leave the key out",
+        )
+    return body, radius
+
+
+def check_outside(table: Table, radius_m: float | None, priors: dict[str, PosePrior]) -> None:
+    """Raises SiteError where a pose prior puts a camera inside of a body of stated radius, as kilometres do."""
+    for name, prior in priors.items() if radius_m is not None else ():
+        distance = float(np.linalg.norm(prior.cam_from_body.translation))
+        if radius_m is not None and distance < 0.5 * radius_m:
+            raise table.error(
+                "body_radius_m",
+                f"is {radius_m:g} m, but cam_from_body of {name} is {distance:g} m from its centre, deep inside; "
+                "give translation in metres, or correct the radius",
+            )
