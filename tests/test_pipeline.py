@@ -165,7 +165,7 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
     """Killed when scene.h5 was written and nothing else, the run of the earlier options leaves its own."""
     folder = mapped.copy(tmp_path / "run")
 
-    def killed(_):
+    def killed(*_):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:

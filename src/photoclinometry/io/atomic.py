@@ -46,6 +46,10 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
         _move_over(temporary, path)
     except OSError as error:
         raise unwritable(path, error) from error
+    except RunFolderError as error:  # of a file in a folder that is being made
+        if str(temporary) not in str(error):
+            raise
+        raise type(error)(str(error).replace(str(temporary), str(path))) from error
     finally:
         _remove(temporary)
 

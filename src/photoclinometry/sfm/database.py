@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from photoclinometry.io.atomic import unwritable
+from photoclinometry.model.errors import OutputError, PhotoclinometryError
 from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.sfm.keypoints import sift_keypoints
@@ -17,6 +22,49 @@ DATABASE = "database.db"
 
 PAIRS_AT_ONCE = 60
 """Pairs matched between two reports of progress: fewer cost time, since search indices are built anew each time."""
+
+
+_PROBE = bytes(1 << 20)
+"""What is written to find out why COLMAP could not write."""
+
+_LEFT_BY_SQLITE = ("", "-wal", "-shm", "-journal")
+"""Endings of the files of a database."""
+
+
+@contextmanager
+def disk_errors(work_dir: Path) -> Iterator[None]:
+    """Within the block, failures to write below `work_dir`, COLMAP's too, are an OutputError with the disk's reason.
+
+    COLMAP and SQLite raise RuntimeErrors, which do not say what is wrong: a small file is written to find out. Where
+    that can be written, other errors than SQLite's are left as they are.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise unwritable(Path(error.filename or work_dir), error) from error
+    except RuntimeError as error:
+        if isinstance(error, PhotoclinometryError):
+            raise
+        try:
+            _probe(work_dir)
+        except OSError as reason:
+            raise unwritable(work_dir / DATABASE, reason) from error
+        if "SQLite" in str(error) or "database" in str(error):
+            raise OutputError(f"{work_dir / DATABASE}: cannot be written: {error}; check the disk") from error
+        raise
+
+
+def _probe(work_dir: Path) -> None:
+    """Raises OSError where nothing can be written in `work_dir`."""
+    path = work_dir / ".probe"
+    try:
+        with open(path, "wb") as stream:
+            stream.write(_PROBE)
+            stream.flush()
+            os.fsync(stream.fileno())
+    finally:
+        with suppress(OSError):
+            path.unlink()
 
 
 def _image_file(view: int) -> str:
@@ -33,13 +81,15 @@ def write_views(
     pictures = work_dir / "images"
     pictures.mkdir(exist_ok=True)
     database_path = work_dir / DATABASE
-    database_path.unlink(missing_ok=True)
+    for ending in _LEFT_BY_SQLITE:
+        database_path.with_name(DATABASE + ending).unlink(missing_ok=True)
     with pycolmap.Database.open(database_path) as database:
         view_cameras = _write_cameras(database, cameras)
         for view, image in enumerate(images):
             picture = brightness_picture(image)
             if not cv2.imwrite(str(pictures / _image_file(view)), picture):
-                raise OSError(f"{pictures}: cannot write the pictures for feature detection")
+                _probe(pictures)
+                raise OSError(None, "OpenCV cannot write this picture", str(pictures / _image_file(view)))
             keypoints, descriptors = sift_keypoints(picture, image.valid, options.max_features)
             image_id = _write_view(database, view, view_cameras[view])
             database.write_keypoints(image_id, keypoints)

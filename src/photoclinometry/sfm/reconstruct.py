@@ -18,7 +18,7 @@ from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel, connected_groups, normalised
 from photoclinometry.model.warning import warn
-from photoclinometry.sfm.database import add_relief_keypoints, match_views, read_keypoints, write_views
+from photoclinometry.sfm.database import add_relief_keypoints, disk_errors, match_views, read_keypoints, write_views
 from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap, size, views_of
 from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.pairs import all_pairs, likeness_of, promising_pairs
@@ -67,15 +67,16 @@ def reconstruct_sparse(
     pairs match, all are matched again with keypoints of the relief (`relief_picture`) as well.
     Views that do not register are logged by name and False in `registered`, with the `reason`. `brought_in` describes
     the matches of views that registered only with the relief.
-    Raises InputError for fewer than MIN_VIEWS images, ReconstructionError where fewer views register.
+    Raises InputError for fewer than MIN_VIEWS images, ReconstructionError where fewer views register,
+    OutputError where work_dir cannot be written.
     """
     options = options or SfmOptions()
     if len(images) < MIN_VIEWS:
         raise InputError(f"{len(images)} images given; a reconstruction needs at least {MIN_VIEWS} views")
     work_dir = Path(work_dir)
-    work_dir.mkdir(parents=True, exist_ok=True)
     names = [image.name for image in images]
-    with quiet_pycolmap(options.seed):
+    with disk_errors(work_dir), quiet_pycolmap(options.seed):
+        work_dir.mkdir(parents=True, exist_ok=True)
         plain = _by_brightness(images, cameras, work_dir, options, progress)
         found = plain
         if sun_in_cam is not None and options.relief_keypoints and _matches_little(plain, options):

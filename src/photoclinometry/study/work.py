@@ -69,7 +69,7 @@ def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
     for sibling in sorted(run.parent.glob("*")) if run.parent.is_dir() else ():
         adopt_stages(sibling, run, ("sparse", "region", "dense"))
     try:
-        result = pipeline.run(site, run, cell.run_options(options), overwrite=True)
+        result = pipeline.run(site, run, cell.run_options(options), None, True)  # overwrite: sites change with options
     except ReconstructionError as error:
         warn(log, "run-failed", "%s: %s", cell.name, error)
         record = Record(cell, {}, failure=str(error))

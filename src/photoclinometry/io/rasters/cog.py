@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry import __version__
-from photoclinometry.io.atomic import atomic_path
-from photoclinometry.model.errors import RunFolderError
+from photoclinometry.io.atomic import write_bytes
 
 BLOCK = 256
 """Width and height of a tile [px]; larger maps get overviews, each half the size of the one before."""
@@ -52,28 +51,26 @@ def write_cog(
     """
     import rasterio
     import rasterio.shutil
-    from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
 
     height, width, count = values.shape
     profile = {"driver": "GTiff", "dtype": "float32", "width": width, "height": height, "count": count}
     transform = rasterio.Affine(place.pixel, 0.0, place.corner[0], 0.0, -place.pixel, place.corner[1])
-    with MemoryFile() as memory, atomic_path(path) as temporary:
+    with MemoryFile() as memory, MemoryFile(ext=".tif") as whole:
         with memory.open(**profile, crs=place.crs, transform=transform, nodata=np.nan) as file:
             for number, band in enumerate(bands, start=1):
                 file.write(np.where(valid, values[..., number - 1], np.nan).astype(np.float32), number)
                 file.set_band_description(number, band.description)
             file.units = tuple(band.unit for band in bands)
             file.update_tags(TIFFTAG_SOFTWARE=f"photoclinometry {__version__}", **about)
-        try:
-            rasterio.shutil.copy(
-                memory.name,
-                temporary,
-                driver="COG",
-                blocksize=BLOCK,
-                compress="DEFLATE",
-                predictor="FLOATING_POINT",
-                overview_resampling="AVERAGE",
-            )
-        except RasterioError as error:
-            raise RunFolderError(f"{path}: cannot be written ({error}); check the disk") from error
+        # In memory, since on a full disk GDAL reports success, or fails with errors of its own.
+        rasterio.shutil.copy(
+            memory.name,
+            whole.name,
+            driver="COG",
+            blocksize=BLOCK,
+            compress="DEFLATE",
+            predictor="FLOATING_POINT",
+            overview_resampling="AVERAGE",
+        )
+        write_bytes(path, whole.read())
