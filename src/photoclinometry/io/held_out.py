@@ -55,5 +55,6 @@ def _check(views: Views) -> None:
     for key, values in found.items():
         if values.shape != expected[key]:
             raise ValueError(f"{key} is of shape {values.shape}, {count} views need {expected[key]}")
-    if len(views.cameras) != count or not all(isinstance(name, str) for name in views.name):
+    names: tuple[object, ...] = tuple(views.name)  # as the file has them
+    if len(views.cameras) != count or not all(isinstance(name, str) for name in names):
         raise ValueError(f"there are {len(views.cameras)} cameras and {count} names")
