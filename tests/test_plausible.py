@@ -15,7 +15,7 @@ from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.archives.archive import read_product
 from photoclinometry.io.images import read_image, write_fits, write_png
 from photoclinometry.io.plausible import impossible_views, overexposed
-from photoclinometry.io.site import read_site, write_site
+from photoclinometry.io.site import Site, SiteView, read_site, write_site
 from photoclinometry.io.site_images import load_images
 from photoclinometry.io.suns_csv import SunRow
 from photoclinometry.model.errors import ImageError, InputError, SiteError
@@ -23,7 +23,7 @@ from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Image
 from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.pipeline.run_folder import open_run
-from photoclinometry.pipeline.sparse_stages import read_inputs
+from photoclinometry.pipeline.sparse_stages import PosedImages, SparseReconstruction, choose_views, read_inputs
 from sites import SIZE, picture, write_small_site
 
 
@@ -226,3 +226,22 @@ def test_real_images_are_accepted():
         assert impossible_views(one, [replace(image, name=v.name) for v in one.views]) == {}, path
     with pytest.raises(InputError):
         impossible_views(replace(site, brightness="iof"), load_images(site))
+
+
+def test_a_view_in_another_unit_leaves_poses_of_the_others(tmp_path):
+    """Through reading and structure from motion; the reason is the one that the log gave."""
+    from test_sfm import CAMERA, OPTIONS
+    from test_sfm import site as images_of_a_site
+
+    views = []
+    for k, image in enumerate(images_of_a_site(count=5, seed=0, prefix="a")[0]):
+        iof = 0.1 * image.brightness / np.median(image.brightness)
+        write_fits(tmp_path / image.name, 1000 * iof if k == 2 else iof)
+        views.append(SiteView(image.name, tmp_path / image.name, CAMERA, np.array([0.6, 0.0, -0.8])))
+    write_site(tmp_path / "site.toml", Site("a", None, "iof", tuple(views), None, tmp_path / "site.toml"))
+    folder = open_run(tmp_path / "run")
+    inputs = read_inputs(folder, read_site(tmp_path / "site.toml"))
+    sparse = folder.done(SparseReconstruction(inputs=inputs, options=OPTIONS))
+    assert sparse.value.registered.tolist() == [True, True, False, True, True]
+    _, left_out = choose_views(folder, PosedImages(inputs=inputs, sparse=sparse), np.zeros(5, bool), None)
+    assert left_out == inputs.value.unusable

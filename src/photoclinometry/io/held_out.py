@@ -32,6 +32,8 @@ def read_held_out(path: Path) -> Views | None:
         return None
     content = read_json(path)
     try:
+        if not all(isinstance(name, str) for name in content["name"]):
+            raise ValueError("the names of the views are not text")
         views = Views(
             name=tuple(content["name"]),
             cameras=tuple(Camera(m, w, h, tuple(p)) for m, w, h, p in content["cameras"]),
@@ -55,6 +57,5 @@ def _check(views: Views) -> None:
     for key, values in found.items():
         if values.shape != expected[key]:
             raise ValueError(f"{key} is of shape {values.shape}, {count} views need {expected[key]}")
-    names: tuple[object, ...] = tuple(views.name)  # as the file has them
-    if len(views.cameras) != count or not all(isinstance(name, str) for name in names):
+    if len(views.cameras) != count:
         raise ValueError(f"there are {len(views.cameras)} cameras and {count} names")
