@@ -124,6 +124,10 @@ def _numbers_of(file: str, text: str, node: ast.AST, name: str, *, named: bool) 
         return
     if isinstance(node, ast.Subscript | ast.Slice):
         return
+    if isinstance(node, ast.AnnAssign):  # an annotation has the range of an option, not its value
+        if node.value is not None:
+            yield from _numbers_of(file, text, node.value, name, named=named)
+        return
     for child in ast.iter_child_nodes(node):
         yield from _numbers_of(file, text, child, name, named=named)
 

@@ -27,7 +27,8 @@ def narrow(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "command", ["ingest", "simulate", "run", "refine", "render", "evaluate", "info", "export", "fetch", "study"]
+    "command",
+    ["ingest", "views", "simulate", "run", "refine", "render", "evaluate", "info", "export", "fetch", "study"],
 )
 def test_help_of_every_command_fits_a_screen(command, capsys):
     lines = said(capsys, command, "--help").splitlines()

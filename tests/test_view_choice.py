@@ -175,11 +175,11 @@ def test_limits_leave_out_views_and_say_how_many():
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        ({"max_emission": 95.0}, "--max-emission 95: give degrees above 0, to 90"),
-        ({"max_incidence": float("nan")}, "--max-incidence nan"),
-        ({"resolution": (2.0, 1.0)}, "--resolution 2 1: give the finest, then the coarsest"),
-        ({"resolution": (0.0, float("inf"))}, "--resolution 0 inf"),
-        ({"count": 2}, "--count 2: a map needs 3 views"),
+        ({"max_emission": 95.0}, "max_emission is 95; give above 0, up to 90"),
+        ({"max_incidence": float("nan")}, "max_incidence is nan"),
+        ({"resolution": (2.0, 1.0)}, "resolution is 2 1; give the finest, then the coarsest"),
+        ({"resolution": (0.0, float("inf"))}, "resolution is .0.0, inf.: 0; give above 0"),
+        ({"count": 2}, "count is 2; give a whole number, 3 or more"),
     ],
 )
 def test_limits_that_cannot_be_are_refused(limits, message):
@@ -295,7 +295,7 @@ FAULTS = {
     "latitude beyond the pole": (250, (10, 95), (), "10 95 is not a longitude and a latitude"),
     "no size of the body": (250, (10, 5), ("--radii-m", 0), "radii 0: give one of a sphere"),
     "seen by nobody": (250, (-170, 5), (), "no view sees -170 5"),
-    "limit out of range": (250, (10, 5), ("--max-emission", 120), "--max-emission 120"),
+    "limit out of range": (250, (10, 5), ("--max-emission", 120), "--max-emission is 120; give above 0, up to 90"),
     "limits that leave nothing": (250, (10, 5), ("--resolution", 5, 6, "--out", "OUT"), "0 of the 3 views that see"),
 }
 

@@ -118,7 +118,8 @@ def show_run(run: Path) -> None:
         table.add_row(name, str(keypoints[k]), *shown)
     console.print(table)
     if (run / "metrics.json").is_file():
-        metrics = read_json(run / "metrics.json")["metrics"]
+        content = read_json(run / "metrics.json")
+        metrics = content["metrics"]
         flat = {k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
         spreads, singles = metric_rows(flat)
         heads = (Column(head, justify="right") for head in ("mean", "median", "RMS", "90 %"))
@@ -128,3 +129,7 @@ def show_run(run: Path) -> None:
         for name, value in singles:
             figures.add_row(name, value.replace(" ", "\u00a0"))
         console.print(figures)
+        for warned in content.get("warnings", []):
+            console.print(f"warning: {warned['words']}", markup=False)
+        for reason in content.get("not_trusted_because", []):
+            console.print(f"not to be trusted: {reason}", markup=False, style="red")

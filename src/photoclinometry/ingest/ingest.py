@@ -130,7 +130,7 @@ def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: Inge
         views.append(SiteView(name, out / name, exposure.camera, exposure.sun, exposure.sun_sigma_rad, exposure.prior))
     body = next((e.body for e in exposures if e.body), None)
     if body is not None and not is_known(body):
-        logger.warning("%s: the body %r is not known here; site.toml does not name it", out, body)
+        warn(logger, "body-unknown", "%s: the body %r is not known here; site.toml does not name it", out, body)
         body = None
     site_name = options.name or out.resolve().name
     write_site(folder / SITE_FILE, Site(site_name, body, exposures[0].brightness, tuple(views), None, out / SITE_FILE))

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import difflib
+
 import numpy as np
 
 from photoclinometry.io.rasters.globe import NAIF_NUMBER
 from photoclinometry.io.table import Table
 from photoclinometry.model.pose_prior import PosePrior
 
-MORE_BODIES = ("67p", "arrokoth", "bennu", "didymos", "dimorphos", "dinkinesh", "donaldjohanson", "ryugu")
-"""Bodies of missions that PROJ's IAU_2015 has no reference system of."""
+MORE_BODIES = (
+    *("67p", "annefrank", "apophis", "arrokoth", "bennu", "braille", "charon", "didymos", "dimorphos", "dinkinesh"),
+    *("donaldjohanson", "pluto", "ryugu"),
+)
+"""Bodies of missions that PROJ's IAU_2015 has no reference system of, or not under this name."""
 
 
 def is_known(body: str) -> bool:
@@ -22,9 +27,11 @@ def read_body(table: Table) -> tuple[str | None, float | None]:
     body, radius = table.text("body", None), table.positive_number("body_radius_m", None)
     if body is not None and radius is None and not is_known(body):
         known = sorted([*NAIF_NUMBER, *MORE_BODIES])
+        near = difflib.get_close_matches(body.lower(), known, n=1)
+        meant = f", did you mean {near[0]!r}?" if near else ""
         raise table.error(
             "body",
-            f"{body!r} is not known (known: {', '.join(known)}); for another body give its mean radius, too "
+            f"{body!r} is not known{meant} (known: {', '.join(known)}); for another body give its mean radius, too "
             "(body_radius_m), or leave the key out",
         )
     return body, radius

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 
 CODES: Mapping[str, str] = {
+    "body-unknown": "a body of which nothing is known here is left out of a site that was made of archive files",
     "brightness-impossible": "the brightness of a view cannot be that of sunlit ground, and the view is left out",
     "control-contradicts": "a ground control point is far from the estimate",
     "control-too-few": "the ground control points do not determine the frame",
@@ -20,6 +21,7 @@ CODES: Mapping[str, str] = {
     "held-out-unseen": "a held-out view shows too little of the map to be measured",
     "most-suns-contradict": "the Sun directions as a whole contradict the brightness of the images",
     "no-uncertainty": "no uncertainties could be computed",
+    "product-left-out": "a product of an export needs a package that is not installed",
     "prior-contradicts": "a pose prior is left out, or far off",
     "priors-too-few": "the pose priors do not determine the frame",
     "run-failed": "a run of a study gave no map",

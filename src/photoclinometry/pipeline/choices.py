@@ -17,7 +17,6 @@ from photoclinometry.io.control_points_csv import read_control_points
 from photoclinometry.io.site import Site
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
-from photoclinometry.model.bodies import unknown_body
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.reflectance import Reflectance, has_published, published, starting_model
 from photoclinometry.pipeline.control import check_control
@@ -48,8 +47,6 @@ class Choices:
 def choose(site: Site, options: RunOptions) -> Choices:
     """What the options mean for a site. Raises InputError where they do not fit it, or a matcher lacks something."""
     reference = site.region.reference if site.region else None
-    if (said := unknown_body(site.body)) is not None:
-        log.warning("%s: %s", site.path, said)
     control = read_control_points(options.control) if options.control else ()
     check_control(control, [view.name for view in site.views])
     reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)

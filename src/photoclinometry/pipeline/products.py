@@ -145,6 +145,7 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
 
 def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Path:
     from photoclinometry.output import report
+    from photoclinometry.output.report.curves import cost_by_round
 
     content = report.ReportContent(
         metrics=tables.metrics,
@@ -153,7 +154,7 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         iterations=[figures.as_row() for figures in summary.iterations],
         pose_priors=tables.pose_priors,
         control=tables.control,
-        convergence=[i.cost for i in summary.adjustment.log if i.accepted],
+        convergence=cost_by_round(summary.adjustment.log),
         options=summary.config,
         warnings=[warned.words for warned in tables.warnings],
         distrust=tables.distrust,

@@ -52,7 +52,7 @@ def read_record(file: Path, key: str, kind: type[T]) -> Record[T] | None:
     if not file.is_file():
         return None
     try:
-        with open(file, "rb") as stream, np.load(stream) as stored:
+        with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as stored:
             if str(stored["key"]) != key:
                 return None
             warnings = tuple(Warned(**row) for row in json.loads(str(stored["warnings"])))

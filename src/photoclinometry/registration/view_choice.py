@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
+from typing import Annotated
 
 import numpy as np
 
 from photoclinometry.io.site import MIN_VIEWS, RegionRequest, Site, SiteView, write_site
 from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.ranges import OptionError, Range, Ranged
 from photoclinometry.registration.place import place_at, semi_axes
 from photoclinometry.registration.viewing import Sighting, Sightings, light_and_sight, sightings
 
@@ -23,32 +24,28 @@ _SAME_RESOLUTION = 1.25
 """Views within this factor of the median resolution may be the reference: the map is made at its resolution."""
 
 
+GroundSample = Annotated[float, Range(above=0)]
+"""Ground sample distance [m]."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class ViewLimits:
+class ViewLimits(Ranged):
     """Which of the views that see a place are chosen."""
 
-    max_emission: float = 70.0
-    """Greatest emission angle [degrees], above 0 to 90: beyond it ground is foreshortened threefold and more."""
-    max_incidence: float = 80.0
-    """Greatest incidence angle [degrees], above 0 to 90: beyond it most ground is in shadow."""
-    resolution: tuple[float, float] | None = None
+    max_emission: Annotated[float, Range(above=0, most=90)] = 70.0
+    """Greatest emission angle [degrees]: beyond it ground is foreshortened threefold and more."""
+    max_incidence: Annotated[float, Range(above=0, most=90)] = 80.0
+    """Greatest incidence angle [degrees]: beyond it most ground is in shadow."""
+    resolution: tuple[GroundSample, GroundSample] | None = None
     """Finest and coarsest ground sample distance [m]; all by default. Views within a factor of two match best."""
-    count: int | None = None
-    """Most views, 3 or more: those that differ most in the directions of Sun and camera. All by default."""
+    count: Annotated[int, Range(least=MIN_VIEWS)] | None = None
+    """Most views: those that differ most in the directions of Sun and camera. All by default."""
 
     def __post_init__(self):
-        for name in ("max_emission", "max_incidence"):
-            value = getattr(self, name)
-            if not 0.0 < value <= 90.0:
-                raise InputError(f"{_flag(name)} {value:g}: give degrees above 0, to 90")
-        if self.resolution is not None:
+        super().__post_init__()
+        if self.resolution is not None and self.resolution[0] > self.resolution[1]:
             fine, coarse = self.resolution
-            if not (0.0 < fine <= coarse < math.inf):
-                raise InputError(
-                    f"--resolution {fine:g} {coarse:g}: give the finest, then the coarsest, metres above 0"
-                )
-        if self.count is not None and self.count < MIN_VIEWS:
-            raise InputError(f"--count {self.count}: a map needs {MIN_VIEWS} views at least")
+            raise OptionError(type(self), "resolution", f"is {fine:g} {coarse:g}; give the finest, then the coarsest")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +72,8 @@ def choose_views(
     default those of the site's body. Raises InputError where no view has a pose prior, none sees the place, or the
     body's size is not known.
     """
+    if radii_m is None and site.body_radius_m is not None:
+        radii_m = (site.body_radius_m,)
     place = place_at(lon_deg, lat_deg, semi_axes(site.body, radii_m))
     found = sightings(site, place)
     if not found.seen:

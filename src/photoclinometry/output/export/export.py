@@ -14,6 +14,7 @@ from photoclinometry import __version__
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.warning import warn
 from photoclinometry.output.export.formats import FORMATS
 from photoclinometry.output.export.frame import Framed, framed
 from photoclinometry.output.export.options import ExportOptions
@@ -37,7 +38,7 @@ def export_scene(scene: Scene, out: Path | str, options: ExportOptions | None = 
     missing = {} if options.products else _not_installed(products)
     products = [name for name in products if name not in missing]
     for reason, names in _by_reason(missing).items():
-        log.warning("left out: %s: %s", ", ".join(names), reason)
+        warn(log, "product-left-out", "left out: %s: %s", ", ".join(names), reason)
     _check_folder(out)
     with atomic_path(out) as temporary:
         temporary.mkdir()
