@@ -7,7 +7,7 @@ import pytest
 
 import photoclinometry as pcm
 from commands import phomo
-from photoclinometry.cli.arguments import command_named, option_fields
+from photoclinometry.cli.arguments import COMMANDS, command_named, option_fields
 from photoclinometry.cli.first_options import FIRST
 from photoclinometry.cli.run import prepared, site_file
 from photoclinometry.model.errors import InputError
@@ -26,10 +26,7 @@ def narrow(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
 
 
-@pytest.mark.parametrize(
-    "command",
-    ["ingest", "views", "simulate", "run", "refine", "render", "evaluate", "info", "export", "fetch", "study"],
-)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_help_of_every_command_fits_a_screen(command, capsys):
     lines = said(capsys, command, "--help").splitlines()
     assert len(lines) <= 60
