@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+from dataclasses import replace
 
 import pytest
 
@@ -71,7 +72,7 @@ def test_the_script_for_bash_is_one_that_bash_takes(capsys, tmp_path):
 
 MISSPELT = {
     "command": (("rnu", "a.toml"), "did you mean `phomo run`?"),
-    "command unlike any": (("zzz",), "commands: ingest, simulate, run"),
+    "command unlike any": (("zzz",), "commands: ingest, views, simulate, run"),
     "option": (("run", "a.toml", "--sfm.max-feature", "5"), "--sfm.max-features INT"),
     "option of the command itself": (("run", "a.toml", "--oout", "b"), "--out"),
     "preset": (("run", "a.toml", "--preset", "quik"), "'quick'"),
@@ -87,19 +88,19 @@ def test_what_is_misspelt_is_answered_by_what_was_meant(arguments, hint, capsys)
     assert "phomo study" not in answer
 
 
-def test_presets_set_what_they_say_and_other_options_go_before_them(monkeypatch):
+def test_presets_set_what_they_say_and_other_options_go_before_them(monkeypatch, mapped, tmp_path):
     quick = preset("quick")
     assert (quick.region.stride, quick.relight.rounds, quick.adjust.uncertainty) == (2, 1, False)
     assert quick.sfm == RunOptions().sfm
     seen = {}
-    monkeypatch.setattr("photoclinometry.io.site.read_site", lambda path: None)
 
-    def library(site, out, options, progress):
+    def library(site, out, options, *rest):
         seen.update(site=site, out=out, options=options)
         raise InputError("seen")
 
     monkeypatch.setattr("photoclinometry.pipeline.run.run", library)
-    assert phomo("run", "a/site.toml", "--preset", "quick", "--region.stride", 3, "--out", "/dev/null/no") == 2
+    assert phomo("run", mapped.site, "--preset", "quick", "--region.stride", 3, "--out", tmp_path / "run") == 2
+    assert seen["options"] == replace(quick, region=replace(quick.region, stride=3))
     assert prepared(["a.toml", "--preset=best"]).__signature__.parameters["options"].default == preset("best")  # type: ignore[attr-defined]
 
 

@@ -148,7 +148,7 @@ def test_info_describes_a_site_and_a_run(place, capsys):
     info(place.run)
     run = capsys.readouterr().out
     assert "576 landmarks" in run
-    assert "41.5 dB" in run
+    assert "41.5\u00a0dB" in run
 
 
 def test_views_are_found_by_name_file_name_or_stem(place):

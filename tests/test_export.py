@@ -311,7 +311,7 @@ def test_the_command_exports_a_run_and_says_what_and_where(place, tmp_path, caps
     assert "not the body-fixed frame" in capsys.readouterr().err
     assert phomo("export", tmp_path / "nowhere", "--out", tmp_path / "no") == 2
     assert "no such folder" in capsys.readouterr().err
-    for size, message in ((1e-6, "coarser --resolution"), (0, "positive width")):
+    for size, message in ((1e-6, "coarser --resolution"), (0, "--resolution is 0; give above 0")):
         assert phomo("export", run, "--out", tmp_path / "no", "--resolution", size) == 2
         assert message in capsys.readouterr().err
     assert not (tmp_path / "no").exists()

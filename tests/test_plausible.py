@@ -95,7 +95,7 @@ def test_one_view_of_impossible_brightness_is_named_and_left_out(tmp_path, caplo
     assert re.search(said, inputs.unusable["images/2.fits"])
     (record,) = [r for r in caplog.records if "left out" in r.getMessage()]
     assert record.getMessage().startswith("images/2.fits is left out: its ")
-    assert (record.__dict__["code"], record.__dict__["view"]) == ("brightness", "images/2.fits")
+    assert (record.__dict__["code"], record.__dict__["view"]) == ("brightness-impossible", "images/2.fits")
 
 
 def test_too_few_sound_views_are_an_error_that_names_the_others(tmp_path):

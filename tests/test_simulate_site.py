@@ -287,7 +287,7 @@ def test_truth_errors_say_what_to_do(truth, tmp_path):
     with pytest.raises(InputError, match="phomo simulate"):
         read_truth(tmp_path / "nothing.h5")
     (tmp_path / "text.h5").write_text("no HDF5")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is not a truth file, or is damaged"):
         read_truth(tmp_path / "text.h5")
     with pytest.raises(InputError, match="no view"):
         truth_maps(truth, "images/999.fits", REGION)

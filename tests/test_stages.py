@@ -14,6 +14,7 @@ from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.registry import MATCHERS
 from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.ranges import numeric_parts
 from photoclinometry.pipeline import direct_refinement, joint_estimate
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.options import RelightOptions
@@ -89,7 +90,7 @@ def changed(options, name):
     value = getattr(options, first)
     if rest:
         return replace(options, **{first: changed(value, rest)})
-    kind = typing.get_type_hints(type(options))[first]
+    kind = typing.get_type_hints(type(options), include_extras=True)[first]
     if first in CHOICES:
         other = CHOICES[first]
     elif typing.get_origin(kind) is typing.Literal:
@@ -97,9 +98,11 @@ def changed(options, name):
     elif isinstance(value, bool):
         other = not value
     elif isinstance(value, int):
-        other = value + 1
+        other = value + 1 if value != -1 else 1  # -1 stands for all
     elif isinstance(value, float):
         other = 0.5 * value if value else 0.5
+        if not all(other in limits for _, limits in numeric_parts(kind) if limits is not None):
+            other = 2.0 * value
     elif isinstance(value, str):
         other = value + "x"
     elif isinstance(value, tuple):

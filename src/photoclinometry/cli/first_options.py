@@ -10,7 +10,6 @@ FIRST = {
         "region.size_px",
         "region.stride",
         "densify.min_views",
-        "relight.rounds",
         "adjust.uncertainty",
     ),
     "refine": (

@@ -45,8 +45,8 @@ class StageLines:
         """What the running stage has found."""
 
     def line(self, record: logging.LogRecord) -> str | None:
-        """What the terminal shows of a record; None for nothing."""
-        if record.levelno >= logging.WARNING:
+        """What the terminal shows of a record; None for nothing. An error ends the command, which prints it last."""
+        if record.levelno == logging.WARNING:
             return record.getMessage()
         if (found := getattr(record, "found", None)) is not None:
             self.found.append(str(found))

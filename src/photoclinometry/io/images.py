@@ -116,7 +116,7 @@ def png_bytes(array: np.ndarray) -> bytes:
 
 
 def _damaged(path: Path, what: str) -> ImageError:
-    return ImageError(f"{path}: is damaged ({what}); fetch or export it again")
+    return ImageError(f"{path}: is damaged ({' '.join(str(what).split())}); fetch or export it again")
 
 
 def _check_size(path: Path, width: int, height: int) -> None:

@@ -109,7 +109,7 @@ def _true_rows(truth: Truth, view: str, region: Region, raycaster: Raycaster) ->
         albedo=center.albedo,
         normal_mean=np.divide(normal, length, out=np.zeros_like(normal), where=length > 0),
         albedo_mean=mean(fine.albedo),
-        shadow=mean(fine.hit & ~fine.lit),
+        shadow=np.clip(mean(fine.hit & ~fine.lit), 0.0, 1.0),  # averages go beyond by rounding
         hit=center.hit & (mean(fine.hit) > _WHOLE),
     )
 
