@@ -97,19 +97,19 @@ def changed(options, name):
         other = next(choice for choice in typing.get_args(kind) if choice != value)
     elif isinstance(value, bool):
         other = not value
-    elif isinstance(value, int):
-        other = value + 1 if value != -1 else 1  # -1 stands for all
-    elif isinstance(value, float):
-        other = 0.5 * value if value else 0.5
-        if not all(other in limits for _, limits in numeric_parts(kind) if limits is not None):
-            other = 2.0 * value
+    elif isinstance(value, (int, float)):
+        limits = [limits for _, limits in numeric_parts(kind) if limits is not None]
+        step = max(limit.multiple_of for limit in limits) if limits else 1
+        others = (value + step, 1) if isinstance(value, int) else (0.5 * value, 2.0 * value, 0.5)
+        other = next(x for x in others if x != value and all(x in limit for limit in limits))
     elif isinstance(value, str):
         other = value + "x"
     elif isinstance(value, tuple):
         other = (*value[:-1], value[-1] + 1)
     else:
         assert value is None, name
-        other = Path("file") if Path in typing.get_args(kind) else 0.5
+        limits = [limits for _, limits in numeric_parts(kind) if limits is not None]
+        other = Path("file") if Path in typing.get_args(kind) else next(x for x in (0.5, 2.0) if x in limits[0])
     return replace(options, **{first: other})
 
 

@@ -127,7 +127,7 @@ class Kernels:
         except InputError as error:
             if not any(code in str(error) for code in _NOT_COVERED):
                 raise
-            lacking = [k for k in self._ask("the times of the kernels", "coverage") if not k[1] <= time <= k[2]]
+            lacking = self._ask("the times of the kernels", "uncovered", time)
             if not lacking:
                 raise
             listed = ", ".join(

@@ -65,13 +65,15 @@ def listed(meta: str) -> list[str]:
     return files
 
 
-def coverage() -> list[tuple[str, float, float]]:
-    """File, begin and end [s TDB past J2000] of each loaded kernel of positions or attitudes."""
-    found: list[tuple[str, float, float]] = []
+def uncovered(time: float) -> list[tuple[str, float, float]]:
+    """Kernels of positions or attitudes of what no loaded kernel covers at a time [s TDB past J2000].
+
+    Each with the begin and the end of what it covers.
+    """
+    windows: dict[tuple[str, int, str], list[tuple[float, float]]] = {}
     for kind in ("SPK", "CK"):
         for n in range(spice.ktotal(kind)):
             file = spice.kdata(n, kind)[0]
-            windows = []
             for body in spice.spkobj(file) if kind == "SPK" else spice.ckobj(file):
                 try:
                     cover = (
@@ -81,16 +83,19 @@ def coverage() -> list[tuple[str, float, float]]:
                     )
                 except SpiceyError:  # the clock of an attitude is not loaded
                     continue
-                windows += [spice.wnfetd(cover, k) for k in range(spice.wncard(cover))]
-            if windows:
-                found.append((file, min(w[0] for w in windows), max(w[1] for w in windows)))
-    return found
+                windows[kind, int(body), file] = [spice.wnfetd(cover, k) for k in range(spice.wncard(cover))]
+    known = {key[:2] for key, spans in windows.items() if any(begin <= time <= end for begin, end in spans)}
+    lacking: dict[str, list[tuple[float, float]]] = {}
+    for (kind, body, file), spans in windows.items():
+        if (kind, body) not in known and spans:
+            lacking.setdefault(file, []).extend(spans)
+    return [(file, min(s[0] for s in spans), max(s[1] for s in spans)) for file, spans in lacking.items()]
 
 
 QUESTIONS: dict[str, Callable[..., Any]] = {
     "load": spice.furnsh,
     "listed": listed,
-    "coverage": coverage,
+    "uncovered": uncovered,
     "date": lambda time: str(spice.et2utc(time, "ISOC", 0)),
     "clock": spice.scs2e,
     "utc": spice.str2et,
