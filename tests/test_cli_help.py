@@ -10,7 +10,8 @@ import photoclinometry as pcm
 from commands import phomo
 from photoclinometry.cli.arguments import COMMANDS, command_named, option_fields
 from photoclinometry.cli.first_options import FIRST
-from photoclinometry.cli.run import prepared, site_file
+from photoclinometry.cli.run import prepared
+from photoclinometry.cli.site_path import site_file
 from photoclinometry.model.errors import InputError
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.presets import PRESETS, preset

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from photoclinometry.cli.site_path import site_file
 from photoclinometry.cli.terminal import log_to, progress_bars, say_result
-from photoclinometry.model.errors import InputError
 from photoclinometry.pipeline.presets import PRESETS, preset
 from photoclinometry.pipeline.run import RunOptions
 
@@ -70,12 +70,3 @@ def prepared(words: Sequence[str]) -> Callable[..., Any]:
     given += [word.partition("=")[2] for word in words if word.startswith("--preset=")]
     known = [name for name in given if name in PRESETS]  # others are refused when the words are parsed
     return with_defaults(run, "options", preset(known[-1])) if known else run
-
-
-def site_file(path: Path) -> Path:
-    """The site.toml that a path names: itself, or the one in a folder. Raises InputError for a folder without one."""
-    if not path.is_dir():
-        return path
-    if not (path / "site.toml").is_file():
-        raise InputError(f"{path}: the folder holds no site.toml; give a site.toml, or the folder with one")
-    return path / "site.toml"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from photoclinometry.cli.site_path import site_file
 from photoclinometry.io.rasters.projection import degrees_words
 from photoclinometry.registration.view_choice import ViewLimits
 
@@ -38,7 +39,7 @@ def views(
     from photoclinometry.io.site import read_site
     from photoclinometry.registration.view_choice import choose_views, write_chosen_site
 
-    found = read_site(site / "site.toml" if site.is_dir() else site)
+    found = read_site(site_file(site))
     choice = choose_views(found, at[0], at[1], radii_m, limits)
     show(choice)
     if out is not None:

@@ -39,9 +39,11 @@ def read_body(table: Table) -> tuple[str | None, float | None]:
 
 def check_outside(table: Table, radius_m: float | None, priors: dict[str, PosePrior]) -> None:
     """Raises SiteError where a pose prior puts a camera inside of a body of stated radius, as kilometres do."""
-    for name, prior in priors.items() if radius_m is not None else ():
+    if radius_m is None:
+        return
+    for name, prior in priors.items():
         distance = float(np.linalg.norm(prior.cam_from_body.translation))
-        if radius_m is not None and distance < 0.5 * radius_m:
+        if distance < 0.5 * radius_m:
             raise table.error(
                 "body_radius_m",
                 f"is {radius_m:g} m, but cam_from_body of {name} is {distance:g} m from its centre, deep inside; "

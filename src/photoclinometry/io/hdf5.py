@@ -8,7 +8,6 @@ import io
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Lock, Timer
@@ -16,6 +15,7 @@ from threading import Lock, Timer
 import h5py
 
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.child import started
 from photoclinometry.model.errors import InputError
 
 _TIMEOUT_S = 120.0
@@ -88,15 +88,7 @@ class _Checks:
 
     def _started(self) -> subprocess.Popen[str]:
         if self.process is None or self.owner != os.getpid():
-            # -P: modules beside the script must not hide others of the same name.
-            self.process = subprocess.Popen(
-                [sys.executable, "-P", str(Path(__file__).with_name("hdf5_check.py"))],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                text=True,
-                encoding="utf-8",
-            )
+            self.process = started("hdf5_check.py")
             self.owner = os.getpid()
         return self.process
 

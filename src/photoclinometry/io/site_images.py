@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 
 from photoclinometry.io.exposure import off_body_mask, why_it_shows_nothing
 from photoclinometry.io.images import read_image
@@ -58,13 +59,19 @@ def input_fingerprint(site: Site) -> str:
     import tomli_w
 
     digest = hashlib.sha256(tomli_w.dumps(site_document(site)).encode())
+    for of_image in image_digests(site):
+        digest.update(of_image)
+    return digest.hexdigest()
+
+
+def image_digests(site: Site) -> Iterator[bytes]:
+    """SHA-256 of each view's image file. Raises ImageError."""
     for view in site.views:
         try:
             with open(view.image, "rb") as stream:
-                digest.update(hashlib.file_digest(stream, "sha256").digest())
+                yield hashlib.file_digest(stream, "sha256").digest()
         except OSError as error:
             raise ImageError(f"{view.image}: cannot be read: {error.strerror}; check the path") from error
-    return digest.hexdigest()
 
 
 def _check_image(view: SiteView, image: Image) -> None:

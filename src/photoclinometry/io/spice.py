@@ -9,8 +9,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.io.child import started
 from photoclinometry.io.reading import read_bytes
 from photoclinometry.model.errors import InputError
 
@@ -43,15 +42,7 @@ class Kernels:
 
     def __init__(self, files: Sequence[Path]):
         self.files = list(files)
-        # -P: modules beside the script must not hide others of the same name, such as the standard `site`.
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", str(Path(__file__).with_name("spice_worker.py"))],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            text=True,
-            encoding="utf-8",
-        )
+        self._process = started("spice_worker.py")
 
     def close(self) -> None:
         """Ends the process."""

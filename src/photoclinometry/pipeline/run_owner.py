@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from photoclinometry.io.site import Site
-from photoclinometry.io.site_images import load_images
-from photoclinometry.model.errors import ImageError
+from photoclinometry.io.site_images import image_digests, load_images
 from photoclinometry.model.scene import Scene
 
 SAME_SHARE = 0.5
@@ -51,14 +49,8 @@ def owner_of_site(site: Site) -> Owner:
     """The identity of a site. Raises ImageError for images that are missing or cannot be read."""
     if not all(view.image.exists() for view in site.views):
         load_images(site)  # raises ImageError, which lists all that are missing
-    digests = []
-    for view in site.views:
-        try:
-            with open(view.image, "rb") as stream:
-                digests.append(hashlib.file_digest(stream, "sha256").hexdigest()[:20])
-        except OSError as error:
-            raise ImageError(f"{view.image}: cannot be read: {error.strerror}; check the path") from error
-    return Owner("site", site.name, site.body, str(Path(site.path).resolve()), tuple(digests))
+    digests = tuple(digest.hex()[:20] for digest in image_digests(site))
+    return Owner("site", site.name, site.body, str(Path(site.path).resolve()), digests)
 
 
 def owner_of_model(source: Path, scene: Scene) -> Owner:
