@@ -80,6 +80,8 @@ def test_render_relights_on_the_reference_grid_as_png(place, tmp_path):
         (("--out", "a.png", "--sun-azimuth-deg", "10"), "go together"),
         (("--out", "a.png", "--sun", "0", "0", "0"), "not a direction"),
         (("--out", "a.png", "--sun-azimuth-deg", "10", "--sun-elevation-deg", "-5"), "above 0"),
+        (("--out", "a.png", "--sun-azimuth-deg", "10", "--sun-elevation-deg", "nan"), "above 0"),
+        (("--out", "a.png", "--sun-azimuth-deg", "inf", "--sun-elevation-deg", "5"), "finite"),
     ],
 )
 def test_render_refuses_what_cannot_be(place, arguments, message):

@@ -376,6 +376,8 @@ def _sun_direction(
         return direction
     if azimuth_deg is None or elevation_deg is None:
         return None
+    if not np.isfinite(azimuth_deg):
+        raise InputError(f"Sun's azimuth {azimuth_deg} degrees: must be a finite number")
     if not 0.0 < elevation_deg <= 90.0:
         raise InputError(f"Sun's elevation {elevation_deg} degrees: must be above 0 and at most 90 for light to fall")
     return sun_from_angles(local_frame(scene), np.deg2rad(azimuth_deg), np.deg2rad(elevation_deg))
