@@ -29,7 +29,7 @@ from photoclinometry.adjust.tie_points import GroundControl, TiePoints, with_tie
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Scene
+from photoclinometry.model.scene import Scene, Tracks
 
 log = logging.getLogger(__name__)
 
@@ -98,6 +98,7 @@ def adjust(
     left out, the scene's own. gradients: of the images where the scene's brightness was taken, so that it follows the
     landmarks (`factors.direct`), which then stay on their rays of the reference view, while pose-only tie points hold
     the poses (`tie_points`); the adjusted scene has the brightness where its landmarks project, by these gradients.
+    They may have a factor; brightness counts times that, and says nothing of Suns, scales and biases then.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or 10 landmarks are
     left to estimate.
@@ -110,7 +111,7 @@ def adjust(
     order = morton_order(scene.landmarks.pixel)
     tracks, picked = scene.tracks.of_landmarks(order)
     if gradients is not None:
-        gradients = ImageGradients(gradients.at[picked], gradients.gradient[picked])
+        tracks, gradients = _without_smooth_errors(tracks, gradients.of(picked))
     sorted_scene = replace(scene, landmarks=scene.landmarks[order], tracks=tracks)
     sorted_scene, gradients, members = with_tie_points(sorted_scene, gradients, tie_points, control)
     del tracks  # a copy of a hundred megabytes at full size
@@ -127,6 +128,15 @@ def adjust(
     return _in_the_order_of(scene, order, picked, setup, fit, uncertainty, parameter_sigma)
 
 
+def _without_smooth_errors(tracks: Tracks, gradients: ImageGradients) -> tuple[Tracks, ImageGradients]:
+    """Brightness and its gradients times the gradients' `factor`."""
+    factor = gradients.factor
+    if factor is None:
+        return tracks, gradients
+    gradients = gradients._replace(gradient=gradients.gradient * factor[:, None])
+    return replace(tracks, brightness=tracks.brightness * factor), gradients
+
+
 def _reweighted(setup: Setup, estimate: Estimate, progress: Callable[[Iteration], None] | None) -> _Fit:
     """Minimises, measures the noise, and minimises again, until neither noise nor gates change."""
     options, members, scene = setup.options, setup.members, setup.scene
@@ -137,9 +147,7 @@ def _reweighted(setup: Setup, estimate: Estimate, progress: Callable[[Iteration]
     final, moves, graph, solution = options.max_rounds == 1, None, None, None
     for number in range(1, options.max_rounds + 1):
         graph = None  # its measurements are let go of before the next one's are made
-        graph = FactorGraph(
-            factor_groups(setup, lit, noise, smoothness_group(setup, estimate.landmarks.position, noise))
-        )
+        graph = FactorGraph(factor_groups(setup, lit, noise, smoothness_group(setup, estimate.landmarks, noise)))
         solver = options.solver if final else options.solver.roughly()
         solution = minimize(graph, estimate, solver, step_limit=limit, moves=moves, progress=progress)
         history.extend(solution.log)
@@ -211,6 +219,8 @@ def _in_the_order_of(
     found, observed = fit.scene, len(picked)
     lit, brightness = np.empty(observed, bool), np.empty(observed)
     lit[picked], brightness[picked] = fit.lit[:observed], found.tracks.brightness[:observed]
+    if setup.gradients is not None and setup.gradients.factor is not None:
+        brightness[picked] /= setup.gradients.factor[:observed]
     uncertainty = {name: value[back] if name in OF_LANDMARKS else value for name, value in uncertainty.items()}
     adjusted = replace(scene, reflectance=found.reflectance, uncertainty=uncertainty)
     if setup.gradients is not None:

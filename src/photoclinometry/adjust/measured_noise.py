@@ -10,6 +10,7 @@ from photoclinometry.adjust.graph.priors import sun_rows
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup
 from photoclinometry.adjust.noise import (
+    MAX_VIEW_PRIOR_FACTOR,
     Noise,
     brightness_noise,
     correlation_px,
@@ -57,6 +58,7 @@ def starting_noise(setup: Setup, lit: np.ndarray) -> Noise:
         sparse_keypoint_factor=1.0,
         brightness_sigma=options.brightness_sigma or STARTING_BRIGHTNESS_SIGMA * level,
         brightness_correlation_px=options.brightness_correlation_px or STARTING_BRIGHTNESS_CORRELATION_PX,
+        view_prior_factor=MAX_VIEW_PRIOR_FACTOR if setup.without_smooth_errors else 1.0,
         scale_scatter=_scale_scatter(setup, scene),
     )
 
@@ -81,7 +83,9 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:
             found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)
-            found["view_prior_factor"] = view_prior_factor(_view_offsets(setup, scene.views), noise.view_prior_factor)
+            if not setup.without_smooth_errors:
+                offsets = _view_offsets(setup, scene.views)
+                found["view_prior_factor"] = view_prior_factor(offsets, noise.view_prior_factor)
     found["scale_scatter"] = _scale_scatter(setup, scene)
     return replace(noise, **found)
 

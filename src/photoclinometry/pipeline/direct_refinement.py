@@ -20,14 +20,11 @@ from photoclinometry.model.projection import keypoint_residuals, projected_keypo
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import landmark_spacing_px
 from photoclinometry.photometry.shading import brightness_on_surface
+from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline.joint_estimate import Step
 from photoclinometry.surface.sampling import as_coarse, sample_gradient
 
 log = logging.getLogger(__name__)
-
-PASSES = 2
-"""Estimates, each with brightness and gradients taken where the last one projects. A third moves half of the landmarks
-by less than 0.001 GSD."""
 
 MIN_LIT = 7
 """Lit views from which on brightness determines where a landmark lies: three more than it then has unknowns (depth, two
@@ -44,21 +41,49 @@ so far [px]: an image's gradient is good for about a pixel, and that of a shadow
 def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[Scene, Step], Adjustment]) -> Adjustment:
     """The last estimate of a scene by its images; by its matches, where too few views light more than half of it.
 
-    images: of the scene's views, in their order. estimate: as `JointEstimate`. Landmarks that stray in a pass are put
-    back and left to their matches.
+    images: of the scene's views, in their order. estimate: as `JointEstimate`. Two estimates are made, each with
+    brightness and gradients taken where the last one projects; a third would move half of the landmarks by less than
+    0.001 GSD. Landmarks that stray in the first are put back and left to their matches. Where the first has converged,
+    brightness counts in the second without its smooth errors.
     """
-    strayed = np.zeros(len(scene.landmarks), bool)
     start, gradients = image_gradients(scene, images)
     if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:
         log.info("too few views light the ground: the last estimate is of matches")
         return estimate(scene, Step())
-    for _ in range(PASSES - 1):
-        found = estimate(start, Step(rough=True, gradients=gradients)).scene
-        strayed |= has_strayed(found)
-        start, gradients = image_gradients(put_back(found, scene, strayed), images, ~strayed)
-    matched = ~gradients.of_landmarks(start.tracks)
-    log.info("%d of %d landmarks are left to their matches", np.sum(matched), len(strayed))
+    first = estimate(start, Step(rough=True, gradients=gradients))
+    strayed = has_strayed(first.scene)
+    start, gradients = image_gradients(put_back(first.scene, scene, strayed), images, ~strayed)
+    direct = gradients.of_landmarks(start.tracks)
+    log.info("%d of %d landmarks are left to their matches", np.sum(~direct), len(strayed))
+    if first.converged:
+        start, gradients = without_smooth_errors(start, gradients, estimate)
     return estimate(start, Step(gradients=gradients))
+
+
+def without_smooth_errors(
+    scene: Scene, gradients: ImageGradients, estimate: Callable[[Scene, Step], Adjustment]
+) -> tuple[Scene, ImageGradients]:
+    """The scene and gradients of the second estimate.
+
+    The normals get the long waves of the surface. With that geometry held, the photometry is estimated, and what
+    brightness then lacks smoothly in each view is the gradients' factor. Both are as given where normals and surface
+    agree.
+    """
+    along = normals_along_surface(scene, gradients.of_landmarks(scene.tracks))
+    if along is None:
+        log.info("normals and surface agree")
+        return scene, gradients
+    turned = replace(scene, landmarks=replace(scene.landmarks, normal=along.normal))
+    found = estimate(turned, Step(rough=True, hold_geometry=True))
+    error = smooth_errors(found.scene, found.lit, along.sigma)
+    log.info(
+        "normals turned by %.2f deg over %.1f landmarks; smooth errors of brightness: %.2f %%",
+        np.degrees(np.sqrt(np.mean(along.tilt**2))),
+        along.sigma,
+        100.0 * np.sqrt(np.mean(error[found.lit] ** 2)),
+    )
+    kept = replace(found.scene, tracks=scene.tracks)
+    return kept, gradients._replace(factor=1.0 + error)
 
 
 def image_gradients(

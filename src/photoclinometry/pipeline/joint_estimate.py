@@ -21,6 +21,9 @@ from photoclinometry.registration.alignment import align_views
 
 log = logging.getLogger(__name__)
 
+HELD_SIGMA = 1e-3
+"""Standard deviation of positions and normals that are held [GSD, rad]: far below what images tell."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
@@ -33,6 +36,8 @@ class Step:
     the slow motions of the whole map."""
     gradients: ImageGradients | None = None
     """Of the images where the start's brightness was taken; that then follows the landmarks."""
+    hold_geometry: bool = False
+    """Whether positions and normals stay what they are at the start: the photometry alone is estimated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +64,8 @@ class JointEstimate:
         the result of a last step is estimated once more there. Where priors or points turn out not to determine a
         frame, the log names the reason, and the scene stays as it is.
         """
+        if step.hold_geometry:
+            return self._adjusted(start, step, progress)
         if not self.pose_priors:
             return self._with_control(start, step, progress)
 
@@ -88,6 +95,10 @@ class JointEstimate:
         options = replace(self.options, keypoint_slack=step.keypoint_sigma_factor * self.options.keypoint_slack)
         if step.rough:
             options = replace(options, uncertainty=False, solver=options.solver.roughly())
+        if step.gradients is not None and step.gradients.factor is not None:
+            options = replace(options, reflectance_sigma=0.0)
+        if step.hold_geometry:
+            options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
         count = 0
 
         def report(_: Iteration) -> None:

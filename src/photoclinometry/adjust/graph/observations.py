@@ -44,6 +44,13 @@ class ImageGradients(NamedTuple):
     """(N, 2) [px]."""
     gradient: np.ndarray
     """(N, 2) brightness per pixel; zero where brightness is to stay what it is."""
+    factor: np.ndarray | None = None
+    """(N,) that takes smooth errors out of the brightness (`photometry.smooth_errors`); None where they are unknown."""
+
+    def of(self, observations: np.ndarray) -> ImageGradients:
+        """Those of some observations, in that order."""
+        factor = None if self.factor is None else self.factor[observations]
+        return ImageGradients(self.at[observations], self.gradient[observations], factor)
 
     def of_landmarks(self, tracks: Tracks) -> np.ndarray:
         """(J,) bool: landmarks any of whose brightness follows them."""

@@ -56,11 +56,14 @@ def build_neighbours(index: np.ndarray, present: np.ndarray) -> Neighbours:
 
 @dataclass(frozen=True)
 class Smoothness:
-    """asin(d . n) / sigma: each landmark's neighbours lie in its tangent plane (Eq. 35)."""
+    """(asin(d . n) - bend) / sigma: each landmark's neighbours lie in its tangent plane (Eq. 35), or off it as far as
+    the ground between them bends."""
 
     neighbours: Neighbours
     sigma: float
     """[rad]."""
+    bend: np.ndarray | None = None
+    """(P,) angles of the neighbours above the tangent planes, as known beforehand [rad]; without it, none."""
     name: str = "smoothness"
 
     def cost(self, estimate: Estimate) -> float:
@@ -71,10 +74,23 @@ class Smoothness:
         landmarks, pairs = estimate.landmarks, len(self.neighbours.target)
         rows, residual = np.empty((pairs, 5), dtype), np.empty(pairs)
         position, normal = (np.ascontiguousarray(part) for part in (landmarks.position, landmarks.normal))
+        bend = np.zeros(pairs) if self.bend is None else self.bend
         cost = linearize_smoothness(
-            self.neighbours, position, normal, tangent_basis(normal), self.sigma, rows, residual
+            self.neighbours, position, normal, tangent_basis(normal), bend, self.sigma, rows, residual
         )
         return SmoothnessRows(self.neighbours, float(cost), rows, residual)
+
+
+def bend_between(neighbours: Neighbours, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """(P,) angles of neighbours above the tangent planes, as both normals together have it [rad].
+
+    The ground between two landmarks runs along the mean of their tangent planes: half of the angle between the
+    directions in which these rise. With it, smoothness is the trapezoidal rule, and does not flatten what is curved.
+    """
+    direction = position[neighbours.target] - position[neighbours.source]
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    own, other = (np.sum(direction * normal[of], -1) for of in (neighbours.source, neighbours.target))
+    return (np.arcsin(np.clip(own, -_LIMIT, _LIMIT)) - np.arcsin(np.clip(other, -_LIMIT, _LIMIT))) / 2.0
 
 
 @dataclass(frozen=True)
@@ -90,7 +106,7 @@ class SmoothnessRows:
 
 
 @njit(parallel=True, **COMPILED)
-def linearize_smoothness(neighbours, position, normal, normal_basis, sigma, rows, residual):
+def linearize_smoothness(neighbours, position, normal, normal_basis, bend, sigma, rows, residual):
     """Fills rows (P, 5) and residual (P,), whitened; returns the cost."""
     cost = 0.0
     for p in prange(residual.size):
@@ -102,7 +118,7 @@ def linearize_smoothness(neighbours, position, normal, normal_basis, sigma, rows
         d0, d1, d2 = d0 * inverse, d1 * inverse, d2 * inverse
         n0, n1, n2 = normal[j, 0], normal[j, 1], normal[j, 2]
         c = min(max(d0 * n0 + d1 * n1 + d2 * n2, -_LIMIT), _LIMIT)
-        r = math.asin(c) / sigma
+        r = (math.asin(c) - bend[p]) / sigma
         slope = 1.0 / (math.sqrt(1.0 - c * c) * sigma)
         residual[p] = r
         rows[p, 0] = slope * (n0 - c * d0) * inverse

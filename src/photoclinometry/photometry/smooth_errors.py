@@ -1,0 +1,160 @@
+"""Errors of the images' brightness that are smooth over the ground: what the reflectance model misses in a view.
+
+A reflectance model errs alike on all ground of one slope, light and phase. Where every landmark counts such an error as
+its own noise, long waves of the slope follow brightness, although the surface through the positions has them better:
+positions come from parallax, which no reflectance model bends. Short waves are the other way round. So the long waves
+of the normals are taken from the surface (`normals_along_surface`), and what brightness then lacks in a view, averaged
+over the same length, is that view's smooth error (`smooth_errors`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.scene import Scene
+from photoclinometry.photometry.predict import brightness_residuals
+
+NOISE_SHARE = 0.02
+"""Part of the variance of the tilt between normals and surface, averaged, that noise of the positions may have."""
+
+LEAST_SIGMA = 1.0
+"""Standard deviation of the narrowest average [landmarks]: differences of neighbours see nothing shorter."""
+
+MAP_SHARE = 0.125
+"""Part of the map's side that the widest average's standard deviation is: beyond, there is but one tilt of the map."""
+
+STEP = 2.0**0.25
+"""Ratio of one average's standard deviation to that of the next one tried."""
+
+STEEPEST = 0.1
+"""Cosine of emission below which slopes grow no further: a single one would outweigh the rest of its average."""
+
+LEAST_WEIGHT = 0.1
+"""Part of an average's weight that has to fall on landmarks; with less, there is none."""
+
+
+class SurfaceNormals(NamedTuple):
+    """Normals whose long waves are those of the surface."""
+
+    normal: np.ndarray
+    """(J, 3)."""
+    sigma: float
+    """Standard deviation of the Gaussian average that tells long from short waves [landmarks]."""
+    tilt: np.ndarray
+    """(J,) angle from the averaged normals to the averaged surface [rad]; zero where nothing is known of it."""
+
+
+def normals_along_surface(scene: Scene, among: np.ndarray) -> SurfaceNormals | None:
+    """The scene's normals, turned as the averaged ones are to be turned to become those of the averaged surface.
+
+    among: (J,) bool, landmarks whose positions are to be trusted. The average is the narrowest whose tilt is not of
+    noise: white noise of the heights, of which differences of neighbours have the variance v, leaves v / (4 pi s^4)
+    after a Gaussian average of standard deviation s. None where no average is wide enough, as on ground whose
+    reflectance is that of the model.
+    """
+    grid, sigma = _Grid(scene, among), LEAST_SIGMA
+    widest = MAP_SHARE * np.sqrt(np.count_nonzero(grid.known))
+    if widest < sigma:
+        return None
+    raw = _mean_square(grid.difference()[grid.known])
+    while sigma <= widest:
+        own, other = grid.averages(sigma)
+        there = grid.known[grid.cells] & np.isfinite(own + other).all(-1)
+        if raw / (4.0 * np.pi * sigma**4) <= NOISE_SHARE * _mean_square((own - other)[there]):
+            return _turned(scene.landmarks.normal, own, other, sigma)
+        sigma *= STEP
+    return None
+
+
+def smooth_errors(scene: Scene, used: np.ndarray, sigma: float) -> np.ndarray:
+    """Relative errors (N,) of the brightness of each observation: predicted over measured, less one, averaged by view.
+
+    used: (N,) bool, lit observations, whose brightness counts; sigma: standard deviation of the Gaussian average
+    [landmarks]. Zero where too few observations are near. Raises InputError for a scene without reflectance.
+    """
+    tracks, (row, col) = scene.tracks, scene.cells
+    off = brightness_residuals(scene) / np.where(used, tracks.brightness, 1.0)
+    found = np.zeros(len(tracks))
+    for k in range(len(scene.views)):
+        seen = tracks.view == k
+        mine = seen & used
+        field, there = np.zeros((2, row.max() + 1, col.max() + 1))
+        landmark = tracks.landmark[mine]
+        field[row[landmark], col[landmark]], there[row[landmark], col[landmark]] = off[mine], 1.0
+        average = _average(field[..., None], there, sigma)[..., 0]
+        landmark = tracks.landmark[seen]
+        found[seen] = np.nan_to_num(average[row[landmark], col[landmark]] - np.mean(off[mine]))
+    return found
+
+
+class _Grid:
+    """Slopes of normals and of the surface on the grid of the reference image's pixels.
+
+    Slopes are vectors whose part along the line of sight of the reference view is one: these can be averaged.
+    """
+
+    def __init__(self, scene: Scene, among: np.ndarray):
+        self.cells = row, col = scene.cells
+        shape = (int(row.max()) + 1, int(col.max()) + 1)
+        there, position, slope, self.sight = np.zeros(shape, bool), *np.zeros((3, *shape, 3))
+        there[row[among], col[among]] = True
+        position[row, col] = scene.landmarks.position
+        self.sight[row, col] = unit(scene.views.body_from_cam[scene.reference].translation - scene.landmarks.position)
+        toward = np.sum(scene.landmarks.normal * self.sight[row, col], -1)
+        slope[row, col] = scene.landmarks.normal / np.maximum(toward, STEEPEST)[:, None]
+        self.slope = slope
+        self.along, self.known = [], there.copy()
+        for axis in (0, 1):
+            step, both = _central_difference(position, there, axis)
+            self.along.append(step)
+            self.known &= both
+
+    def difference(self) -> np.ndarray:
+        """Slopes of normals less those of the surface, between neighbours; zero where these are not `known`."""
+        surface = self._slope_of(*self.along)
+        return np.where(self.known[..., None], self.slope - surface, 0.0)
+
+    def averages(self, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+        """Averaged slopes (J, 3) of normals and of the surface at all landmarks; NaN where too little is near."""
+        own, first, second = (_average(field, self.known, sigma) for field in (self.slope, *self.along))
+        return own[self.cells], self._slope_of(first, second)[self.cells]
+
+    def _slope_of(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        across = np.cross(first, second)
+        toward = np.sum(across * self.sight, -1, keepdims=True)
+        return across / np.where(toward == 0.0, np.nan, toward)
+
+
+def _central_difference(values: np.ndarray, there: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Half the difference of the next and the last cell, and where both are."""
+    values, there = np.moveaxis(values, axis, 0), np.moveaxis(there, axis, 0)
+    step, both = np.zeros_like(values), np.zeros_like(there)
+    step[1:-1] = (values[2:] - values[:-2]) / 2.0
+    both[1:-1] = there[2:] & there[:-2]
+    return np.moveaxis(step, 0, axis), np.moveaxis(both, 0, axis)
+
+
+def _average(field: np.ndarray, there: np.ndarray, sigma: float) -> np.ndarray:
+    """Gaussian average of fields (h, w, n) over the cells that are `there`; NaN with too little weight."""
+    weight = gaussian_filter(np.asarray(there, float), sigma, mode="constant")
+    total = [gaussian_filter(np.where(there, part, 0.0), sigma, mode="constant") for part in np.moveaxis(field, -1, 0)]
+    weight[weight < LEAST_WEIGHT] = np.nan
+    return np.stack(total, -1) / weight[..., None]
+
+
+def _mean_square(values: np.ndarray) -> float:
+    return float(np.mean(np.sum(values**2, -1)))
+
+
+def _turned(normal: np.ndarray, own: np.ndarray, other: np.ndarray, sigma: float) -> SurfaceNormals:
+    """`normal` (J, 3), each turned by the rotation from `own` to `other` (J, 3)."""
+    known = np.isfinite(own + other).all(-1, keepdims=True)
+    start, end = (unit(np.where(known, slope, normal)) for slope in (own, other))
+    axis, cosine = np.cross(start, end), np.sum(start * end, -1, keepdims=True)
+    turned = cosine * normal + np.cross(axis, normal) + axis * np.sum(axis * normal, -1, keepdims=True) / (1.0 + cosine)
+    tilt = np.arctan2(np.linalg.norm(axis, axis=-1), cosine[:, 0])
+    return SurfaceNormals(normal=unit(turned), sigma=sigma, tilt=tilt)
