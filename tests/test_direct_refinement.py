@@ -132,8 +132,10 @@ def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_t
         return estimate(start, step)
 
     wrong = replace(true, reflectance=published("minnaert", "vesta"))
-    refine_directly(wrong, synthetic_images(true), record)
+    found = refine_directly(wrong, synthetic_images(true), record)
     first, photometry, last = asked
+    assert found.parameter_sigma.shape == wrong.reflectance.parameters.shape
+    assert np.isnan(found.parameter_sigma).all()
     assert first.rough
     assert first.gradients.factor is None
     assert photometry == Step(rough=True, hold_geometry=True)

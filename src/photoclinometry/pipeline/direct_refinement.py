@@ -57,7 +57,11 @@ def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[S
     log.info("%d of %d landmarks are left to their matches", np.sum(~direct), len(strayed))
     if first.converged:
         start, gradients = without_smooth_errors(start, gradients, estimate)
-    return estimate(start, Step(gradients=gradients))
+    last = estimate(start, Step(gradients=gradients))
+    # Held parameters were estimated before: they are told, without standard deviations.
+    return (
+        last if gradients.factor is None else replace(last, parameter_sigma=np.full_like(first.parameter_sigma, np.nan))
+    )
 
 
 def without_smooth_errors(
