@@ -1,6 +1,8 @@
 """Values of every reflectance model at fixed angles, stored to the last bit, and the recipe that stores them.
 
-`python tests/stored_reflectance.py` writes `stored_reflectance.json`. Do so only for a change of numbers that is meant.
+`python tests/stored_reflectance.py` writes `stored_reflectance.json`. Do so only for a change of numbers that is meant,
+with an empty cache of compiled functions (`NUMBA_CACHE_DIR`): a function loaded from the cache is not inlined into its
+callers, and rounds otherwise.
 """
 
 import json
@@ -39,6 +41,11 @@ def evaluated(name: str, body: str) -> list[list[str]]:
     return rows
 
 
-if __name__ == "__main__":
+def all_values() -> str:
+    """As JSON, with the machine whose processor computed them."""
     values = {f"{name}-{body}": evaluated(name, body) for name in MODELS for body in BODIES}
-    FILE.write_text(json.dumps({"machine": platform.machine(), "values": values}, indent=0) + "\n")
+    return json.dumps({"machine": platform.machine(), "values": values}, indent=0) + "\n"
+
+
+if __name__ == "__main__":
+    FILE.write_text(all_values())
