@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.scene import Image, Region
-from photoclinometry.surface.sampling import sample, sample_image
+from photoclinometry.surface.sampling import gaussian, masked_filter, sample, sample_image
 
 CENTERS = Region(row=0, col=0, height=40, width=60).pixel_centers()
 INNER = np.random.default_rng(0).uniform(12.0, 28.0, (200, 2))
@@ -64,3 +64,24 @@ def test_invalid_pixels_change_only_positions_beside_them():
     np.testing.assert_allclose(value[known], 0.1 + 0.002 * (x - 0.5) + 0.001 * (y - 0.5), atol=3e-4)
     assert np.all(value[~known] == 0.0)
     assert not sample_image(Image("b", brightness, np.zeros_like(valid)), xy)[1].any()
+
+
+def test_a_masked_filter_leaves_a_constant_as_it_is_wherever_any_of_it_is_near():
+    """And the share is the filter's own answer to the mask."""
+    there = np.zeros((20, 30), bool)
+    there[4:12, 5:9] = True
+    smooth = gaussian(2.0)
+    field = np.where(there[..., None], [3.0, -1.0], np.nan)
+    average, share = masked_filter(field, smooth)
+    near = share > 0.0
+    np.testing.assert_allclose(average[near], np.broadcast_to([3.0, -1.0], average.shape)[near], rtol=1e-12)
+    assert np.isnan(average[~near]).all()
+    assert 0 < near.sum() < near.size
+    np.testing.assert_array_equal(share, smooth(there.astype(float)))
+
+
+def test_a_masked_filter_takes_no_cell_where_any_layer_lacks():
+    field = np.ones((9, 9, 2))
+    field[4, 4] = np.nan, 1e6
+    average, _ = masked_filter(field, gaussian(1.0))
+    np.testing.assert_allclose(average, 1.0, rtol=1e-12)

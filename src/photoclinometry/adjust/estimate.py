@@ -219,11 +219,11 @@ def _in_the_order_of(
     found, observed = fit.scene, len(picked)
     lit, brightness = np.empty(observed, bool), np.empty(observed)
     lit[picked], brightness[picked] = fit.lit[:observed], found.tracks.brightness[:observed]
-    if setup.gradients is not None and setup.gradients.factor is not None:
-        brightness[picked] /= setup.gradients.factor[:observed]
     uncertainty = {name: value[back] if name in OF_LANDMARKS else value for name, value in uncertainty.items()}
     adjusted = replace(scene, reflectance=found.reflectance, uncertainty=uncertainty)
     if setup.gradients is not None:
+        if setup.gradients.factor is not None:
+            brightness[picked] /= setup.gradients.factor[:observed]
         adjusted = replace(adjusted, tracks=replace(scene.tracks, brightness=brightness))
     priors, control = setup.pose_priors, setup.control
     points = estimate.landmarks.position[setup.members.control]

@@ -88,10 +88,7 @@ def with_tie_points(
     ]
     scene = _joined(scene, [(position, tracks, pixel) for position, tracks, pixel in parts if tracks and len(position)])
     if gradients is not None:
-        beyond = (0, len(scene.tracks) - observed)
-        at, gradient = (np.pad(of, (beyond, (0, 0))) for of in (gradients.at, gradients.gradient))
-        factor = None if gradients.factor is None else np.pad(gradients.factor, beyond, constant_values=1.0)
-        gradients = ImageGradients(at, gradient, factor)
+        gradients = gradients.padded(len(scene.tracks) - observed)
     kind = np.repeat(np.arange(4), [own, *(len(position) for position, *_ in parts)])
     return (
         scene,

@@ -5,7 +5,6 @@ Relighting is rendering with another Sun. Cast shadows are off by default, as in
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from photoclinometry.photometry.initialize import landmark_spacing_px
 from photoclinometry.photometry.predict import reflectance_of
 from photoclinometry.surface.rasterise import draw_triangles
 from photoclinometry.surface.relief import in_sunlight
-from photoclinometry.surface.sampling import smoothing_px
+from photoclinometry.surface.sampling import gaussian, masked_filter, smoothing_px
 
 
 def landmark_brightness(
@@ -56,15 +55,14 @@ def sunlit_share(scene: Scene, sun: np.ndarray, surroundings: Surroundings | Non
 
     window = np.ones((3, 3) if scene.region.stride == 1 else (1, 1))
     lit = in_sunlight(scene, sun, surroundings).astype(float)
-    return _averaged(scene, lit, lambda grid: convolve(grid, window, mode="constant"))
+    average, _ = masked_filter(scene.grid(lit), lambda grid: convolve(grid, window, mode="constant"))
+    return average[scene.cells]
 
 
 def as_resolved(scene: Scene, view: int, value: np.ndarray) -> np.ndarray:
     """Values (J,) of the landmarks averaged over a pixel of a view that is coarser than the map; else as they are."""
-    from scipy.ndimage import gaussian_filter
-
     sigma = averaging_sigma(scene, view)
-    return _averaged(scene, value, lambda grid: gaussian_filter(grid, sigma, mode="constant")) if sigma else value
+    return masked_filter(scene.grid(value), gaussian(sigma))[0][scene.cells] if sigma else value
 
 
 def averaging_sigma(scene: Scene, view: int) -> float:
@@ -72,14 +70,6 @@ def averaging_sigma(scene: Scene, view: int) -> float:
     both = scene.views[[view, scene.reference]]
     finer_by = 1.0 / landmark_spacing_px(both, scene.landmarks.position, 1)[0]
     return smoothing_px(float(finer_by)) / scene.region.stride
-
-
-def _averaged(scene: Scene, value: np.ndarray, smooth: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Values (J,) smoothed over the map's grid by a linear filter of weights >= 0; missing cells are skipped."""
-    grid = scene.grid(value)
-    present = np.isfinite(grid)
-    total, share = smooth(np.where(present, grid, 0.0)), smooth(present.astype(float))
-    return total[scene.cells] / share[scene.cells]
 
 
 def render_reference(

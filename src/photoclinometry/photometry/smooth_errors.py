@@ -12,11 +12,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import brightness_residuals
+from photoclinometry.surface.sampling import gaussian, masked_filter
 
 NOISE_SHARE = 0.02
 """Part of the variance of the tilt between normals and surface, averaged, that noise of the positions may have."""
@@ -76,18 +76,16 @@ def smooth_errors(scene: Scene, used: np.ndarray, sigma: float) -> np.ndarray:
     used: (N,) bool, lit observations, whose brightness counts; sigma: standard deviation of the Gaussian average
     [landmarks]. Zero where too few observations are near. Raises InputError for a scene without reflectance.
     """
-    tracks, (row, col) = scene.tracks, scene.cells
-    off = brightness_residuals(scene) / np.where(used, tracks.brightness, 1.0)
+    tracks = scene.tracks
+    off = np.where(used, brightness_residuals(scene) / np.where(used, tracks.brightness, 1.0), np.nan)
     found = np.zeros(len(tracks))
     for k in range(len(scene.views)):
-        seen = tracks.view == k
-        mine = seen & used
-        field, there = np.zeros((2, row.max() + 1, col.max() + 1))
-        landmark = tracks.landmark[mine]
-        field[row[landmark], col[landmark]], there[row[landmark], col[landmark]] = off[mine], 1.0
-        average = _average(field[..., None], there, sigma)[..., 0]
-        landmark = tracks.landmark[seen]
-        found[seen] = np.nan_to_num(average[row[landmark], col[landmark]] - np.mean(off[mine]))
+        seen = np.flatnonzero(tracks.view == k)
+        if used[seen].any():
+            of_view = np.full(len(scene.landmarks), np.nan)
+            of_view[tracks.landmark[seen]] = off[seen]
+            average = _average(scene.grid(of_view), sigma)[scene.cells][tracks.landmark[seen]]
+            found[seen] = np.nan_to_num(average - np.nanmean(off[seen]))
     return found
 
 
@@ -98,52 +96,47 @@ class _Grid:
     """
 
     def __init__(self, scene: Scene, among: np.ndarray):
-        self.cells = row, col = scene.cells
-        shape = (int(row.max()) + 1, int(col.max()) + 1)
-        there, position, slope, self.sight = np.zeros(shape, bool), *np.zeros((3, *shape, 3))
-        there[row[among], col[among]] = True
-        position[row, col] = scene.landmarks.position
-        self.sight[row, col] = unit(scene.views.body_from_cam[scene.reference].translation - scene.landmarks.position)
-        toward = np.sum(scene.landmarks.normal * self.sight[row, col], -1)
-        slope[row, col] = scene.landmarks.normal / np.maximum(toward, STEEPEST)[:, None]
-        self.slope = slope
-        self.along, self.known = [], there.copy()
-        for axis in (0, 1):
-            step, both = _central_difference(position, there, axis)
-            self.along.append(step)
-            self.known &= both
+        position, normal = scene.landmarks.position, scene.landmarks.normal
+        sight = unit(scene.views.body_from_cam[scene.reference].translation - position)
+        toward = np.maximum(np.sum(normal * sight, -1, keepdims=True), STEEPEST)
+        trusted = scene.grid(np.where(among[:, None], position, np.nan))
+        self.cells, self.sight = scene.cells, scene.grid(sight)
+        along = (_central_difference(trusted, axis) for axis in (0, 1))
+        # Rows and columns of the grid, then normals' slopes and the surface's two directions, then x, y and z.
+        self.fields = np.stack([scene.grid(normal / toward), *along], axis=2)
+        self.fields[np.isnan(trusted).any(-1)] = np.nan
+        self.known = np.logical_and.reduce(np.isfinite(self.fields), (2, 3))
 
     def difference(self) -> np.ndarray:
-        """Slopes of normals less those of the surface, between neighbours; zero where these are not `known`."""
-        surface = self._slope_of(*self.along)
-        return np.where(self.known[..., None], self.slope - surface, 0.0)
+        """Slopes of normals less those of the surface, between neighbours; NaN where these are not `known`."""
+        return np.subtract(*self._slopes(self.fields))
 
     def averages(self, sigma: float) -> tuple[np.ndarray, np.ndarray]:
         """Averaged slopes (J, 3) of normals and of the surface at all landmarks; NaN where too little is near."""
-        own, first, second = (_average(field, self.known, sigma) for field in (self.slope, *self.along))
-        return own[self.cells], self._slope_of(first, second)[self.cells]
+        own, surface = self._slopes(_average(self.fields, sigma))
+        return own[self.cells], surface[self.cells]
 
-    def _slope_of(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    def _slopes(self, fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of normals and of the surface (h, w, 3)."""
+        own, first, second = np.moveaxis(fields, 2, 0)
         across = np.cross(first, second)
         toward = np.sum(across * self.sight, -1, keepdims=True)
-        return across / np.where(toward == 0.0, np.nan, toward)
+        return own, across / np.where(toward == 0.0, np.nan, toward)
 
 
-def _central_difference(values: np.ndarray, there: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Half the difference of the next and the last cell, and where both are."""
-    values, there = np.moveaxis(values, axis, 0), np.moveaxis(there, axis, 0)
-    step, both = np.zeros_like(values), np.zeros_like(there)
-    step[1:-1] = (values[2:] - values[:-2]) / 2.0
-    both[1:-1] = there[2:] & there[:-2]
-    return np.moveaxis(step, 0, axis), np.moveaxis(both, 0, axis)
+def _central_difference(values: np.ndarray, axis: int) -> np.ndarray:
+    """Half the difference of the next and the last cell; NaN where either lacks."""
+    step = np.full_like(values, np.nan)
+    to, of = np.moveaxis(step, axis, 0), np.moveaxis(values, axis, 0)
+    to[1:-1] = (of[2:] - of[:-2]) / 2.0
+    return step
 
 
-def _average(field: np.ndarray, there: np.ndarray, sigma: float) -> np.ndarray:
-    """Gaussian average of fields (h, w, n) over the cells that are `there`; NaN with too little weight."""
-    weight = gaussian_filter(np.asarray(there, float), sigma, mode="constant")
-    total = [gaussian_filter(np.where(there, part, 0.0), sigma, mode="constant") for part in np.moveaxis(field, -1, 0)]
-    weight[weight < LEAST_WEIGHT] = np.nan
-    return np.stack(total, -1) / weight[..., None]
+def _average(field: np.ndarray, sigma: float) -> np.ndarray:
+    """Gaussian average of a field (h, w, ...) over the cells where it is finite; NaN with too little weight."""
+    average, share = masked_filter(field, gaussian(sigma))
+    average[share < LEAST_WEIGHT] = np.nan
+    return average
 
 
 def _mean_square(values: np.ndarray) -> float:

@@ -58,10 +58,8 @@ def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[S
     if first.converged:
         start, gradients = without_smooth_errors(start, gradients, estimate)
     last = estimate(start, Step(gradients=gradients))
-    # Held parameters were estimated before: they are told, without standard deviations.
-    return (
-        last if gradients.factor is None else replace(last, parameter_sigma=np.full_like(first.parameter_sigma, np.nan))
-    )
+    # Held parameters are those of the first estimate: they are told, without standard deviations.
+    return last if gradients.factor is None else replace(last, parameter_sigma=first.parameter_sigma)
 
 
 def without_smooth_errors(

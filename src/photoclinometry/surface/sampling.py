@@ -7,6 +7,8 @@ err by 0.07 px at the median with it, and by 0.012 px with splines.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from photoclinometry.model.scene import Image
@@ -91,6 +93,26 @@ def blurred(image: Image, sigma_px: float) -> Image:
     share = cv2.GaussianBlur(image.valid.astype(np.float32), (0, 0), sigma_px)
     total = cv2.GaussianBlur(np.where(image.valid, image.brightness, 0.0).astype(np.float32), (0, 0), sigma_px)
     return Image(image.name, total / np.maximum(share, 1e-6), image.valid & (share > 0.5))
+
+
+def masked_filter(values: np.ndarray, smooth: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Values (h, w, ...) on a grid through a linear filter of weights >= 0 over the cells where all are finite.
+
+    Returns them, NaN where there are no such cells near, with the share (h, w) of the filter's weight that such cells
+    have. smooth: of grids (h, w). Normalized convolution (Knutsson and Westin 1993, doi:10.1109/CVPR.1993.341081).
+    """
+    layers = values.reshape(*values.shape[:2], -1)
+    there = np.isfinite(layers).all(-1)
+    share = smooth(there.astype(float))
+    total = np.stack([smooth(np.where(there, layer, 0.0)) for layer in np.moveaxis(layers, -1, 0)], -1)
+    return (total / np.where(share > 0.0, share, np.nan)[..., None]).reshape(values.shape), share
+
+
+def gaussian(sigma: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A filter of grids (h, w): the Gaussian of standard deviation `sigma` [cells], zero beyond the edges."""
+    from scipy.ndimage import gaussian_filter
+
+    return lambda grid: gaussian_filter(grid, sigma, mode="constant")
 
 
 def as_coarse(image: Image, spacing_px: float) -> Image:

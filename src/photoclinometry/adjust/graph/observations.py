@@ -52,6 +52,12 @@ class ImageGradients(NamedTuple):
         factor = None if self.factor is None else self.factor[observations]
         return ImageGradients(self.at[observations], self.gradient[observations], factor)
 
+    def padded(self, count: int) -> ImageGradients:
+        """These, and those of `count` more observations, whose brightness counts as it is."""
+        at, gradient = (np.pad(part, ((0, count), (0, 0))) for part in (self.at, self.gradient))
+        factor = None if self.factor is None else np.pad(self.factor, (0, count), constant_values=1.0)
+        return ImageGradients(at, gradient, factor)
+
     def of_landmarks(self, tracks: Tracks) -> np.ndarray:
         """(J,) bool: landmarks any of whose brightness follows them."""
         return np.bincount(tracks.landmark, np.any(self.gradient != 0.0, axis=1), len(tracks.start) - 1) > 0
