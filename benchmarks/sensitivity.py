@@ -8,16 +8,20 @@ and unnamed ones inside functions. They are changed in a copy of the sources, an
 a process of its own, so that compiled functions change, too. Sites: moderate light, strong light, and few views, all of
 Hapke's ground.
 
-Most numbers shape nothing. So the numbers of a file are first changed together, `--group` at a time. Where surface,
-normals, rotations and completeness of all sites stay within NOTHING per cent, each of the group has that row. The
-numbers of the other groups are then changed one by one, those of the most influential group first. What is left when a
-call is stopped has its group's row, and the next call goes on. Results are kept in OUT/results.jsonl; OUT/table.md has
-a row per number: the largest change over sites and both directions.
+Each figure of a site has its chance: how far it moves when the images get noise of FAINT of their brightness, far below
+the detector's. A change of less than BEYOND times that, or of less than NOTHING per cent, is none.
+
+Most numbers shape nothing. So the numbers of a file are first changed together, `--group` at a time, on all sites.
+Where no figure changes, each of the group has that row. The numbers of the other groups are then changed one by one, on
+the site that the group changed most, those of the most influential group first. What is left when a call is stopped has
+its group's row, and the next call goes on. Results are kept in OUT/results.jsonl; OUT/table.md has a row per number:
+the largest change over sites and both directions, and the same in units of what counts as one.
 """
 
 from __future__ import annotations
 
 import ast
+import itertools
 import json
 import math
 import os
@@ -30,12 +34,17 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+import numpy as np
 import tyro
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "photoclinometry"
-NOTHING = 2.0
-"""Per cent. About the change that a map has from a change of rounding, on sites as small as these."""
+NOTHING = 1.0
+"""Per cent; a smaller change is of no consequence, even if it is no chance."""
+FAINT, DRAWS = 1e-4, 6
+"""Noise added to the images, as a share of their brightness, and how many times chance is drawn."""
+BEYOND = 3.0
+"""A change is no chance beyond so many standard deviations of chance."""
 PACKAGES = ("surface", "photometry", "registration", "sfm", "matching", "adjust", "pipeline")
 """Those whose numbers may shape a map."""
 NOT_HERE = (
@@ -45,6 +54,10 @@ NOT_HERE = (
     "matching/roma.py",  # another matcher
     "pipeline/control.py",  # sites without control points, and without pose priors
     "pipeline/refine.py",  # another command
+    "pipeline/presets.py",
+    "pipeline/run_",  # who writes to a folder
+    "pipeline/trust.py",  # warnings
+    "sfm/region",  # the sites name theirs
     "registration/",  # maps in frames that are given, and comparison of maps
 )
 """What does not take part in the maps of these sites."""
@@ -156,6 +169,18 @@ def changed_source(text: str, numbers: Sequence[Number], factor: float) -> str:
     return "\n".join(lines)
 
 
+def with_faint_noise(site: Path, out: Path, seed: int) -> None:
+    """A copy of the site whose images have noise of FAINT of their brightness."""
+    from astropy.io import fits
+
+    shutil.copytree(site, out)
+    rng = np.random.default_rng(seed)
+    for file in sorted((out / "images").iterdir()):
+        with fits.open(file, mode="update") as content:
+            data = content[0].data
+            data[...] = data * (1.0 + FAINT * rng.standard_normal(data.shape))
+
+
 def map_site(package: Path, site: Path, out: Path) -> dict[str, float] | None:
     """The figures of a site mapped by a copy of the package; None where it finds no map."""
     environment = {**os.environ, "PYTHONPATH": str(package.parent), "NUMBA_NUM_THREADS": "1"}
@@ -186,19 +211,42 @@ class Results:
         with self.file.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps({"key": key, "factor": factor, "site": site, "figures": figures}) + "\n")
 
+    def changes(self, numbers: Sequence[Number]) -> dict[str, dict[str, float]]:
+        """By site, the largest change of each figure in per cent; infinite where there was no map."""
+        found: dict[str, dict[str, float]] = {}
+        for (key, _, site), figures in self.figures.items():
+            if key == key_of(numbers):
+                largest, base = found.setdefault(site, dict.fromkeys(FIGURES.values(), 0.0)), self.base(site)
+                for name in largest:
+                    after = math.inf if figures is None else 100.0 * abs(figures[name] / base[name] - 1.0)
+                    largest[name] = max(largest[name], after)
+        return found
+
+    def base(self, site: str) -> dict[str, float]:
+        """Figures of a site with all numbers as they are."""
+        figures = self.figures["base", 1.0, site]
+        if figures is None:
+            raise RuntimeError(f"the site {site!r} has no map with all numbers as they are")
+        return figures
+
+    def counts(self, site: str) -> dict[str, float]:
+        """How far each figure of a site must change [%] to count: beyond NOTHING and chance."""
+        draws = [figures for (key, _, where), figures in self.figures.items() if (key, where) == ("chance", site)]
+        base, maps = self.base(site), [figures for figures in draws if figures is not None]
+        spread = {name: math.sqrt(sum((each[name] / base[name] - 1.0) ** 2 for each in maps)) for name in base}
+        return {name: max(NOTHING, BEYOND * 100.0 * of / math.sqrt(max(1, len(maps)))) for name, of in spread.items()}
+
     def change(self, numbers: Sequence[Number]) -> dict[str, float] | None:
-        """The largest change of each figure in per cent, infinite where there was no map; None if not measured."""
-        key = key_of(numbers)
-        measured = [(site, figures) for (k, _, site), figures in self.figures.items() if k == key]
-        if not measured:
-            return None
-        largest = dict.fromkeys(FIGURES.values(), 0.0)
-        for site, figures in measured:
-            base = self.figures["base", 1.0, site]
-            for name in largest:
-                after = math.inf if figures is None or base is None else 100.0 * abs(figures[name] / base[name] - 1.0)
-                largest[name] = max(largest[name], after)
-        return largest
+        """The largest change of each figure over sites in per cent; None if not measured."""
+        changes = self.changes(numbers).values()
+        return {name: max(of[name] for of in changes) for name in FIGURES.values()} if changes else None
+
+    def effect(self, numbers: Sequence[Number]) -> dict[str, float]:
+        """By site, the largest change of a figure over that which counts."""
+        return {
+            site: max(change / self.counts(site)[name] for name, change in of.items())
+            for site, of in self.changes(numbers).items()
+        }
 
 
 def key_of(numbers: Sequence[Number]) -> str:
@@ -221,13 +269,15 @@ def table(results: Results, groups: Sequence[Sequence[Number]]) -> str:
             change = together if single is None else single
             if change is not None:
                 alone = len(group) == 1 or single is not None
-                rows.append((alone, max(change.values()), number, change, len(group) - 1))
+                effect = max(results.effect([number] if single is not None else group).values())
+                rows.append((alone, effect, number, change, len(group) - 1))
     rows.sort(key=lambda row: (row[0], row[1]), reverse=True)
-    head = ["number", "value", *(f"{figure} [%]" for figure in FIGURES.values()), "changed"]
+    head = ["number", "value", *(f"{figure} [%]" for figure in FIGURES.values()), "effect", "changed"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    for alone, _, number, change, others in rows:
+    for alone, effect, number, change, others in rows:
         cells = [f"{number.file}:{number.line} {number.name}", number.text]
         cells += ["no map" if math.isinf(value) else f"{value:.1f}" for value in change.values()]
+        cells.append("-" if math.isinf(effect) else f"{effect:.1f}")
         cells.append("alone" if alone else f"with {others} others")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
@@ -245,14 +295,23 @@ class Laboratory:
     def copy(self) -> Path:
         return self.out / "source" / "photoclinometry"
 
-    def measure(self, numbers: Sequence[Number]) -> None:
-        """Maps the sites with numbers halved, then doubled; with none, as they are."""
+    def draw_chance(self) -> None:
+        """Maps all sites with faint noise in their images, DRAWS times."""
+        for draw, site in itertools.product(range(DRAWS), SITES):
+            if ("chance", float(draw), site) not in self.results.figures:
+                noisy = self.out / "noisy"
+                with_faint_noise(self.out / site, noisy, seed=draw)
+                self.results.add("chance", float(draw), site, map_site(self.copy, noisy, self.out / "runs" / "noisy"))
+                shutil.rmtree(noisy)
+
+    def measure(self, numbers: Sequence[Number], sites: Sequence[str] = tuple(SITES)) -> None:
+        """Maps sites with numbers halved, then doubled; with none, as they are."""
         for factor in (0.5, 2.0) if numbers else (1.0,):
             for file in {n.file for n in numbers}:
                 text = (SOURCE / file).read_text(encoding="utf-8")
                 changed = changed_source(text, [n for n in numbers if n.file == file], factor)
                 (self.copy / file).write_text(changed, encoding="utf-8")
-            todo = [site for site in SITES if (key_of(numbers), factor, site) not in self.results.figures]
+            todo = [site for site in sites if (key_of(numbers), factor, site) not in self.results.figures]
             with ThreadPoolExecutor(self.processes) as pool:
                 maps = pool.map(lambda s: map_site(self.copy, self.out / s, self.out / "runs" / s), todo)
                 for site, figures in zip(todo, maps, strict=True):
@@ -282,19 +341,21 @@ def main(out: Path, only: str = "", group: int = 5, processes: int = 1) -> None:
     shutil.copytree(SOURCE, laboratory.copy)
     groups = groups_of([n for n in tuned_numbers(SOURCE) if only in f"{n.file} {n.name}"], group)
 
-    def measure(numbers: Sequence[Number]) -> float:
-        laboratory.measure(numbers)
+    def measure(numbers: Sequence[Number], sites: Sequence[str] = tuple(SITES)) -> dict[str, float]:
+        laboratory.measure(numbers, sites)
         (out / "table.md").write_text(table(laboratory.results, groups), encoding="utf-8")
-        largest = max((laboratory.results.change(numbers) or {}).values())
-        print(f"{largest:6.1f} %  {', '.join(f'{n.key} {n.name}' for n in numbers) or 'base'}", flush=True)
-        return largest
+        effect = laboratory.results.effect(numbers)
+        print(f"{max(effect.values()):6.1f}  {', '.join(f'{n.key} {n.name}' for n in numbers) or 'base'}", flush=True)
+        return effect
 
     measure([])
-    effect = [measure(numbers) for numbers in groups]
-    for k in sorted(range(len(groups)), key=lambda k: -effect[k]):
-        if effect[k] > NOTHING and len(groups[k]) > 1:
-            for number in groups[k]:
-                measure([number])
+    laboratory.draw_chance()
+    print({site: laboratory.results.counts(site) for site in SITES}, flush=True)
+    effects = [measure(numbers) for numbers in groups]
+    for numbers, effect in sorted(zip(groups, effects, strict=True), key=lambda pair: -max(pair[1].values())):
+        if max(effect.values()) > 1.0 and len(numbers) > 1:
+            for number in numbers:
+                measure([number], [max(effect, key=effect.__getitem__)])
 
 
 if __name__ == "__main__":

@@ -60,14 +60,17 @@ def test_the_table_has_the_largest_change_over_sites_and_directions(tmp_path):
     first, second, third, fourth = (Number("a.py", k, 4, f"{k}.5", f"N{k}", True) for k in (1, 2, 3, 4))
     results = Results(tmp_path / "results.jsonl", {})
     results.add("base", 1.0, "moderate", figures(0.1))
+    results.add("chance", 0.0, "moderate", figures(0.104))
+    results.add("chance", 1.0, "moderate", figures(0.096))
     results.add("a.py:1:4 a.py:2:4", 0.5, "moderate", figures(0.1))
     results.add("a.py:1:4 a.py:2:4", 2.0, "moderate", figures(0.13))
     results.add("a.py:2:4", 0.5, "moderate", figures(0.12))
     results.add("a.py:2:4", 2.0, "moderate", figures(0.09))
     results.add("a.py:3:4", 2.0, "moderate", None)
+    assert results.counts("moderate") == pytest.approx(dict(surface=12.0, normals=1.0, rotations=1.0, completeness=1.0))
     rows = table(Results.read(results.file), [[first, second], [third], [fourth]]).split("\n")[2:-1]
     assert rows == [
-        "| a.py:3 N3 | 3.5 | no map | no map | no map | no map | alone |",
-        "| a.py:2 N2 | 2.5 | 20.0 | 0.0 | 0.0 | 0.0 | alone |",
-        "| a.py:1 N1 | 1.5 | 30.0 | 0.0 | 0.0 | 0.0 | with 1 others |",
+        "| a.py:3 N3 | 3.5 | no map | no map | no map | no map | - | alone |",
+        "| a.py:2 N2 | 2.5 | 20.0 | 0.0 | 0.0 | 0.0 | 1.7 | alone |",
+        "| a.py:1 N1 | 1.5 | 30.0 | 0.0 | 0.0 | 0.0 | 2.5 | with 1 others |",
     ]
