@@ -193,7 +193,7 @@ def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_
     known = replace(at, camera_prior=1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape))
     plain = marginals(known).landmark
     priors, *parts = [
-        marginals(known, ErrorModel(keypoint=k, brightness=b, smoothness=s)).landmark
+        marginals(known, ErrorModel(keypoint=np.full(len(known), k), brightness=b, smoothness=s)).landmark
         for k, b, s in ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     ]
     size = np.sqrt(np.einsum("jaa->ja", plain))
@@ -207,8 +207,9 @@ def test_errors_that_all_neighbours_share_are_not_smoothed_away():
     at, _ = at_truth(synthetic_scene(size=8, views=6))
     known = replace(at, camera_prior=1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape))
     only_keypoints = {"brightness": 0.0, "smoothness": 0.0}
-    alone = marginals(known, ErrorModel(keypoint=1.0, **only_keypoints)).landmark
-    shared = marginals(known, ErrorModel(keypoint=1.0, keypoint_common=1.0, **only_keypoints)).landmark
+    ones = np.ones(len(known))
+    alone = marginals(known, ErrorModel(keypoint=ones, **only_keypoints)).landmark
+    shared = marginals(known, ErrorModel(keypoint=ones, keypoint_common=1.0, **only_keypoints)).landmark
     assert np.median(shared[:, 2, 2]) > 1.5 * np.median(alone[:, 2, 2])
 
 

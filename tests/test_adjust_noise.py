@@ -1,5 +1,7 @@
 """How the errors of measurements are found from residuals: their size, and over how much ground they are alike."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -10,6 +12,7 @@ from photoclinometry.adjust.noise import (
     correlation_px,
     fitted_sigma,
     keypoint_factor,
+    local_noise,
     scale_scatter,
     view_prior_factor,
 )
@@ -125,3 +128,25 @@ def test_what_follows_the_phase_is_no_scatter_of_scales():
     assert scale_scatter(scale[:6], phase[:6]) == scale_scatter(scale[:6])
     few = [scale_scatter(1.0 + 0.005 * rng.normal(size=7), phase[:7]) ** 2 for _ in range(400)]
     assert np.mean(few) == pytest.approx(0.005**2, rel=0.15)
+
+
+def test_where_brightness_is_twice_as_noisy_landmarks_are_twice_as_uncertain():
+    """The residuals at the truth have all of their freedom, of which local_noise takes three for each landmark."""
+    scene, sigma = synthetic_scene(size=40, views=10), 1e-3
+    tracks, (row, _) = scene.tracks, scene.cells
+    noise = sigma * np.where(row < 20, 1.0, 2.0)[tracks.landmark] * np.random.default_rng(0).normal(size=len(tracks))
+    noisy = replace(scene, tracks=replace(tracks, brightness=tracks.brightness + noise))
+    found = local_noise(noisy, tracks.lit, sigma, np.ones(len(scene.landmarks), bool)) * 7.0 / 10.0
+    assert np.mean(found[row < 16]) == pytest.approx(1.0, rel=0.05)
+    assert np.mean(found[row > 23]) == pytest.approx(4.0, rel=0.05)
+    assert np.std(found[row < 16]) < 0.2
+
+
+def test_where_no_brightness_counts_noise_is_as_everywhere():
+    scene = synthetic_scene(size=12, views=6)
+    everywhere = np.ones(len(scene.landmarks), bool)
+    dark = np.zeros(len(scene.tracks), bool)
+    np.testing.assert_array_equal(local_noise(scene, dark, 1e-3, everywhere), 1.0)
+    row, _ = scene.cells
+    lit = (row < 4)[scene.tracks.landmark]
+    assert np.all(local_noise(scene, lit, 1e-3, everywhere)[row == 11] == 1.0)

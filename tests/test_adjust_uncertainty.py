@@ -109,10 +109,15 @@ def test_an_error_that_n_share_has_a_nth_of_the_variance_it_is_weighed_with():
     """Side 1: independent. Side 2: a quarter, 3 / 24 of it common. Side 10: a hundredth, all of it common."""
 
     def model(side, smoothness=(1.0, 1.0)):
-        return error_model(side, 1.0, np.array(smoothness))
+        return error_model(side, 1.0, np.array(smoothness), direct=np.zeros(2, bool))
 
-    assert (model(1.0).keypoint, model(1.0).keypoint_common) == (1.0, 0.0)
-    assert (model(2.0).keypoint, model(2.0).keypoint_common) == pytest.approx((0.25, 3 / 24))
-    assert (model(10.0).keypoint, model(10.0).keypoint_common) == pytest.approx((0.01, 1.0))
+    assert (model(1.0).keypoint[0], model(1.0).keypoint_common) == (1.0, 0.0)
+    assert (model(2.0).keypoint[0], model(2.0).keypoint_common) == pytest.approx((0.25, 3 / 24))
+    assert (model(10.0).keypoint[0], model(10.0).keypoint_common) == pytest.approx((0.01, 1.0))
     assert model(1.0, (0.3, -0.4)).smoothness == pytest.approx(0.125)
     assert (model(10.0).brightness, model(10.0).brightness_common) == (1.0, 0.0)
+
+
+def test_keypoints_of_landmarks_that_brightness_holds_add_no_error():
+    """They count as if good to many pixels, and are good to a tenth."""
+    assert error_model(2.0, 1.0, np.zeros(0), direct=np.array([True, False])).keypoint.tolist() == [0.0, 0.25]

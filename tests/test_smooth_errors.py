@@ -158,3 +158,21 @@ def test_a_bend_is_subtracted_from_the_angle_and_changes_no_derivative(true):
     np.testing.assert_allclose(bent.residual, flat.residual - bend / sigma, atol=1e-9)
     np.testing.assert_array_equal(bent.rows, flat.rows)
     assert np.sqrt(bent.cost) < 0.2 * np.sqrt(flat.cost)
+
+
+def test_smooth_errors_that_are_taken_out_are_no_less_uncertain(true):
+    """They are known as well as the surface is. So sigmas, those of the reflectance parameters among them, are about
+    those of an estimate that has the errors; by the noise that is left, normals would seem three times as good."""
+    start, gradients = image_gradients(true, synthetic_images(true))
+    row, col = true.cells
+    wave = 0.02 * np.sin(2 * np.pi * (row + col) / 14.0)[true.tracks.landmark] * np.sign(true.tracks.view % 2 - 0.5)
+    spoilt = replace(start, tracks=replace(start.tracks, brightness=start.tracks.brightness / (1.0 + wave)))
+    with_errors = adjust(spoilt, gradients=gradients)
+    without = adjust(spoilt, gradients=gradients._replace(factor=1.0 + wave))
+
+    def sigma(found):
+        return np.sqrt(np.median(np.trace(found.scene.uncertainty["normal"], axis1=1, axis2=2)))
+
+    assert without.noise.brightness_sigma < 0.5 * with_errors.noise.brightness_sigma
+    assert sigma(without) == pytest.approx(sigma(with_errors), rel=0.3)
+    np.testing.assert_allclose(without.parameter_sigma, with_errors.parameter_sigma, rtol=0.5)

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, estimate_uncertainty
+from photoclinometry.adjust.covariance.resolution import unresolved_relief
+from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, estimate_uncertainty, with_local_errors
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.layout import morton_order
 from photoclinometry.adjust.graph.observations import ImageGradients
@@ -22,7 +23,7 @@ from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
 from photoclinometry.adjust.measured_noise import gate, measured_noise, starting_noise
-from photoclinometry.adjust.noise import Noise
+from photoclinometry.adjust.noise import Noise, local_noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.solve.solver import Iteration, Solution, minimize, parameter_response
 from photoclinometry.adjust.tie_points import GroundControl, TiePoints, with_tie_points
@@ -98,7 +99,8 @@ def adjust(
     left out, the scene's own. gradients: of the images where the scene's brightness was taken, so that it follows the
     landmarks (`factors.direct`), which then stay on their rays of the reference view, while pose-only tie points hold
     the poses (`tie_points`); the adjusted scene has the brightness where its landmarks project, by these gradients.
-    They may have a factor; brightness counts times that, and says nothing of Suns, scales and biases then.
+    They may have a factor; brightness counts times that, and says nothing of Suns, scales, biases and the reflectance's
+    parameters then. Uncertainties are those of an estimate without the factor.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or 10 landmarks are
     left to estimate.
@@ -115,14 +117,20 @@ def adjust(
     sorted_scene = replace(scene, landmarks=scene.landmarks[order], tracks=tracks)
     sorted_scene, gradients, members = with_tie_points(sorted_scene, gradients, tie_points, control)
     del tracks  # a copy of a hundred megabytes at full size
-    given = scene.reflectance
-    start = Estimate(scene.views, sorted_scene.landmarks, np.median(scene.landmarks.position, axis=0))
-    if scene.reflectance is not None and options.reflectance_sigma > 0:
-        given = reflectance or scene.reflectance
-        start = replace(start, parameters=given.relative_change(scene.reflectance))
     setup = setup_of(
-        sorted_scene, members, options, given, gradients=gradients, pose_priors=pose_priors, control=control
+        sorted_scene,
+        members,
+        options,
+        scene.reflectance,
+        gradients=gradients,
+        pose_priors=pose_priors,
+        control=control,
     )
+    start = Estimate(scene.views, sorted_scene.landmarks, np.median(scene.landmarks.position, axis=0))
+    if scene.reflectance is not None and setup.estimates_reflectance:
+        given = reflectance or scene.reflectance
+        setup = replace(setup, reflectance=given)
+        start = replace(start, parameters=given.relative_change(scene.reflectance))
     fit = _reweighted(setup, start, progress)
     uncertainty, parameter_sigma = _uncertainty(setup, fit) if options.uncertainty else ({}, None)
     return _in_the_order_of(scene, order, picked, setup, fit, uncertainty, parameter_sigma)
@@ -180,8 +188,14 @@ def _scene_at(setup: Setup, graph: FactorGraph, estimate: Estimate) -> Scene:
 def _uncertainty(setup: Setup, fit: _Fit) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
     """`Scene.uncertainty` in the solver's order, and the standard deviations of the reflectance parameters.
 
-    Brightness counts as if its errors common to a view were noise, and all else as known as stated.
+    Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
+    fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Where it was taken
+    from images, heights lack what these do not resolve (`unresolved_relief`).
     """
+    surface = None
+    if setup.without_smooth_errors:
+        surface = fit.smoothness
+        setup, fit = _with_smooth_errors(setup, fit)
     estimate, noise, response, sigma = fit.solution.estimate, fit.noise, None, None
     stated = replace(noise, view_prior_factor=1.0)
     if len(estimate.parameters):
@@ -198,11 +212,36 @@ def _uncertainty(setup: Setup, fit: _Fit) -> tuple[dict[str, np.ndarray], np.nda
         estimate,
         keypoint_correlation=setup.correlation(seen.keypoint_correlation_px),
         brightness_correlation=setup.correlation(seen.brightness_correlation_px),
-        mapped=setup.members.of_map,
+        members=setup.members,
         own_frame=not setup.fixes_frame,
         response=response,
+        surface=surface,
     )
+    if found and setup.reflectance is not None:
+        on_map = replace(fit.scene, landmarks=estimate.landmarks[: setup.members.count])
+        local = local_noise(fit.scene, fit.lit, fit.noise.brightness_sigma, setup.members.of_map)
+        relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
+        found = with_local_errors(found, local, relief)
     return found, sigma
+
+
+def _with_smooth_errors(setup: Setup, fit: _Fit) -> tuple[Setup, _Fit]:
+    """The same solution with smooth errors as errors of brightness.
+
+    What they are is known from the surface, no better than that. Nothing is held for their sake, and smoothness does
+    not count with the bend, which is of the same brightness.
+    """
+    assert setup.gradients is not None
+    plain = replace(setup, gradients=setup.gradients._replace(factor=None))
+    tracks = fit.scene.tracks
+    scene = replace(fit.scene, tracks=replace(tracks, brightness=tracks.brightness / setup.gradients.factor))
+    noise = measured_noise(plain, scene, fit.lit, replace(fit.noise, view_prior_factor=1.0))
+    estimate = fit.solution.estimate
+    if scene.reflectance is not None and plain.estimates_reflectance:
+        estimate = replace(estimate, parameters=np.zeros(len(scene.reflectance.parameters)))
+    smoothness = smoothness_group(plain, estimate.landmarks, noise)
+    solution = replace(fit.solution, estimate=estimate)
+    return plain, replace(fit, scene=scene, noise=noise, smoothness=smoothness, solution=solution)
 
 
 def _in_the_order_of(
@@ -234,7 +273,13 @@ def _in_the_order_of(
         log=fit.history,
         noise=fit.noise,
         lit=lit,
-        parameter_sigma=np.full(len(estimate.parameters), np.nan) if parameter_sigma is None else parameter_sigma,
+        parameter_sigma=_unknown_sigma(setup) if parameter_sigma is None else parameter_sigma,
         pose_priors_used=np.zeros(0, bool) if priors is None else np.isfinite(priors.center_sigma),
         control={} if control is None else dict(zip(control.name, points, strict=True)),
     )
+
+
+def _unknown_sigma(setup: Setup) -> np.ndarray:
+    """NaN for each of the reflectance parameters that are estimated here, or were before."""
+    free = setup.reflectance is not None and setup.options.reflectance_sigma > 0
+    return np.full(len(setup.reflectance.parameters) if setup.reflectance is not None and free else 0, np.nan)

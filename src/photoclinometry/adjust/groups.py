@@ -102,6 +102,11 @@ class Setup:
         return self.gradients is not None and self.gradients.factor is not None
 
     @property
+    def estimates_reflectance(self) -> bool:
+        """Whether its parameters are free; without smooth errors they are not, as brightness says nothing of them."""
+        return self.reflectance is not None and self.options.reflectance_sigma > 0 and not self.without_smooth_errors
+
+    @property
     def fixes_frame(self) -> bool:
         """Whether more than the gauge is known of the frame B: two poses, control points, or all positions."""
         poses = 0 if self.pose_priors is None else int(np.isfinite(self.pose_priors.center_sigma).sum())

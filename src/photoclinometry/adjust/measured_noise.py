@@ -95,7 +95,7 @@ def _scale_scatter(setup: Setup, scene: Scene) -> float:
     options = setup.options
     if options.scale_sigma is not None or not np.all(np.isfinite(setup.scale_sigma)):
         return np.inf
-    return scale_scatter(scene.views.scale, phase_of_views(scene) if options.reflectance_sigma > 0 else None)
+    return scale_scatter(scene.views.scale, phase_of_views(scene) if setup.estimates_reflectance else None)
 
 
 def _view_offsets(setup: Setup, views: Views) -> np.ndarray:

@@ -14,6 +14,12 @@ import numpy as np
 
 from photoclinometry.model.robust import robust_sigma
 from photoclinometry.model.scene import Scene
+from photoclinometry.photometry.predict import brightness_residuals
+from photoclinometry.surface.sampling import gaussian, masked_filter
+
+LOCAL = 1.0
+"""Standard deviation of the Gaussian over which noise is told from place to place [landmarks]: misfits are as local as
+the edges, boulders and shadows that make them."""
 
 _MAX_VIEWS = 8
 """Views from which the correlation is measured, evenly chosen."""
@@ -97,6 +103,27 @@ def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> flo
     landmarks = int(np.count_nonzero(np.bincount(scene.tracks.landmark[lit])))
     floor = MIN_BRIGHTNESS_SHARE * float(np.median(scene.tracks.brightness[lit]))
     return max(fitted_sigma(residual[lit], parameters=3 * landmarks), floor)
+
+
+def local_noise(scene: Scene, lit: np.ndarray, sigma: float, mapped: np.ndarray) -> np.ndarray:
+    """Mean square of the brightness residuals about each landmark of the map, over that of noise of `sigma`.
+
+    mapped: (J,) bool; returns one number for each of these, 1 where no brightness counts. Each landmark's normal and
+    albedo take three of freedom. The average is a Gaussian of LOCAL landmarks: some twelve landmarks, of whose
+    residuals the mean square is known to a tenth or so.
+    """
+    tracks, count = scene.tracks, len(scene.landmarks)
+    of = tracks.landmark[lit]
+    number = np.bincount(of, minlength=count)[mapped]
+    if sigma == 0.0 or not number.any():
+        return np.ones(len(number))
+    square = np.bincount(of, (brightness_residuals(scene)[lit] / sigma) ** 2, count)[mapped]
+    cells = scene.region.cells(scene.landmarks.pixel[mapped])
+    grid = np.full((*scene.region.grid_shape, 2), np.nan)
+    grid[cells] = np.stack([square, np.maximum(number - 3.0, MIN_FREEDOM * number)], -1)
+    average, _ = masked_filter(grid, gaussian(LOCAL))
+    total, freedom = np.moveaxis(average[cells], -1, 0)
+    return np.where(freedom > 0.0, total / np.where(freedom > 0.0, freedom, 1.0), 1.0)
 
 
 def view_prior_factor(offsets: np.ndarray, factor: float) -> float:

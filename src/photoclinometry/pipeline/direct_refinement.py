@@ -57,9 +57,7 @@ def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[S
     log.info("%d of %d landmarks are left to their matches", np.sum(~direct), len(strayed))
     if first.converged:
         start, gradients = without_smooth_errors(start, gradients, estimate)
-    last = estimate(start, Step(gradients=gradients))
-    # Held parameters are those of the first estimate: they are told, without standard deviations.
-    return last if gradients.factor is None else replace(last, parameter_sigma=first.parameter_sigma)
+    return estimate(start, Step(gradients=gradients))
 
 
 def without_smooth_errors(

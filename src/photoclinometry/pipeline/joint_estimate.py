@@ -95,8 +95,6 @@ class JointEstimate:
         options = replace(self.options, keypoint_slack=step.keypoint_sigma_factor * self.options.keypoint_slack)
         if step.rough:
             options = replace(options, uncertainty=False, solver=options.solver.roughly())
-        if step.gradients is not None and step.gradients.factor is not None:
-            options = replace(options, reflectance_sigma=0.0)
         if step.hold_geometry:
             options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
         count = 0

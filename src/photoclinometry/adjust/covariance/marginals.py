@@ -44,20 +44,29 @@ UNMEASURED = 1e8
 _BATCH = 128
 """Landmarks treated at a time where each is by itself."""
 
+_PHOTOMETRIC = 6
+"""Of a view's coordinates those from here on, Sun, scale and bias, are of its brightness; the others are its pose."""
+
 _STEP = 1e-3
 """Relative change of weights in the differences that tell apart what each kind of measurement contributes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorModel:
-    """Variances of the errors, over those that the estimate weighs with. The default: as weighed, and independent."""
+    """Variances of the errors, over those that the estimate weighs with."""
 
-    keypoint: float = 1.0
+    keypoint: np.ndarray
+    """(J,) of each landmark."""
     brightness: float = 1.0
     smoothness: float = 1.0
     keypoint_common: float = 0.0
     """The part of a keypoint's variance that all landmarks nearby share, between 0 and 1."""
     brightness_common: float = 0.0
+
+    def common(self, first: int, last: int) -> np.ndarray:
+        """(n, 3) variances of u, v and brightness of landmarks first:last that those nearby share."""
+        keypoint = self.keypoint[first:last] * self.keypoint_common
+        return np.stack([keypoint, keypoint, np.full_like(keypoint, self.brightness * self.brightness_common)], -1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,11 +79,21 @@ class Marginals:
     """(J, 6, 6)."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """What holds positions in place of what holds normals and albedos."""
+
+    at: Linearised
+    """With other links and the same measurements."""
+    errors: ErrorModel
+
+
 def marginals(
     at: Linearised,
     errors: ErrorModel | None = None,
     *,
     frame: np.ndarray | None = None,
+    surface: Surface | None = None,
     exact: int = EXACT,
     patch: int | None = None,
 ) -> Marginals:
@@ -83,9 +102,9 @@ def marginals(
     frame: (J,) bool, landmarks whose positions define the frame: covariances are those after the best similarity
     of theirs has been taken out (an S-transformation, Baarda 1973), as a map made from images alone has no frame of
     its own. None: the frame of the priors, which hold one view and one landmark.
+    errors: without them, as weighed and independent. surface: for positions, where another smoothness holds these.
     exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond.
     """
-    errors = errors or ErrorModel()
     count = len(at)
     patch = patch or (LARGE_PATCH if count <= LARGE else PATCH)
     patches, windows, batches = (
@@ -97,6 +116,8 @@ def marginals(
         kept = np.eye(len(camera)) - camera_moves(at) @ reduced.frame_by_camera
         camera = kept @ camera @ kept.T
     landmark = _given_views(at, reduced.own, errors, windows)
+    if surface is not None:
+        landmark[:, :3, :3] = _given_views(surface.at, reduced.own, surface.errors, windows)[:, :3, :3]
     _add_views(landmark, at, errors, camera, batches)
     _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     unmeasured = np.diag(reduced.information) == 0.0
@@ -224,15 +245,17 @@ def _inverse(information: np.ndarray) -> np.ndarray:
     return cho_solve(factor, np.eye(len(size)), check_finite=False) / np.outer(size, size)
 
 
-def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, windows: list[tuple[int, int]]) -> np.ndarray:
+def _given_views(
+    at: Linearised, own: np.ndarray, errors: ErrorModel | None, windows: list[tuple[int, int]]
+) -> np.ndarray:
     """(J, 6, 6) covariances given the views, of all errors but the common ones."""
     information = own.sum(1) + at.prior
     covariance = covariances_given_views(information, at.links, windows)
-    if errors == ErrorModel():
+    if errors is None:
         return covariance
     # A measurement contributes H^-1 J^T J H^-1: how much less uncertainty there is when it counts more.
     beyond = errors.keypoint * (1.0 - errors.keypoint_common) - errors.smoothness
-    information = information + _STEP * (beyond * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
+    information = information + _STEP * (beyond[:, None, None] * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
     beyond = errors.brightness * (1.0 - errors.brightness_common) - errors.smoothness
     information += _STEP * beyond * own[:, 1]
     changed = covariances_given_views(information, at.links, windows)
@@ -240,17 +263,17 @@ def _given_views(at: Linearised, own: np.ndarray, errors: ErrorModel, windows: l
 
 
 def _add_views(
-    landmark: np.ndarray, at: Linearised, errors: ErrorModel, camera: np.ndarray, batches: list[tuple[int, int]]
+    landmark: np.ndarray, at: Linearised, errors: ErrorModel | None, camera: np.ndarray, batches: list[tuple[int, int]]
 ) -> None:
     """Adds to (J, 6, 6) what errors of the views, and errors that neighbours share, do to the landmarks."""
-    common = np.array([errors.keypoint * errors.keypoint_common] * 2 + [errors.brightness * errors.brightness_common])
     stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
     for first, last in batches:
         patch = at.patch(first, last)
         index = _index(patch.views)
         parts = [patch.coupling.reshape(-1, len(index))]
+        common = np.zeros(3) if errors is None else errors.common(first, last)
         if common.any():
-            parts.append((patch.shifts * np.sqrt(common)).reshape(len(parts[0]), -1))
+            parts.append((patch.shifts * np.sqrt(common)[:, None, None]).reshape(len(parts[0]), -1))
         if stiffness is None:
             response = cho_solve((_factor(at, patch, first, last), True), np.hstack(parts), check_finite=False)
         else:
@@ -258,6 +281,12 @@ def _add_views(
             response = (alone @ np.hstack(parts).reshape(len(alone), LANDMARK_SIZE, -1)).reshape(len(parts[0]), -1)
             response = response.astype(np.float32)
         by_camera, shared = response[:, : len(index)], response[:, len(index) :]
+        if stiffness is not None:
+            # Errors of brightness that a neighbourhood or a view shares move a landmark by the error over its own image
+            # gradient, whose sign changes from one landmark to the next: smoothness, left out here, averages that away.
+            by_camera.reshape(last - first, LANDMARK_SIZE, -1, CAMERA_SIZE)[:, :3, :, _PHOTOMETRIC:] = 0.0
+            if common.any():
+                shared.reshape(last - first, LANDMARK_SIZE, -1, 3)[:, :3, :, 2] = 0.0
         covariance = camera[np.ix_(index, index)].astype(response.dtype)
         landmark[first:last] += _products(by_camera @ covariance, by_camera) + _products(shared, shared)
 

@@ -12,20 +12,25 @@ origin, orientation and size mean nothing. Otherwise they are in the frame of th
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance.linearised import linearised, loosely_held
+from photoclinometry.adjust.covariance.linearised import Linearised, linearised, loosely_held
 from photoclinometry.adjust.covariance.marginals import (
     ErrorModel,
     Marginals,
+    Surface,
     marginals,
     with_parameters,
 )
+from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
 from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
+from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.tie_points import Members
 from photoclinometry.model.geometry import skew
 from photoclinometry.model.scene import Views
 from photoclinometry.model.warning import warn
@@ -45,25 +50,29 @@ def estimate_uncertainty(
     *,
     keypoint_correlation: float,
     brightness_correlation: float,
-    mapped: np.ndarray,
+    members: Members,
     own_frame: bool,
     response: ParameterResponse | None = None,
+    surface: Smoothness | None = None,
 ) -> dict[str, np.ndarray]:
-    """`Scene.uncertainty` of an estimate, of the landmarks in `mapped` (J,).
+    """`Scene.uncertainty` of an estimate, of the map's landmarks.
 
     keypoint_correlation, brightness_correlation: sides of the squares of landmarks that share an error; own_frame: only
     the gauge is known of the frame. response: of reflectance parameters that were estimated along; without it they
-    count as known. Empty, with a warning, where the measurements do not determine the views.
+    count as known. surface: smoothness that holds positions, where it is not the graph's. Empty, with a warning, where
+    the measurements do not determine the views.
     """
     at = linearised(graph, estimate)
-    photometric = graph.with_brightness
-    errors = error_model(keypoint_correlation, brightness_correlation, at.smooth_residual, photometric=photometric)
+    photometric, mapped = graph.with_brightness, members.of_map
+    errors = error_model(
+        keypoint_correlation, brightness_correlation, at.smooth_residual, members.direct, photometric=photometric
+    )
     frame = None
     if own_frame:
         frame = mapped
         at = loosely_held(at)
     try:
-        found = marginals(at, errors, frame=frame)
+        found = marginals(at, errors, frame=frame, surface=_surface(at, errors, surface, estimate))
     except np.linalg.LinAlgError:
         warn(log, "no-uncertainty", "no uncertainties: the measurements do not determine all views")
         return {}
@@ -74,13 +83,36 @@ def estimate_uncertainty(
     return {name: uncertainty[name] for name in estimated}
 
 
+def _surface(at: Linearised, errors: ErrorModel, smoothness: Smoothness | None, estimate: Estimate) -> Surface | None:
+    """What holds positions. For these, errors of brightness are independent: neighbours move by a common one over image
+    gradients of either sign."""
+    independent = replace(errors, brightness_common=0.0)
+    if smoothness is None:
+        return Surface(at=at, errors=independent) if errors.brightness_common > 0.0 else None
+    rows = smoothness.linearize(estimate, float)
+    held = replace(at, links=links(rows.neighbours, rows.rows), smooth_residual=rows.residual)
+    return Surface(at=held, errors=replace(independent, smoothness=_as_found(rows.residual)))
+
+
+def _as_found(residual: np.ndarray) -> float:
+    """Variance of the errors of smoothness over the assumed one; residual: (P,) whitened."""
+    return float(np.mean(residual**2)) if len(residual) else 1.0
+
+
 def error_model(
-    keypoint_correlation: float, brightness_correlation: float, smoothness: np.ndarray, *, photometric: bool = True
+    keypoint_correlation: float,
+    brightness_correlation: float,
+    smoothness: np.ndarray,
+    direct: np.ndarray,
+    *,
+    photometric: bool = True,
 ) -> ErrorModel:
     """What the errors are, over what the estimate takes them for. smoothness: (P,) whitened residuals.
 
     Correlations are sides of the squares of landmarks that share an error. An error that n landmarks share has 1/n of
-    the variance that it is weighed with. Of those nearby, all share it if n is as large as their number.
+    the variance that it is weighed with. Of those nearby, all share it if n is as large as their number. direct: (J,)
+    bool, landmarks that brightness holds: keypoints count there as if good to many pixels, and are good to a tenth, so
+    that their errors do nothing.
     """
     keypoint, brightness = keypoint_correlation**2, brightness_correlation**2
 
@@ -88,12 +120,29 @@ def error_model(
         return (min(shared, _NEARBY) - 1.0) / (_NEARBY - 1.0)
 
     return ErrorModel(
-        keypoint=1.0 / keypoint,
+        keypoint=np.where(direct, 0.0, 1.0 / keypoint),
         keypoint_common=common(keypoint),
         brightness=1.0 / brightness if photometric else 1.0,
         brightness_common=common(brightness) if photometric else 0.0,
-        smoothness=float(np.mean(smoothness**2)) if len(smoothness) else 1.0,
+        smoothness=_as_found(smoothness),
     )
+
+
+def with_local_errors(
+    uncertainty: dict[str, np.ndarray], noise: np.ndarray, relief: np.ndarray
+) -> dict[str, np.ndarray]:
+    """`Scene.uncertainty` with what is known from place to place.
+
+    noise: (J,) factors on the variances of landmarks (`local_noise`); relief: (J, 3, 3) covariances of positions that
+    are added (`unresolved_relief`).
+    """
+    found = dict(uncertainty)
+    for name, factor in (("position", noise[:, None, None]), ("normal", noise[:, None, None]), ("albedo", noise**0.5)):
+        if name in found:
+            found[name] = factor * found[name]
+    if "position" in found:
+        found["position"] = found["position"] + relief
+    return found
 
 
 def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped: np.ndarray) -> dict[str, np.ndarray]:
