@@ -148,13 +148,15 @@ def test_held_out_views_leave_nothing_in_the_sparse_model():
 
 
 def test_names_that_cannot_be_held_out_are_refused():
-    names = ["images/000.fits", "images/001.fits"]
-    assert held_out_mask(names, ["images/001.fits"]).tolist() == [False, True]
+    names = [f"images/{k:03d}.fits" for k in range(4)]
+    assert held_out_mask(names, ["images/001.fits"]).tolist() == [False, True, False, False]
     assert not held_out_mask(names, []).any()
     with pytest.raises(InputError, match=r"no view '001' .* nearest: images/001.fits"):
         held_out_mask(names, ["001"])
     with pytest.raises(InputError, match="reference view"):
         held_out_mask(names, ["images/000.fits"], "images/000.fits")
+    with pytest.raises(InputError, match="2 of 4 views are held out, at least 3 must remain"):
+        held_out_mask(names, names[2:])
 
 
 def test_held_out_views_are_kept_exactly(tmp_path):

@@ -13,7 +13,7 @@ from photoclinometry.matching.interface import region_matches
 from photoclinometry.matching.registry import MATCHERS, MatcherEntry, matcher_entry
 from photoclinometry.matching.roma import RomaOptions
 from photoclinometry.model.errors import InputError
-from photoclinometry.pipeline.choices import choose, first_matcher, keyed_matcher
+from photoclinometry.pipeline.choices import choose, keyed_matcher
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.pipeline.run_folder import adopt_stages
@@ -69,7 +69,7 @@ def test_relight_and_flow_are_one_matcher_with_iterations_and_without():
     for name, iterations in (("relight", 3), ("flow", 0)):
         options = RunOptions(matcher=name)
         assert (options.matcher_name, options.max_iterations) == ("flow", iterations)
-        assert isinstance(first_matcher(options), FlowMatcher)
+        assert isinstance(keyed_matcher(options.matcher_name, options).value, FlowMatcher)
     assert RunOptions(matcher="roma", relight=RelightOptions(rounds=2)).max_iterations == 2
 
 

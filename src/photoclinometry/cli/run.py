@@ -43,12 +43,13 @@ def run(
 
     from photoclinometry.io.site import read_site
     from photoclinometry.pipeline import run as pipeline
+    from photoclinometry.pipeline.choices import choose
     from photoclinometry.pipeline.run_folder import check_run
     from photoclinometry.pipeline.run_owner import owner_of_site
 
     site = site_file(site)
     described = read_site(site)  # a mistake here leaves no run folder behind
-    pipeline.first_matcher(options)
+    choose(described, options)  # nor does an option that does not fit the site
     out = out or site.parent / "run"
     check_run(out, owner_of_site(described), overwrite=overwrite)
 

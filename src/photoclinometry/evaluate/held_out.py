@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from photoclinometry.io.site import MIN_VIEWS
 from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
@@ -60,14 +61,25 @@ class _Resection:
 
 
 def held_out_mask(names: Sequence[str], hold_out: Sequence[str], reference: str | None = None) -> np.ndarray:
-    """(K,) bool: which views `hold_out` names. Raises InputError for unknown names and for the reference."""
+    """(K,) bool: which views `hold_out` names.
+
+    Raises InputError for unknown names, for the reference, and where fewer than MIN_VIEWS others remain.
+    """
     for name in hold_out:
         if name not in names:
             near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
-            raise InputError(f"hold_out: no view {name!r} in the site; nearest: {', '.join(near)}")
+            raise InputError(f"--hold-out (hold_out=): no view {name!r} in the site; nearest: {', '.join(near)}")
         if name == reference:
-            raise InputError(f"hold_out: {name} is the site's reference view; hold out others, or choose another")
-    return np.isin(np.array(names, object), list(hold_out))
+            raise InputError(
+                f"--hold-out (hold_out=): {name} is the site's reference view; hold out others, or choose another"
+            )
+    mask = np.isin(np.array(names, object), list(hold_out))
+    if mask.any() and np.count_nonzero(~mask) < MIN_VIEWS:
+        raise InputError(
+            f"--hold-out (hold_out=): {np.count_nonzero(mask)} of {len(names)} views are held out, at least "
+            f"{MIN_VIEWS} must remain to be mapped; hold out fewer"
+        )
+    return mask
 
 
 def resect_views(scene: Scene, views: Views, index: np.ndarray, images: Sequence[Image], matcher: Matcher) -> Resected:

@@ -75,11 +75,6 @@ def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflecta
     return published(chosen, body)
 
 
-def first_matcher(options: RunOptions) -> Matcher:
-    """The matcher of the first map. Raises InputError where its files or packages are missing."""
-    return matcher_entry(options.matcher_name).make(options.of_matcher(options.matcher_name))
-
-
 def keyed_matcher(name: str, options: RunOptions) -> Keyed[Matcher]:
     """A matcher by name, with a key of all that its matches depend on. Raises InputError."""
     entry, chosen = matcher_entry(name), options.of_matcher(name)

@@ -13,7 +13,7 @@ from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Views
-from photoclinometry.pipeline.choices import Choices, choose, choose_reflectance, first_matcher
+from photoclinometry.pipeline.choices import Choices, choose, choose_reflectance
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.map_stages import FinishedMap, MapStages, PlaceHeldOutViews
@@ -26,13 +26,14 @@ from photoclinometry.pipeline.sparse_stages import (
     ChooseRegion,
     PosedImages,
     SparseReconstruction,
+    check_enough_views,
     check_reference,
     choose_views,
     read_inputs,
 )
 from photoclinometry.pipeline.stage import Keyed
 
-__all__ = ["RunOptions", "RunResult", "choose_reflectance", "first_matcher", "run"]
+__all__ = ["RunOptions", "RunResult", "choose_reflectance", "run"]
 
 
 def run(
@@ -60,6 +61,8 @@ def run(
 def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, config: dict[str, Any]) -> RunResult:
     """All stages, and what they leave."""
     inputs = read_inputs(folder, site)
+    check_reference(site, inputs.value.unusable)
+    check_enough_views(inputs.value, choices.held_out, options.densify.min_views)
     sparse = folder.done(SparseReconstruction(inputs=inputs, options=options.sfm))
     posed = PosedImages(inputs=inputs, sparse=sparse)
     checked_with = choices.reflectance if options.check_views else None

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from photoclinometry.io.plausible import impossible_views
-from photoclinometry.io.site import RegionRequest, Site
+from photoclinometry.io.site import MIN_VIEWS, RegionRequest, Site
 from photoclinometry.io.site_images import input_fingerprint, load_images
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
@@ -171,10 +171,23 @@ def choose_views(
     return used, left_out
 
 
-def check_reference(site: Site, left_out: dict[str, str]) -> None:
+def check_enough_views(inputs: Inputs, held_out: np.ndarray, fewest: int) -> None:
+    """Raises InputError where no landmark can be in `fewest` views (`DensifyOptions.min_views`).
+
+    held_out: (K,) bool.
+    """
+    usable = np.array([image.name not in inputs.unusable for image in inputs.images]) & ~held_out
+    if usable.sum() < fewest:
+        raise InputError(
+            f"{inputs.site.path}: {usable.sum()} views are to be mapped, but landmarks are to be in {fewest} views at "
+            f"least; add views, or pass --densify.min-views {max(usable.sum(), MIN_VIEWS)} or --preset few-views"
+        )
+
+
+def check_reference(site: Site, left_out: Mapping[str, str]) -> None:
     """Raises InputError where the view is left out whose pixels the site wants mapped."""
     chosen = site.region.reference if site.region else None
-    if chosen in left_out:
+    if chosen is not None and chosen in left_out:
         raise InputError(f"region.reference {chosen!r} is left out: {left_out[chosen]}; or name another view")
 
 
