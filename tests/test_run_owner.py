@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from commands import phomo
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import ImageError, RunFolderError
@@ -69,6 +68,7 @@ def test_overwrite_removes_what_is_there_of_another_site(site, other, tmp_path):
     (folder / ".report.partial-0a").mkdir()
     with claimed_run(folder, owner_of_site(other), overwrite=True):
         assert sorted(path.name for path in folder.iterdir()) == ["lock", MARK]
+        (folder / "scene.h5").write_bytes(b"")
     check_run(folder, owner_of_site(other))
     with pytest.raises(RunFolderError):
         check_run(folder, owner_of_site(site))
@@ -145,11 +145,12 @@ def test_missing_images_are_listed_before_anything_is_touched(site, tmp_path):
         owner_of_site(site)
 
 
-def test_a_run_into_the_folder_of_another_site_is_misuse(mapped, site, tmp_path, capsys):
-    folder = mapped.copy(tmp_path / "run")
-    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-    assert phomo("run", site.path, "--out", folder) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"phomo: {folder}: belongs to the site")
-    assert "--overwrite" in line
-    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+def test_a_folder_without_results_is_nobodys(site, other, tmp_path):
+    """As after a run that ended at its images: corrected ones have another content."""
+    with claimed_run(tmp_path / "run", owner_of_site(site)) as folder:
+        folder.write_config({})
+        (folder.path / "log").write_text("stopped")
+    check_run(tmp_path / "run", owner_of_site(other))
+    claim(tmp_path / "run", other)
+    with pytest.raises(RunFolderError, match="belongs to the site"):
+        check_run(tmp_path / "run", owner_of_site(site))

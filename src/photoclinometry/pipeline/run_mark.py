@@ -29,6 +29,9 @@ PRODUCTS = frozenset(
 )
 """Everything that `phomo run`, `refine` and `evaluate` write into a run folder, beside MARK and the lock."""
 
+BEGUN = frozenset(("config.toml", "log"))
+"""What a run writes before its first stage."""
+
 
 def write_mark(folder: Path, owner: Owner | None = None) -> None:
     """Marks a folder as that of a run, of a site if that is known. Raises RunFolderError."""
@@ -56,11 +59,13 @@ def check_format(folder: Path) -> None:
 def must_clear(folder: Path, owner: Owner, overwrite: bool) -> bool:
     """Whether the run folder holds something else than runs of `owner`, and may be cleared of it.
 
+    A folder without results is nobody's: a run that ended because of its images may go on with corrected ones.
     Raises RunFolderError where it may not: without `overwrite`, or if it holds anything that no run wrote.
     """
     content, found = _read_mark(folder)
     same_format = content["format"] == FORMAT
-    unclaimed = found is None and not (folder / "scene.h5").exists()
+    results = {name for name in PRODUCTS - BEGUN if (folder / name).exists()}
+    unclaimed = not results or (found is None and "scene.h5" not in results)
     if same_format and (unclaimed or (found is not None and found.is_same(owner))):
         return False
     if not same_format and not overwrite:
