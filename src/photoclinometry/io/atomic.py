@@ -34,16 +34,20 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
             temporary.write_bytes(data)
 
     The block writes a file there, or makes a folder of files. Parent folders are made. On success everything
-    is flushed to the disk and renamed over `path`; on any exception `path` stays as it was and nothing
-    temporary remains. Every OSError becomes a RunFolderError with a remedy, those of the disk an OutputError.
+    is flushed to the disk and renamed over `path`; on any exception `path` stays as it was, and neither anything
+    temporary nor an empty new folder remains. Every OSError becomes a RunFolderError with a remedy, those of the disk
+    an OutputError.
     """
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.partial-{secrets.token_hex(4)}{path.suffix}")
+    new: list[Path] = []
     try:
+        new = [folder for folder in path.parents if not folder.exists()]
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         _flush(temporary)
         _move_over(temporary, path)
+        new.clear()
     except OSError as error:
         raise unwritable(path, error) from error
     except RunFolderError as error:  # of a file in a folder that is being made
@@ -52,6 +56,9 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
         raise type(error)(str(error).replace(str(temporary), str(path))) from error
     finally:
         _remove(temporary)
+        for made in new:  # those made for this file alone, the innermost first
+            with contextlib.suppress(OSError):
+                made.rmdir()
 
 
 def write_bytes(path: Path | str, data: bytes) -> None:
