@@ -3,8 +3,8 @@
 Exit codes:
 
 - 0: success.
-- 1: the images do not determine a result, data cannot be fetched, or output cannot be written (disk full, no
-  permission).
+- 1: the images do not determine a result, data cannot be fetched, output cannot be written (disk full, no
+  permission), or memory does not suffice.
 - 2: misuse: a mistake in what was given, or a folder that belongs to another site or is in use.
 - 3: a map was made and all its files are written, but it is not to be trusted; the last line says why.
 - 130: interrupted (Ctrl-C). 143: terminated (SIGTERM). The same command goes on after the last finished stage.
@@ -42,7 +42,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         _forget_output()
         raise SystemExit(141) from None
+    except MemoryError as error:
+        reason = f" ({error})" if str(error) else ""
+        _fail(f"out of memory{reason}; give a smaller region, a larger stride, or fewer or smaller images", 1)
     except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            _fail(f"{error.filename}: {error.strerror}; choose a shorter path", 2)
         if error.errno not in DISK:
             raise
         if error.filename is None:

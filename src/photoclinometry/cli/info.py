@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from photoclinometry.io.run_files import read_run
+from photoclinometry.io.run_files import read_metrics, read_run
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import BODY_FIXED
 
@@ -91,7 +91,6 @@ def show_run(run: Path) -> None:
 
     from photoclinometry.evaluate.sigmas import view_sigmas
     from photoclinometry.evaluate.tables import metric_rows, split_unit, words
-    from photoclinometry.io.json_file import read_json
 
     scene = read_run(run)
     console = Console(highlight=False)
@@ -117,9 +116,9 @@ def show_run(run: Path) -> None:
         shown = (f"{scene.views.scale[k]:.4g}", f"{scene.views.bias[k]:.1e}", *(f"{s[k]:.3g}" for s in sigmas.values()))
         table.add_row(name, str(keypoints[k]), *shown)
     console.print(table)
-    if (run / "metrics.json").is_file():
-        content = read_json(run / "metrics.json")
-        metrics = content["metrics"]
+    content = read_metrics(run)
+    if content:
+        metrics = content.get("metrics", {})
         flat = {k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
         spreads, singles = metric_rows(flat)
         heads = (Column(head, justify="right") for head in ("mean", "median", "RMS", "90 %"))

@@ -31,12 +31,28 @@ def read_config(run: Path) -> dict[str, Any]:
     return read_toml(path, "config.toml of a run", RunFolderError).content
 
 
+def read_metrics(run: Path) -> dict[str, Any]:
+    """The figures and warnings that the run recorded; empty if it has no metrics.json. Raises RunFolderError."""
+    from photoclinometry.io.json_file import read_json
+
+    path = run / "metrics.json"
+    if not path.is_file():
+        return {}
+    content = read_json(path)
+    parts = {"metrics": dict, "warnings": list, "not_trusted_because": list}
+    if not isinstance(content, dict) or not all(isinstance(content.get(k, kind()), kind) for k, kind in parts.items()):
+        raise RunFolderError(f"{path}: is damaged (it holds no figures of a run); run the site again")
+    return content
+
+
 def site_path(run: Path, given: Path | None = None) -> Path:
     """The site.toml of a run: as given, or as the run recorded it. Raises RunFolderError."""
     path = given or read_config(run).get("site")
     remedy = "give the site.toml (--site, site=), or leave the images out (--no-images, images=False)"
     if path is None:
         raise RunFolderError(f"{run}: config.toml does not name the site; {remedy}")
+    if not isinstance(path, (str, Path)):
+        raise RunFolderError(f"{run / 'config.toml'}: site: expected a path in quotes, found {path!r}; {remedy}")
     path = Path(path)
     if not path.is_file():
         raise RunFolderError(f"{path}: the site of the run is not there (any more); {remedy}")

@@ -64,12 +64,12 @@ def _signals_deferred() -> Iterator[None]:
 
 @contextmanager
 def quiet_pycolmap(seed: int) -> Iterator[None]:
-    """COLMAP seeded, and silent except for errors; this package logs what matters itself."""
+    """COLMAP seeded, and silent: it raises its errors, and this package logs what matters itself."""
     with _signals_deferred():
         import pycolmap
 
     before = pycolmap.logging.minloglevel
-    pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
+    pycolmap.logging.minloglevel = int(pycolmap.logging.FATAL)
     pycolmap.set_random_seed(seed)
     try:
         yield
