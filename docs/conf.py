@@ -23,6 +23,7 @@ extensions = [
     "myst_parser",
     "sphinx_gallery.gen_gallery",
     "cli_reference",
+    "faults_reference",
     "root_pages",
     "tutorial",
     "api_reference",

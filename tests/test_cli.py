@@ -110,44 +110,6 @@ def test_simulate_writes_a_site_once_with_the_options_given(tmp_path, capsys):
     assert "--overwrite" in capsys.readouterr().err
 
 
-def test_a_missing_site_is_misuse_and_leaves_no_folder(tmp_path, capsys):
-    assert phomo("run", tmp_path / "none.toml", "--out", tmp_path / "run") == 2
-    assert "none.toml: there is no such file" in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()
-
-
-def test_a_misspelt_key_is_answered_by_the_nearest(site, tmp_path, capsys):
-    site.write_text(site.read_text().replace("center_px", "centre_px"))
-    assert phomo("run", site, "--out", tmp_path / "run") == 2
-    message = capsys.readouterr().err
-    assert "site.toml: region: centre_px" in message
-    assert "did you mean 'center_px'?" in message
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize("arguments", [(), ("fly",), ("run",), ("run", "a.toml"), ("run", "a.toml", "--oout", "b")])
-def test_a_command_that_is_none_is_misuse(arguments, capsys):
-    assert phomo(*arguments) == 2
-    assert capsys.readouterr().err
-
-
-def test_output_in_the_way_is_misuse(site, tmp_path, capsys):
-    assert phomo("run", site, "--out", site) == 2
-    assert "is not a run folder" in capsys.readouterr().err
-    assert phomo("run", site, "--out", site / "run") == 2
-    assert "part of the path is a file" in capsys.readouterr().err
-    assert phomo("run", site, "--out", site.parent) == 2
-    assert "choose another --out" in capsys.readouterr().err
-
-
-def test_a_log_that_cannot_be_written_is_misuse(site, tmp_path, capsys):
-    (tmp_path / "run" / "log").mkdir(parents=True)
-    (tmp_path / "run" / "run.json").write_text('{"format": 1, "version": "0"}')
-    assert phomo("run", site, "--out", tmp_path / "run") == 2
-    assert "log: cannot be written: Is a directory" in capsys.readouterr().err
-    assert not logging.getLogger("photoclinometry").handlers
-
-
 def test_run_logs_reports_and_prints_where(mapped, tmp_path, capsys, monkeypatch):
     """A finished run once more: all is read back, stages go to log and terminal, the page's path to stdout."""
     monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
@@ -214,5 +176,3 @@ def test_evaluate_measures_a_run_against_the_truth(mapped, tmp_path, capsys):
     metrics = json.loads((tmp_path / "evaluation.json").read_text())
     assert metrics["surface_distance_mean_gsd"] < 0.2
     assert "evaluation.json" in capsys.readouterr().err
-    assert phomo("evaluate", tmp_path, "--truth", mapped.truth) == 2
-    assert "no scene.h5" in capsys.readouterr().err

@@ -25,11 +25,3 @@ def test_a_site_is_made_and_said(tmp_path, images, capsys):
     assert printed.out.strip() == str(tmp_path / "site" / "site.toml")
     assert "table of Suns" in " ".join(printed.err.split())
     assert len(read_site(tmp_path / "site" / "site.toml").views) == 3
-
-
-def test_what_is_missing_ends_with_exit_code_2(tmp_path, images, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["ingest", *images, "--out", str(tmp_path / "site")])
-    assert stop.value.code == 2
-    assert "3 of 3 files cannot be used" in capsys.readouterr().err
-    assert not (tmp_path / "site").exists()

@@ -1,7 +1,6 @@
 """`phomo render`, `evaluate` and `info` on a run folder: what they write, and what they refuse."""
 
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,7 +18,7 @@ from photoclinometry.io.run_files import site_path
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.site import Site, SiteView, write_site
-from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Similarity, so3_exp
 from photoclinometry.photometry.render import render_view
 from photoclinometry.registration.alignment import transform_scene
@@ -70,33 +69,6 @@ def test_render_relights_on_the_reference_grid_as_png(place, tmp_path):
     brightness = read_image(out).brightness
     assert brightness.shape == (24, 24)
     assert brightness.max() == 65534
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--out", "a.jpg"), "use .fits or .png"),
-        (("--out", "a.png", "--view", "007"), "nearest: images/00"),
-        (("--out", "a.png", "--sun-azimuth-deg", "10"), "go together"),
-        (("--out", "a.png", "--sun", "0", "0", "0"), "not a direction"),
-        (("--out", "a.png", "--sun-azimuth-deg", "10", "--sun-elevation-deg", "-5"), "above 0"),
-        (("--out", "a.png", "--sun-azimuth-deg", "10", "--sun-elevation-deg", "nan"), "above 0"),
-        (("--out", "a.png", "--sun-azimuth-deg", "inf", "--sun-elevation-deg", "5"), "finite"),
-    ],
-)
-def test_render_refuses_what_cannot_be(place, arguments, message):
-    with pytest.raises(InputError, match=message):
-        command(render, place.run, *arguments)
-    assert not Path(arguments[1]).exists()
-
-
-def test_commands_refuse_a_folder_that_is_no_run(tmp_path):
-    with pytest.raises(RunFolderError, match=r"no scene\.h5"):
-        command(evaluate, tmp_path)
-    with pytest.raises(InputError, match="neither"):
-        command(info, tmp_path)
-    with pytest.raises(InputError, match="no such"):
-        command(info, tmp_path / "nowhere")
 
 
 def test_evaluate_writes_what_it_prints(place, capsys):

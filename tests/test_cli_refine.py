@@ -30,11 +30,3 @@ def test_refine_writes_a_run_folder_that_the_other_commands_read(model, tmp_path
     assert "keypoint residual" in capsys.readouterr().out
     assert phomo("evaluate", out) == 2
     assert "give the site.toml (--site, site=), or leave the images out" in capsys.readouterr().err
-
-
-def test_a_mistake_leaves_no_folder(model, tmp_path, capsys):
-    assert phomo("refine", tmp_path / "none", "--out", tmp_path / "out") == 2
-    assert "cameras.txt: there is no such file" in capsys.readouterr().err
-    assert phomo("refine", model, "--out", tmp_path / "out", "--reflectance", "lunar-lambert") == 2
-    assert "no published lunar-lambert coefficients for body None" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -8,6 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from commands import phomo
+from fault_place import small_disk
 from photoclinometry.io.site import read_site
 from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import OutputError, RunFolderError
@@ -19,7 +20,6 @@ from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.database import disk_errors
 from scenes import synthetic_scene
 from sites import write_small_site
-from test_io_atomic import small_disk
 
 
 @pytest.mark.parametrize("size", [1_000, 20_000, 100_000], ids="{} bytes".format)
@@ -86,16 +86,6 @@ def test_any_other_write_of_a_command(tmp_path, monkeypatch, capsys, code):
     assert phomo("run", write_small_site(tmp_path / "site"), "--out", tmp_path / "run") == 1
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert last == f"phomo: /somewhere/kernel.nbi: {os.strerror(code)}; free some space, or choose another place"
-
-
-def test_a_run_whose_folder_is_full(tmp_path, capsys):
-    """The first file of the run, and the log, do not fit."""
-    site = write_small_site(tmp_path / "site")
-    with small_disk(10):
-        assert phomo("run", site, "--out", tmp_path / "run") == 1
-    said = capsys.readouterr().err
-    assert "run.json: cannot be written: File too large" in said
-    assert "Traceback" not in said
 
 
 def test_missing_files_of_the_program_are_no_disk_errors(tmp_path, monkeypatch):

@@ -307,11 +307,3 @@ def test_the_command_exports_a_run_and_says_what_and_where(place, tmp_path, caps
     assert said.out.strip() == str(tmp_path / "out")
     assert "dtm.tif: height above the map's mean plane" in said.err
     assert "at an unknown place on the body, in metres" in said.err
-    assert phomo("export", run, "--out", tmp_path / "no", "--body-fixed", "--unit-m", 60, "--body", "vesta") == 2
-    assert "not the body-fixed frame" in capsys.readouterr().err
-    assert phomo("export", tmp_path / "nowhere", "--out", tmp_path / "no") == 2
-    assert "no such folder" in capsys.readouterr().err
-    for size, message in ((1e-6, "coarser --resolution"), (0, "--resolution is 0; give above 0")):
-        assert phomo("export", run, "--out", tmp_path / "no", "--resolution", size) == 2
-        assert message in capsys.readouterr().err
-    assert not (tmp_path / "no").exists()

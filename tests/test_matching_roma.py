@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from commands import phomo
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.registry import MATCHERS
 from photoclinometry.matching.roma import PUBLISHED, RomaNetwork, RomaOptions, fingerprint, roma_matcher
@@ -18,7 +17,6 @@ from photoclinometry.matching.warp import pixel_centers
 from photoclinometry.model.errors import InputError
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
-from sites import write_small_site
 from test_matching import displaced
 
 PACKAGES = ("torch", "romatch")
@@ -67,13 +65,6 @@ def test_a_missing_package_names_the_extra(monkeypatch, files, package):
 def test_sides_that_the_network_cannot_take_are_refused(files, change, message):
     with pytest.raises(InputError, match=message):
         roma_matcher(replace(files, **change))
-
-
-def test_the_command_says_what_is_missing_and_leaves_no_run_folder(tmp_path, capsys):
-    site = write_small_site(tmp_path / "site")
-    assert phomo("run", site, "--out", tmp_path / "run", "--matcher", "roma") == 2
-    assert "--roma.weights" in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()
 
 
 def test_contents_of_weights_count_and_their_paths_do_not(files, tmp_path):

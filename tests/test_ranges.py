@@ -10,7 +10,6 @@ from typing import get_origin, get_type_hints
 import pytest
 
 import photoclinometry
-from commands import phomo
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.ranges import Range, Ranged, described, numeric_parts
@@ -118,34 +117,3 @@ def test_tuples_are_checked_one_by_one_and_named_as_a_whole():
     with pytest.raises(InputError, match=re.escape("Detector.offset_dn is (100.0, -1.0): -1; give 0 to 32768")):
         Detector(offset_dn=(100.0, -1.0))
     assert described(get_type_hints(SfmOptions, include_extras=True)["threads"]) == "1 to 1024, or -1"
-
-
-REFUSED = {
-    "no rounds": (
-        ("run", "SITE", "--adjust.max-rounds", "0"),
-        "--adjust.max-rounds is 0; give a whole number, 1 to",
-    ),
-    "features": (("run", "SITE", "--sfm.max-features", "-5"), "--sfm.max-features is -5; give a whole number, 1 to"),
-    "threads": (("run", "SITE", "--sfm.threads", "0"), "--sfm.threads is 0; give a whole number, 1 to 1024, or -1"),
-    "not a number": (
-        ("run", "SITE", "--adjust.smooth-sigma-rad", "nan"),
-        "--adjust.smooth-sigma-rad is nan; give 0",
-    ),
-    "infinite": (("run", "SITE", "--flow.smoothness", "inf"), "--flow.smoothness is inf; give 0 or more"),
-    "of a study": (("study", "--out", "OUT", "--run.sfm.threads", "0"), "--run.sfm.threads is 0; give"),
-    "nested twice": (("run", "SITE", "--adjust.solver.max-steps", "0"), "--adjust.solver.max-steps is 0; give"),
-    "of a refinement": (("refine", "SITE", "--out", "OUT", "--adjust.max-rounds", "0"), "--adjust.max-rounds is 0"),
-    "of a simulation": (("simulate", "--out", "OUT", "--detector.bits", "99"), "--detector.bits is 99; give a whole"),
-    "of an ingestion": (("ingest", "SITE", "--out", "OUT", "--position-sigma", "nan"), "--position-sigma is nan; give"),
-    "of an export": (("export", "SITE", "--out", "OUT", "--unit-m", "0"), "--unit-m is 0; give above 0"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "message"), REFUSED.values(), ids=REFUSED)
-def test_the_command_names_the_option_as_it_was_typed_and_leaves_nothing(arguments, message, tmp_path, capsys):
-    given = {"SITE": tmp_path / "site.toml", "OUT": tmp_path / "out"}
-    assert phomo(*(given.get(argument, argument) for argument in arguments)) == 2
-    said = capsys.readouterr().err
-    assert said.startswith(f"phomo: {message}")
-    assert len(said.splitlines()) == 1
-    assert list(tmp_path.iterdir()) == []

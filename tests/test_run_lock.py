@@ -9,7 +9,6 @@ import time
 
 import pytest
 
-from commands import phomo
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.pipeline.run_lock import NAME, check_lock, locked
 
@@ -100,12 +99,3 @@ def test_a_damaged_lock_is_waited_for_while_it_is_young(tmp_path, text):
 def test_a_lock_that_cannot_be_written_names_the_file(tmp_path):
     with pytest.raises(RunFolderError, match=rf"{NAME}: cannot be written"), locked(tmp_path / "none"):
         pass
-
-
-def test_two_runs_at_once_are_refused_and_leave_the_first_alone(mapped, tmp_path, capsys):
-    folder = mapped.copy(tmp_path / "run")
-    with locked(folder):
-        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-        assert phomo("run", mapped.site, "--out", folder, "--overwrite") == 2
-        assert "has been writing to this folder since" in capsys.readouterr().err
-        assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before

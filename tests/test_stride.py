@@ -331,11 +331,6 @@ def test_info_tells_the_stride(mapped, tmp_path, capsys):
     assert "a landmark at every 2 of them" in " ".join(capsys.readouterr().out.split())
 
 
-def test_a_bad_stride_on_the_command_line_is_misuse(mapped, tmp_path, capsys):
-    assert phomo("run", mapped.site, "--out", tmp_path / "run", "--region.stride", 0) == 2
-    assert "--region.stride is 0; give a whole number, 1 to 65535" in " ".join(capsys.readouterr().err.split())
-
-
 @pytest.mark.parametrize("stride", [0, -2, 1.5])
 def test_a_stride_that_is_no_number_of_pixels_is_refused(stride):
     with pytest.raises(InputError, match=r"stride is .*; give a whole number, 1 to 65535"):

@@ -290,27 +290,6 @@ def test_from_python_it_is_the_same_choice(tmp_path):
     assert [v.image.name for v in read_site(tmp_path / "near.toml").views] == [s.name for s in choice.chosen]
 
 
-FAULTS = {
-    "no pose priors": (None, (10, 5), (), "none of its 3 views has a pose prior"),
-    "latitude beyond the pole": (250, (10, 95), (), "10 95 is not a longitude and a latitude"),
-    "no size of the body": (250, (10, 5), ("--radii-m", 0), "radii 0: give one of a sphere"),
-    "seen by nobody": (250, (-170, 5), (), "no view sees -170 5"),
-    "limit out of range": (250, (10, 5), ("--max-emission", 120), "--max-emission is 120; give above 0, up to 90"),
-    "limits that leave nothing": (250, (10, 5), ("--resolution", 5, 6, "--out", "OUT"), "0 of the 3 views that see"),
-}
-
-
-@pytest.mark.parametrize("fault", FAULTS)
-def test_faults_end_with_one_line_and_leave_nothing(tmp_path, capsys, fault):
-    radius, at, options, message = FAULTS[fault]
-    site = ring(3) if radius else site_of(*(replace(v, pose_prior=None) for v in ring(3).views))
-    write_site(tmp_path / "site.toml", site)
-    options = tuple(tmp_path / "new" if o == "OUT" else o for o in options)
-    assert phomo("views", tmp_path, "--at", *at, *options) == 2
-    assert message in " ".join(capsys.readouterr().err.replace("│", " ").split())
-    assert [p.name for p in tmp_path.iterdir()] == ["site.toml"]
-
-
 @pytest.mark.data
 @needs_formats
 def test_a_real_image_of_bennu_sees_the_place_that_its_sumfile_points_at(tmp_path):

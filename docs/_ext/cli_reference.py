@@ -77,7 +77,7 @@ def write_pages(app: Any = None) -> None:
     found = commands()
     intro = "Each page is generated from the command itself; `phomo COMMAND --help-all` prints the same."
     table = [f"- [`phomo {name}`]({name}.md): {_first_line(command)}" for name, command in found.items()]
-    tree = ["```{toctree}", ":hidden:", "", *found, "```"]
+    tree = ["```{toctree}", ":hidden:", "", *found, "faults", "```"]  # faults_reference.py writes the last
     pages = {"index": "\n".join(["# Commands", "", intro, "", *table, "", *tree]) + "\n"}
     pages |= {name: page(name, command) for name, command in found.items()}
     for name, text in pages.items():

@@ -1,0 +1,773 @@
+"""The faults that commands answer, as one table: `test_faults.py` tries each, and the reference shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from fault_place import (
+    Change,
+    both,
+    colour_png,
+    copy,
+    cube_fits,
+    cut,
+    edit,
+    folder,
+    frame,
+    frames,
+    gamma_png,
+    geometry_alone,
+    lock,
+    noise,
+    put,
+    remove,
+    saturated_png,
+    table_fits,
+)
+from sites import HEADER, SIZE, picture
+
+LINE, LIST, BOX = "line", "list", "box"
+"""How a message looks: one line; a line and one more for each file; the box of the parser of options."""
+
+NOTHING: tuple[str, ...] = ()
+BEGUN = ("map", "map/config.toml", "map/log", "map/run.json")
+"""What is left by a run that ends before its first stage; the same command goes on there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One fault, and how the command that meets it ends."""
+
+    kind: str
+    name: str
+    command: str
+    """As typed after `phomo`, in the folder that `fault_place.build_place` makes."""
+    says: str
+    """The end of standard error, after "phomo: "; " ... " stands for any words."""
+    make: Change | None = None
+    """Spoils something; None where the command itself is wrong."""
+    code: int = 2
+    left: tuple[str, ...] = NOTHING
+    """Paths that the command makes or changes."""
+    form: str = LINE
+    disk: int | None = None
+    """Bytes that a file may have; None for as many as there are."""
+    test: str = ""
+    """The test of a fault that needs a process of its own, or minutes: file::function. Empty for those tried here."""
+
+
+RUN = "run site/site.toml --out map"
+MAPPED = "run mapped/site.toml --out mapped/run"
+RENDER = "render mapped/run --out a.png"
+EVALUATE = "evaluate mapped/run"
+EXPORT = "export mapped/run --out out"
+REFINE = "refine model --out out"
+VIEWS = "views priors --radii-m 250 --at"
+ONE = "site/images/1.fits"
+PHOTO = "photos/20190301T101500.png"
+INGEST = f"ingest {PHOTO} --out out"
+ALL = "ingest photos/20190301T101500.png photos/20190302T101500.png photos/20190303T101500.png --out out"
+SUNS = "--suns photos/suns.csv --pinhole 500 500 30 20"
+
+Row = Callable[..., Fault]
+
+
+def rows(kind: str, **given: object) -> Row:
+    """A row of a kind, of name, command, words and change."""
+
+    def row(name: str, command: str, says: str, make: Change | None = None, **more: object) -> Fault:
+        return Fault(kind=kind, name=name, command=command, says=says, make=make, **(given | more))  # type: ignore[arg-type]
+
+    return row
+
+
+def image(name: str, make: Change, says: str, **more: object) -> Fault:
+    """A fault of an image of the small site."""
+    return rows("images", left=BEGUN)(name, RUN, says, make, **more)
+
+
+def toml(kind: str, name: str, old: str, new: str, *says: str) -> Fault:
+    """A text of site.toml, replaced where it first occurs."""
+    return rows(kind)(name, RUN, " ... ".join(["site/site.toml:", *says]), edit("site/site.toml", old, new))
+
+
+def images() -> Iterator[Fault]:
+    again, linear = "fetch or export it again", "whose numbers are not linear in radiance"
+    short = "before the end of the header or of the pixels that it announces; " + again
+    yield image(
+        "an image is missing",
+        remove(ONE),
+        f"site/site.toml: 1 of 4 images do not exist: {ONE}; image paths are relative to this file",
+        left=NOTHING,
+    )
+    yield image(
+        "two images are missing",
+        remove(ONE, "site/images/3.fits"),
+        f"site/site.toml: 2 of 4 images do not exist: {ONE}, site/images/3.fits; image paths",
+        left=NOTHING,
+    )
+    yield image(
+        "an image is a folder",
+        both(remove(ONE), folder(ONE)),
+        f"{ONE}: cannot be read: Is a directory; check the path",
+        left=NOTHING,
+    )
+    yield image("an image is empty", put(ONE, b""), f"{ONE}: is an empty file; {again}")
+    yield image("an image is a GIF", put(ONE, b"GIF89a...."), f"{ONE}: is not a FITS, PNG or TIFF image ... convert it")
+    yield image(
+        "an image is a JPEG", put(ONE, b"\xff\xd8\xff\xe0rest"), f"{ONE}: is a JPEG, {linear}; get the image as"
+    )
+    yield image("an image is a BigTIFF", put(ONE, b"II+\0...."), f"{ONE}: is a BigTIFF; convert it to plain TIFF")
+    yield image("a FITS file is cut short", cut(ONE, 5000), f"{ONE}: was cut short: it ends after 5000 bytes, {short}")
+    yield image(
+        "a FITS header is cut short", put(ONE, b"SIMPLE  =  T"), f"{ONE}: was cut short: it ends after 12 bytes"
+    )
+    yield image(
+        "a PNG is cut short",
+        put(ONE, b"\x89PNG\r\n\x1a\n"),
+        f"{ONE}: is damaged (the PNG ends after 8 bytes, before its end mark); {again}",
+    )
+    yield image(
+        "a TIFF is damaged",
+        put(ONE, b"II*\0\xff\xff\xff\xff"),
+        f"{ONE}: is damaged (the TIFF directory points past the end of the file); {again}",
+    )
+    yield image("a FITS file holds a cube", cube_fits, f"{ONE}: has no image with two axes (found: (3, 4, 5)); extract")
+    yield image("a FITS file holds a table alone", table_fits, f"{ONE}: has no image with two axes (found: none)")
+    yield image("an image is in colour", colour_png, f"{ONE}: is a colour image; export one band as grey, linear")
+    yield image(
+        "a PNG declares a gamma",
+        gamma_png,
+        f"{ONE}: declares that its numbers are not linear in radiance (gamma 0.4546); export it again from linear data,"
+        " or write linear = true in site.toml",
+    )
+    yield image(
+        "an image has another size than its camera",
+        frame(1, picture(1)[:60]),
+        f"{ONE}: is 64 x 60 pixels, but its camera in site.toml is 64 x 64; correct the camera or the image",
+    )
+    yield image("an image is NaN all over", frame(1, np.full((SIZE, SIZE), np.nan)), f"{ONE}: has no valid pixel")
+    yield image("an image is saturated all over", saturated_png, f"{ONE}: has no valid pixel ... remove this view")
+    yield image("an image is dark", frame(1, noise(0.0, 1e-4)), f"{ONE}: is dark: nothing rises ... remove this view")
+    yield image("an image is constant", frame(1, np.full((SIZE, SIZE), 0.4)), f"{ONE}: is constant: ... remove this")
+    yield image("an image is noise", frame(1, noise(0.2, 0.01)), f"{ONE}: is noise alone: ... remove this view")
+    yield image(
+        "two images are the same",
+        copy("site/images/0.fits", ONE),
+        "site/site.toml: images/0.fits and images/1.fits are the same image (all pixels equal); remove one",
+    )
+    unit = 'site/site.toml: brightness: is "iof", but 4 of 4 images are'
+    yield image("per cent are called I/F", frames(lambda x: 100 * x), f"{unit} above 1.5, ... divide per cent by 100")
+    yield image(
+        "counts are called I/F", frames(lambda x: np.round(3e5 * x)), f'{unit} above 1.5, ... write brightness = "dn"'
+    )
+    yield image(
+        "radiance is called I/F", frames(lambda x: 1e-6 * x), f"{unit} dimmer than any sunlit ground ... convert it"
+    )
+    fewer = "site/site.toml: 2 of 4 images cannot be used, 3 must remain: images/0.fits: its"
+    yield image("too many images are negative", frames(lambda x: -x, (0, 3)), f"{fewer} brightness is negative ... add")
+    yield image(
+        "too many images are overexposed",
+        frames(lambda x: np.minimum(x, np.quantile(x, 0.6)), (0, 3)),
+        f"{fewer} highest brightness, ... it is overexposed; give a shorter exposure",
+    )
+    yield image(
+        "the reference image has impossible brightness",
+        frames(lambda x: -x, (1,)),
+        "region.reference 'images/1.fits' is left out: its brightness is negative ... or name another view",
+    )
+    yield image(
+        "there are fewer images than views of a landmark",
+        frames(lambda x: x),
+        "site/site.toml: 4 views are to be mapped, but landmarks are to be in 6 views at least; add views, or pass "
+        "--densify.min-views 4 or --preset few-views",
+    )
+
+
+SUN = "sun = [0.6, 0.0, -0.8]"
+FIRST = "views[0] (images/0.fits): "
+UNIT = "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
+
+
+def suns() -> Iterator[Fault]:
+    row = partial(toml, "Suns")
+    numbers = f"{FIRST}sun: expected a list of 3 finite numbers, found"
+    yield row("a Sun is missing", SUN, "", f"{FIRST}sun: is missing; {UNIT}")
+    yield row("the key of a Sun is misspelt", SUN, SUN.replace("sun", "snu"), f"{FIRST}sun", "did you mean 'sun'?")
+    yield row("a Sun is zero", SUN, "sun = [0, 0, 0]", f"{FIRST}sun: is the zero vector; {UNIT}")
+    yield row("a Sun is no unit vector", SUN, "sun = [3, 0, -4]", f"{FIRST}sun", "has length 5, not 1; " + UNIT)
+    yield row("a Sun is nearly a unit vector", SUN, "sun = [0.6, 0, -0.81]", f"{FIRST}sun", "has length 1.00802, not 1")
+    yield row("a Sun is NaN", SUN, "sun = [0.6, nan, -0.8]", f"{numbers} [0.6, nan, -0.8]; {UNIT}")
+    yield row("a Sun has two numbers", SUN, "sun = [0.6, -0.8]", f"{numbers} [0.6, -0.8]; {UNIT}")
+    yield row("a Sun is text", SUN, 'sun = "up"', f"{numbers} 'up'; {UNIT}")
+    yield row("a Sun is of booleans", SUN, "sun = [true, false, false]", f"{numbers} [True, False, False]")
+    yield row(
+        "the sigma of a Sun is zero",
+        SUN,
+        SUN + "\nsun_sigma_deg = 0",
+        f"{FIRST}sun_sigma_deg: expected a positive number, found 0",
+    )
+    yield rows("Suns", code=3)(
+        "most Suns contradict the images",
+        RUN,
+        "the map is written, but not to be trusted: the Sun directions",
+        left=("the whole map",),
+        test="test_warnings.py::test_a_run_that_warns_says_so_at_its_end_and_in_its_files",
+    )
+
+
+PRIOR = "cam_from_body = {{ rotation_wxyz = {}, translation = [0, 0, 9], sigma_deg = 0.1, sigma = 1 }}"
+SIZED, PARAMS, REFERENCE = "[40, 20]", "[640.0, 640.0, 32.0, 32.0]", 'reference = "images/1.fits"'
+
+
+def keys() -> Iterator[Fault]:
+    row = partial(toml, "TOML")
+    whole, stride = "expected a positive whole number, found", "region: stride"
+    yield row("an unknown key of a view", SUN, SUN + "\nsun_sigma = 1", f"{FIRST}sun_sigma: unknown", "'sun_sigma_deg'")
+    yield row("an unknown key", "body =", "bodi =", "bodi: unknown key; did you mean 'body'?")
+    yield row("an unknown table", "[region]", "[regoin]", "regoin: unknown key; did you mean 'region'?")
+    yield row("a misspelt key of the camera", "width", "widht", "camera: width", "'widht'; did you mean 'width'?")
+    yield row("a misspelt key of the region", "center_px", "centre_px", "region: centre_px: unknown", "'center_px'?")
+    yield row("no name", 'name = "small"', "", "name: is missing")
+    yield row("an unknown body", '"vesta"', '"tatooine"', "body: 'tatooine' is not known", "bennu", "body_radius_m")
+    yield row("a radius of zero", '"vesta"', '"tatooine"\nbody_radius_m = 0', "body_radius_m: expected a positive")
+    yield row("a wrong kind of brightness", '"iof"', '"radiance"', "brightness", "'radiance'", "'iof', 'dn'")
+    yield row("no kind of brightness", 'brightness = "iof"', "", "brightness: is missing")
+    yield row("no camera", "[camera]", "[cam]", "camera", "[camera] or one [cameras.NAME]")
+    yield row("the camera of a view is unknown", SUN, SUN + '\ncamera = "wide"', f"{FIRST}camera", "no [cameras.wide]")
+    yield row("a camera with distortion", "PINHOLE", "OPENCV", "camera: model", "'OPENCV'", "undistort the images")
+    yield row("three numbers of a camera", PARAMS, "[640.0, 32, 32]", "camera: params: expected", "4 finite numbers")
+    yield row("a negative focal length", "[640.0, 640.0,", "[-640, 640,", "camera: params", "must be positive")
+    yield row(
+        "focal lengths and centre swapped", PARAMS, "[32, 32, 640, 1e6]", "params", "far outside", "fx, fy, cx, cy"
+    )
+    yield row("a number too large", "[640.0,", f"[{10**400},", "camera: params", "4 finite numbers")
+    yield row("an image without width", "width = 64", "width = 0", f"camera: width: {whole} 0")
+    yield row("half a pixel of width", "width = 64", "width = 64.5", f"camera: width: {whole} 64.5")
+    yield row(
+        "the reference is no view", REFERENCE, 'reference = "images/1.fit"', "region: reference", "'images/1.fits'?"
+    )
+    yield row("a centre without reference", REFERENCE, "", "region: center_px", "give `reference`, too")
+    yield row("the region is beside the image", "[30.0, 32.0]", "[10, 32]", "center_px", "outside images/1.fits")
+    yield row("the region is larger than the image", SIZED, "[40, 66]", "region: center_px", "y -1 to 65", "shrink")
+    yield row("a region without height", SIZED, "[40, 0]", "region: size_px", "positive whole numbers")
+    yield row("a stride of zero", SIZED, f"{SIZED}\nstride = 0", f"{stride}: {whole} 0")
+    yield row("a negative stride", SIZED, f"{SIZED}\nstride = -2", f"{stride}: {whole} -2")
+    yield row("half a stride", SIZED, f"{SIZED}\nstride = 1.5", f"{stride}: {whole} 1.5")
+    yield row("two strides", SIZED, f"{SIZED}\nstride = [2, 2]", f"{stride}: {whole} [2, 2]")
+    yield row("a stride of the region's height", SIZED, f"{SIZED}\nstride = 20", stride, "single row", "smaller stride")
+    yield row("an image twice", "images/2.fits", "images/../images/0.fits", "views", "same file", "remove")
+    yield row("an image is a number", '"images/0.fits"', "7", "views[0]: image", "text in quotes", "7")
+    yield row("an image without name", '"images/0.fits"', '" "', "views[0]: image", "is empty")
+    yield row("a prior's rotation is no unit", SUN, f"{SUN}\n{PRIOR.format('[1, 1, 0, 0]')}", "wxyz", "length 1.41421")
+    yield row("a prior's rotation is short", SUN, f"{SUN}\n{PRIOR.format('[1, 0, 0]')}", "rotation_wxyz", "4 finite")
+    yield row("a table in place of a list", "[[views]]\nimage", "[views]\nimage", "is not valid TOML")
+    yield row("a quote is missing", 'name = "small"', 'name = "small', "is not valid TOML", "line 1")
+    yield row("linear is text", '"iof"', '"iof"\nlinear = "yes"', "linear: expected true or false, found 'yes'")
+    file = rows("TOML")
+    none = put("site/site.toml", HEADER.split("[region]")[0])
+    yield file("no view", RUN, "site/site.toml: views: there are 0, at least 3 are needed; add [[views]]", none)
+    yield file("site.toml is missing", "run none.toml --out map", "none.toml: there is no such file; give a site.toml")
+    yield file("site.toml is an image", f"run {ONE} --out map", f"{ONE}: is not UTF-8 text ... give a site.toml")
+    yield file("the folder has no site.toml", "run photos --out map", "photos: the folder holds no site.toml; give a")
+
+
+CONTROL = "point,view,x_px,y_px,x_m,y_m,z_m,sigma_m\n"
+
+
+def options() -> Iterator[Fault]:
+    row = rows("options")
+    number = "give a whole number, 1 to"
+    yield row("no rounds", f"{RUN} --adjust.max-rounds 0", f"--adjust.max-rounds is 0; {number} 100")
+    yield row("negative features", f"{RUN} --sfm.max-features -5", f"--sfm.max-features is -5; {number}")
+    yield row("no threads", f"{RUN} --sfm.threads 0", f"--sfm.threads is 0; {number} 1024, or -1")
+    yield row("NaN", f"{RUN} --adjust.smooth-sigma-rad nan", "--adjust.smooth-sigma-rad is nan; give 0")
+    yield row("infinity", f"{RUN} --flow.smoothness inf", "--flow.smoothness is inf; give 0 or more")
+    yield row("no steps", f"{RUN} --adjust.solver.max-steps 0", "--adjust.solver.max-steps is 0; give")
+    yield row("a stride of zero", f"{RUN} --region.stride 0", f"--region.stride is 0; {number} 65535")
+    yield row("of a study's runs", "study --out out --run.sfm.threads 0", "--run.sfm.threads is 0; give")
+    yield row("of a refinement", f"{REFINE} --adjust.max-rounds 0", "--adjust.max-rounds is 0; give")
+    yield row("of a simulation", "simulate --out out --detector.bits 99", "--detector.bits is 99; give a whole")
+    yield row("of an ingestion", f"{INGEST} --position-sigma nan", "--position-sigma is nan; give")
+    yield row("of an export", f"{EXPORT} --unit-m 0", "--unit-m is 0; give above 0")
+    yield row(
+        "of a choice of views", f"{VIEWS} 10 5 --max-emission 120", "--max-emission is 120; give above 0, up to 90"
+    )
+    yield row(
+        "a focal length of zero", f"{INGEST} --pinhole 0 500 30 20", "--pinhole is (0.0, 500.0, 30.0, 20.0): 0; give"
+    )
+    yield row("an unknown matcher", f"{RUN} --matcher roam", "no matcher 'roam'; known: relight, flow, roma")
+    yield row(
+        "RoMa without weights", f"{RUN} --matcher roma", "the matcher roma needs --roma.weights FILE; ... fetch it"
+    )
+    held = "--hold-out (hold_out=):"
+    yield row("a view held out is none", f"{RUN} --hold-out 9.fits", f"{held} no view '9.fits' in the site; nearest:")
+    yield row(
+        "the reference is held out",
+        f"{RUN} --hold-out images/1.fits",
+        f"{held} images/1.fits is the site's reference view; hold out others",
+    )
+    yield row(
+        "too many views are held out",
+        f"{RUN} --hold-out images/0.fits images/2.fits",
+        f"{held} 2 of 4 views are held out, at least 3 must remain to be mapped; hold out fewer",
+    )
+    yield row(
+        "a model without coefficients of the body",
+        f"{RUN} --reflectance lunar-lambert",
+        "no published lunar-lambert coefficients for body 'eros' (known: ceres, vesta); use reflectance akimov",
+        edit("site/site.toml", '"vesta"', '"eros"'),
+    )
+    table = f"{RUN} --control gcp.csv"
+    yield row("no table of control points", table, "gcp.csv: there is no such table of control points; check the path")
+    yield row(
+        "an empty table of control points", table, "gcp.csv: the first line has no column 'point'", put("gcp.csv", "")
+    )
+    yield row("a table without points", table, "gcp.csv: has no control point; write a line", put("gcp.csv", CONTROL))
+    yield row(
+        "a control point in an unknown view",
+        table,
+        "control point 'a' is measured in view '9.fits', which the site does not have; write the image's path as",
+        put("gcp.csv", CONTROL + "a,9.fits,1,1,0,0,0,1\n"),
+    )
+    yield row(
+        "a control point at NaN",
+        table,
+        "gcp.csv, line 2: y_px is 'nan', expected a number",
+        put("gcp.csv", CONTROL + "a,images/0.fits,1,nan,0,0,0,1\n"),
+    )
+    yield row("a misspelt command", "rnu site/site.toml", "there is no command 'rnu'; did you mean `phomo run`?")
+    yield row("a command unlike any", "zzz", "there is no command 'zzz'; commands: ingest, views, simulate, run")
+    typed = rows("options", form=BOX)
+    yield typed("a misspelt option", f"{RUN} --sfm.max-feature 5", "Unrecognized options ... --sfm.max-features INT")
+    yield typed("a misspelt option of the command", "run site --oout b", "Unrecognized options ... --out")
+    yield typed("an option of another command", "info site --out b", "Unrecognized options ... phomo info --help")
+    yield typed(
+        "a misspelt preset", f"{RUN} --preset quik", "Invalid choice ... 'quik' for argument '--preset' ... 'quick'"
+    )
+    yield typed("an unknown model", f"{RUN} --reflectance lambert", "Invalid choice ... 'lambert' ... 'lunar-lambert'")
+    yield typed(
+        "an unknown format", f"{EXPORT} --products dem", "Invalid choice ... 'dem' for argument '--products' ... 'dtm'"
+    )
+    yield typed(
+        "text for a number", f"{RUN} --adjust.max-rounds many", "Value error ... --adjust.max-rounds: ... 'many'"
+    )
+    yield typed("an option without value", f"{RUN} --adjust.max-rounds", "Missing argument ... '--adjust.max-rounds'")
+    yield typed("one number of two", "views priors --at 10", "Missing argument ... '--at'. Expected 2 values.")
+    yield typed(
+        "a required option is missing", "export mapped/run", "Required options ... phomo export: ... --out PATH"
+    )
+    yield typed("no site", "run", "Required options ... phomo run: ... PATH")
+    yield typed("no command", "", "Missing subcommand ... ingest, views, simulate, run")
+
+
+def folders() -> Iterator[Fault]:
+    row = rows("folders")
+    yield row(
+        "the output is a file",
+        "run site --out site/site.toml",
+        "site/site.toml: exists and is not a run folder; choose",
+    )
+    yield row(
+        "the output is the site", "run site --out site", "site: exists and is not a run folder; choose another --out"
+    )
+    yield row(
+        "the output is below a file",
+        "run site --out site/site.toml/map",
+        "site/site.toml/map/run.json: cannot be written: Not a directory; part of the path is a file",
+    )
+    yield row("a name too long", f"run site --out {300 * 'x'}", "xxx ... File name too long; choose a shorter path")
+    another = "run site --out mapped/run"
+    yield row(
+        "the map of another site",
+        another,
+        "mapped/run: belongs to the site 'place' ... this is the site 'small' ... choose another --out, or give",
+    )
+    yield row(
+        "files that no run wrote",
+        f"{another} --overwrite",
+        "mapped/run: holds thesis.tex, which no run wrote; move it, or choose another --out",
+        put("mapped/run/thesis.tex", "x"),
+    )
+    yield row(
+        "the map of an unknown site",
+        another,
+        "mapped/run: holds a map, and not of which site; this is the site 'small' ... choose another --out",
+        edit("mapped/run/run.json", '"owner"', '"was"'),
+    )
+    yield row(
+        "the map of a model",
+        f"{REFINE.replace('out out', 'out mapped/run')} --min-observations 1 --min-view-observations 1",
+        "mapped/run: belongs to the site 'place' ... this is the model 'model' ... choose another --out",
+    )
+    yield row(
+        "a run folder of another version",
+        another,
+        "mapped/run: run folder format 9, made by version 9; this version ... choose another --out, or remove",
+        put("mapped/run/run.json", '{"format": 9, "version": "9"}'),
+    )
+    yield row(
+        "run.json is damaged",
+        MAPPED,
+        "mapped/run/run.json: damaged ... choose another --out, or remove the folder",
+        put("mapped/run/run.json", "{"),
+    )
+    yield row(
+        "a folder in the log's place",
+        MAPPED,
+        "mapped/run/log: cannot be written: Is a directory; a folder of this name is in the way; move it",
+        folder("mapped/run/log"),
+    )
+    writing = "has been writing to this folder since 2026-01-02T03:04:05Z; wait for it"
+    yield row("another run is at work", MAPPED, f"mapped/run: process ... {writing}, stop it", lock())
+    yield row("another run, and --overwrite", f"{another} --overwrite", f"mapped/run: process ... {writing}", lock())
+    yield row(
+        "a run on another computer",
+        MAPPED,
+        f"mapped/run: process ... on elsewhere {writing} ... if it no longer runs there, remove mapped/run/lock",
+        lock(host="elsewhere"),
+    )
+    yield row(
+        "a lock that is being written",
+        MAPPED,
+        "mapped/run/lock: is just being written by another run; try again in 10 s",
+        put("mapped/run/lock", ""),
+    )
+    yield row(
+        "a site is simulated among files", "simulate --out site", "site: is not empty and holds no simulated site"
+    )
+    yield row(
+        "a site is simulated on a file", f"simulate --out {PHOTO}", f"{PHOTO}: is a file; choose a folder for the"
+    )
+    yield row(
+        "a site is simulated again",
+        "simulate --out site",
+        "site: holds a simulated site already; pass --overwrite, or choose another folder",
+        put("site/simulation.toml", ""),
+    )
+    yield row("images are ingested among files", f"ingest {PHOTO} --out site", "site: exists and is not empty; choose")
+    yield row(
+        "a map is exported among files", "export mapped/run --out photos --products csv", "... photos: holds 2019"
+    )
+    yield row(
+        "a map is exported to a file", f"export mapped/run --out {PHOTO} --products csv", "... .png: is a file, not"
+    )
+    yield row("a study among files", "study --out photos", "photos: exists and is not a study; choose another folder")
+    yield row(
+        "an evaluation below a file",
+        f"{EVALUATE} --no-images --out {PHOTO}",
+        f"{PHOTO}/evaluation.json: cannot be written: File exists; part of the path is a file",
+    )
+    yield row(
+        "a folder in a picture's place",
+        RENDER,
+        "a.png: cannot be written: Is a directory; a folder of this name is in the way",
+        folder("a.png"),
+    )
+    yield row("a chosen site exists", f"{VIEWS} 10 5 --out priors", "priors/site.toml: exists; choose another --out")
+
+
+def others() -> Iterator[Fault]:
+    row = rows("other commands")
+    finished = "give a folder that `phomo run` has finished"
+    run_again = "run the site again"
+    scene, metrics, config = (f"mapped/run/{name}" for name in ("scene.h5", "metrics.json", "config.toml"))
+    yield row(
+        "info of nothing", "info none", "none: no such file or folder; give a site.toml or the folder of a finished"
+    )
+    yield row("info of another folder", "info photos", "photos: the folder holds neither site.toml nor scene.h5; give")
+    yield row("metrics.json is damaged", "info mapped/run", f"{metrics}: is damaged (Expecting", put(metrics, "{"))
+    yield row(
+        "metrics.json is a list", "info mapped/run", f"{metrics}: is damaged ... {run_again}", put(metrics, "[1]")
+    )
+    yield row("scene.h5 is text", "info mapped/run", f"{scene}: is not a scene file ... {run_again}", put(scene, "x"))
+    yield row("scene.h5 is cut short", "info mapped/run", f"{scene}: is not a scene ... truncated", cut(scene, 5000))
+    yield row("a folder without a map", "evaluate photos", f"photos: the folder holds no scene.h5; {finished}")
+    yield row("a folder that is not there", "evaluate none", f"none: no such folder; {finished}")
+    yield row(
+        "no truth", f"{EVALUATE} --truth none.h5", "none.h5: there is no such truth file; `phomo simulate` writes one"
+    )
+    yield row("a map for a truth", f"{EVALUATE} --truth {scene}", f"{scene}: is an HDF5 file, but not the truth of")
+    yield row(
+        "truth and reference",
+        f"{EVALUATE} --truth a.h5 --reference b.ply",
+        "truth and reference are both given; compare with one at a time",
+    )
+    yield row(
+        "poses without a map",
+        f"{EVALUATE} --cameras mapped",
+        "cameras align a map with another one: give the reference",
+    )
+    yield row(
+        "a reference of another kind", f"{EVALUATE} --reference {PHOTO}", f"{PHOTO}: is not a map to compare with; give"
+    )
+    yield row("no reference", f"{EVALUATE} --reference none.ply", "none.ply: there is no such file; check the path")
+    yield row(
+        "a damaged PLY file",
+        f"{EVALUATE} --reference a.ply",
+        "a.ply: is not a complete PLY file (it does not begin with a header ... export it again",
+        put("a.ply", "ply\n"),
+    )
+    yield row(
+        "a reference folder without map",
+        f"{EVALUATE} --reference photos",
+        "photos/scene.h5: there is no such file; run the site first, or check the path",
+    )
+    yield row(
+        "a folder without poses",
+        f"{EVALUATE} --reference mapped/run --cameras photos",
+        "photos/cameras.bin: there is no",
+    )
+    give = "give the site.toml (--site, site=), or leave the images out (--no-images, images=False)"
+    yield row(
+        "the site has moved",
+        EVALUATE,
+        f"gone.toml: the site of the run is not there (any more); {give}",
+        put(config, 'site = "gone.toml"\n'),
+    )
+    yield row(
+        "the run names no site", EVALUATE, f"mapped/run: config.toml does not name the site; {give}", put(config, "")
+    )
+    yield row(
+        "the run's site is a number",
+        EVALUATE,
+        f"{config}: site: expected a path in quotes, found 7; {give}",
+        put(config, "site = 7\n"),
+    )
+    yield row("config.toml is damaged", EVALUATE, f"{config}: is not valid TOML", put(config, "site ="))
+    yield row(
+        "the images of another site",
+        f"{EVALUATE} --site site/site.toml",
+        "site/site.toml: has no view 'images/000.fits'",
+    )
+    yield row(
+        "a picture of another format", "render mapped/run --out a.jpg", "a.jpg: cannot write .jpg; use .fits or .png"
+    )
+    yield row("no such view", f"{RENDER} --view 7", "no view '7' in scene 'bumps'; nearest: images/00")
+    yield row(
+        "an azimuth alone", f"{RENDER} --sun-azimuth-deg 9", "the Sun's azimuth and elevation go together: give both"
+    )
+    sun = f"{RENDER} --sun-azimuth-deg 9 --sun-elevation-deg"
+    yield row("a Sun below the ground", f"{sun} -5", "Sun's elevation -5.0 degrees: must be above 0 and at most 90")
+    yield row("a Sun at NaN", f"{sun} nan", "Sun's elevation nan degrees: must be above 0 and at most 90")
+    yield row(
+        "an infinite azimuth",
+        f"{RENDER} --sun-azimuth-deg inf --sun-elevation-deg 9",
+        "Sun's azimuth inf degrees: must",
+    )
+    yield row("a Sun of zeros", f"{RENDER} --sun 0 0 0", "Sun [0.0, 0.0, 0.0] is not a direction; give three numbers")
+    yield row(
+        "two Suns", f"{sun} 9 --sun 0 0 1", "the Sun is given twice: give its direction, or azimuth and elevation"
+    )
+    yield row(
+        "a rendering of geometry alone", RENDER, "scene 'bumps' holds geometry alone ... run again with", geometry_alone
+    )
+    fixed = "scene 'bumps' cannot be exported as"
+    yield row(
+        "SUMFILEs without a frame",
+        f"{EXPORT} --products sumfile",
+        f"{fixed} sumfile: it is in no body-fixed frame; give",
+    )
+    yield row("sigmas of a map without", f"{EXPORT} --products sigma", f"{fixed} sigma: it states no uncertainties")
+    yield row(
+        "albedo of geometry alone", f"{EXPORT} --products albedo", f"{fixed} albedo: it holds geometry", geometry_alone
+    )
+    yield row(
+        "a frame that is not the body's",
+        f"{EXPORT} --body-fixed --unit-m 60 --body vesta",
+        "the landmarks of scene 'bumps' would be ... this is not the body-fixed frame, or the unit is wrong; check",
+    )
+    yield row(
+        "a body-fixed frame without unit",
+        f"{EXPORT} --body-fixed",
+        "--body-fixed needs the scene's unit of length: give",
+    )
+    yield row(
+        "pixels too fine",
+        f"{EXPORT} --resolution 1e-6 --unit-m 60 --products dtm",
+        "pixels of 1e-06 make a map of ... choose a coarser --resolution",
+    )
+    yield row(
+        "no transform", f"{EXPORT} --transform t.toml", "t.toml: there is no such file; give a TOML file with scale"
+    )
+    yield row(
+        "a transform of scale zero",
+        f"{EXPORT} --transform t.toml",
+        "t.toml: scale: expected a positive number, found 0",
+        put("t.toml", "scale = 0\n"),
+    )
+    yield row(
+        "a frame from a site without poses",
+        f"{EXPORT} --site mapped/site.toml",
+        "0 of the 4 views have a pose prior, at least 3 are needed ... add cam_from_body to more views of site.toml",
+    )
+    yield row(
+        "no model", "refine none --out out", "none/cameras.txt: there is no such file; give the folder of a model"
+    )
+    yield row(
+        "a damaged model",
+        REFINE,
+        "model/points3D.txt, line 1: value 1 is 'x', expected a finite number",
+        put("model/points3D.txt", "x y z\n"),
+    )
+    yield row(
+        "a model without a body",
+        f"{REFINE} --reflectance lunar-lambert",
+        "no published lunar-lambert coefficients for body",
+    )
+    yield row(
+        "landmarks with too few observations",
+        f"{REFINE} --min-observations 99 --min-view-observations 1",
+        "model: no landmark has enough lit observations; lower --shadow-threshold or --min-observations",
+    )
+    yield row(
+        "a reference that the model lacks", f"{REFINE} --reference 7.fits", "model/images.txt: holds no image '7.fits'"
+    )
+    yield row(
+        "views of a site without poses", "views site --at 10 5", "site/site.toml: none of its 4 views has a pose prior"
+    )
+    yield row("a latitude beyond the pole", f"{VIEWS} 10 95", "10 95 is not a longitude and a latitude: give degrees")
+    yield row("a radius of zero for views", "views priors --at 10 5 --radii-m 0", "radii 0: give one of a sphere")
+    yield row(
+        "a place that nobody sees", f"{VIEWS} -170 5", "priors/site.toml: no view sees -170 5: from 3 it lies beyond"
+    )
+    yield row(
+        "limits that leave no view",
+        f"{VIEWS} 10 5 --resolution 5 6 --out new",
+        "0 of the 3 views that see the place are within the limits, a map needs 3 at least (--resolution leaves out 3)",
+    )
+    yield row(
+        "no camera and no Suns", ALL, "3 of 3 files cannot be used ... --camera NAME ... pass --kernels", form=LIST
+    )
+    yield row(
+        "no Suns", f"{INGEST} --pinhole 500 500 30 20", f"{PHOTO}: the Sun's direction is unknown: pass --kernels"
+    )
+    yield row("no such file", "ingest none.img --out out", "none.img: there is no such file; check the path")
+    yield row(
+        "a file of no archive", "ingest site/site.toml --out out", "site/site.toml: is not a PDS3 or PDS4 label, ISIS"
+    )
+    yield row(
+        "an unknown camera", f"{INGEST} --camera kodak", "there is no camera 'kodak' in the table; known: dawn-fc1"
+    )
+    yield row(
+        "no table of Suns", f"{INGEST} --suns none.csv", "none.csv: there is no such table of Suns; check the path"
+    )
+    yield row(
+        "a table of Suns with a wrong Sun",
+        f"{INGEST} {SUNS}",
+        "photos/suns.csv, line 2: the Sun has length 1.20416",
+        edit("photos/suns.csv", "0.6,", "0.9,"),
+    )
+    yield row(
+        "a kernel that is none", f"{INGEST} --kernels a.tls", "a.tls: is not a SPICE kernel", put("a.tls", "hello")
+    )
+    yield row(
+        "a folder without kernels", f"{INGEST} --kernels site", "site: holds no SPICE kernels ... check the folder"
+    )
+    yield row(
+        "a folder without SUMFILEs", f"{INGEST} --sumfiles site", "site: holds no SUMFILEs (*.SUM); check the folder"
+    )
+    yield row(
+        "an unknown place",
+        "simulate --out out --preset moon",
+        "no preset 'moon'; known: demo, cornelia, ahuna, ikapati",
+    )
+    yield row(
+        "a boresight beside the image",
+        "simulate --out out --intrinsics 500 500 3000 20",
+        "the boresight (cx, cy) = (3000.0",
+    )
+    yield row(
+        "no ground", "simulate --out out --surface none.ply", "none.ply: there is no such surface; check the path"
+    )
+    yield row(
+        "damaged ground",
+        "simulate --out out --surface a.obj",
+        "a.obj: is not a complete OBJ file",
+        put("a.obj", "v 1 2\n"),
+    )
+    yield row(
+        "a resolution without ground", "simulate --out out --gsd 5", "--gsd and --surface-center go with --surface"
+    )
+    yield row("a seed twice", "study --out out --seeds 1 1", "a study needs seeds, each once, got [1, 1]")
+    yield row(
+        "no network",
+        "fetch --endpoint http://127.0.0.1:9",
+        "travisdriver/phomo-data: ... cannot be fetched ... check the network",
+        code=1,
+    )
+
+
+def disks() -> Iterator[Fault]:
+    row = rows("disk", code=1)
+    large = "cannot be written: File too large; the file system or a limit forbids files of this size"
+    yield row("full at the first file of a run", RUN, f"map/run.json: {large}", disk=10)
+    yield row("full at an export", f"{EXPORT} --products csv", f"... out/landmarks.csv: {large}", disk=300)
+    yield row("full at a rendering", "render mapped/run --out a.fits", f"a.fits: {large}", disk=300)
+    yield row(
+        "full at an evaluation", f"{EVALUATE} --no-images", f"mapped/run/evaluation/evaluation.json: {large}", disk=300
+    )
+    yield row("full at an ingestion", f"{ALL} {SUNS}", f"out/images/20190301T101500.fits: {large}", disk=300)
+    yield row("full at a choice of views", f"{VIEWS} 10 5 --out new", f"new/site.toml: {large}", disk=300)
+    far = "cannot be written: File too large"
+    begun = ("finished stages",)
+    yield row(
+        "full in structure from motion",
+        RUN,
+        f"... work/... : {far}",
+        left=begun,
+        test="test_disk_full.py::test_the_sparse_stage",
+    )
+    yield row(
+        "full at a stage's result",
+        RUN,
+        f"stages/dense.npz: {far}",
+        left=begun,
+        test="test_disk_full.py::test_a_stages_result",
+    )
+    yield row(
+        "read-only, or of another computer that is away",
+        RUN,
+        "...: Read-only file system; free some space, or choose another place",
+        left=begun,
+        test="test_disk_full.py::test_any_other_write_of_a_command",
+    )
+
+
+def ends() -> Iterator[Fault]:
+    resumes = "the same command resumes after the last finished stage"
+    stages, signal = ("finished stages",), "test_signals.py::test_a_signal_ends_a_command_with_one_line"
+    row = rows("signals", left=stages)
+    yield row("Ctrl-C", RUN, f"interrupted; {resumes}", code=130, test=signal)
+    yield row("SIGTERM", RUN, f"terminated; {resumes}", code=143, test=signal)
+    yield row("killed (SIGKILL)", RUN, "", code=137, test="test_run_lock.py::test_a_stale_lock_is_taken_over")
+    yield row(
+        "the reader of the output is gone",
+        "--help",
+        "",
+        code=141,
+        left=NOTHING,
+        test="test_cli.py::test_a_reader_that_has_gone_is_not_complained_about",
+    )
+    row = rows("resources")
+    yield row(
+        "memory does not suffice",
+        RUN,
+        "out of memory (Unable to allocate ... give a smaller region, a larger stride",
+        code=1,
+        left=stages,
+        test="test_faults.py::test_memory_that_does_not_suffice_is_told",
+    )
+    yield row(
+        "an extra is not installed",
+        EXPORT,
+        "stack needs pancakes: pip install 'photoclinometry[breakfast]'",
+        test="test_export.py::test_a_format_whose_extra_is_not_installed_names_it",
+    )
+
+
+FAULTS = (*images(), *suns(), *keys(), *options(), *folders(), *others(), *disks(), *ends())

@@ -1,0 +1,123 @@
+"""Every fault of the table ends its command as the table says: exit code, one line, and what is on disk."""
+
+import hashlib
+import logging
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from commands import phomo
+from fault_place import build_place, frames, small_disk
+from faults import BOX, EVALUATE, EXPORT, FAULTS, INGEST, LINE, RENDER, RUN, SUNS, VIEWS, Fault
+from photoclinometry.pipeline import run as pipeline
+
+TRIED = [fault for fault in FAULTS if not fault.test]
+
+
+def name_of(fault: Fault) -> str:
+    return f"{fault.kind}: {fault.name}"
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("good")
+    build_place(folder)
+    return folder
+
+
+@pytest.fixture
+def here(good, tmp_path, monkeypatch):
+    """A copy of the good examples as the working folder, and a terminal of 80 columns."""
+    folder = tmp_path / "here"
+    shutil.copytree(good, folder)
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("COLUMNS", "80")
+    return folder
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Everything below a folder, files with a digest of their bytes."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+        for path in folder.rglob("*")
+    }
+
+
+def message(said: str, form: str) -> str:
+    """The command's last words, without "phomo: ", in one line."""
+    assert "Traceback" not in said
+    lines = said.splitlines()
+    if form == BOX:
+        return " ".join("".join(" " if c in "│─╭╮╰╯" else c for c in said).split())
+    (first,) = (k for k, line in enumerate(lines) if line.startswith("phomo: "))
+    if form == LINE:
+        assert first == len(lines) - 1, said
+    return " ".join(" ".join(lines[first:]).removeprefix("phomo: ").split())
+
+
+@pytest.mark.parametrize("fault", TRIED, ids=name_of)
+def test_a_fault_ends_its_command_as_the_table_says(fault, here, capsys):
+    if fault.make is not None:
+        fault.make()
+    before = contents(here)
+    with small_disk(fault.disk):
+        assert phomo(*shlex.split(fault.command)) == fault.code
+    said = message(capsys.readouterr().err, fault.form)
+    start, *parts = (" ".join(part.split()) for part in fault.says.split("..."))
+    assert said.startswith(start)
+    at = len(start)
+    for part in parts:
+        assert part in said[at:], said
+        at = said.index(part, at) + len(part)
+    after = contents(here)
+    assert sorted(path for path in before | after if before.get(path) != after.get(path)) == sorted(fault.left)
+    assert not logging.getLogger("photoclinometry").handlers
+
+
+def test_the_table_names_each_fault_once():
+    assert len({name_of(fault) for fault in FAULTS}) == len(FAULTS) >= 110
+
+
+@pytest.mark.parametrize("fault", [fault for fault in FAULTS if fault.test], ids=name_of)
+def test_the_test_of_a_fault_exists(fault):
+    file, function = fault.test.split("::")
+    assert f"def {function}(" in Path(__file__).with_name(file).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "info site",
+        "info mapped/run",
+        f"{EVALUATE} --no-images",
+        f"{EXPORT} --products csv",
+        f"{RENDER} --sun 0 0 1",
+        f"{VIEWS} 10 5 --out new",
+        f"{INGEST} {SUNS}",
+    ],
+)
+def test_what_is_not_spoilt_is_good(command, here):
+    assert phomo(*shlex.split(command)) == 0
+
+
+def test_a_run_that_ended_at_its_images_goes_on_with_corrected_ones(here, capsys):
+    """All of them changed, so that the folder's site has no image in common with the corrected one."""
+    frames(lambda x: 100 * x)()
+    assert phomo(*shlex.split(RUN)) == 2
+    assert "divide per cent by 100" in capsys.readouterr().err
+    frames(lambda x: x)()
+    assert phomo(*shlex.split(RUN)) == 2
+    assert "4 views are to be mapped, but landmarks are to be in 6 views" in capsys.readouterr().err
+
+
+def test_memory_that_does_not_suffice_is_told(here, monkeypatch, capsys):
+    def fails(*_):
+        raise MemoryError("Unable to allocate 32.0 GiB for an array with shape (65535, 65535)")
+
+    monkeypatch.setattr(pipeline, "run", fails)
+    assert phomo(*shlex.split(RUN)) == 1
+    said = message(capsys.readouterr().err, LINE)
+    assert said.startswith("out of memory (Unable to allocate 32.0 GiB")
+    assert said.endswith("; give a smaller region, a larger stride, or fewer or smaller images")
