@@ -185,6 +185,7 @@ def images() -> Iterator[Fault]:
         frames(lambda x: x),
         "site/site.toml: 4 views are to be mapped, but landmarks are to be in 6 views at least; add views, or pass "
         "--densify.min-views 4 or --preset few-views",
+        code=1,
     )
 
 
@@ -694,6 +695,30 @@ def others() -> Iterator[Fault]:
         "a resolution without ground", "simulate --out out --gsd 5", "--gsd and --surface-center go with --surface"
     )
     yield row("a seed twice", "study --out out --seeds 1 1", "a study needs seeds, each once, got [1, 1]")
+    yield row(
+        "an image folder", "ingest photos --out out", "photos: is a folder; give the files in it, such as photos/*"
+    )
+    yield row(
+        "a principal point far outside",
+        f"{INGEST} --suns photos/suns.csv --pinhole 500 500 9999 20",
+        f"{PHOTO}: the principal point [9999.0, 20.0] is far outside 60 x 40 pixels; the order is fx, fy, cx, cy; ...",
+    )
+    yield row(
+        "a warning of a run is a number",
+        "info mapped/run",
+        f"{metrics}: is damaged ... {run_again}",
+        put(metrics, '{"warnings": [1]}'),
+    )
+    yield row(
+        "a file for a model",
+        "refine model/cameras.txt --out out",
+        "model/cameras.txt/cameras.txt: cannot be read: Not a directory; give the folder of a model in text form",
+    )
+    yield row(
+        "a study that holds out too many views",
+        "study --out out --views 3 --hold-out-every 2",
+        "--hold-out-every 2 leaves 2 of 3 views, at least 3 must remain to be mapped; give a larger number",
+    )
     yield row(
         "no network",
         "fetch --endpoint http://127.0.0.1:9",

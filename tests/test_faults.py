@@ -108,7 +108,7 @@ def test_a_run_that_ended_at_its_images_goes_on_with_corrected_ones(here, capsys
     assert phomo(*shlex.split(RUN)) == 2
     assert "divide per cent by 100" in capsys.readouterr().err
     frames(lambda x: x)()
-    assert phomo(*shlex.split(RUN)) == 2
+    assert phomo(*shlex.split(RUN)) == 1
     assert "4 views are to be mapped, but landmarks are to be in 6 views" in capsys.readouterr().err
 
 

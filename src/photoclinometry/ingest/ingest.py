@@ -17,7 +17,7 @@ from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.bodies import is_known
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.json_file import write_json
-from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
+from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, misplaced_principal_point, write_site
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.model.errors import InputError, RunFolderError
@@ -86,7 +86,7 @@ def _read_all(
     seen: set[Path] = set()
     for number, path in enumerate(files, start=1):
         try:
-            exposure = read_exposure(Path(path), options, auxiliary)
+            exposure = _read_one(Path(path), options, auxiliary)
         except InputError as error:
             refused.append(str(error))
         else:
@@ -96,6 +96,17 @@ def _read_all(
         if progress is not None:
             progress(Path(path).name, number, len(files))
     return exposures, refused
+
+
+def _read_one(path: Path, options: IngestOptions, auxiliary: AuxiliaryData) -> Exposure:
+    """Raises InputError for folders, and for cameras that site.toml may not have, too."""
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the files in it, such as {path}/*")
+    exposure = read_exposure(path, options, auxiliary)
+    misplaced = misplaced_principal_point(exposure.camera)
+    if misplaced:
+        raise InputError(f"{path}: {misplaced}; correct --pinhole, or the camera in its label or kernels")
+    return exposure
 
 
 def _listed(refused: Sequence[str], count: int) -> str:

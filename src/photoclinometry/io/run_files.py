@@ -40,7 +40,8 @@ def read_metrics(run: Path) -> dict[str, Any]:
         return {}
     content = read_json(path)
     parts = {"metrics": dict, "warnings": list, "not_trusted_because": list}
-    if not isinstance(content, dict) or not all(isinstance(content.get(k, kind()), kind) for k, kind in parts.items()):
+    sound = isinstance(content, dict) and all(isinstance(content.get(k, kind()), kind) for k, kind in parts.items())
+    if not sound or not all(isinstance(row, dict) and "words" in row for row in content.get("warnings", ())):
         raise RunFolderError(f"{path}: is damaged (it holds no figures of a run); run the site again")
     return content
 

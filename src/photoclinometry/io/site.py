@@ -149,14 +149,19 @@ def _read_camera(table: Table) -> Camera:
         camera = Camera(model, width, height, params)
     except InputError as error:
         raise table.error("params", str(error)) from error
-    center = np.array(camera.principal_px)
-    if (np.abs(center - (width / 2, height / 2)) > _FARTHEST_PRINCIPAL * max(width, height)).any():
-        raise table.error(
-            "params",
-            f"the principal point {center.tolist()} is far outside {width} x {height} pixels; the order is "
-            + ("f, cx, cy" if model == "SIMPLE_PINHOLE" else "fx, fy, cx, cy"),
-        )
+    misplaced = misplaced_principal_point(camera)
+    if misplaced:
+        raise table.error("params", misplaced)
     return camera
+
+
+def misplaced_principal_point(camera: Camera) -> str | None:
+    """Why the camera's principal point cannot be right; None where it can."""
+    center, width, height = np.array(camera.principal_px), camera.width, camera.height
+    if (np.abs(center - (width / 2, height / 2)) <= _FARTHEST_PRINCIPAL * max(width, height)).all():
+        return None
+    order = "f, cx, cy" if camera.model == "SIMPLE_PINHOLE" else "fx, fy, cx, cy"
+    return f"the principal point {center.tolist()} is far outside {width} x {height} pixels; the order is {order}"
 
 
 def _read_view(path: Path, table: Table, default: Camera | None, cameras: dict[str, Camera]) -> SiteView:

@@ -11,7 +11,7 @@ import numpy as np
 from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import MIN_VIEWS, RegionRequest, Site
 from photoclinometry.io.site_images import input_fingerprint, load_images
-from photoclinometry.model.errors import InputError
+from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Camera, Image, Region, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
@@ -172,13 +172,13 @@ def choose_views(
 
 
 def check_enough_views(inputs: Inputs, held_out: np.ndarray, fewest: int) -> None:
-    """Raises InputError where no landmark can be in `fewest` views (`DensifyOptions.min_views`).
+    """Raises ReconstructionError where no landmark can be in `fewest` views (`DensifyOptions.min_views`).
 
     held_out: (K,) bool.
     """
     usable = np.array([image.name not in inputs.unusable for image in inputs.images]) & ~held_out
     if usable.sum() < fewest:
-        raise InputError(
+        raise ReconstructionError(
             f"{inputs.site.path}: {usable.sum()} views are to be mapped, but landmarks are to be in {fewest} views at "
             f"least; add views, or pass --densify.min-views {max(usable.sum(), MIN_VIEWS)} or --preset few-views"
         )

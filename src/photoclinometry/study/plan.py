@@ -128,4 +128,10 @@ def _cell(options: StudyOptions, preset: str, lighting: str, seed: int, surface:
 def _held_out(names: Sequence[str], options: StudyOptions) -> tuple[str, ...]:
     """Every `hold_out_every`-th view, beginning in the middle of the first interval."""
     every = options.hold_out_every
-    return tuple(names[every // 2 :: every]) if every else ()
+    held = tuple(names[every // 2 :: every]) if every else ()
+    if len(names) - len(held) < MIN_VIEWS:
+        raise InputError(
+            f"--hold-out-every {every} leaves {len(names) - len(held)} of {len(names)} views, at least {MIN_VIEWS} "
+            "must remain to be mapped; give a larger number, 0, or more --views"
+        )
+    return held

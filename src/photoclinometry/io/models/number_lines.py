@@ -99,7 +99,10 @@ def _blocks(path: Path, what: str, size: int) -> Iterator[list[bytes]]:
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; give the folder of a model in text form, {what}") from None
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+        reason = error.strerror or error
+        raise InputError(
+            f"{path}: cannot be read: {reason}; give the folder of a model in text form, {what}"
+        ) from error
     if number == 0:
         raise InputError(f"{path}: is empty; get it again")
 
