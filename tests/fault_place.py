@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.io.images import write_fits, write_png
+from photoclinometry.io.images import read_image, write_fits, write_png
 from sites import SIZE, picture, write_small_site
 
 Change = Callable[[], None]
@@ -122,6 +122,16 @@ def frame(number: int, values: np.ndarray) -> Change:
 def frames(brightness: Callable[[np.ndarray], np.ndarray], numbers: tuple[int, ...] = (0, 1, 2, 3)) -> Change:
     """Images of the small site with a function of their brightness."""
     return both(*(frame(number, brightness(picture(number))) for number in numbers))
+
+
+def scaled(factor: float, *paths: str) -> Change:
+    """Images with so many times their brightness."""
+
+    def change() -> None:
+        for path in paths:
+            write_fits(Path(path), np.float32(factor) * read_image(Path(path)).brightness)
+
+    return change
 
 
 def noise(level: float, sigma: float) -> np.ndarray:

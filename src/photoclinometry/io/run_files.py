@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.errors import ImageError, RunFolderError
 from photoclinometry.model.scene import Image, Scene
 
 
@@ -61,12 +61,20 @@ def site_path(run: Path, given: Path | None = None) -> Path:
 
 
 def run_images(site: Path, names: Sequence[str]) -> list[Image]:
-    """The images of a run's views. Raises SiteError, ImageError, and RunFolderError for another site."""
+    """The images of a run's views. Raises SiteError, RunFolderError for another site, and ImageError for images that
+    cannot be read, or whose brightness no ground has."""
     from photoclinometry.io.site import read_site
-    from photoclinometry.io.site_images import load_images
+    from photoclinometry.io.site_images import load_plausible_images
 
-    images = {image.name: image for image in load_images(read_site(site))}
+    found, impossible = load_plausible_images(read_site(site))
+    images = {image.name: image for image in found}
     missing = [name for name in names if name not in images]
     if missing:
         raise RunFolderError(f"{site}: has no view {missing[0]!r}, which the run used; is this another site?")
+    for name in names:
+        if name in impossible:
+            raise ImageError(
+                f"{site}: {name}: {impossible[name]}; the run used this view: give the images that it was made of, or "
+                "leave them out (--no-images, images=False)"
+            )
     return [images[name] for name in names]

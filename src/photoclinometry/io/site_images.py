@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from photoclinometry.io.exposure import off_body_mask, why_it_shows_nothing
 from photoclinometry.io.images import read_image
+from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
 from photoclinometry.model.progress import Progress
@@ -44,6 +45,15 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
         if progress is not None:
             progress("images", number, len(site.views))
     return images
+
+
+def load_plausible_images(site: Site, progress: Progress | None = None) -> tuple[list[Image], dict[str, str]]:
+    """The images as of `load_images`, and those whose brightness cannot be that of ground, by name, with the reason.
+
+    Raises SiteError and ImageError, also where too many cannot (`plausible.impossible_views`).
+    """
+    images = load_images(site, progress)
+    return images, impossible_views(site, images)
 
 
 def read_view_image(site: Site, view: SiteView) -> Image:

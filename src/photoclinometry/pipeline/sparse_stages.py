@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import MIN_VIEWS, RegionRequest, Site
-from photoclinometry.io.site_images import input_fingerprint, load_images
+from photoclinometry.io.site_images import input_fingerprint, load_plausible_images
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Camera, Image, Region, Views
@@ -145,8 +144,7 @@ def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
     """
     alone = replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
     with folder.timed("images"):
-        images = load_images(alone, folder.progress)
-        unusable = impossible_views(alone, images)
+        images, unusable = load_plausible_images(alone, folder.progress)
         say_found(f"{len(images)} of {site.name}")
     for name, reason in unusable.items():
         warn(log, "brightness-impossible", "%s is left out: %s", name, reason, view=name)
