@@ -26,6 +26,7 @@ from fault_place import (
     put,
     remove,
     saturated_png,
+    scaled,
     table_fits,
 )
 from sites import HEADER, SIZE, picture
@@ -52,7 +53,7 @@ class Fault:
     """Spoils something; None where the command itself is wrong."""
     code: int = 2
     left: tuple[str, ...] = NOTHING
-    """Paths that the command makes or changes."""
+    """Paths that the command makes or changes; "a/..." for a and all below."""
     form: str = LINE
     disk: int | None = None
     """Bytes that a file may have; None for as many as there are."""
@@ -87,7 +88,7 @@ def rows(kind: str, **given: object) -> Row:
 
 def image(name: str, make: Change, says: str, **more: object) -> Fault:
     """A fault of an image of the small site."""
-    return rows("images", left=BEGUN)(name, RUN, says, make, **more)
+    return rows("images", left=BEGUN)(name, str(more.pop("command", RUN)), says, make, **more)
 
 
 def toml(kind: str, name: str, old: str, new: str, *says: str) -> Fault:
@@ -181,6 +182,14 @@ def images() -> Iterator[Fault]:
         "region.reference 'images/1.fits' is left out: its brightness is negative ... or name another view",
     )
     yield image(
+        "the images have nothing in common",
+        frames(lambda x: x),
+        "0 of 4 views registered, at least 3 are needed ... Use images that overlap more",
+        command=f"{RUN} --densify.min-views 3",
+        code=1,
+        left=(*BEGUN, "map/stages/..."),
+    )
+    yield image(
         "there are fewer images than views of a landmark",
         frames(lambda x: x),
         "site/site.toml: 4 views are to be mapped, but landmarks are to be in 6 views at least; add views, or pass "
@@ -218,6 +227,20 @@ def suns() -> Iterator[Fault]:
         "the map is written, but not to be trusted: the Sun directions",
         left=("the whole map",),
         test="test_warnings.py::test_a_run_that_warns_says_so_at_its_end_and_in_its_files",
+    )
+    yield rows("Suns", code=1)(
+        "wrong Suns lose the landmarks in relighting",
+        RUN,
+        "0 of the 1024 landmarks of the map are found again ... the Sun directions are most likely wrong: check",
+        left=("finished stages",),
+        test="test_relighting.py::test_landmarks_that_wrong_suns_lose_are_told_with_the_suns",
+    )
+    yield rows("Suns")(
+        "most Suns light none of the bright ground",
+        RUN,
+        "images/000.fits: the Sun direction lights 0 % of the ground that is bright in the image, and so in 6 of 6",
+        left=("finished stages",),
+        test="test_inconsistent_views.py::test_reversed_suns_of_all_views_are_refused_with_the_convention",
     )
 
 
@@ -544,6 +567,19 @@ def others() -> Iterator[Fault]:
         "the images of another site",
         f"{EVALUATE} --site site/site.toml",
         "site/site.toml: has no view 'images/000.fits'",
+    )
+    seen = [f"mapped/images/{k:03d}.fits" for k in range(4)]
+    yield row(
+        "the images of a run are in per cent by now",
+        EVALUATE,
+        'mapped/site.toml: brightness: is "iof", but 4 of 4 images are above 1.5, ... divide per cent by 100',
+        scaled(100.0, *seen),
+    )
+    yield row(
+        "an image of a run is in another unit by now",
+        EVALUATE,
+        "mapped/site.toml: images/001.fits: its ground has I/F ... the run used this view: give the images that",
+        scaled(1000.0, seen[1]),
     )
     yield row(
         "a picture of another format", "render mapped/run --out a.jpg", "a.jpg: cannot write .jpg; use .fits or .png"

@@ -8,6 +8,7 @@ import pytest
 
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions
 from photoclinometry.matching.flow import FlowMatcher
+from photoclinometry.matching.interface import Matches
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between, so3_exp, unit
 from photoclinometry.model.projection import keypoint_residuals
@@ -55,8 +56,31 @@ def test_an_iteration_finds_keypoints_and_normals_that_the_map_had_wrong():
 def test_nothing_matches_nothing():
     scene = synthetic_scene(size=20, views=4)
     blank = [replace(image, brightness=np.zeros_like(image.brightness)) for image in synthetic_images(scene)]
-    with pytest.raises(ReconstructionError, match="no pixel of the region was matched"):
+    with pytest.raises(ReconstructionError, match=r"0 of the 400 landmarks .* in 3 views .* lower --densify.min-views"):
         rematch(scene, blank, FlowMatcher(), DensifyOptions(min_views=3))
+
+
+def test_landmarks_that_wrong_suns_lose_are_told_with_the_suns():
+    """Every Sun is turned half round the vertical: the map relights its reference where the views have shadow."""
+    scene = synthetic_scene(size=20, views=4)
+    views = replace(scene.views, sun=scene.views.sun * [-1.0, -1.0, 1.0])
+    with pytest.raises(ReconstructionError, match="Sun directions are most likely wrong: check `sun` of several views"):
+        rematch(replace(scene, views=views), synthetic_images(scene), NoMatcher(), DensifyOptions(min_views=3))
+
+
+class NoMatcher:
+    """Finds nothing."""
+
+    name = "none"
+
+    def match(self, request):
+        shape = request.region.height, request.region.width
+        return Matches(
+            position=np.zeros((*shape, 2)),
+            certainty=np.zeros(shape, np.float32),
+            sigma_px=np.ones(shape, np.float32),
+            valid=np.zeros(shape, bool),
+        )
 
 
 def test_changes_are_those_of_keypoints_and_normals_in_common():

@@ -108,7 +108,8 @@ def adjust(
     options = options or AdjustOptions()
     if len(scene.views) < FEWEST_VIEWS or len(scene.landmarks) < FEWEST_LANDMARKS:
         raise ReconstructionError(
-            f"{len(scene.landmarks)} landmarks in {len(scene.views)} views: too few for a joint estimate"
+            f"{len(scene.landmarks)} landmarks in {len(scene.views)} views: a joint estimate needs {FEWEST_LANDMARKS} "
+            f"landmarks and {FEWEST_VIEWS} views at least; map a larger region, or ground that more views see"
         )
     order = morton_order(scene.landmarks.pixel)
     tracks, picked = scene.tracks.of_landmarks(order)

@@ -14,16 +14,19 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
+from photoclinometry.adjust.estimate import FEWEST_LANDMARKS
 from photoclinometry.evaluate.evaluate import keypoint_residual_px, landmark_photometric_error
 from photoclinometry.matching.dense import match_views, triangulated
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions
 from photoclinometry.matching.hole_filling import fill_holes
 from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.matching.relight import RelightMatcher, map_depth
+from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Image, Scene, Tracks
 from photoclinometry.model.warning import warn
+from photoclinometry.photometry.inconsistent_views import CONVENTION
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 
@@ -32,6 +35,10 @@ log = logging.getLogger(__name__)
 INCONSISTENT_SHARE, INCONSISTENT_TIMES = 0.03, 3.0
 """The brightness of a view is inconsistent with the map that is off by more than this share, and by so many times what
 is usual."""
+
+WRONG_LIGHT = 0.15
+"""Share by which the first map's brightness is off where most Suns are wrong. Of a small simulated site it is 0.006
+with its Suns, and 0.22 to 0.67 with eight sets of wrong ones."""
 
 MIN_ITERATIONS = 2
 """Iterations that are made in any case, where so many are allowed: one in which brightness moves the map, one in which
@@ -70,7 +77,7 @@ def rematch(
     """The scene with landmarks and tracks from new matches against the relit reference, ready to be estimated.
 
     images: of the scene's views. matcher: what meets the relit reference. what: progress' first word. Raises
-    ReconstructionError where nothing matches.
+    ReconstructionError where fewer than FEWEST_LANDMARKS are found again.
     """
     sharp = fill_holes(normals_from_shading(brightness_on_surface(scene, images)))
     setup = MatchSetup(
@@ -82,8 +89,38 @@ def rematch(
     )
     targets = [k for k in range(len(scene.views)) if k != scene.reference]
     relit, depth = RelightMatcher(sharp, matcher), map_depth(sharp, setup.padded)
-    found = triangulated(setup, match_views(setup, targets, relit, depth, progress, what), options)
+    matches = match_views(setup, targets, relit, depth, progress, what)
+    try:
+        found = triangulated(setup, matches, options)
+    except ReconstructionError as error:
+        raise _lost(scene, 0, options) from error
+    if len(found.position) < FEWEST_LANDMARKS:
+        raise _lost(scene, len(found.position), options)
     return brightness_on_surface(with_dense(sharp, found), images)
+
+
+def _lost(scene: Scene, left: int, options: DensifyOptions) -> ReconstructionError:
+    """Why the landmarks of a map were not found again. A map under wrong Suns relights the reference wrongly."""
+    off = _brightness_off(scene)
+    told = (
+        f"{left} of the {len(scene.landmarks)} landmarks of the map are found again in {options.min_views} views where "
+        "the reference image, relit for each view's Sun by the map, is matched with the view"
+    )
+    if off > WRONG_LIGHT:
+        return ReconstructionError(
+            f"{told}; the map's brightness is {100 * off:.0f} % off the images', so the Sun directions are most likely "
+            f"wrong: check `sun` of several views in site.toml; {CONVENTION}"
+        )
+    return ReconstructionError(
+        f"{told}; lower --densify.min-views, map without relighting (--relight.rounds 0), or use images whose light "
+        "differs less"
+    )
+
+
+def _brightness_off(scene: Scene) -> float:
+    """How far predicted brightness is from the measured one, as a share of it; NaN where nothing is lit."""
+    error = landmark_photometric_error(scene, remove_scale_and_bias=True)
+    return float(np.mean(error[np.isfinite(error)])) if np.isfinite(error).any() else math.nan
 
 
 def with_dense(scene: Scene, dense: DenseTracks) -> Scene:
@@ -121,7 +158,7 @@ def iteration_figures(number: int, scene: Scene, before: Scene, moved_px: float)
 def _figures(number: int, scene: Scene) -> IterationFigures:
     error = None
     if scene.reflectance is not None:
-        error = 100.0 * float(np.nanmean(landmark_photometric_error(scene, remove_scale_and_bias=True)))
+        error = 100.0 * _brightness_off(scene)
     return IterationFigures(
         iteration=number,
         landmarks=len(scene.landmarks),
