@@ -15,9 +15,10 @@ from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study import StudyOptions, run_study
 from photoclinometry.study.figures import draw_heights, draw_scales, scan_row
+from photoclinometry.study.page import write_page
 from photoclinometry.study.plan import GEOMETRY, MODELS, cells
 from photoclinometry.study.record import Record, read_record, write_record
-from photoclinometry.study.summary import groups, tables
+from photoclinometry.study.summary import Table, groups, tables
 
 SMALL = StudyOptions(
     presets=("demo",),
@@ -105,6 +106,34 @@ def test_a_run_that_failed_is_a_dash_and_not_a_number():
         assert all(value is None for _, values in table.rows for value in values)
         assert "–" in table.markdown()
         json.dumps(table.as_dict(), allow_nan=False)
+
+
+def test_tables_fit_a_terminal_and_cut_no_value():
+    """Five models, two surfaces and two seeds; nine columns of `mean ± deviation` go below each other."""
+    options = replace(SMALL, presets=("demo", "ahuna"), models=MODELS, surfaces=("matched", "hapke"), seeds=(0, 1))
+    for table in tables(options, records(options)):
+        text = table.terminal(80)
+        assert max(map(len, text.splitlines())) <= 80
+        shown = " ".join(text.split())
+        for value in (value for row in table.cells() for value in row):
+            assert value in shown
+        for word in " ".join((table.title, *table.columns, *(label for label, _ in table.rows))).split():
+            assert word in shown
+        assert Table.from_dict(json.loads(json.dumps(table.as_dict()))) == table
+
+
+def test_the_command_shows_the_tables(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def made(options, out, progress):
+        return write_page(out, SMALL, records(SMALL))
+
+    monkeypatch.setattr("photoclinometry.study.run_study", made)
+    main(["study", "--out", str(tmp_path)])
+    said = capsys.readouterr()
+    assert said.out.strip() == str(tmp_path / "study.md")
+    assert "Table 4: errors against truth, mean over landmarks" in said.err
+    assert max(map(len, said.err.splitlines())) <= 80
 
 
 def test_groups_are_named_by_what_differs():

@@ -18,7 +18,7 @@ def study(
     """Simulate sites, map each with every model, and write tables and figures against the exact truth.
 
     Every combination of preset, lighting, surface, seed and model is one run. An interrupted study resumes; with other
-    options, finished runs are kept where possible. Writes study.md, study.json and figures/.
+    options, finished runs are kept where possible. Writes study.md, study.json and figures/, and shows the tables.
 
     Args:
         out: Folder for the study; new, empty, or that of an earlier one.
@@ -26,7 +26,9 @@ def study(
     """
     from rich.console import Console
 
+    from photoclinometry.io.json_file import read_json
     from photoclinometry.study import run_study
+    from photoclinometry.study.summary import Table
 
     console = Console(stderr=True)
 
@@ -35,5 +37,8 @@ def study(
 
     path = run_study(options, out, progress)
     logging.getLogger(__name__).info("study: %s", path)
+    for content in read_json(path.with_name("study.json"))["tables"]:
+        table = Table.from_dict(content).terminal(console.width)
+        console.print(f"\n{table}", highlight=False, markup=False, soft_wrap=True)
     print(path)
     return path
