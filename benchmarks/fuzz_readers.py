@@ -13,6 +13,9 @@ import logging
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +37,9 @@ from photoclinometry.io.models.text_model import read_text_model
 from photoclinometry.io.scene_file import read_scene
 from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.site import read_site
+from photoclinometry.io.spice import Kernels
 from photoclinometry.io.suns_csv import SunRow, read_suns
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Image, Scene
 
 
@@ -98,16 +103,78 @@ def read_model(path: Path) -> None:
 
 
 def read_kernel(path: Path) -> None:
-    """A kernel, in SPICE's process, with questions."""
-    from photoclinometry.io.spice import loaded_kernels
-    from photoclinometry.model.errors import InputError
+    """A kernel, with questions, in a process of SPICE that is kept for the next one.
 
-    with loaded_kernels([path]) as kernels:
+    Where that process breaks down, an earlier kernel may have harmed it, so that a new one is given this kernel alone.
+    """
+    if SPICE.count == KERNELS_EACH:
+        SPICE.end()
+    try:
+        SPICE.read(path)
+    except InputError as error:
+        if "SPICE broke down" not in str(error):
+            raise
+        SPICE.end()
+        SPICE.read(path)
+
+
+class _Spice:
+    """A process of SPICE that reads one kernel after another."""
+
+    def __init__(self) -> None:
+        self.kernels: Kernels | None = None
+        self.count = 0
+
+    def read(self, path: Path) -> None:
+        """Loads a kernel, asks, and unloads it. Raises InputError where it cannot be loaded, or answers nothing."""
+        if self.kernels is None:
+            self.kernels, self.count = Kernels([]), 0
+        self.kernels.files, self.count = [path], self.count + 1
         try:
-            kernels.keyword("BODY2101955_RADII")
-            kernels.position("SUN", 6.0e8, "J2000", "NONE", "2101955")
+            self.kernels.load(path)
+            answers = [self._answer(question) for question in QUESTIONS]
+            if all(isinstance(answer, InputError) for answer in answers):
+                raise answers[-1]
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
+        finally:
+            with suppress(InputError):
+                self.kernels.unload()
+
+    def _answer(self, question: Callable[[Kernels], Any]) -> Any:
+        """The answer, or the error if there is none. Raises InputError where SPICE broke down."""
+        assert self.kernels is not None
+        try:
+            return question(self.kernels)
+        except InputError as error:
+            if "SPICE broke down" in str(error):
+                raise
+            return error
+
+    def end(self) -> None:
+        """Ends the process; the next kernel gets a new one."""
+        if self.kernels is not None:
+            self.kernels.close()
+        self.kernels = None
+
+
+SPICE = _Spice()
+TIMES = ((488001500.0, "2000001", "-203"), (182502350.0, "2025143", "-130"), (604882350.0, "2101955", "-64"))
+"""Times [s TDB past J2000] that the real kernels cover, with their bodies and spacecraft."""
+QUESTIONS: list[Callable[[Kernels], Any]] = [
+    *(partial(Kernels.position, target="SUN", time=t, frame="J2000", correction="LT+S", observer=b)
+      for t, b, _ in TIMES),
+    *(partial(Kernels.position, target=craft, time=t, frame="J2000", correction="NONE", observer=b)
+      for t, b, craft in TIMES),
+    partial(Kernels.rotation, source="J2000", target="IAU_BENNU", time=TIMES[-1][0]),
+    partial(Kernels.time_of_utc, utc="2019-03-03T10:03:44"),
+    partial(Kernels.time_of_clock, spacecraft=-64, clock="3/0604882350.0"),
+    partial(Kernels.frame_name, code=-64361),
+    partial(Kernels.keyword, name="BODY2101955_RADII"),
+]  # fmt: skip
+"""The last answers where no kernel tells anything."""
+KERNELS_EACH = 200
+"""Kernels that one process of SPICE reads: damaged ones may leave files open."""
 
 
 _ARCHIVES = (
@@ -143,7 +210,7 @@ READERS = {
     "held_out.json": Reader(read=read_held_out, make=made.make_held_out, share=2.0),
     "transform": Reader(read=read_similarity, make=made.make_similarity, share=2.0),
     "stage record": Reader(read=read_stage, make=made.make_record),
-    "kernel": Reader(read=read_kernel, make=made.make_kernels, share=0.02, real=("spice/*/*.b*", "spice/*/*.t*")),
+    "kernel": Reader(read=read_kernel, make=made.make_kernels, real=("spice/*/*.b*", "spice/*/*.t*")),
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from archives import FORMATS, SHARED
-from fuzz_readers import READERS, main
+from fuzz_readers import READERS, SPICE, main, read_kernel
 from fuzz_samples import samples
 from fuzz_workers import spoilt_files, try_file, write_files
 from photoclinometry.io.arrays import read_arrays
@@ -42,9 +42,16 @@ def _quiet():
     logging.disable(logging.NOTSET)
 
 
-@pytest.mark.parametrize("name", [name for name in READERS if name != "kernel"])
+@pytest.fixture
+def _spice():
+    yield
+    SPICE.end()
+
+
+@pytest.mark.usefixtures("_spice")
+@pytest.mark.parametrize("name", READERS)
 def test_a_short_round_finds_no_fault(tmp_path, name):
-    pytest.importorskip("rasterio" if name == "surface" else "numpy")
+    pytest.importorskip({"surface": "rasterio", "kernel": "spiceypy"}.get(name, "numpy"))
     good = samples(READERS[name], tmp_path / "good", SHARED if FORMATS.is_dir() else None)
     whole = [try_file(READERS[name], write_files(sample, tmp_path / f"whole{n}")) for n, sample in enumerate(good)]
     assert "accepted" in [outcome for outcome, *_ in whole]
@@ -56,6 +63,21 @@ def test_a_short_round_finds_no_fault(tmp_path, name):
         assert outcome != "fault", f"--seed 0 --only {name!r} --trial {trial}: {what}"
         outcomes.add(outcome)
     assert "refused" in outcomes or name == "stage record"
+
+
+@pytest.mark.usefixtures("_spice")
+def test_a_process_of_spice_that_breaks_down_costs_no_other_kernel(tmp_path):
+    """The kernel at hand is read again, by a new process, and alone."""
+    pytest.importorskip("spiceypy")
+    (tmp_path / "a.tpc").write_text("KPL/PCK\n\\begindata\nBODY2101955_RADII = ( 1 2 3 )\n\\begintext\n")
+    read_kernel(tmp_path / "a.tpc")
+    first = SPICE.kernels
+    read_kernel(tmp_path / "a.tpc")
+    assert SPICE.kernels is first
+    first._process.kill()
+    first._process.wait()
+    read_kernel(tmp_path / "a.tpc")
+    assert SPICE.kernels is not first
 
 
 def test_the_benchmark_ends_with_a_table(capsys):

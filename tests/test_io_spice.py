@@ -35,6 +35,14 @@ def test_the_last_kernel_wins(tmp_path):
         assert kernels.keyword("BODY2101955_RADII") == (4.0, 5.0, 6.0)
 
 
+def test_what_is_unloaded_is_forgotten(tmp_path):
+    with spice.loaded_kernels([kernel(tmp_path / "a.tpc", "1 2 3")]) as kernels:
+        kernels.unload()
+        assert kernels.keyword("BODY2101955_RADII") is None
+        kernels.load(kernel(tmp_path / "b.tpc", "4 5 6"))
+        assert kernels.keyword("BODY2101955_RADII") == (4.0, 5.0, 6.0)
+
+
 def test_the_process_ends_with_the_block(tmp_path):
     kernel(tmp_path / "a.tpc", "1 2 3")
     with pytest.raises(RuntimeError, match="on the way"), spice.loaded_kernels([tmp_path]) as kernels:

@@ -65,6 +65,10 @@ class Kernels:
         for kernel in _beside_meta_kernel(file, named):
             self.load(kernel)
 
+    def unload(self) -> None:
+        """Unloads every kernel."""
+        self._ask("", "unload")
+
     def time_of_clock(self, spacecraft: int, clock: str) -> float:
         """Ephemeris time [s TDB past J2000] of a spacecraft clock's reading."""
         return self._ask(f"the time of clock {clock!r} (spacecraft {spacecraft})", "clock", spacecraft, clock)

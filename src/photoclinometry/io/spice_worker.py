@@ -94,6 +94,7 @@ def uncovered(time: float) -> list[tuple[str, float, float]]:
 
 QUESTIONS: dict[str, Callable[..., Any]] = {
     "load": spice.furnsh,
+    "unload": spice.kclear,
     "listed": listed,
     "uncovered": uncovered,
     "date": lambda time: str(spice.et2utc(time, "ISOC", 0)),
