@@ -65,7 +65,12 @@ class DampedSystem:
         return out
 
 
-def parameter_moves(system: DampedSystem, before: np.ndarray | None, enough: float = COARSE_ENOUGH) -> np.ndarray:
+def parameter_moves(
+    system: DampedSystem,
+    before: np.ndarray | None,
+    enough: float = COARSE_ENOUGH,
+    max_iterations: int = COARSE_ITERATIONS,
+) -> np.ndarray:
     """How all variables (T, 10 K + 6 J + T) move when a reflectance parameter does.
 
     These are directions in which the cost hardly changes, since albedos and scales make up for the parameter. before:
@@ -82,7 +87,7 @@ def parameter_moves(system: DampedSystem, before: np.ndarray | None, enough: flo
             system.multiply_others,
             system.precondition,
             pull,
-            max_iterations=COARSE_ITERATIONS,
+            max_iterations=max_iterations,
             truncation=COARSE_TRUNCATION,
             enough=enough * left,
         ).x
