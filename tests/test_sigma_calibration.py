@@ -175,6 +175,18 @@ def test_relative_albedos_are_compared_after_the_common_factor():
     assert found == pytest.approx(sigma_metrics(scene, true.views, true.landmarks, 1.0))
 
 
+def test_albedos_that_are_all_off_by_a_factor_are_right_relative_to_each_other():
+    scene, true = disturbed({"albedo": 0.01})
+    bright = replace(
+        scene,
+        landmarks=replace(scene.landmarks, albedo=1.5 * scene.landmarks.albedo),
+        uncertainty={"albedo": 1.5 * scene.uncertainty["albedo"]},
+    )
+    found = sigma_metrics(bright, true.views, true.landmarks, 1.0)
+    assert found["albedo_relative_sigma_nees"] == pytest.approx(1.0, abs=0.3)
+    assert found["albedo_sigma_nees"] > 10.0
+
+
 def test_an_evaluation_against_truth_includes_what_the_scene_states():
     scene = synthetic_scene(size=16)
     true, rng = truth_of(scene), np.random.default_rng(0)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.evaluate.metrics import albedo_factor as common_factor
 from photoclinometry.evaluate.metrics import calibration
 from photoclinometry.evaluate.sigmas import along
 from photoclinometry.model.errors import InputError
@@ -29,7 +30,8 @@ from photoclinometry.surface.relief import local_frame
 
 
 def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, float]:
-    """`metrics.calibration` of the quantities in `scene.uncertainty` with known truth, and of heights (`height`).
+    """`metrics.calibration` of the quantities in `scene.uncertainty` with known truth, of heights (`height`), and of
+    albedos after the factor that they have in common (`albedo_relative`).
 
     Heights are over the mean plane, since most of the error of positions is along the line of sight.
 
@@ -52,6 +54,10 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
     if "position" in scene.uncertainty:
         up = local_frame(scene).rotation[:, 2]
         metrics |= calibration(errors["position"] @ up, along(scene.uncertainty["position"], up), "height_sigma")
+    if "albedo" in scene.uncertainty:
+        albedo = scene.landmarks.albedo
+        relative = albedo - true.albedo / common_factor(albedo, true.albedo)
+        metrics |= calibration(relative, scene.uncertainty["albedo"], "albedo_relative_sigma")
     return metrics
 
 
