@@ -37,9 +37,13 @@ class DampedSystem:
 
     def treat_exactly(self, directions: np.ndarray) -> None:
         """From now on the preconditioner solves for directions (T, 10 K + 6 J + T) exactly."""
-        products = np.array([self.multiply(direction) for direction in directions])
         self.coarse = directions
-        self.coarse_inverse = np.linalg.inv(np.einsum("tn,un->tu", directions, products, dtype=float))
+        self.coarse_inverse = np.linalg.inv(self.along(directions))
+
+    def along(self, directions: np.ndarray) -> np.ndarray:
+        """The equations (T, T) of how far to go along directions (T, 10 K + 6 J + T)."""
+        products = np.array([self.multiply(direction) for direction in directions])
+        return np.einsum("tn,un->tu", directions, products, dtype=float)
 
     def multiply(self, vector: np.ndarray) -> np.ndarray:
         return self.at.multiply(vector) + self.added * vector

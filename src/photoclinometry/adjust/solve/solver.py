@@ -56,8 +56,12 @@ MIN_RELIEF, MAX_RELIEF = 0.1, 2.0
 """Least and largest factor on the damping after an accepted step."""
 
 RESPONSE_ITERATIONS, RESPONSE_ENOUGH = 500, 1e-3
-"""Conjugate-gradient iterations at most for a column of the parameters' covariance, and the share of a parameter's cost
+"""Conjugate-gradient iterations at most for how all else follows a parameter at the solution, and the share of its cost
 that is not worth following there."""
+
+RESPONSE_ROUNDS, RESPONSE_SETTLED = 4, 0.1
+"""Times at most that this is followed again from where it ended, and the share of a parameter's cost (its sigma changes
+by half of it) below which it has settled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,18 +248,22 @@ def parameter_response(graph: FactorGraph, solution: Solution, options: SolverOp
     """At the solution, all other variables estimated along with the parameters.
 
     With M the moves of all variables that follow the parameters, these themselves among them, the covariance is the
-    inverse of M^T H M. That is the Schur complement where M is exact and no less than it where it is not: an error of M
-    makes it too small only in second order, and nothing is stated to vary more than its own prior allows. What rounding
-    has spoiled is as uncertain as the prior allows: albedos follow a phase function almost wholly.
+    inverse of M^T H M. That is the Schur complement where M is exact and an error of M makes it too small, in second
+    order; nothing is stated to vary more than its own prior allows. Moves are followed until M^T H M settles, for a
+    share of a cost that they hardly lowered yet says little. What rounding has spoiled is as uncertain as the prior
+    allows: albedos follow a phase function almost wholly.
     """
     count = len(solution.estimate.parameters)
     at = graph.linearize(solution.estimate)
     system = DampedSystem(at, options.min_damping, *_polynomial(at, options))
-    moves = parameter_moves(
-        system, solution.parameter_moves, enough=RESPONSE_ENOUGH, max_iterations=RESPONSE_ITERATIONS
-    )
-    system.treat_exactly(moves)
-    value, vector = np.linalg.eigh(0.5 * (system.coarse_inverse + system.coarse_inverse.T))
+    moves, information = solution.parameter_moves, np.full((count, count), np.inf)
+    for _ in range(RESPONSE_ROUNDS):
+        moves = parameter_moves(system, moves, enough=RESPONSE_ENOUGH, max_iterations=RESPONSE_ITERATIONS)
+        before, information = information, system.along(moves)
+        if np.all(np.diag(information) >= (1.0 - RESPONSE_SETTLED) * np.diag(before)):
+            break
+    covariance = np.linalg.inv(information)
+    value, vector = np.linalg.eigh(0.5 * (covariance + covariance.T))
     prior = 1.0 / float(np.max(np.diag(at.parameter_rest)))
     value = np.where((value > 0) & (value < prior), value, prior)
     of_views = CAMERA_SIZE * len(at.views.block)
