@@ -213,11 +213,10 @@ def test_geometry_alone_leaves_photometry_out(mapped, tmp_path):
 
 
 def test_auto_takes_lunar_lambert_for_calibrated_images_of_a_known_body_only():
-    assert choose_reflectance("none", "iof", "vesta") is None
-    assert choose_reflectance("auto", "iof", "vesta").name == "lunar-lambert"
-    assert choose_reflectance("auto", "dn", "vesta").name == "mcewen"
-    assert choose_reflectance("auto", "iof", None).name == "mcewen"
-    assert choose_reflectance("minnaert", "iof", "vesta").name == "minnaert"
+    assert choose_reflectance("none", "vesta") is None
+    assert choose_reflectance("auto", "vesta").name == "lunar-lambert"
+    assert choose_reflectance("auto", None).name == "mcewen"
+    assert choose_reflectance("minnaert", "vesta").name == "minnaert"
 
 
 def test_images_of_nothing_alike_do_not_make_a_map(mapped, tmp_path):

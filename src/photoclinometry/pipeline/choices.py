@@ -49,7 +49,7 @@ def choose(site: Site, options: RunOptions) -> Choices:
     reference = site.region.reference if site.region else None
     control = read_control_points(options.control) if options.control else ()
     check_control(control, [view.name for view in site.views])
-    reflectance = choose_reflectance(options.reflectance, site.brightness, site.body)
+    reflectance = choose_reflectance(options.reflectance, site.body)
     name = options.matcher_name
     log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
     return Choices(
@@ -62,15 +62,13 @@ def choose(site: Site, options: RunOptions) -> Choices:
     )
 
 
-def choose_reflectance(name: str, brightness: str, body: str | None) -> Reflectance | None:
-    """The reflectance model that `RunOptions.reflectance` means for a site's brightness and body; None for geometry
-    alone."""
+def choose_reflectance(name: str, body: str | None) -> Reflectance | None:
+    """The reflectance model that `RunOptions.reflectance` means for a body; None for geometry alone."""
     if name == "none":
         return None
     if name != "auto":
         return starting_model(name, body)
-    calibrated = brightness == "iof" and has_published("lunar-lambert", body)
-    chosen = "lunar-lambert" if calibrated else "mcewen"
+    chosen = "lunar-lambert" if has_published("lunar-lambert", body) else "mcewen"
     log.info("reflectance: %s", chosen)
     return published(chosen, body)
 

@@ -156,7 +156,7 @@ def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:
     unit = 1.0 if options.albedo_unit is None else options.albedo_unit
     given = options.phase_weighting is not None or options.phase_coefficients is not None
     if not given:
-        return choose_reflectance(options.reflectance, brightness, options.body), brightness, unit
+        return choose_reflectance(options.reflectance, options.body), brightness, unit
     polynomial = {name for name, model in MODELS.items() if model.open_ended}
     if options.reflectance not in polynomial:
         known = ", ".join(sorted(polynomial))
