@@ -17,7 +17,9 @@ from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline import result_display
 from photoclinometry.pipeline.control import control_metrics, control_table, warn_of_contradictions
+from photoclinometry.pipeline.moved_suns import warn_of_suns
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
+from photoclinometry.pipeline.relief_check import ReliefCheck, warn_of_relief
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.trust import change_explained, why_untrusted
@@ -79,6 +81,8 @@ class RunSummary:
     """Of views (by name), if the scene is in their frame."""
     control: Sequence[ControlPoint] = ()
     """Ground control points."""
+    relief: ReliefCheck | None = None
+    """Of the map beside the parallax of the images; None where it was not looked at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,10 +127,14 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     warn_of_outliers(of_priors)
     of_control = control_table(summary.control, adjustment.control, scene.views)
     warn_of_contradictions(of_control)
+    warn_of_suns(scene)
+    warn_of_relief(summary.relief)
     metrics = evaluate_scene(scene, images, per_view=used, held_out=aside)
     metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
     metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
     metrics |= control_metrics(of_control)
+    if summary.relief is not None:
+        metrics |= summary.relief.metrics()
     if scene.reflectance is not None:
         metrics["brightness_change_explained_percent"] = 100.0 * change_explained(scene)
     how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}
@@ -139,7 +147,7 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
         pose_priors=of_priors,
         control=of_control,
         warnings=warnings,
-        distrust=why_untrusted(adjustment, len(summary.left_out), warnings),
+        distrust=why_untrusted(adjustment, len(summary.left_out), warnings, summary.relief),
     )
 
 

@@ -20,6 +20,7 @@ from photoclinometry.pipeline.map_stages import FinishedMap, MapStages, PlaceHel
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
+from photoclinometry.pipeline.relief_check import relief_by_parallax
 from photoclinometry.pipeline.run_folder import RunFolder, claimed_run
 from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import (
@@ -89,6 +90,7 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
         max_iterations=choices.max_iterations,
     )
     first = maps.first_map(scene)
+    matched = dense.value.position, dense.value.pixel
     del dense, scene  # of all maps, the latest two are held in memory
     relit = maps.relight(first)
     del first
@@ -103,6 +105,7 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
         iterations=(*relit.figures, finished.value.figures),
         pose_priors=maps.estimate.pose_priors,
         control=choices.control,
+        relief=relief_by_parallax(finished.value.adjustment.scene, *matched),
     )
     return write_products(folder, summary)
 

@@ -192,6 +192,7 @@ def check_reference(site: Site, left_out: Mapping[str, str]) -> None:
 def views_from(site: Site, sparse: SparseModel) -> Views:
     """All K views of the site with the poses of the sparse model, in the site's order."""
     count, sun_in_cam = len(site.views), site.sun_in_cam
+    own, common = site.sun_sigmas
     return Views(
         name=tuple(view.name for view in site.views),
         cameras=tuple(view.camera for view in site.views),
@@ -200,5 +201,6 @@ def views_from(site: Site, sparse: SparseModel) -> Views:
         scale=np.ones(count),
         bias=np.zeros(count),
         sun_measured=sun_in_cam,
-        sun_sigma=np.array([view.sun_sigma_rad for view in site.views]),
+        sun_sigma=own,
+        sun_common_sigma=common,
     )

@@ -10,6 +10,7 @@ from photoclinometry.adjust import Adjustment
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import Warned
 from photoclinometry.photometry.predict import observation_brightness
+from photoclinometry.pipeline.relief_check import FAR_OFF, ReliefCheck
 from photoclinometry.pipeline.relighting import INCONSISTENT_SHARE
 
 LEAST_EXPLAINED = 0.5
@@ -30,7 +31,9 @@ SWEEPS = 5
 on such with wrong Suns or exposures."""
 
 
-def why_untrusted(adjustment: Adjustment, left_out: int, warnings: Sequence[Warned]) -> tuple[str, ...]:
+def why_untrusted(
+    adjustment: Adjustment, left_out: int, warnings: Sequence[Warned], relief: ReliefCheck | None = None
+) -> tuple[str, ...]:
     """The reasons why a map is not to be trusted; none of a sound one.
 
     left_out: number of views that the map was made without, but for those held out. warnings: all of the run.
@@ -43,6 +46,8 @@ def why_untrusted(adjustment: Adjustment, left_out: int, warnings: Sequence[Warn
     used = len(scene.views)
     if left_out > MOST_LEFT_OUT * (used + left_out):
         reasons.append(f"{left_out} of {used + left_out} views are left out")
+    if relief is not None and relief.is_off(FAR_OFF):
+        reasons.append(f"the relief of the map is {relief.ratio:.2f} of that which the parallax of the images shows")
     if scene.reflectance is None:
         return tuple(reasons)
     off, explained = brightness_off(scene), change_explained(scene)
