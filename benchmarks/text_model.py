@@ -46,6 +46,7 @@ def generated_scene(landmarks: int, views: int, observations: int) -> Scene:
             bias=0 * ones,
             sun_measured=unit(rng.normal(size=(views, 3))),
             sun_sigma=1e-3 * ones,
+            sun_common_sigma=0 * ones,
         ),
         landmarks=Landmarks(
             position=np.column_stack([pixel[:, ::-1] - side / 2, rng.normal(size=landmarks)]),

@@ -221,6 +221,12 @@ def suns() -> Iterator[Fault]:
         SUN + "\nsun_sigma_deg = 0",
         f"{FIRST}sun_sigma_deg: expected a positive number, found 0",
     )
+    yield row(
+        "the sigma that all Suns share is negative",
+        'name = "small"',
+        'name = "small"\nsun_common_sigma_deg = -1',
+        "sun_common_sigma_deg: expected a number of 0 or more, found -1",
+    )
     yield rows("Suns", code=3)(
         "most Suns contradict the images",
         RUN,

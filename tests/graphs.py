@@ -14,12 +14,12 @@ from photoclinometry.adjust.graph.priors import (
     LandmarkPriors,
     PosePriors,
     ReflectancePrior,
-    SunDirections,
 )
 from photoclinometry.adjust.graph.smoothness import Smoothness, build_neighbours
+from photoclinometry.adjust.graph.sun_directions import SunDirections
 from photoclinometry.adjust.graph.variables import Estimate
-from photoclinometry.model.geometry import so3_log
-from photoclinometry.model.scene import Scene
+from photoclinometry.model.geometry import skew, so3_log, tangent_basis
+from photoclinometry.model.scene import Scene, Views
 
 KEYPOINT_SIGMA, BRIGHTNESS_SIGMA, SMOOTH_SIGMA = 0.5, 0.003, 0.2
 ROTATION_SIGMA, CENTER_SIGMA, SCALE_SIGMA, BIAS_SIGMA = 1e-4, 10.0, 0.01, 0.001
@@ -146,9 +146,7 @@ def residuals_of(scene: Scene, built: Built):
         for j, m in zip(*np.nonzero(built.present), strict=True):
             neighbour = points.position[built.index[j, m]]
             out.append(factors.smoothness(points.position[j], points.normal[j], neighbour, SMOOTH_SIGMA)[0])
-        for k in range(len(views)):
-            rotation, measured = views.body_from_cam.rotation[k], (views.sun_measured[k], views.sun_sigma[k])
-            out.extend(factors.sun_direction(rotation, views.sun[k], *measured)[0])
+        out.extend(sun_residuals(views))
         start = scene.views.body_from_cam
         turn = so3_log(views.body_from_cam.rotation @ np.swapaxes(start.rotation, 1, 2))
         move = views.body_from_cam.translation - start.translation
@@ -186,3 +184,19 @@ def some_tracks_missing(scene: Scene) -> Scene:
     names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
     fewer = {name: getattr(tracks, name)[keep] for name in names}
     return replace(scene, tracks=replace(tracks, start=np.concatenate([[0], np.cumsum(counts)]), **fewer))
+
+
+def sun_residuals(views: Views) -> np.ndarray:
+    """(2 K,) Suns less those measured, in the tangent planes of these, whitened by the covariance of their errors: of
+    each view's own, and of one rotation of all in C."""
+    tangent = [tangent_basis(sun) for sun in views.sun_measured]
+    in_cam = np.einsum("kij,ki->kj", views.body_from_cam.rotation, views.sun)
+    off = np.concatenate([plane.T @ sun for plane, sun in zip(tangent, in_cam, strict=True)])
+    turned = np.concatenate(
+        [
+            sigma * plane.T @ skew(sun)
+            for plane, sun, sigma in zip(tangent, views.sun_measured, views.sun_common_sigma, strict=True)
+        ]
+    )
+    covariance = np.diag(np.repeat(views.sun_sigma**2, 2)) + turned @ turned.T
+    return np.linalg.solve(np.linalg.cholesky(covariance), off)

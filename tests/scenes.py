@@ -121,6 +121,7 @@ def synthetic_scene(
         bias=np.zeros(views) if calibrated else rng.uniform(1.0, 5.0, views),
         sun_measured=np.einsum("kji,kj->ki", body_from_cam.rotation, sun),
         sun_sigma=np.full(views, 1e-3),
+        sun_common_sigma=np.zeros(views),
     )
 
     # One landmark where the ray of each reference pixel meets the surface.

@@ -69,6 +69,16 @@ def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
     assert_equal_marginals(marginals(at), expected, views)
 
 
+def test_suns_that_err_together_are_told_apart_better_than_they_are_known(small):
+    """Marginals are the dense inverse; the sum of two views' errors is known ten times worse than their difference."""
+    views = replace(small.views, sun_sigma=np.full(3, 1e-4), sun_common_sigma=np.full(3, 1e-2))
+    scene = replace(small, views=views)
+    at, built = at_truth(scene)
+    expected, size = dense_covariance(scene, built)
+    found = marginals(at)
+    assert_equal_marginals(found, expected, size)
+
+
 def assert_equal_marginals(found, expected, views):
     """Every block to a ten-thousandth of its sigmas."""
     size = np.sqrt(np.diag(expected)[:views])
@@ -161,7 +171,7 @@ def test_twice_the_views_divide_variances_given_the_views_by_two():
         **{name: np.repeat(getattr(observed, name), 2, axis=0)
            for name in ("seen_by", "keypoint", "brightness", "slope", "keypoint_weight", "brightness_weight")},
     )  # fmt: skip
-    sure = {"camera_prior": 1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape), "prior": np.zeros((36, 6, 6))}
+    sure = {"camera_prior": 1e30 * np.eye(len(at.camera_prior)), "prior": np.zeros((36, 6, 6))}
     once = marginals(replace(at, **sure)).landmark
     np.testing.assert_allclose(marginals(replace(at, observed=twice, **sure)).landmark * 2, once, rtol=1e-6, atol=1e-9)
 
@@ -190,7 +200,7 @@ def test_larger_patches_come_nearer(larger):
 
 def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_in_it(small):
     at, _ = at_truth(small)
-    known = replace(at, camera_prior=1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape))
+    known = replace(at, camera_prior=1e30 * np.eye(len(at.camera_prior)))
     plain = marginals(known).landmark
     priors, *parts = [
         marginals(known, ErrorModel(keypoint=np.full(len(known), k), brightness=b, smoothness=s)).landmark
@@ -205,7 +215,7 @@ def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_
 def test_errors_that_all_neighbours_share_are_not_smoothed_away():
     """Common keypoint errors give depths the sigma of a single landmark, however stiff the smoothness between them."""
     at, _ = at_truth(synthetic_scene(size=8, views=6))
-    known = replace(at, camera_prior=1e30 * np.broadcast_to(np.eye(10), at.camera_prior.shape))
+    known = replace(at, camera_prior=1e30 * np.eye(len(at.camera_prior)))
     only_keypoints = {"brightness": 0.0, "smoothness": 0.0}
     ones = np.ones(len(known))
     alone = marginals(known, ErrorModel(keypoint=ones, **only_keypoints)).landmark

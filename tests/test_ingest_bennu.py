@@ -41,6 +41,7 @@ def shape_scene(exposure):
             bias=np.zeros(1),
             sun_measured=exposure.sun[None],
             sun_sigma=np.full(1, 1e-3),
+            sun_common_sigma=np.zeros(1),
         ),
         landmarks=Landmarks(
             position=vertices, normal=unit(normal), albedo=np.ones(count), pixel=np.zeros((count, 2), np.int32)

@@ -61,9 +61,18 @@ def test_suns_fill_the_ranges_asked(name):
 def test_measured_suns_are_off_by_the_sigma_asked_about_both_axes():
     pose = poses(400)
     sun = draw_suns(np.random.default_rng(1), 400, LIGHTING["strong"])
-    measured = measure_suns(np.random.default_rng(2), sun, pose, 1e-3)
+    measured = measure_suns(np.random.default_rng(2), sun, pose, 1e-3, 0.0)
     error = angle_between(np.einsum("kij,kj->ki", pose.rotation, measured), sun)
     assert np.sqrt(np.mean(error**2) / 2) == pytest.approx(1e-3, rel=0.1)
+
+
+def test_measured_suns_may_be_off_by_one_rotation_in_the_camera_frame():
+    pose = poses(400)
+    sun = draw_suns(np.random.default_rng(1), 400, LIGHTING["strong"])
+    alone, together = (measure_suns(np.random.default_rng(2), sun, pose, 1e-3, common) for common in (0.0, 0.02))
+    turn = np.linalg.lstsq(alone, together, rcond=None)[0].T
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert 0.002 < np.arccos((np.trace(turn) - 1) / 2) < 0.1
 
 
 def test_the_ground_reaches_beyond_every_corner_of_every_image():

@@ -17,9 +17,9 @@ from photoclinometry.adjust.graph.priors import (
     LandmarkPriors,
     PosePriors,
     ReflectancePrior,
-    SunDirections,
 )
 from photoclinometry.adjust.graph.smoothness import Smoothness
+from photoclinometry.adjust.graph.sun_directions import SunDirections
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions

@@ -25,9 +25,9 @@ from photoclinometry.adjust.graph.priors import (
     LandmarkPriors,
     PosePriors,
     ReflectancePrior,
-    SunDirections,
 )
 from photoclinometry.adjust.graph.smoothness import Neighbours, Smoothness, bend_between, build_neighbours
+from photoclinometry.adjust.graph.sun_directions import SunDirections
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, GroundControl, Members

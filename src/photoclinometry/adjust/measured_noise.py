@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.adjust.graph.priors import sun_rows
+from photoclinometry.adjust.graph.sun_directions import sun_offsets
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup
 from photoclinometry.adjust.noise import (
@@ -84,8 +84,8 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
         if options.brightness_correlation_px is None:
             found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)
             if not setup.without_smooth_errors:
-                offsets = _view_offsets(setup, scene.views)
-                found["view_prior_factor"] = view_prior_factor(offsets, noise.view_prior_factor)
+                excess = _view_excess(setup, scene.views)
+                found["view_prior_factor"] = view_prior_factor(excess, noise.view_prior_factor)
     found["scale_scatter"] = _scale_scatter(setup, scene)
     return replace(noise, **found)
 
@@ -98,8 +98,16 @@ def _scale_scatter(setup: Setup, scene: Scene) -> float:
     return scale_scatter(scene.views.scale, phase_of_views(scene) if setup.estimates_reflectance else None)
 
 
-def _view_offsets(setup: Setup, views: Views) -> np.ndarray:
-    """Suns, scales and biases less their priors, in stated standard deviations; of those that are not free."""
+def _view_excess(setup: Setup, views: Views) -> float:
+    """How far Suns, scales and biases are from their priors, in stated standard deviations; of those that are not free.
+
+    It is the root mean square over views, or what all Suns have in common, if that is more.
+    """
     scale, bias = (views.scale - 1.0) / setup.scale_sigma, views.bias / setup.bias_sigma
     known = [part[np.isfinite(sigma)] for part, sigma in ((scale, setup.scale_sigma), (bias, setup.bias_sigma))]
-    return np.concatenate([sun_rows(views)[0].ravel(), *known])
+    own, common = sun_offsets(views)
+    # A rotation about a Sun does not move it: where all Suns are near each other, two axes of three tell.
+    return max(
+        float(np.sqrt(np.mean(np.concatenate([own.ravel(), *known]) ** 2))),
+        float(np.linalg.norm(common)) / np.sqrt(2.0),
+    )

@@ -126,14 +126,14 @@ def local_noise(scene: Scene, lit: np.ndarray, sigma: float, mapped: np.ndarray)
     return np.where(freedom > 0.0, total / np.where(freedom > 0.0, freedom, 1.0), 1.0)
 
 
-def view_prior_factor(offsets: np.ndarray, factor: float) -> float:
+def view_prior_factor(excess: float, factor: float) -> float:
     """The factor under which Suns, scales and biases stay about as far from what is known of them as that allows.
 
-    offsets: their differences in stated standard deviations, found under `factor`. Where all of a view's brightness is
-    off, by relief finer than a pixel or by the model, they follow it, far beyond what navigation and calibration allow,
-    because so many landmarks insist. These then have to count for more. Offsets fall by the square of the factor.
+    excess: their typical difference in stated standard deviations, found under `factor`. Where all of a view's
+    brightness is off, by relief finer than a pixel or by the model, they follow it, far beyond what navigation and
+    calibration allow, because so many landmarks insist. These then have to count for more. Differences fall by the
+    square of the factor.
     """
-    excess = float(np.sqrt(np.mean(offsets**2)))
     if factor == 1.0 and excess < CHANCE:
         return 1.0
     return float(np.clip(factor * np.sqrt(excess), 1.0, MAX_VIEW_PRIOR_FACTOR))

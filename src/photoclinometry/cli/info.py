@@ -71,6 +71,9 @@ def show_site(path: Path) -> None:
             "found" if view.image.is_file() else "[red]missing[/red]",
         )
     console.print(table)
+    own, common = np.degrees(site.sun_sigmas)
+    if common.any():
+        console.print(f"Suns: each {np.median(own):.2g}° by itself, all {np.median(common):.2g}° together")
 
 
 def view_table() -> Table:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -29,6 +30,9 @@ logger = logging.getLogger(__name__)
 SITE_FILE = "site.toml"
 SOURCES_FILE = "sources.json"
 """Beside site.toml: the file of each image, and the sources of its camera, Sun and pose."""
+ALIGNMENT_SIGMA_DEG = 0.05
+"""By how much the alignment of a camera with the spacecraft's star trackers is typically off: the pointing that mission
+teams find from images differs from kernels by some hundredths of a degree, alike in all images of a phase."""
 _LISTED = 20
 """Files that cannot be used which an error names; the others are counted."""
 
@@ -144,9 +148,25 @@ def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: Inge
         warn(logger, "body-unknown", "%s: the body %r is not known here; site.toml does not name it", out, body)
         body = None
     site_name = options.name or out.resolve().name
-    write_site(folder / SITE_FILE, Site(site_name, body, exposures[0].brightness, tuple(views), None, out / SITE_FILE))
+    site = Site(
+        name=site_name,
+        body=body,
+        brightness=exposures[0].brightness,
+        views=tuple(views),
+        region=None,
+        path=out / SITE_FILE,
+        sun_common_sigma_rad=_common_sigma(options),
+    )
+    write_site(folder / SITE_FILE, site)
     sources = [{"image": name, "file": e.path.name, **e.sources} for name, e in zip(names, exposures, strict=True)]
     write_json(folder / SOURCES_FILE, sources)
+
+
+def _common_sigma(options: IngestOptions) -> float | None:
+    """Standard deviation [rad] of the rotation that all Suns' errors share; None where a table states the errors."""
+    if options.sun_common_sigma_deg is not None:
+        return math.radians(options.sun_common_sigma_deg)
+    return None if options.suns is not None else math.radians(ALIGNMENT_SIGMA_DEG)
 
 
 def _names(exposures: Sequence[Exposure]) -> list[str]:

@@ -19,7 +19,18 @@ from photoclinometry.io.hdf5 import check_hdf5, new_hdf5
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import MODELS, Reflectance
-from photoclinometry.model.scene import BODY_FIXED, OWN, Camera, Landmarks, Region, Scene, Surroundings, Tracks, Views
+from photoclinometry.model.scene import (
+    BODY_FIXED,
+    OWN,
+    VIEW_ARRAYS,
+    Camera,
+    Landmarks,
+    Region,
+    Scene,
+    Surroundings,
+    Tracks,
+    Views,
+)
 
 FORMAT = "photoclinometry scene"
 VERSION = 1
@@ -35,7 +46,8 @@ _VIEWS = {
     "scale": ("1", "-", "measured brightness = scale * model + bias"),
     "bias": (_BRIGHTNESS, "-", "measured brightness = scale * model + bias"),
     "sun_measured": ("1", "C", "measured unit vectors from the body towards the Sun (K, 3)"),
-    "sun_sigma": ("rad", "C", "standard deviation of sun_measured about each tangent axis"),
+    "sun_sigma": ("rad", "C", "standard deviation of each view's own error of sun_measured about each tangent axis"),
+    "sun_common_sigma": ("rad", "C", "standard deviation of the rotation that errors of all sun_measured share"),
 }
 _LANDMARKS = {
     "position": (_LENGTH, "B", "landmark positions (J, 3)"),
@@ -222,7 +234,10 @@ def _read_views(file: Any) -> Views:
         )
         for group in (file[f"cameras/{number}"] for number in range(len(file["cameras"])))
     ]
-    values = {name: file["views"][name][()] for name in _VIEWS}
+    stored = file["views"]
+    values = {name: stored[name][()] for name in _VIEWS if name in stored or name != "sun_common_sigma"}
+    # Files from before errors of Suns could be common.
+    values.setdefault("sun_common_sigma", np.zeros(len(values["name"])))
     return Views(
         name=tuple(name.decode() for name in values.pop("name")),
         cameras=tuple(cameras[number] for number in values.pop("camera")),
@@ -236,7 +251,7 @@ def _inconsistency(scene: Scene) -> str | None:
     views, landmarks, tracks, region = scene.views, scene.landmarks, scene.tracks, scene.region
     k, j, n = len(views.name), len(landmarks.position), len(tracks.view)
     lengths = [
-        *((getattr(views, name), k) for name in ("sun", "scale", "bias", "sun_measured", "sun_sigma")),
+        *((getattr(views, name), k) for name in VIEW_ARRAYS),
         (views.cameras, k),
         (views.body_from_cam.rotation, k),
         (views.body_from_cam.translation, k),

@@ -28,6 +28,10 @@ MIN_VIEWS = 3
 """Fewest views of a site: with two views of a landmark a wrong match cannot be detected."""
 DEFAULT_SUN_SIGMA_RAD = 1e-3
 """Standard deviation [rad] of Suns without `sun_sigma_deg`: 0.057 degrees, the paper's value."""
+_OWN_SHARE = 0.05
+"""Where a site does not tell which part of the Suns' errors its images share, each one's own is this part of what it
+states, or DEFAULT_SUN_SIGMA_RAD where that is more. Suns known worse than attitudes are have an error of one cause: an
+alignment, a shape or a frame. Star trackers know an attitude to some thousandths of a degree."""
 _UNIT_TOLERANCE = 1e-3
 """Vectors and quaternions written with three decimals are this near to unit length."""
 _ROUNDING = 1e-15
@@ -47,7 +51,7 @@ class SiteView:
     sun: np.ndarray
     """(3,) unit vector from the body towards the Sun, in C."""
     sun_sigma_rad: float = DEFAULT_SUN_SIGMA_RAD
-    """Standard deviation of `sun` about each tangent axis."""
+    """Standard deviation of `sun` about each tangent axis; see `Site.sun_sigmas`."""
     pose_prior: PosePrior | None = None
 
 
@@ -81,11 +85,25 @@ class Site:
     """The numbers of its images are linear in radiance whatever the files declare (gamma, sRGB)."""
     body_radius_m: float | None = None
     """Mean radius of a body that is not known by name."""
+    sun_common_sigma_rad: float | None = None
+    """Standard deviation of the rotation in C by which all Suns are off alike; None where nothing is known of it."""
 
     @property
     def sun_in_cam(self) -> np.ndarray:
         """(K, 3) unit vectors towards the Sun in C."""
         return unit(np.array([view.sun for view in self.views]))
+
+    @property
+    def sun_sigmas(self) -> tuple[np.ndarray, np.ndarray]:
+        """Standard deviations [rad] of each Sun's own error (K,), and of the one that all have in common (K,).
+
+        Where `sun_common_sigma_rad` is not known, most of a large stated error is taken to be common.
+        """
+        stated = np.array([view.sun_sigma_rad for view in self.views])
+        if self.sun_common_sigma_rad is not None:
+            return stated, np.full(len(stated), self.sun_common_sigma_rad)
+        own = np.maximum(_OWN_SHARE * stated, np.minimum(stated, DEFAULT_SUN_SIGMA_RAD))
+        return own, np.sqrt(stated**2 - own**2)
 
     @property
     def pose_priors(self) -> dict[str, PosePrior]:
@@ -107,6 +125,7 @@ def read_site(path: Path | str) -> Site:
     body, radius = read_body(table)
     brightness = table.choice("brightness", ("iof", "dn"))
     linear = table.boolean("linear", False)
+    common = table.number_from_zero("sun_common_sigma_deg", None)
     default, cameras = _read_cameras(table)
     views = tuple(_read_view(path, entry, default, cameras) for entry in table.tables("views"))
     if not views:
@@ -115,7 +134,8 @@ def read_site(path: Path | str) -> Site:
     table.finish()
     _check_views(table, views)
     check_outside(table, radius, {view.name: view.pose_prior for view in views if view.pose_prior is not None})
-    return Site(name, body, brightness, views, region, path, linear, radius)
+    common = None if common is None else math.radians(common)
+    return Site(name, body, brightness, views, region, path, linear, radius, common)
 
 
 def write_site(path: Path | str, site: Site) -> None:
@@ -276,6 +296,8 @@ def site_document(site: Site) -> dict[str, Any]:
     document["brightness"] = site.brightness
     if site.linear:
         document["linear"] = True
+    if site.sun_common_sigma_rad is not None:
+        document["sun_common_sigma_deg"] = math.degrees(site.sun_common_sigma_rad)
     cameras = list(dict.fromkeys(view.camera for view in site.views))
     entries = [
         {"model": c.model, "width": c.width, "height": c.height, "params": [float(p) for p in c.params]}

@@ -88,6 +88,15 @@ class Table:
             raise self._wrong_type(key, "a positive number")
         return float(value)
 
+    def number_from_zero(self, key: str, default: Any = _REQUIRED) -> Any:
+        """A finite number that is not negative."""
+        value = self._get(key, default, "a number of 0 or more")
+        if value is default:
+            return default
+        if not _is_number(value) or not 0 <= value < float("inf"):
+            raise self._wrong_type(key, "a number of 0 or more")
+        return float(value)
+
     def positive_integer(self, key: str) -> int:
         """A whole number from 1 to 2^31 - 1."""
         value = self._get(key, _REQUIRED, "a positive whole number")

@@ -80,7 +80,7 @@ class Image:
         return f"<Image {self.name!r}: {width} x {height} pixels, {100.0 * self.valid.mean():.4g} % valid>"
 
 
-VIEW_ARRAYS = ("sun", "scale", "bias", "sun_measured", "sun_sigma")
+VIEW_ARRAYS = ("sun", "scale", "bias", "sun_measured", "sun_sigma", "sun_common_sigma")
 """What `Views` has one row of for each view, beside its name, camera and pose."""
 
 
@@ -102,7 +102,10 @@ class Views:
     sun_measured: np.ndarray
     """(K, 3) unit vectors towards the Sun as measured, in C."""
     sun_sigma: np.ndarray
-    """(K,) standard deviation of `sun_measured` about each tangent axis [rad]."""
+    """(K,) standard deviation of each view's own error of `sun_measured`, about each tangent axis [rad]."""
+    sun_common_sigma: np.ndarray
+    """(K,) standard deviation of the error that all views have in common, such as an error of the cameras' alignment:
+    one small rotation of all `sun_measured` in C, about each axis [rad]."""
 
     def __len__(self) -> int:
         return len(self.name)

@@ -174,10 +174,10 @@ def _warn_undecided(scene: Scene, used: np.ndarray, checks: _SunChecks) -> None:
 def _check_suns(scene: Scene, used: np.ndarray) -> _SunChecks:
     """The leave-one-out check of each view in use (K,) bool against the others in use."""
     fits = [sun_from_other_views(scene, used, k) if used[k] else None for k in range(len(used))]
-    fit_sigma = np.array([_fit_sigma(fit) for fit in fits])
+    fit_sigma, views = np.array([_fit_sigma(fit) for fit in fits]), scene.views
     return _SunChecks(
         off=np.array([fit.off if fit else 0.0 for fit in fits]),
-        sigma=np.sqrt(fit_sigma**2 + scene.views.sun_sigma**2 + MODEL_RAD**2),
+        sigma=np.sqrt(fit_sigma**2 + views.sun_sigma**2 + views.sun_common_sigma**2 + MODEL_RAD**2),
         explained=np.array([fit.explained if fit else 1.0 for fit in fits]),
     )
 

@@ -71,7 +71,10 @@ class SimulationOptions(Ranged):
     pointing_jitter_px: Annotated[float, Range(least=0)] = 15.0
     """Standard deviation by which boresights miss the site's centre [px]."""
     sun_sigma_deg: Annotated[float, Range(above=0, most=180)] = 0.0573
-    """Standard deviation of the Sun directions in site.toml [degrees]."""
+    """Standard deviation of the error that each Sun direction in site.toml has of its own [degrees]."""
+    sun_common_sigma_deg: Annotated[float, Range(least=0, most=180)] = 0.0
+    """Standard deviation, about each axis of the camera, of one rotation by which all Sun directions in site.toml are
+    off [degrees]."""
     pose_sigma: Annotated[tuple[float, float] | None, Range(above=0)] = None
     """Write pose priors with these standard deviations: attitudes about each axis [degrees], camera centres along each
     axis [m]. By default there are no priors."""

@@ -165,6 +165,7 @@ def _site(folder: Path, options: SimulationOptions, preset: Preset, views: Views
         ),
         region=RegionRequest(size_px=(size, size)),
         path=folder / "site.toml",
+        sun_common_sigma_rad=float(np.radians(options.sun_common_sigma_deg)),
     )
 
 

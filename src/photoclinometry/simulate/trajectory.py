@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.geometry import Rigid, sphere_step, unit
+from photoclinometry.model.geometry import Rigid, so3_exp, sphere_step, unit
 from photoclinometry.model.scene import Camera
 
 _DISTANCE_SPREAD = 0.05
@@ -96,10 +96,14 @@ def draw_suns(rng: np.random.Generator, count: int, lighting: Lighting) -> np.nd
     return np.stack([np.sin(incidence) * np.cos(azimuth), np.sin(incidence) * np.sin(azimuth), np.cos(incidence)], -1)
 
 
-def measure_suns(rng: np.random.Generator, sun: np.ndarray, body_from_cam: Rigid, sigma: float) -> np.ndarray:
-    """(K, 3) unit vectors in C as an attitude sensor gives them: off by sigma [rad] about two axes."""
+def measure_suns(
+    rng: np.random.Generator, sun: np.ndarray, body_from_cam: Rigid, sigma: float, common_sigma: float
+) -> np.ndarray:
+    """(K, 3) unit vectors in C as an attitude sensor gives them: off by sigma [rad] about two axes, each by itself, and
+    all by one rotation of common_sigma [rad] about each axis of C."""
     in_cam = np.einsum("kij,ki->kj", body_from_cam.rotation, sun)
-    return sphere_step(in_cam, sigma * rng.standard_normal((len(sun), 2)))
+    noisy = sphere_step(in_cam, sigma * rng.standard_normal((len(sun), 2)))
+    return noisy @ so3_exp(common_sigma * rng.standard_normal(3)).T
 
 
 def _spread(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.hdf5 import check_hdf5
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import Camera, Views
+from photoclinometry.model.scene import VIEW_ARRAYS, Camera, Views
 from photoclinometry.simulate.photometry import as_dict, from_dict
 from photoclinometry.simulate.surface import Surface
 from photoclinometry.simulate.truth import Truth
@@ -28,7 +28,8 @@ _VIEW_DATA = {
     "translation": "camera centres in B, m",
     "sun": "unit vectors towards the Sun in B, -",
     "sun_measured": "unit vectors towards the Sun as measured, in C, -",
-    "sun_sigma": "rad, about each tangent axis of sun_measured",
+    "sun_sigma": "rad, of each view's own error about each tangent axis of sun_measured",
+    "sun_common_sigma": "rad, of the rotation that errors of all sun_measured share",
     "scale": "brightness per I/F",
     "bias": "brightness without light",
 }
@@ -46,7 +47,7 @@ def write_truth(path: Path | str, truth: Truth) -> None:
     data = {
         "rotation": views.body_from_cam.rotation,
         "translation": views.body_from_cam.translation,
-        **{key: getattr(views, key) for key in ("sun", "sun_measured", "sun_sigma", "scale", "bias")},
+        **{key: getattr(views, key) for key in VIEW_ARRAYS},
     }
     with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
@@ -115,7 +116,9 @@ def _truth(file: Any) -> Truth:
         Camera(model, width, height, tuple(params))
         for model, width, height, params in json.loads(group.attrs["cameras"])
     )
-    data = {key: group[key][()] for key in _VIEW_DATA}
+    data = {key: group[key][()] for key in _VIEW_DATA if key in group or key != "sun_common_sigma"}
+    # Files from before errors of Suns could be common.
+    data.setdefault("sun_common_sigma", np.zeros(len(data["sun"])))
     views = Views(
         name=tuple(group["name"].asstr()[()]),
         cameras=cameras,

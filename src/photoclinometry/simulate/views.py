@@ -47,7 +47,7 @@ def draw_views(options: SimulationOptions, preset: Preset) -> tuple[tuple[Camera
         options.pointing_jitter_px,
     )
     sun = draw_suns(stream(options, Stream.SUNS), count, named_lighting(options.lighting))
-    sigma = np.radians(options.sun_sigma_deg)
+    sigma, common_sigma = np.radians(options.sun_sigma_deg), np.radians(options.sun_common_sigma_deg)
     suffix = "fits" if options.brightness == "iof" else "png"
     cameras = (camera,) * count
     return cameras, Views(
@@ -57,8 +57,9 @@ def draw_views(options: SimulationOptions, preset: Preset) -> tuple[tuple[Camera
         sun=sun,
         scale=np.ones(count),
         bias=np.zeros(count),
-        sun_measured=measure_suns(stream(options, Stream.SUN_NOISE), sun, poses, sigma),
+        sun_measured=measure_suns(stream(options, Stream.SUN_NOISE), sun, poses, sigma, common_sigma),
         sun_sigma=np.full(count, sigma),
+        sun_common_sigma=np.full(count, common_sigma),
     )
 
 

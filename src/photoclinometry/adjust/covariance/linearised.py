@@ -8,7 +8,7 @@ import numpy as np
 
 from photoclinometry.adjust.covariance.information import Observed, Patch, observed_patch
 from photoclinometry.adjust.covariance.windows import Links, links
-from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.general import Rows, Touch, information_of_views
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
 from photoclinometry.adjust.graph.observations import states
@@ -35,7 +35,7 @@ class Linearised:
     smooth_residual: np.ndarray
     """(P,) of smoothness, whitened."""
     camera_prior: np.ndarray
-    """(K, 10, 10) information from Suns and priors."""
+    """(10 K, 10 K) information from Suns and priors."""
     prior: np.ndarray
     """(J, 6, 6) information on landmarks from priors."""
     several: tuple[Rows, ...]
@@ -81,9 +81,9 @@ def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
         ),
         links=links(smooth.neighbours, smooth.rows),
         smooth_residual=smooth.residual,
-        camera_prior=rest["view"].rest,
+        camera_prior=information_of_views(rest["view"].rest, [rows for rows in several if rows.couple_views]),
         prior=rest["landmark"].rest.astype(float),
-        several=several,
+        several=tuple(rows for rows in several if not rows.couple_views),
         pivot=estimate.pivot,
         packed=observations.packed_at(estimate),
     )
@@ -125,7 +125,7 @@ def _within(rows: Rows, first: int, last: int) -> Rows | None:
     """
     by_kind = {touch.variable: touch for touch in rows.touches}
     if len(rows.touches) != 2 or set(by_kind) != {"landmark", "view"}:
-        raise ValueError("covariances know general factors of one variable, or of one landmark and one view")
+        raise ValueError("covariances know general factors of one variable, of views, or of one landmark and one view")
     landmark, view = by_kind["landmark"], by_kind["view"]
     mine = np.flatnonzero((landmark.index >= first) & (landmark.index < last))
     if not len(mine):

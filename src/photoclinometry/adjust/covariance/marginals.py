@@ -164,10 +164,7 @@ class _Reduced:
 
 
 def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | None) -> _Reduced:
-    views = len(at.cameras.scale)
-    total = np.zeros((views, CAMERA_SIZE, views, CAMERA_SIZE))
-    total[range(views), :, range(views), :] = at.camera_prior
-    total = total.reshape(views * CAMERA_SIZE, -1)
+    total = at.camera_prior.copy()
     own = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE))
     moved = np.zeros((SIMILARITY, len(total)))
     for first, last in patches:

@@ -6,6 +6,7 @@ Groups of a factor for each of millions of observations are compiled instead (`o
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -32,8 +33,8 @@ class Touch:
 class Rows:
     """Whitened residuals of n factors and all that they touch.
 
-    A factor that touches several variables may touch views and landmarks, no variable twice; reflectance parameters are
-    touched alone.
+    A factor that touches several variables may touch views and landmarks, none of them twice; reflectance parameters
+    are touched alone.
     """
 
     residual: np.ndarray
@@ -44,6 +45,11 @@ class Rows:
     def cost(self) -> float:
         """Squared residuals, summed."""
         return float(np.sum(self.residual**2))
+
+    @property
+    def couple_views(self) -> bool:
+        """Whether these factors touch several views and nothing else."""
+        return len(self.touches) > 1 and all(touch.variable == "view" for touch in self.touches)
 
 
 class FactorGroup(Protocol):
@@ -85,3 +91,14 @@ def add_product(rows: Rows, parts: dict[Variable, np.ndarray], out: dict[Variabl
     for touch in rows.touches:
         change = np.einsum("nri,nr->ni", touch.jacobian, along)
         np.add.at(out[touch.variable], touch.index, change.astype(out[touch.variable].dtype))
+
+
+def information_of_views(own: np.ndarray, several: Sequence[Rows]) -> np.ndarray:
+    """(10 K, 10 K) J^T J of factors of one view each (K, 10, 10), and of those that touch several views alone."""
+    count, size = own.shape[:2]
+    out = np.zeros((count, count, size, size))
+    out[range(count), range(count)] = own
+    for rows in several:
+        for a, b in itertools.product(rows.touches, repeat=2):
+            np.add.at(out, (a.index, b.index), np.einsum("nri,nrj->nij", a.jacobian, b.jacobian))
+    return out.swapaxes(1, 2).reshape(count * size, -1)

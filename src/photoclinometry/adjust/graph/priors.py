@@ -1,4 +1,4 @@
-"""Priors as groups of factors: what is known of poses, Suns, exposures, landmarks and the reflectance beforehand.
+"""Priors as groups of factors: what is known of poses, exposures, landmarks and the reflectance beforehand.
 
 Each is Gaussian about a given value. An infinite standard deviation leaves a variable free, a tiny one holds it.
 """
@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.adjust.graph.factors import sun_direction
 from photoclinometry.adjust.graph.general import Rows, Touch
 from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
-from photoclinometry.model.scene import Landmarks, Views
+from photoclinometry.model.scene import Landmarks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,21 +61,6 @@ class Gauge:
             pose_rows(estimate, np.array([self.view]), pose, *sigma),
             position_rows(estimate, np.array([self.landmark]), self.position[None], np.array([self.position_sigma])),
         ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class SunDirections:
-    """Measured Suns (Eqs. 33-34)."""
-
-    weight: float = 1.0
-    """How many times smaller than stated the standard deviations are taken to be."""
-    name: str = "sun"
-
-    def rows(self, estimate: Estimate) -> list[Rows]:
-        residual, by_turn_and_sun = sun_rows(estimate.views)
-        jacobian = np.zeros((len(residual), 2, CAMERA_SIZE))
-        jacobian[:, :, [0, 1, 2, 6, 7]] = self.weight * by_turn_and_sun
-        return [Rows(self.weight * residual, (Touch("view", np.arange(len(residual)), jacobian),))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,15 +158,6 @@ def position_rows(estimate: Estimate, which: np.ndarray, known: np.ndarray, sigm
     jacobian[:, range(3), range(3)] = 1.0 / sigma
     residual = (estimate.landmarks.position[which] - known) / sigma
     return Rows(residual, (Touch("landmark", which, jacobian),))
-
-
-def sun_rows(views: Views) -> tuple[np.ndarray, np.ndarray]:
-    """Whitened Sun residuals (K, 2) and Jacobians (K, 2, 5), see `factors.sun_direction`."""
-    rows = [
-        sun_direction(*args)
-        for args in zip(views.body_from_cam.rotation, views.sun, views.sun_measured, views.sun_sigma, strict=True)
-    ]
-    return np.array([r for r, _ in rows]), np.array([j for _, j in rows])
 
 
 def _tilt(now: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from photoclinometry.adjust.graph.general import information_of_views
 from photoclinometry.adjust.graph.graph import Linearization
 from photoclinometry.adjust.solve.blocks import invert_blocks
 from photoclinometry.adjust.solve.directions import add_combination, shares
@@ -28,9 +29,7 @@ class DampedSystem:
         border = at.border.block
         self.added = (damping * at.diagonal).astype(np.float32)
         self.parameter_inverse = np.linalg.inv(border + damping * np.diag(np.diag(border)))
-        view = at.views.block.copy()
-        np.einsum("kii->ki", view)[:] *= 1.0 + damping
-        self.view_inverse = np.linalg.inv(view)
+        self.view_inverse = _inverse_of_views(at, damping)
         self.landmark_inverse = np.empty(at.landmarks.block.shape, np.float32)
         invert_blocks(at.landmarks.block, damping, self.landmark_inverse)
         self.coarse, self.coarse_inverse = np.zeros((0, len(self.added)), np.float32), np.zeros((0, 0))
@@ -58,7 +57,10 @@ class DampedSystem:
         out = np.empty_like(vector)
         view, landmark, parameter = self.at.split(vector)
         view_out, landmark_out, parameter_out = self.at.split(out)
-        view_out[:] = np.einsum("kij,kj->ki", self.view_inverse, view)
+        if self.view_inverse.ndim == 2:
+            view_out[:] = (self.view_inverse @ view.ravel()).reshape(view.shape)
+        else:
+            view_out[:] = np.einsum("kij,kj->ki", self.view_inverse, view)
         rows, inverse = self.at.smooth.rows, self.landmark_inverse
         landmark_out[:] = solve_approximately(self.at.neighbours, rows, inverse, landmark, self.degree, self.low)
         parameter_out[:] = self.parameter_inverse @ parameter
@@ -67,6 +69,25 @@ class DampedSystem:
             shares(self.coarse, vector, along)
             add_combination(self.coarse, (self.coarse_inverse @ along.sum(0)).astype(np.float32), out)
         return out
+
+
+def _inverse_of_views(at: Linearization, damping: float) -> np.ndarray:
+    """Of the views' damped blocks (K, 10, 10); of all together (10 K, 10 K) where factors couple views.
+
+    What such factors say of all views at once may be far weaker than of each alone, and is then what is left to find.
+    """
+    coupling = [rows for rows in at.several if rows.couple_views]
+    if not coupling:
+        block = at.views.block.copy()
+        np.einsum("kii->ki", block)[:] *= 1.0 + damping
+        return np.linalg.inv(block)
+    alone = at.views.block.copy()
+    for rows in coupling:
+        for touch in rows.touches:
+            np.subtract.at(alone, touch.index, np.einsum("nri,nrj->nij", touch.jacobian, touch.jacobian))
+    whole = information_of_views(alone, coupling)
+    np.einsum("ii->i", whole)[:] *= 1.0 + damping
+    return np.linalg.inv(whole)
 
 
 def parameter_moves(

@@ -16,6 +16,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -59,7 +60,7 @@ RESPONSE_ITERATIONS, RESPONSE_ENOUGH = 500, 1e-3
 """Conjugate-gradient iterations at most for how all else follows a parameter at the solution, and the share of its cost
 that is not worth following there."""
 
-RESPONSE_ROUNDS, RESPONSE_SETTLED = 4, 0.1
+RESPONSE_ROUNDS, RESPONSE_SETTLED = 3, 0.1
 """Times at most that this is followed again from where it ended, and the share of a parameter's cost (its sigma changes
 by half of it) below which it has settled."""
 
@@ -256,10 +257,12 @@ def parameter_response(graph: FactorGraph, solution: Solution, options: SolverOp
     count = len(solution.estimate.parameters)
     at = graph.linearize(solution.estimate)
     system = DampedSystem(at, options.min_damping, *_polynomial(at, options))
-    moves, information = solution.parameter_moves, np.full((count, count), np.inf)
+    follow = partial(parameter_moves, system, enough=RESPONSE_ENOUGH, max_iterations=RESPONSE_ITERATIONS)
+    moves = follow(solution.parameter_moves)
+    information = system.along(moves)
     for _ in range(RESPONSE_ROUNDS):
-        moves = parameter_moves(system, moves, enough=RESPONSE_ENOUGH, max_iterations=RESPONSE_ITERATIONS)
-        before, information = information, system.along(moves)
+        moves, before = follow(moves), information
+        information = system.along(moves)
         if np.all(np.diag(information) >= (1.0 - RESPONSE_SETTLED) * np.diag(before)):
             break
     covariance = np.linalg.inv(information)

@@ -245,6 +245,7 @@ def _views(images: Sequence[ImageLines], sun_sigma_rad: float) -> Views:
         bias=np.array([i.bias for i in images]),
         sun_measured=sun,
         sun_sigma=np.full(len(images), float(sun_sigma_rad)),
+        sun_common_sigma=np.zeros(len(images)),
     )
 
 

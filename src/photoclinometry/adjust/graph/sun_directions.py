@@ -1,0 +1,72 @@
+"""Measured Sun directions as a group of factors: errors of each view's own, and one that all have in common.
+
+Suns of one spacecraft come from one alignment, one attitude solution and one frame of the body. What is wrong with
+those turns all Suns alike, by much more than attitudes scatter from image to image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.adjust.graph.factors import sun_direction
+from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.geometry import skew, tangent_basis
+from photoclinometry.model.scene import Views
+
+
+@dataclass(frozen=True, kw_only=True)
+class SunDirections:
+    """Measured Suns (Eqs. 33-34), with the common error as `Views.sun_common_sigma` states it."""
+
+    weight: float = 1.0
+    """How many times smaller than stated the standard deviations are taken to be."""
+    name: str = "sun"
+
+    def rows(self, estimate: Estimate) -> list[Rows]:
+        views = estimate.views
+        residual, by_turn_and_sun = _alone(views)
+        jacobian = np.zeros((len(views), 2, CAMERA_SIZE))
+        jacobian[:, :, [0, 1, 2, 6, 7]] = self.weight * by_turn_and_sun
+        residual *= self.weight
+        if not views.sun_common_sigma.any():
+            return [Rows(residual, (Touch("view", np.arange(len(views)), jacobian),))]
+        parted = _parted(views)
+        touches = tuple(
+            Touch("view", np.array([k]), (parted[:, 2 * k : 2 * k + 2] @ jacobian[k])[None]) for k in range(len(views))
+        )
+        return [Rows((parted @ residual.ravel())[None], touches)]
+
+
+def sun_offsets(views: Views) -> tuple[np.ndarray, np.ndarray]:
+    """How far Suns are from what was measured, in standard deviations: each view's own part (K, 2), and the rotation by
+    which all were measured in C (3,), as the most probable division has them. Their squares sum to the cost."""
+    residual = _alone(views)[0].ravel()
+    both = _parted(views) @ residual
+    return both[: len(residual)].reshape(-1, 2), both[len(residual) :]
+
+
+def _alone(views: Views) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (K, 2) and Jacobians (K, 2, 5) over each view's own sigma, see `factors.sun_direction`."""
+    rows = [
+        sun_direction(*args)
+        for args in zip(views.body_from_cam.rotation, views.sun, views.sun_measured, views.sun_sigma, strict=True)
+    ]
+    return np.array([r for r, _ in rows]), np.array([j for _, j in rows])
+
+
+def _parted(views: Views) -> np.ndarray:
+    """(2 K + 3, 2 K): from residuals r over their own sigmas to r - A w and w, which minimise |r - A w|^2 + |w|^2.
+
+    A (2 K, 3) has how a rotation w of all Suns in C, in its standard deviations, changes r. The minimum is
+    r^T (I + A A^T)^-1 r, the cost of Gaussian errors of which these are the two parts.
+    """
+    share = views.sun_common_sigma / views.sun_sigma
+    changes = np.concatenate(
+        [ratio * tangent_basis(sun).T @ skew(sun) for ratio, sun in zip(share, views.sun_measured, strict=True)]
+    )
+    common = np.linalg.solve(np.eye(3) + changes.T @ changes, changes.T)
+    return np.concatenate([np.eye(len(changes)) - changes @ common, common])

@@ -1,0 +1,83 @@
+"""Measured Suns: errors of each view's own, and one that all have in common."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from graphs import sun_residuals
+from photoclinometry.adjust.graph.sun_directions import SunDirections, sun_offsets
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.geometry import so3_exp, sphere_step
+from scenes import synthetic_scene
+
+OWN, COMMON = 1e-3, 1e-2
+
+
+@pytest.fixture(scope="module")
+def estimate():
+    scene = synthetic_scene(size=4, views=6)
+    views = replace(scene.views, sun_sigma=np.full(6, OWN), sun_common_sigma=np.full(6, COMMON))
+    return Estimate(views, scene.landmarks, scene.landmarks.position.mean(0))
+
+
+def measured_with(estimate, rotation, own):
+    """With the Suns that were measured turned alike in C (3,) [rad], and each moved (K, 2) [rad]."""
+    views = estimate.views
+    in_cam = np.einsum("kij,ki->kj", views.body_from_cam.rotation, views.sun)
+    return replace(estimate, views=replace(views, sun_measured=sphere_step(in_cam, own) @ so3_exp(rotation).T))
+
+
+def cost(estimate):
+    return sum(rows.cost for rows in SunDirections().rows(estimate))
+
+
+def test_the_cost_is_that_of_gaussian_errors_of_their_covariance(estimate):
+    rng = np.random.default_rng(0)
+    off = measured_with(estimate, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
+    assert cost(off) == pytest.approx(np.sum(sun_residuals(off.views) ** 2), rel=1e-9)
+    alone = replace(off, views=replace(off.views, sun_common_sigma=np.zeros(6)))
+    assert cost(alone) == pytest.approx(np.sum(sun_residuals(alone.views) ** 2), rel=1e-9)
+
+
+def test_errors_as_stated_cost_one_for_each_number(estimate):
+    """Twelve, in the mean over 2,000 draws, to four standard errors."""
+    rng = np.random.default_rng(1)
+    costs = [
+        cost(measured_with(estimate, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))) for _ in range(2000)
+    ]
+    assert np.mean(costs) == pytest.approx(12.0, abs=4 * np.sqrt(24 / 2000))
+
+
+def test_a_rotation_of_all_is_told_from_errors_of_single_suns(estimate):
+    rotation = 2.0 * COMMON * np.array([0.6, -0.8, 0.0])
+    own, common = sun_offsets(measured_with(estimate, rotation, np.zeros((6, 2))).views)
+    np.testing.assert_allclose(common, rotation / COMMON, atol=0.05)
+    assert np.abs(own).max() < 0.3
+    moved = np.zeros((6, 2))
+    moved[2] = 10.0 * OWN, 0.0
+    own, common = sun_offsets(measured_with(estimate, np.zeros(3), moved).views)
+    assert np.linalg.norm(own[2]) > 5.0
+    assert np.linalg.norm(own, axis=1).argmax() == 2
+    assert np.linalg.norm(common) < 1.0
+
+
+def test_offsets_squared_are_the_cost(estimate):
+    rng = np.random.default_rng(2)
+    off = measured_with(estimate, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
+    own, common = sun_offsets(off.views)
+    assert np.sum(own**2) + np.sum(common**2) == pytest.approx(cost(off), rel=1e-12)
+
+
+def test_slopes_are_those_of_the_residuals(estimate):
+    rng = np.random.default_rng(3)
+    off = measured_with(estimate, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
+    (rows,) = SunDirections(weight=1.7).rows(off)
+    still = np.zeros((len(off.landmarks), 6))
+    for touch in rows.touches:
+        k = int(touch.index[0])
+        for m in (0, 1, 2, 6, 7):
+            step = np.zeros((6, 10))
+            step[k, m] = 1e-6
+            ends = [SunDirections(weight=1.7).rows(off.step(sign * step, still))[0].residual[0] for sign in (1, -1)]
+            np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, touch.jacobian[0, :, m], rtol=1e-4, atol=1e-3)
