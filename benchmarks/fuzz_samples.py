@@ -178,7 +178,10 @@ def make_truth(folder: Path) -> list[str]:
 
     surface = Surface(texture((8, 8)), 0.2 + texture((8, 8)), 1.0, (-4.0, -4.0))
     about = {"psf_sigma_px": 0.5, "brightness": "iof", "photometry": published("lunar-lambert", "vesta")}
-    write_truth(folder / "a.h5", Truth("a", "vesta", surface, synthetic_scene(size=3, views=3).views, **about))
+    write_truth(
+        folder / "a.h5",
+        Truth(name="a", body="vesta", surface=surface, views=synthetic_scene(size=3, views=3).views, **about),
+    )
     return ["a.h5"]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -13,10 +14,18 @@ from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.scene import Camera, Region
 from photoclinometry.simulate.photometry import Photometry, radiance_factor
-from photoclinometry.simulate.raycast import Hits, Raycaster
+from photoclinometry.simulate.raycast import Hits
 
 _SAMPLES_PER_STRIP = 2**17
 """Rays that one thread follows at a time: some 30 MB."""
+
+
+class RayTracer(Protocol):
+    """A surface that rays can meet: a height field (`raycast.py`) or a whole body (`bodies/surface.py`)."""
+
+    def trace(self, origin: np.ndarray, directions: np.ndarray, sun: np.ndarray) -> Hits:
+        """First hits of rays origin (3,) + t directions (n, 3), and whether the Sun (3,) lights them; all in B."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ def sample_points(region: Region, supersampling: int, margin_px: int) -> np.ndar
     return np.stack(np.meshgrid(x, y), -1)
 
 
-def cast(raycaster: Raycaster, camera: Camera, body_from_cam: Rigid, sun: np.ndarray, pixels: np.ndarray) -> Samples:
+def cast(raycaster: RayTracer, camera: Camera, body_from_cam: Rigid, sun: np.ndarray, pixels: np.ndarray) -> Samples:
     """The surface behind the pixels (h, w, 2) of one view; sun: (3,) in B."""
     rays, hits = _trace(raycaster, camera, body_from_cam, sun, pixels.reshape(-1, 2))
     shape = pixels.shape[:-1]
@@ -59,7 +68,7 @@ def cast(raycaster: Raycaster, camera: Camera, body_from_cam: Rigid, sun: np.nda
 
 
 def radiance(
-    raycaster: Raycaster,
+    raycaster: RayTracer,
     camera: Camera,
     body_from_cam: Rigid,
     sun: np.ndarray,
@@ -99,7 +108,7 @@ def radiance(
 
 
 def _trace(
-    raycaster: Raycaster, camera: Camera, body_from_cam: Rigid, sun: np.ndarray, pixels: np.ndarray
+    raycaster: RayTracer, camera: Camera, body_from_cam: Rigid, sun: np.ndarray, pixels: np.ndarray
 ) -> tuple[np.ndarray, Hits]:
     """Rays (n, 3) in B, of unit depth in the camera, through pixels (n, 2), and their hits."""
     rays = np.einsum("ij,nj->ni", body_from_cam.rotation, camera.ray_in_cam(pixels))

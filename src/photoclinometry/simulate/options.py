@@ -12,9 +12,10 @@ from photoclinometry.model.geometry import METRES
 from photoclinometry.model.ranges import Pinhole, Range, Ranged
 from photoclinometry.model.reflectance import ModelName
 from photoclinometry.model.scene import Camera
+from photoclinometry.simulate.bodies.presets import BODIES, BodyPreset
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.photometry import named_photometry
-from photoclinometry.simulate.presets import Preset, named_preset
+from photoclinometry.simulate.presets import PRESETS, Preset, named_preset
 from photoclinometry.simulate.trajectory import named_lighting
 
 SMALLEST_IMAGE_PX = 32
@@ -23,6 +24,8 @@ _MAX_SUPERSAMPLING = 8
 """64 rays per pixel; more only cost time."""
 _LARGEST_GSD = 1e6
 """Larger ground sample distances are mistakes of the unit [m]."""
+_BODY_OF_SHAPES = "potato"
+"""The preset of shapes from files: most asteroids are elongated and cratered."""
 _LARGEST_EMISSION_DEG = 60
 """At larger emission angles images see past the edge of the ground."""
 
@@ -32,11 +35,12 @@ class SimulationOptions(Ranged):
     """The site to simulate. An option that is None is taken from the preset."""
 
     preset: str = "demo"
-    """demo (5-km crater, small), cornelia (15-km crater on Vesta), ahuna (dome and crater on Ceres) or
-    ikapati (part of a 50-km ridged crater on Ceres)."""
+    """A place: demo (5-km crater, small), cornelia (15-km crater on Vesta), ahuna (dome and crater on Ceres) or
+    ikapati (part of a 50-km ridged crater on Ceres). Or a whole body: topshape (spinning top of rubble), bilobed
+    (contact binary) or potato (elongated, with a saddle)."""
     lighting: str = "moderate"
     """Range of the Sun's azimuth and incidence [degrees]: moderate (25; 30 to 60), strong (90; 25 to 70) or harsh (360;
-    25 to 80)."""
+    25 to 80). Whole bodies spin below a Sun that stands still, at phase angles of 10 to 80 degrees."""
     seed: Annotated[int, Range(least=0, most=2**31 - 1)] = 0
     """Seed of all random numbers."""
     views: Annotated[int | None, Range(least=MIN_VIEWS, most=1_000_000)] = None
@@ -51,13 +55,18 @@ class SimulationOptions(Ranged):
     surface: Path | None = None
     """File with the ground: a mesh (PLY, OBJ) or a projected terrain model (GeoTIFF). The preset then gives the camera,
     the number of views, and the body with its reflectance and mean albedo."""
+    shape: Path | None = None
+    """File with the shape of a whole body: a closed mesh (OBJ, PLY) with its origin inside and z along its axis. It is
+    refined, and gets the relief of the preset, topshape, bilobed or potato (by default the latter), with its camera,
+    number of views, reflectance and mean albedo."""
     surface_unit: Literal["m", "km"] = "m"
     """Unit of a mesh's coordinates, and of a terrain model's heights."""
     surface_center: Annotated[tuple[float, ...] | None, Range()] = None
     """Point of the surface that the cameras look at: x y z in a mesh's coordinates, easting northing [m] on a map; by
     default the middle. Closed shapes need it."""
     gsd: Annotated[float | None, Range(above=0, below=_LARGEST_GSD)] = None
-    """Ground sample distance of all images of ground from a file [m]; by default the preset's finest."""
+    """Ground sample distance of all images of ground from a file [m]; by default the preset's finest. Of a whole body
+    that of close-ups; by default images of the whole body are filled by it to three quarters."""
     region_size: Annotated[int | None, Range(least=2, most=65535)] = None
     """Width and height of the region to map [px]; by default the preset's, or half the image."""
     supersampling: Annotated[int, Range(least=1, most=_MAX_SUPERSAMPLING)] = 2
@@ -83,14 +92,16 @@ class SimulationOptions(Ranged):
 
     def __post_init__(self):
         super().__post_init__()
-        preset = named_preset(self.preset)
+        preset = body_preset(self) or named_preset(self.preset)
         named_lighting(self.lighting)
         named_photometry(self.reflectance, preset.body)
         if self.surface_unit not in METRES:
             raise InputError(f'surface_unit must be "m" or "km", got {self.surface_unit!r}')
         if self.brightness not in ("iof", "dn"):
             raise InputError(f'brightness must be "iof" or "dn", got {self.brightness!r}')
-        if self.surface is None and (self.gsd, self.surface_center) != (None, None):
+        if isinstance(preset, BodyPreset):
+            _check_whole_body(self)
+        elif self.surface is None and (self.gsd, self.surface_center) != (None, None):
             raise InputError("--gsd and --surface-center go with --surface; presets have theirs")
         camera = simulated_camera(self, preset)
         if not all(0 <= c <= size for c, size in zip(camera.principal_px, (camera.width, camera.height), strict=True)):
@@ -100,7 +111,28 @@ class SimulationOptions(Ranged):
             )
 
 
-def simulated_camera(options: SimulationOptions, preset: Preset) -> Camera:
+def _check_whole_body(options: SimulationOptions) -> None:
+    """Raises InputError for options of places, which would be ignored."""
+    if options.surface is not None:
+        raise InputError("--surface is ground of a place; give --shape for a whole body, or another preset")
+    if (options.surface_center, options.region_size) != (None, None):
+        raise InputError("--surface-center and --region-size choose a place; images of a whole body have none")
+
+
+def body_preset(options: SimulationOptions) -> BodyPreset | None:
+    """The preset of a whole body; None where a place is simulated. Raises InputError."""
+    if options.preset in BODIES:
+        return BODIES[options.preset]
+    if options.preset not in PRESETS:
+        raise InputError(f"no preset {options.preset!r}; known: {', '.join([*PRESETS, *BODIES])}")
+    if options.shape is None:
+        return None
+    if options.preset != SimulationOptions.preset:
+        raise InputError(f"--shape goes with --preset {' or '.join(BODIES)}, got {options.preset}")
+    return BODIES[_BODY_OF_SHAPES]
+
+
+def simulated_camera(options: SimulationOptions, preset: Preset | BodyPreset) -> Camera:
     """The camera of all views."""
     width = options.image_size or preset.image_size
     height = options.image_height or width

@@ -23,11 +23,13 @@ from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Camera, Views
 from photoclinometry.model.warning import warn
+from photoclinometry.simulate.bodies.place import body_place
 from photoclinometry.simulate.camera_model import expose, hot_pixel_charge, pixel_average
 from photoclinometry.simulate.given import given_relief
 from photoclinometry.simulate.observe import radiance
-from photoclinometry.simulate.options import SimulationOptions, chosen_preset
-from photoclinometry.simulate.photometry import Photometry, named_photometry
+from photoclinometry.simulate.options import SimulationOptions, body_preset, chosen_preset
+from photoclinometry.simulate.photometry import named_photometry
+from photoclinometry.simulate.place import Place
 from photoclinometry.simulate.presets import BODY_RADIUS, Preset, build_surface, surface_of_relief
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.surface import Surface
@@ -50,7 +52,7 @@ def simulate_site(
     progress: Progress | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Writes images/, site.toml, truth.h5 and simulation.toml; returns the path of site.toml.
+    """Writes images/, site.toml, truth.h5, of a body truth.ply, and simulation.toml; returns the path of site.toml.
 
     The folder appears whole, at the end, or not at all. Raises InputError if it is not empty, unless it holds a
     simulated site and `overwrite` is set.
@@ -58,41 +60,35 @@ def simulate_site(
     out_folder = Path(out_folder)
     check_output_folder(out_folder, overwrite)
     report = progress or no_progress
-    preset = chosen_preset(options)
-    cameras, views = draw_views(options, preset)
-    report("terrain", 0, len(cameras))
-    surface, frame = _surface(options, preset, cameras[0])
-    raycaster = Raycaster(surface)
-    photometry = named_photometry(options.reflectance, preset.body)
-    hot = hot_pixel_charge((cameras[0].height, cameras[0].width), options.detector, stream(options, Stream.HOT_PIXELS))
+    report("terrain", 0, 1)
+    preset = body_preset(options)
+    place = ground_place(options) if preset is None else body_place(options, preset)
     with atomic_path(out_folder) as folder:
         (folder / "images").mkdir(parents=True)
-        scale, bias = np.ones(len(views)), np.zeros(len(views))
-        for k, name in enumerate(views.name):
-            report("images", k, len(views))
-            image = _radiance_image(raycaster, views, k, photometry, options)
-            exposure = expose(image, options.detector, stream(options, Stream.EXPOSURE, k), hot)
-            if options.brightness == "iof":
-                write_fits(folder / name, exposure.iof)
-            else:
-                write_png(folder / name, exposure.uint16)
-                scale[k], bias[k] = exposure.gain, exposure.offset
+        views = _write_images(folder, place, options, report)
         report("truth", len(views), len(views))
-        views = replace(views, scale=scale, bias=bias)
-        truth = Truth(
-            name=_name(options),
-            body=preset.body,
-            surface=surface,
-            views=views,
-            psf_sigma_px=options.detector.psf_sigma_px,
-            brightness=options.brightness,
-            photometry=photometry,
-        )
-        write_truth(folder / "truth.h5", truth)
-        write_site(folder / "site.toml", _site(folder, options, preset, views))
-        _write_options(folder / OPTIONS_FILE, options, frame)
-    log.info("simulated %d views of %s in %s", len(views), _name(options), out_folder)
+        place.write_truth(folder, views)
+        write_site(folder / "site.toml", _site(folder, options, place, views))
+        _write_options(folder / OPTIONS_FILE, options, place.settings)
+    log.info("simulated %d views of %s in %s", len(views), place.name, out_folder)
     return out_folder / "site.toml"
+
+
+def _write_images(folder: Path, place: Place, options: SimulationOptions, report: Progress) -> Views:
+    """Writes all images; returns the views with the scales and biases of their brightness."""
+    views, camera = place.views, place.views.cameras[0]
+    hot = hot_pixel_charge((camera.height, camera.width), options.detector, stream(options, Stream.HOT_PIXELS))
+    scale, bias = np.ones(len(views)), np.zeros(len(views))
+    for k, name in enumerate(views.name):
+        report("images", k, len(views))
+        image = _radiance_image(place, k, options)
+        exposure = expose(image, options.detector, stream(options, Stream.EXPOSURE, k), hot)
+        if options.brightness == "iof":
+            write_fits(folder / name, exposure.iof)
+        else:
+            write_png(folder / name, exposure.uint16)
+            scale[k], bias[k] = exposure.gain, exposure.offset
+    return replace(views, scale=scale, bias=bias)
 
 
 def check_output_folder(folder: Path, overwrite: bool) -> None:
@@ -109,8 +105,31 @@ def check_output_folder(folder: Path, overwrite: bool) -> None:
         raise InputError(f"{folder}: holds a simulated site already; pass --overwrite, or choose another folder")
 
 
-def _name(options: SimulationOptions) -> str:
-    return options.surface.stem if options.surface else options.preset
+def ground_place(options: SimulationOptions) -> Place:
+    """The place of a preset, or of ground from a file, and the views of it. Raises InputError."""
+    preset = chosen_preset(options)
+    cameras, views = draw_views(options, preset)
+    surface, frame = _surface(options, preset, cameras[0])
+    truth = Truth(
+        name=options.surface.stem if options.surface else options.preset,
+        body=preset.body,
+        surface=surface,
+        views=views,
+        psf_sigma_px=options.detector.psf_sigma_px,
+        brightness=options.brightness,
+        photometry=named_photometry(options.reflectance, preset.body),
+    )
+    size = options.region_size or min(preset.region_px, min(cameras[0].width, cameras[0].height) // 2)
+    return Place(
+        name=truth.name,
+        body=truth.body,
+        tracer=Raycaster(surface),
+        photometry=truth.photometry,
+        views=views,
+        write_truth=lambda folder, views: write_truth(folder / "truth.h5", replace(truth, views=views)),
+        region=RegionRequest(size_px=(size, size)),
+        settings={} if frame is None else {"body_from_surface_file": _similarity(frame)},
+    )
 
 
 def _surface(options: SimulationOptions, preset: Preset, camera: Camera) -> tuple[Surface, Similarity | None]:
@@ -123,21 +142,19 @@ def _surface(options: SimulationOptions, preset: Preset, camera: Camera) -> tupl
     return surface_of_relief(given.height, given.albedo, grid, preset.mean_albedo, options.seed), given.body_from_file
 
 
-def _radiance_image(
-    raycaster: Raycaster, views: Views, k: int, photometry: Photometry, options: SimulationOptions
-) -> np.ndarray:
+def _radiance_image(place: Place, k: int, options: SimulationOptions) -> np.ndarray:
     """(h, w) I/F of view k behind optics and pixels, without noise."""
-    margin = options.detector.margin_px
+    margin, views = options.detector.margin_px, place.views
     fine, complete = radiance(
-        raycaster,
+        place.tracer,
         views.cameras[k],
         views.body_from_cam[k],
         views.sun[k],
-        photometry,
+        place.photometry,
         options.supersampling,
         margin,
     )
-    if not complete:
+    if not complete and not place.shows_sky:
         name = views.name[k]
         warn(log, "view-past-edge", "%s sees past the edge of the simulated ground; it is dark there", name, view=name)
     angle = stream(options, Stream.SMEAR, k).uniform(0.0, np.pi)
@@ -145,12 +162,11 @@ def _radiance_image(
     return pixel_average(fine, options.supersampling, margin, options.detector.psf_sigma_px, smear)
 
 
-def _site(folder: Path, options: SimulationOptions, preset: Preset, views: Views) -> Site:
-    size = options.region_size or min(preset.region_px, min(views.cameras[0].width, views.cameras[0].height) // 2)
+def _site(folder: Path, options: SimulationOptions, place: Place, views: Views) -> Site:
     priors = pose_priors(options, views.body_from_cam)
     return Site(
-        name=_name(options),
-        body=preset.body,
+        name=place.name,
+        body=place.body,
         brightness=options.brightness,
         views=tuple(
             SiteView(
@@ -163,22 +179,24 @@ def _site(folder: Path, options: SimulationOptions, preset: Preset, views: Views
             )
             for k in range(len(views))
         ),
-        region=RegionRequest(size_px=(size, size)),
+        region=place.region,
         path=folder / "site.toml",
+        body_radius_m=place.body_radius_m,
         sun_common_sigma_rad=float(np.radians(options.sun_common_sigma_deg)),
     )
 
 
-def _write_options(path: Path, options: SimulationOptions, body_from_file: Similarity | None) -> None:
+def _write_options(path: Path, options: SimulationOptions, settings: dict[str, Any]) -> None:
     import tomli_w
 
     values: dict[str, Any] = {key: value for key, value in asdict(options).items() if value is not None}
-    if options.surface is not None:
-        values["surface"] = str(options.surface)
-    if body_from_file is not None:
-        values["body_from_surface_file"] = {
-            "scale": body_from_file.scale,
-            "rotation": body_from_file.rotation.tolist(),
-            "translation": body_from_file.translation.tolist(),
-        }
-    write_text(path, tomli_w.dumps(values))
+    values |= {key: str(values[key]) for key in ("surface", "shape") if key in values}
+    write_text(path, tomli_w.dumps(values | settings))
+
+
+def _similarity(body_from_file: Similarity) -> dict[str, Any]:
+    return {
+        "scale": body_from_file.scale,
+        "rotation": body_from_file.rotation.tolist(),
+        "translation": body_from_file.translation.tolist(),
+    }

@@ -47,13 +47,14 @@ def named_lighting(name: str) -> Lighting:
     return LIGHTING[name]
 
 
-def looking_at(center: np.ndarray, target: np.ndarray, roll: float) -> Rigid:
+def looking_at(
+    center: np.ndarray, target: np.ndarray, roll: float, north: tuple[float, ...] | np.ndarray = (0.0, 1.0, 0.0)
+) -> Rigid:
     """body_from_cam of a camera at `center` (3,) that looks at `target` (3,).
 
-    roll [rad]: at 0, up in the image is as close to B's y axis (north) as possible.
+    roll [rad]: at 0, up in the image is as close to `north` as possible, by default B's y axis.
     """
     forward = unit(target - center)
-    north = np.array([0.0, 1.0, 0.0])
     right = unit(np.cross(forward, north))
     down = np.cross(forward, right)
     turned = np.cos(roll) * right + np.sin(roll) * down

@@ -33,13 +33,12 @@ BLOCK = 2**16
 """Pixels that are processed at a time, in whole rows of a region: 300 MB."""
 
 
-@dataclass(frozen=True)
-class Truth:
-    """A simulated site without its noise. B is the surface's tangent frame [m]."""
+@dataclass(frozen=True, kw_only=True)
+class SiteFacts:
+    """A simulated site without its noise and its surface."""
 
     name: str
     body: str
-    surface: Surface
     views: Views
     """True poses and Suns; `scale` and `bias` turn I/F into the images' brightness."""
     psf_sigma_px: float
@@ -54,6 +53,13 @@ class Truth:
             known = f"{self.views.name[0]} ... {self.views.name[-1]}"
             raise InputError(f"the truth of site {self.name!r} has no view {name!r} (it has {known})")
         return self.views.name.index(name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth(SiteFacts):
+    """A simulated place without its noise. B is the surface's tangent frame [m]."""
+
+    surface: Surface
 
 
 @dataclass(frozen=True)

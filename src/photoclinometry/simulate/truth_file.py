@@ -6,8 +6,9 @@ It is read and written here, not in `io`, since its content is the simulator's t
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,10 +19,15 @@ from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import VIEW_ARRAYS, Camera, Views
 from photoclinometry.simulate.photometry import as_dict, from_dict
 from photoclinometry.simulate.surface import Surface
-from photoclinometry.simulate.truth import Truth
+from photoclinometry.simulate.truth import SiteFacts, Truth
 
 FORMAT = "photoclinometry truth"
 VERSION = 1
+BODY_FORMAT = "photoclinometry body truth"
+FORMATS = {FORMAT: "the truth of a place", BODY_FORMAT: "the truth of a whole body"}
+"""What files of these formats hold."""
+
+T = TypeVar("T", bound=SiteFacts)
 
 _VIEW_DATA = {
     "rotation": "body_from_cam rotation matrices, -",
@@ -43,34 +49,47 @@ def write_truth(path: Path | str, truth: Truth) -> None:
     """The truth as one file, the surface's grids in single precision, compressed. Raises RunFolderError."""
     import h5py
 
-    surface, views = truth.surface, truth.views
+    surface = truth.surface
+    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+        write_facts(file, truth, FORMAT, VERSION)
+        group = file.create_group("surface")
+        group.attrs["spacing_m"], group.attrs["origin_m"] = surface.spacing, surface.origin
+        for key, meaning in _GRIDS.items():
+            write_array(group, key, getattr(surface, key).astype(np.float32), meaning)
+
+
+def write_array(group: Any, key: str, values: np.ndarray, meaning: str) -> None:
+    """A compressed array of a group, with what it is."""
+    dataset = group.create_dataset(key, data=values, chunks=True, compression="gzip", compression_opts=1, shuffle=True)
+    dataset.attrs["unit"] = meaning
+
+
+def write_facts(file: Any, truth: SiteFacts, form: str, version: int) -> None:
+    """All of a truth but its surface, into an open HDF5 file of a named format."""
+    views = truth.views
     data = {
         "rotation": views.body_from_cam.rotation,
         "translation": views.body_from_cam.translation,
         **{key: getattr(views, key) for key in VIEW_ARRAYS},
     }
-    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
-        file.attrs["name"], file.attrs["body"] = truth.name, truth.body
-        file.attrs["brightness"], file.attrs["psf_sigma_px"] = truth.brightness, truth.psf_sigma_px
-        file.attrs["photometry"] = json.dumps(as_dict(truth.photometry))
-        group = file.create_group("surface")
-        group.attrs["spacing_m"], group.attrs["origin_m"] = surface.spacing, surface.origin
-        for key, meaning in _GRIDS.items():
-            values = getattr(surface, key).astype(np.float32)
-            dataset = group.create_dataset(
-                key, data=values, chunks=True, compression="gzip", compression_opts=1, shuffle=True
-            )
-            dataset.attrs["unit"] = meaning
-        group = file.create_group("views")
-        group.attrs["cameras"] = json.dumps([(c.model, c.width, c.height, list(c.params)) for c in views.cameras])
-        group["name"] = list(views.name)
-        for key, meaning in _VIEW_DATA.items():
-            group.create_dataset(key, data=data[key]).attrs["unit"] = meaning
+    file.attrs["format"], file.attrs["version"] = form, version
+    file.attrs["name"], file.attrs["body"] = truth.name, truth.body
+    file.attrs["brightness"], file.attrs["psf_sigma_px"] = truth.brightness, truth.psf_sigma_px
+    file.attrs["photometry"] = json.dumps(as_dict(truth.photometry))
+    group = file.create_group("views")
+    group.attrs["cameras"] = json.dumps([(c.model, c.width, c.height, list(c.params)) for c in views.cameras])
+    group["name"] = list(views.name)
+    for key, meaning in _VIEW_DATA.items():
+        group.create_dataset(key, data=data[key]).attrs["unit"] = meaning
 
 
 def read_truth(path: Path | str) -> Truth:
-    """The truth in the file. Raises InputError if it is missing, damaged, no truth or of another version."""
+    """The truth of a place in the file. Raises InputError if it is missing, damaged, none or of another version."""
+    return read_file(path, FORMAT, VERSION, _truth)
+
+
+def read_file(path: Path | str, form: str, version: int, read: Callable[[Any], T]) -> T:
+    """What `read` makes of a truth file of a named format. Raises InputError, also for all that `read` raises."""
     import h5py
 
     path = Path(path)
@@ -79,14 +98,17 @@ def read_truth(path: Path | str) -> Truth:
     check_hdf5(path, "truth file", "simulate it again")
     try:
         with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT:
+            found = file.attrs.get("format")
+            if found in FORMATS and found != form:
+                raise InputError(f"{path}: is {FORMATS[found]}, where {FORMATS[form]} is wanted; check the path")
+            if found != form:
                 raise InputError(f"{path}: is an HDF5 file, but not the truth of a simulated site; check the path")
-            if file.attrs["version"] != VERSION:
+            if file.attrs["version"] != version:
                 raise InputError(
                     f"{path}: has version {file.attrs['version']} of the format, this program reads "
-                    f"{VERSION}; simulate the site again"
+                    f"{version}; simulate the site again"
                 )
-            truth = _truth(file)
+            truth = read(file)
     except InputError as error:
         raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}; simulate it again") from error
     # A damaged file makes h5py raise nearly every built-in exception.
@@ -96,7 +118,7 @@ def read_truth(path: Path | str) -> Truth:
     return truth
 
 
-def _check(path: Path, truth: Truth) -> None:
+def _check(path: Path, truth: SiteFacts) -> None:
     """Raises InputError where the arrays of the views do not agree."""
     views = truth.views
     shapes = {"rotation": (3, 3), "translation": (3,), "sun": (3,), "sun_measured": (3,)}
@@ -110,7 +132,8 @@ def _check(path: Path, truth: Truth) -> None:
         raise InputError(f"{path}: has {len(views.cameras)} cameras of {len(views.name)} views; simulate it again")
 
 
-def _truth(file: Any) -> Truth:
+def read_facts(file: Any) -> dict[str, Any]:
+    """What `write_facts` wrote, by the names of the fields of a truth."""
     group = file["views"]
     cameras = tuple(
         Camera(model, width, height, tuple(params))
@@ -125,19 +148,22 @@ def _truth(file: Any) -> Truth:
         body_from_cam=Rigid(data.pop("rotation"), data.pop("translation")),
         **data,
     )
-    group = file["surface"]
+    return {
+        "name": str(file.attrs["name"]),
+        "body": str(file.attrs["body"]),
+        "views": views,
+        "psf_sigma_px": float(file.attrs["psf_sigma_px"]),
+        "brightness": str(file.attrs["brightness"]),
+        "photometry": from_dict(json.loads(file.attrs["photometry"])),
+    }
+
+
+def _truth(file: Any) -> Truth:
+    facts, group = read_facts(file), file["surface"]
     surface = Surface(
         group["height"][()],
         group["albedo"][()],
         float(group.attrs["spacing_m"]),
         (float(group.attrs["origin_m"][0]), float(group.attrs["origin_m"][1])),
     )
-    return Truth(
-        name=str(file.attrs["name"]),
-        body=str(file.attrs["body"]),
-        surface=surface,
-        views=views,
-        psf_sigma_px=float(file.attrs["psf_sigma_px"]),
-        brightness=str(file.attrs["brightness"]),
-        photometry=from_dict(json.loads(file.attrs["photometry"])),
-    )
+    return Truth(surface=surface, **facts)

@@ -47,12 +47,17 @@ def draw_views(options: SimulationOptions, preset: Preset) -> tuple[tuple[Camera
         options.pointing_jitter_px,
     )
     sun = draw_suns(stream(options, Stream.SUNS), count, named_lighting(options.lighting))
+    return (camera,) * count, measured_views(options, camera, poses, sun)
+
+
+def measured_views(options: SimulationOptions, camera: Camera, poses: Rigid, sun: np.ndarray) -> Views:
+    """Views with true poses (K,) and Suns (K, 3) in B, and measured Suns; scale 1 and bias 0."""
+    count = len(poses)
     sigma, common_sigma = np.radians(options.sun_sigma_deg), np.radians(options.sun_common_sigma_deg)
     suffix = "fits" if options.brightness == "iof" else "png"
-    cameras = (camera,) * count
-    return cameras, Views(
+    return Views(
         name=tuple(f"images/{k:03d}.{suffix}" for k in range(count)),
-        cameras=cameras,
+        cameras=(camera,) * count,
         body_from_cam=poses,
         sun=sun,
         scale=np.ones(count),

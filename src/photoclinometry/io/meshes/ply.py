@@ -36,17 +36,26 @@ class PlyMap:
 def write_ply(path: Path | str, scene: Scene, mesh: bool = False) -> None:
     """The scene's landmarks, in B; with `mesh` also the triangles of `grid_faces`. Raises RunFolderError."""
     vertices = _vertices(scene)
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"comment body-fixed frame, unit of length {scene.unit or 'as the scene'}",
-    ]
+    unit = scene.unit or "as the scene"
+    _write(path, vertices, grid_faces(scene) if mesh else None, unit)
+
+
+def write_mesh_ply(path: Path | str, vertices: np.ndarray, faces: np.ndarray, albedo: np.ndarray) -> None:
+    """A mesh of vertices (V, 3) [m], triangles (F, 3) and albedo (V,), in single precision. Raises RunFolderError."""
+    columns = np.empty(len(vertices), [(name, "<f4") for name in ("x", "y", "z", "albedo")])
+    columns["x"], columns["y"], columns["z"] = vertices.T
+    columns["albedo"] = albedo
+    _write(path, columns, faces, "m")
+
+
+def _write(path: Path | str, vertices: np.ndarray, triangles: np.ndarray | None, unit: str) -> None:
+    """A structured array of vertices, and triangles (F, 3) if there are any."""
+    header = ["ply", "format binary_little_endian 1.0", f"comment body-fixed frame, unit of length {unit}"]
     header.append(f"element vertex {len(vertices)}")
     for name in vertices.dtype.names or ():
         header.append(f"property {'double' if vertices.dtype[name].itemsize == 8 else 'float'} {name}")
     faces = np.empty(0, [("count", "u1"), ("index", "<i4", 3)])
-    if mesh:
-        triangles = grid_faces(scene)
+    if triangles is not None:
         faces = np.empty(len(triangles), faces.dtype)
         faces["count"], faces["index"] = 3, triangles
         header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]

@@ -1,0 +1,1 @@
+"""Whole bodies as closed triangle meshes: shape, relief, rays, orbits and truth."""

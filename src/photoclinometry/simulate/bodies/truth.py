@@ -1,0 +1,108 @@
+"""The truth of a simulated body: its file, `truth.h5`, and which views see and light a place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.io.atomic import atomic_path
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import unit
+from photoclinometry.simulate.bodies.mesh import is_watertight, signed_volume
+from photoclinometry.simulate.bodies.surface import BodyRaycaster, BodySurface
+from photoclinometry.simulate.truth import SiteFacts
+from photoclinometry.simulate.truth_file import BODY_FORMAT, read_facts, read_file, write_array, write_facts
+
+VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyTruth(SiteFacts):
+    """A simulated body without its noise. B is body-fixed [m], z along the axis of rotation."""
+
+    surface: BodySurface
+    gsd: float
+    """Ground sample distance of the close-ups, the finest images [m]."""
+
+
+def write_body_truth(path: Path | str, truth: BodyTruth) -> None:
+    """The truth as one HDF5 file, the mesh in single precision, compressed. Raises RunFolderError."""
+    import h5py
+
+    surface = truth.surface
+    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+        write_facts(file, truth, BODY_FORMAT, VERSION)
+        file.attrs["gsd_m"] = truth.gsd
+        group = file.create_group("mesh")
+        group.attrs["spacing_m"] = surface.spacing
+        write_array(group, "vertices", surface.vertices.astype(np.float32), "m, in B")
+        write_array(group, "faces", surface.faces, "vertices, counter-clockwise as seen from outside")
+        write_array(group, "normals", surface.normals.astype(np.float32), "outward unit vectors of the vertices, -")
+        write_array(
+            group,
+            "albedo",
+            surface.albedo.astype(np.float32),
+            "normal albedo, I/F at zero incidence, emission and phase",
+        )
+
+
+def read_body_truth(path: Path | str) -> BodyTruth:
+    """The truth of a body in the file. Raises InputError if it is missing, damaged, none or of another version."""
+    return read_file(path, BODY_FORMAT, VERSION, _truth)
+
+
+def _truth(file: Any) -> BodyTruth:
+    facts, group = read_facts(file), file["mesh"]
+    surface = BodySurface(
+        group["vertices"][()].astype(np.float64),
+        group["faces"][()],
+        group["normals"][()].astype(np.float64),
+        group["albedo"][()].astype(np.float64),
+        float(group.attrs["spacing_m"]),
+    )
+    _check_mesh(surface)
+    return BodyTruth(surface=surface, gsd=float(file.attrs["gsd_m"]), **facts)
+
+
+def _check_mesh(surface: BodySurface) -> None:
+    """Raises InputError for arrays that do not agree or are no closed mesh."""
+    count = len(surface.vertices)
+    shapes = [np.shape(a) for a in (surface.vertices, surface.normals, surface.albedo)]
+    faces = surface.faces
+    if shapes != [(count, 3), (count, 3), (count,)] or faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+        raise InputError(f"the mesh's arrays do not agree: {shapes} and faces {faces.shape}")
+    if not all(np.isfinite(a).all() for a in (surface.vertices, surface.normals, surface.albedo)):
+        raise InputError("the mesh has numbers that are not finite")
+    if faces.min() < 0 or faces.max() >= count or not is_watertight(faces):
+        raise InputError("the mesh is not closed")
+    if signed_volume(surface.vertices, faces) <= 0:
+        raise InputError("the mesh looks inwards")
+
+
+def views_of_triangles(
+    truth: BodyTruth, triangles: np.ndarray, max_emission_deg: float, raycaster: BodyRaycaster | None = None
+) -> np.ndarray:
+    """(n,) how many views see the middles of triangles (n,), lit, at emission angles up to `max_emission_deg`.
+
+    The angles are those of the interpolated normals. raycaster: that of `truth.surface`, if it was made already.
+    """
+    surface, views = truth.surface, truth.views
+    raycaster = raycaster or BodyRaycaster(surface)
+    corner = surface.faces[triangles]
+    points = surface.vertices[corner].mean(1)
+    normals = unit(surface.normals[corner].sum(1))
+    count = np.zeros(len(triangles), np.int64)
+    for k in range(len(views)):
+        towards = unit(views.body_from_cam.translation[k] - points)
+        sun = views.sun[k]
+        camera = views.cameras[k]
+        seen = (np.sum(normals * towards, -1) > np.cos(np.radians(max_emission_deg))) & (normals @ sun > 0)
+        pixel = views.project(k, points[seen])
+        seen[seen] = ((pixel >= 0) & (pixel <= (camera.width, camera.height))).all(-1)
+        for direction in (towards, np.broadcast_to(sun, points.shape)):
+            seen[seen] = ~raycaster.blocked(triangles[seen], points[seen], direction[seen])
+        count += seen
+    return count
