@@ -23,8 +23,8 @@ class MeshSurface:
     sized triangles that is the nearest face; otherwise the distance is an upper bound.
     """
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray):
-        """vertices: (V, 3); faces: (F, 3) int."""
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, closed: bool = False):
+        """vertices: (V, 3); faces: (F, 3) int; closed: there is no rim, which then need not be looked for."""
         from scipy.spatial import KDTree
 
         self.vertices, self.faces = np.asarray(vertices, float), np.asarray(faces, np.int64)
@@ -32,11 +32,16 @@ class MeshSurface:
         corners = self.faces.ravel()
         self._around = np.argsort(corners, kind="stable") // 3
         self._start = np.r_[0, np.cumsum(np.bincount(corners, minlength=len(self.vertices)))]
+        self._rim_edge = np.zeros(self.faces.shape, bool)
+        self._rim_vertex = np.zeros(len(self.vertices), bool)
+        if not closed:
+            self._find_rim()
+
+    def _find_rim(self) -> None:
         # An edge that belongs to one face only is part of the rim. Edge i of a face is opposite to corner i.
         edges = np.sort(np.stack([self.faces[:, [1, 2]], self.faces[:, [2, 0]], self.faces[:, [0, 1]]], 1), -1)
         _, inverse, count = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True)
         self._rim_edge = (count[inverse.ravel()] == 1).reshape(-1, 3)
-        self._rim_vertex = np.zeros(len(self.vertices), bool)
         self._rim_vertex[edges[self._rim_edge].ravel()] = True
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

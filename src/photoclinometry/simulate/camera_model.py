@@ -145,15 +145,21 @@ def pixel_average(
 
 
 def expose(
-    radiance: np.ndarray, detector: Detector, rng: np.random.Generator, hot: np.ndarray | None = None
+    radiance: np.ndarray,
+    detector: Detector,
+    rng: np.random.Generator,
+    hot: np.ndarray | None = None,
+    shows_sky: bool = False,
 ) -> Exposure:
     """Digitises an image of radiance factors (h, w) >= 0.
 
-    hot: (h, w) extra charge of hot pixels [electrons], see `hot_pixel_charge`.
+    hot: (h, w) extra charge of hot pixels [electrons], see `hot_pixel_charge`; shows_sky: what is not black sets
+    the exposure, however small.
     """
     factor = 1.0 + detector.exposure_spread * rng.uniform(-1.0, 1.0)
     offset = float(np.round(rng.uniform(*detector.offset_dn)))
-    bright = max(float(np.percentile(radiance, _EXPOSED_PERCENTILE)), _LEAST_BRIGHT)
+    measured = radiance[radiance > 0] if shows_sky and (radiance > 0).any() else radiance
+    bright = max(float(np.percentile(measured, _EXPOSED_PERCENTILE)), _LEAST_BRIGHT)
     exposure = factor * detector.exposure_level * detector.full_well_e / bright
     electrons_per_dn = detector.full_well_e / (2**detector.bits - 1 - offset)
     electrons = exposure * np.asarray(radiance, float)

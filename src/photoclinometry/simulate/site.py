@@ -82,7 +82,7 @@ def _write_images(folder: Path, place: Place, options: SimulationOptions, report
     for k, name in enumerate(views.name):
         report("images", k, len(views))
         image = _radiance_image(place, k, options)
-        exposure = expose(image, options.detector, stream(options, Stream.EXPOSURE, k), hot)
+        exposure = expose(image, options.detector, stream(options, Stream.EXPOSURE, k), hot, place.shows_sky)
         if options.brightness == "iof":
             write_fits(folder / name, exposure.iof)
         else:

@@ -23,8 +23,8 @@ CLOSE_UP = 1.7
 """Ground sample distance of images of the whole body over that of close-ups."""
 APPROACH = 2.0
 """Ground sample distance on approach over that of images of the whole body."""
-_OFF_MIDDLE = 0.4
-"""Largest distance from the body's middle at which close-ups aim, to all sides [greatest radii]."""
+_OFF_MIDDLE = 0.5
+"""Distance from the body's middle towards its edge at which close-ups aim, to all sides [way to the edge]."""
 _DISTANCE_SPREAD = 0.03
 """Largest relative variation of the distance at a station."""
 _SPIN_SPREAD = 0.3
@@ -101,11 +101,11 @@ def images_at_stations(count: int) -> np.ndarray:
 
 
 def draw_mission(
-    rng: np.random.Generator, count: int, gsd: float, focal_px: float, reach: float, pointing_jitter_px: float
+    rng: np.random.Generator, count: int, gsd: float, focal_px: float, points: np.ndarray, pointing_jitter_px: float
 ) -> tuple[Rigid, np.ndarray]:
     """body_from_cam of `count` views (K,), and the unit vectors towards the Sun in B (K, 3).
 
-    gsd: of close-ups [m], in the plane through the body's middle; reach: greatest radius of the body [m].
+    gsd: of close-ups [m], in the plane through the body's middle; points: (n, 3) of its surface.
     """
     station_of = images_at_stations(count)
     poses, suns = [], []
@@ -119,10 +119,10 @@ def draw_mission(
             center = body_from_inertial @ camera * gsd * station.gsd * focal_px
             center = center * rng.uniform(1.0 - _DISTANCE_SPREAD, 1.0 + _DISTANCE_SPREAD)
             jitter = np.clip(rng.standard_normal(2), -_LARGEST_JITTER, _LARGEST_JITTER) * pointing_jitter_px
-            aim = jitter * gsd * station.gsd
+            across = _sideways(center)
+            target = across @ (jitter * gsd * station.gsd)
             if station.gsd == 1.0:
-                aim = aim + _OFF_MIDDLE * reach * _square_spiral(k)
-            target = _sideways(center) @ aim
+                target = target + across @ _off_middle(points @ across, k)
             tilt = roll + math.radians(_ROLL_SPREAD_DEG) * rng.standard_normal()
             poses.append(looking_at(center, target, tilt, _NORTH))
             suns.append(body_from_inertial @ sun)
@@ -159,6 +159,10 @@ def _sideways(center: np.ndarray) -> np.ndarray:
     return np.stack([right, unit(np.cross(right, -center))], -1)
 
 
-def _square_spiral(number: int) -> np.ndarray:
-    """(2,) where the close-up of that number aims: the four corners and the middle in turn, in [-1, 1]."""
-    return np.array([[-0.7, 0.7], [0.7, -0.7], [0.7, 0.7], [-0.7, -0.7], [0.0, 0.0]])[number % 5]
+def _off_middle(outline: np.ndarray, number: int) -> np.ndarray:
+    """(2,) where the close-up of that number aims: to four sides and the middle of a body seen at (n, 2), in turn."""
+    if number % 5 == 4:
+        return np.zeros(2)
+    angle = math.pi * (0.25 + 0.5 * (0, 2, 1, 3)[number % 5])
+    along = outline @ [math.cos(angle), math.sin(angle)]
+    return _OFF_MIDDLE * outline[np.argmax(along)]

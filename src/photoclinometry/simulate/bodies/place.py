@@ -35,7 +35,7 @@ def body_place(options: SimulationOptions, preset: BodyPreset) -> Place:
         options.views or preset.views,
         gsd,
         focal,
-        shape.reach,
+        shape.vertices,
         options.pointing_jitter_px,
     )
     truth = BodyTruth(

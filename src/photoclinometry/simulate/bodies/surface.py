@@ -1,8 +1,8 @@
 """The surface of a whole body, and the rays that meet it.
 
 Embree finds the first triangle of a ray (Wald et al. 2014, doi:10.1145/2601097.2601199), in single precision. Light
-falls on the normals at the vertices, interpolated within the triangle; where such a normal faces away from the camera, as
-at the limb, the triangle's own is taken. What a camera sees and what the Sun lights is decided by the triangles.
+falls on the normals at the vertices, interpolated within the triangle; where such a normal faces away from the camera,
+as at the limb, the triangle's own is taken. What a camera sees and what the Sun lights is decided by the triangles.
 """
 
 from __future__ import annotations

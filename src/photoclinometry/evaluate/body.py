@@ -1,0 +1,188 @@
+"""Figures of a found closed mesh against the truth of a simulated body.
+
+Distances are in ground sample distances of the truth's finest images (GSD). Points of the mesh are its vertices and the
+middles of its faces, those of the truth the middles of its triangles, thinned at random. Points count equally, so
+meshes should be even.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.evaluate.metrics import spread
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Rigid, Similarity, angle_between, unit
+from photoclinometry.registration.alignment import align_poses, refine_on_surface
+from photoclinometry.registration.closest_points import MeshSurface
+from photoclinometry.simulate.bodies.mesh import signed_volume, vertex_normals
+from photoclinometry.simulate.bodies.surface import BodyRaycaster
+from photoclinometry.simulate.bodies.truth import BodyTruth, views_of_triangles
+
+FEWEST_VIEWS = 3
+"""Ground is expected in a mesh where so many views see it lit."""
+LARGEST_EMISSION_DEG = 60.0
+"""Views from lower above the horizon do not count."""
+FOUND_WITHIN_GSD = 1.0
+"""Ground is found where the mesh is this near."""
+_SAMPLES = 40_000
+"""Triangles of the truth, and points of the mesh, that take part: figures are good to a per cent."""
+MEAN_OVER_GSD = 0.5
+"""Width of the Gaussian that the truth's normals and albedos are averaged with: images resolve no less."""
+_NEAREST_WEIGHT = 1e-6
+"""Weight of the nearest vertex in such a mean at least, so that it exists where none is in reach."""
+_NEIGHBOURS = 32
+"""Vertices that may take part in a mean."""
+
+
+@dataclass(frozen=True)
+class FoundBody:
+    """A closed mesh that a reconstruction has made, in a frame of its own or in the truth's."""
+
+    vertices: np.ndarray
+    """(V, 3)."""
+    faces: np.ndarray
+    """(F, 3), counter-clockwise as seen from outside."""
+    normals: np.ndarray | None = None
+    """(V, 3) outward unit vectors; by default means of the faces' normals."""
+    albedo: np.ndarray | None = None
+    """(V,), up to a factor."""
+
+    @property
+    def vertex_normals(self) -> np.ndarray:
+        """(V, 3) `normals`, or those of the faces."""
+        return vertex_normals(np.asarray(self.vertices, float), self.faces) if self.normals is None else self.normals
+
+    def moved(self, target_from_body: Similarity) -> FoundBody:
+        """The same mesh in another frame."""
+        normals = None if self.normals is None else self.normals @ target_from_body.rotation.T
+        return FoundBody(target_from_body(self.vertices), self.faces, normals, self.albedo)
+
+
+def align_body(
+    found: FoundBody, truth: BodyTruth, body_from_cam: Rigid | None = None, names: tuple[str, ...] | None = None
+) -> Similarity:
+    """truth_from_found: by camera poses, where they are given, then by the surface, with scale.
+
+    body_from_cam: (K,) poses in the frame of `found`; names: (K,) of their views. Without poses the mesh must be near
+    its place. Raises InputError for unknown names, and where poses or surfaces do not determine the frame.
+    """
+    start = Similarity(1.0, np.eye(3), np.zeros(3))
+    if body_from_cam is not None:
+        if names is None or len(names) != len(body_from_cam):
+            raise InputError("poses need the name of a view each")
+        index = [truth.view_index(name) for name in names]
+        middle = np.mean(found.vertices, axis=0)
+        distance = float(np.median(np.linalg.norm(body_from_cam.translation - middle, axis=1)))
+        start = align_poses(body_from_cam, truth.views.body_from_cam[index], distance)
+    surface = truth.surface
+    closest = MeshSurface(surface.vertices, surface.faces, closed=True)
+    return refine_on_surface(np.asarray(found.vertices, float), found.vertex_normals, closest, start).similarity
+
+
+def compare_body(
+    found: FoundBody, truth: BodyTruth, *, mean_over_gsd: float = MEAN_OVER_GSD, seed: int = 0
+) -> dict[str, float]:
+    """Figures of a mesh in the truth's frame, by name; see `align_body`. Figures that do not exist are left out.
+
+    `distance_..._gsd` from the mesh to the truth, `distance_back_..._gsd` from the well seen truth to the mesh;
+    `completeness_percent`: share of the truth's well seen area that has the mesh within 1 GSD; `seen_percent`: share of
+    the whole area that is well seen (FEWEST_VIEWS, LARGEST_EMISSION_DEG); `normal_..._deg` and `albedo_..._percent` at
+    the mesh's vertices within 1 GSD of well seen truth, albedos after their common factor; `volume_percent`: how much
+    the mesh is too large. mean_over_gsd: resolution at which normals and albedos of the truth are compared; 0 compares
+    those of its vertices. seed: of the samples. Raises InputError for meshes without faces.
+    """
+    if len(found.faces) == 0 or not np.isfinite(found.vertices).all():
+        raise InputError("the mesh to compare has no faces, or vertices that are not finite")
+    found = _without_unused_vertices(found)
+    vertices, faces = found.vertices, found.faces
+    rng, surface, gsd = np.random.default_rng(seed), truth.surface, truth.gsd
+    truth_mesh, mesh = MeshSurface(surface.vertices, surface.faces, closed=True), MeshSurface(vertices, faces)
+    points = _thinned(rng, np.concatenate([vertices, vertices[faces].mean(1)]))
+    figures = spread(_distance(points, truth_mesh) / gsd, "distance", "gsd")
+
+    chosen = _thinned(rng, np.arange(len(surface.faces)))
+    corner = surface.vertices[surface.faces[chosen]]
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    seen = views_of_triangles(truth, chosen, LARGEST_EMISSION_DEG, BodyRaycaster(surface)) >= FEWEST_VIEWS
+    back = _distance(corner.mean(1), mesh) / gsd
+    figures |= spread(back[seen], "distance_back", "gsd")
+    figures["seen_percent"] = float(100.0 * area[seen].sum() / area.sum())
+    if seen.any():
+        figures["completeness_percent"] = float(
+            100.0 * area[seen & (back <= FOUND_WITHIN_GSD)].sum() / area[seen].sum()
+        )
+    figures |= _at_vertices(rng, found, truth, truth_mesh, corner.mean(1)[seen], mean_over_gsd)
+    volume = signed_volume(surface.vertices, surface.faces)
+    figures["volume_percent"] = float(100.0 * (signed_volume(vertices, faces) / volume - 1.0))
+    return figures
+
+
+def _at_vertices(
+    rng: np.random.Generator,
+    found: FoundBody,
+    truth: BodyTruth,
+    truth_mesh: MeshSurface,
+    seen: np.ndarray,
+    mean_over_gsd: float,
+) -> dict[str, float]:
+    """Errors of normals and albedos at the mesh's vertices that lie at the well seen ground around points (n, 3)."""
+    from scipy.spatial import KDTree
+
+    if len(seen) == 0:
+        return {}
+    chosen = _thinned(rng, np.arange(len(found.vertices)))
+    at = found.vertices[chosen]
+    foot, _ = truth_mesh(at)
+    spacing = np.sqrt(_area(truth) / _SAMPLES)
+    near = np.linalg.norm(foot - at, axis=1) <= FOUND_WITHIN_GSD * truth.gsd
+    near &= KDTree(seen).query(foot)[0] <= max(truth.gsd, 1.5 * spacing)
+    if not near.any():
+        return {}
+    normal, albedo = mean_around(truth, truth_mesh, foot[near], mean_over_gsd * truth.gsd)
+    own = found.vertex_normals[chosen[near]]
+    figures = spread(np.degrees(angle_between(own, normal)), "normal", "deg")
+    if found.albedo is not None:
+        ratio = found.albedo[chosen[near]] / albedo
+        figures |= spread(100.0 * (ratio / np.median(ratio) - 1.0), "albedo", "percent")
+    return figures
+
+
+def mean_around(
+    truth: BodyTruth, truth_mesh: MeshSurface, points: np.ndarray, width: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The truth's normal (n, 3) and albedo (n,) around points (n, 3) of its surface: Gaussian means of `width` [m].
+
+    Ground that faces away from the nearest vertex takes no part, such as the other side of a thin edge.
+    """
+    surface = truth.surface
+    distance, near = truth_mesh.tree.query(points, min(_NEIGHBOURS, len(surface.vertices)))
+    normals = surface.normals[near]
+    weight = np.exp(-0.5 * (distance / width) ** 2) if width > 0 else np.zeros(distance.shape)
+    weight[:, 0] = np.maximum(weight[:, 0], _NEAREST_WEIGHT)
+    weight *= np.sum(normals * normals[:, :1], -1) > 0
+    albedo = np.sum(weight * surface.albedo[near], -1) / weight.sum(-1)
+    return unit(np.sum(weight[..., None] * normals, 1)), albedo
+
+
+def _without_unused_vertices(found: FoundBody) -> FoundBody:
+    used, faces = np.unique(found.faces, return_inverse=True)
+    normals, albedo = (None if a is None else np.asarray(a, float)[used] for a in (found.normals, found.albedo))
+    return FoundBody(np.asarray(found.vertices, float)[used], faces.reshape(-1, 3), normals, albedo)
+
+
+def _distance(points: np.ndarray, mesh: MeshSurface) -> np.ndarray:
+    return np.linalg.norm(points - mesh(points)[0], axis=1)
+
+
+def _area(truth: BodyTruth) -> float:
+    a, b, c = (truth.surface.vertices[truth.surface.faces[:, k]] for k in range(3))
+    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def _thinned(rng: np.random.Generator, rows: np.ndarray) -> np.ndarray:
+    """At most _SAMPLES rows of an array, in their order."""
+    if len(rows) <= _SAMPLES:
+        return rows
+    return rows[np.sort(rng.choice(len(rows), _SAMPLES, replace=False))]

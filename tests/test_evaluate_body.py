@@ -1,0 +1,134 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.evaluate.body import FoundBody, align_body, compare_body
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import Similarity, so3_exp, unit
+from photoclinometry.model.scene import Camera
+from photoclinometry.registration.alignment import transform_poses
+from photoclinometry.simulate.bodies.mesh import icosahedron, refine, signed_volume, vertex_normals
+from photoclinometry.simulate.bodies.orbits import draw_mission
+from photoclinometry.simulate.bodies.surface import BodySurface
+from photoclinometry.simulate.bodies.truth import BodyTruth
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.photometry import named_photometry
+from photoclinometry.simulate.views import measured_views
+
+pytest.importorskip("embreex")
+
+RADIUS, GSD = 100.0, 6.0
+
+
+def truth_of(vertices, faces):
+    albedo = 0.2 + 0.02 * np.sin(vertices[:, 0] / 20.0)
+    poses, suns = draw_mission(np.random.default_rng(0), 40, GSD, 500.0, vertices, 0.0)
+    camera = Camera("PINHOLE", 64, 64, (500.0, 500.0, 32.0, 32.0))
+    return BodyTruth(
+        name="ball",
+        body="vesta",
+        views=measured_views(SimulationOptions(), camera, poses, suns),
+        psf_sigma_px=0.5,
+        brightness="iof",
+        photometry=named_photometry("lunar-lambert", "vesta"),
+        surface=BodySurface(vertices, faces, vertex_normals(vertices, faces), albedo, 0.5 * GSD),
+        gsd=GSD,
+    )
+
+
+@pytest.fixture(scope="module")
+def ball():
+    vertices, faces = refine(*icosahedron(), 0.5 * GSD / RADIUS, unit)
+    return truth_of(RADIUS * vertices, faces)
+
+
+@pytest.fixture(scope="module")
+def egg():
+    """Without symmetry, so that a surface alone determines its frame."""
+    direction, faces = refine(*icosahedron(), 0.5 * GSD / RADIUS, unit)
+    x, y, z = direction.T
+    radius = RADIUS * (1.0 + 0.25 * x + 0.15 * x * y + 0.1 * z * z + 0.05 * np.sin(5 * y) * z)
+    return truth_of(radius[:, None] * direction, faces)
+
+
+def same(truth):
+    surface = truth.surface
+    return FoundBody(surface.vertices, surface.faces, surface.normals, surface.albedo)
+
+
+def test_the_truth_against_itself_has_no_errors(ball):
+    figures = compare_body(same(ball), ball, mean_over_gsd=0.0)
+    for name in ("distance", "distance_back"):
+        assert figures[f"{name}_mean_gsd"] < 1e-9
+    assert figures["completeness_percent"] == 100.0
+    assert figures["seen_percent"] > 90.0
+    assert figures["normal_mean_deg"] < 1e-4
+    assert figures["albedo_mean_percent"] < 1e-9
+    assert figures["volume_percent"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_swollen_ball_is_off_by_what_it_was_moved(ball):
+    off = 0.7 * GSD
+    found = replace(same(ball), vertices=ball.surface.vertices * (1.0 + off / RADIUS))
+    figures = compare_body(found, ball)
+    for name in ("distance", "distance_back"):
+        assert figures[f"{name}_mean_gsd"] == pytest.approx(0.7, rel=0.01)
+        assert figures[f"{name}_p90_gsd"] == pytest.approx(0.7, rel=0.01)
+    assert figures["completeness_percent"] == 100.0
+    assert figures["volume_percent"] == pytest.approx(100 * ((1 + off / RADIUS) ** 3 - 1), rel=1e-6)
+    away = replace(same(ball), vertices=ball.surface.vertices * (1.0 + 2.0 * GSD / RADIUS))
+    figures = compare_body(away, ball)
+    assert figures["completeness_percent"] == 0.0
+    assert "normal_mean_deg" not in figures  # no vertex near the truth
+
+
+def test_half_a_ball_is_half_complete(ball):
+    """What is missing shows in the distance from the truth to the mesh, not in that from the mesh to the truth."""
+    vertices, faces = ball.surface.vertices, ball.surface.faces
+    figures = compare_body(replace(same(ball), faces=faces[vertices[faces].mean(1)[:, 2] > 0]), ball)
+    assert figures["completeness_percent"] == pytest.approx(50.0, abs=4.0)
+    assert figures["distance_p90_gsd"] < 1e-6
+    assert figures["distance_back_p90_gsd"] > 10.0
+
+
+def test_normals_and_albedos_are_off_by_what_they_were_changed(ball):
+    """Normals turned by 3 degrees about random axes; albedos times a common factor and 2 % noise."""
+    rng = np.random.default_rng(0)
+    normals = ball.surface.normals
+    axis = unit(np.cross(normals, rng.standard_normal(normals.shape)))
+    turned = np.einsum("nij,nj->ni", so3_exp(np.radians(3.0) * axis), normals)
+    albedo = 1.7 * ball.surface.albedo * (1.0 + 0.02 * rng.standard_normal(len(normals)))
+    figures = compare_body(replace(same(ball), normals=turned, albedo=albedo), ball, mean_over_gsd=0.0)
+    assert figures["normal_mean_deg"] == pytest.approx(3.0, rel=0.01)
+    assert figures["albedo_rms_percent"] == pytest.approx(2.0, rel=0.05)
+
+
+def test_the_volume_of_a_ball_is_that_of_a_sphere(ball):
+    assert signed_volume(ball.surface.vertices, ball.surface.faces) == pytest.approx(
+        4 / 3 * np.pi * RADIUS**3, rel=0.001
+    )
+
+
+def test_a_mesh_in_another_frame_is_brought_back_by_its_poses(egg):
+    moved = Similarity(0.013, so3_exp(np.array([1.0, -2.0, 0.4])), np.array([3.0, -8.0, 1.0]))
+    poses = transform_poses(moved, egg.views.body_from_cam)
+    back = align_body(same(egg).moved(moved), egg, poses[:10], egg.views.name[:10])
+    again = same(egg).moved(back @ moved)
+    np.testing.assert_allclose(again.vertices, egg.surface.vertices, atol=1e-6)
+    np.testing.assert_allclose(again.normals, egg.surface.normals, atol=1e-9)
+
+
+def test_a_mesh_near_its_place_is_aligned_by_its_surface(egg):
+    moved = Similarity(1.01, so3_exp(np.array([0.01, -0.02, 0.01])), np.array([1.0, -2.0, 1.0]))
+    back = align_body(same(egg).moved(moved), egg)
+    np.testing.assert_allclose((back @ moved)(egg.surface.vertices), egg.surface.vertices, atol=0.05 * GSD)
+
+
+def test_what_cannot_be_compared_is_refused(ball):
+    with pytest.raises(InputError, match="no faces"):
+        compare_body(replace(same(ball), faces=np.empty((0, 3), int)), ball)
+    with pytest.raises(InputError, match="name of a view each"):
+        align_body(same(ball), ball, ball.views.body_from_cam)
+    with pytest.raises(InputError, match="no view 'x'"):
+        align_body(same(ball), ball, ball.views.body_from_cam[:1], ("x",))
