@@ -717,7 +717,23 @@ def others() -> Iterator[Fault]:
     yield row(
         "an unknown place",
         "simulate --out out --preset moon",
-        "no preset 'moon'; known: demo, cornelia, ahuna, ikapati",
+        "no preset 'moon'; known: demo, cornelia, ahuna, ikapati, topshape, bilobed, potato",
+    )
+    yield row(
+        "no shape of a body",
+        "simulate --out out --shape none.obj",
+        "none.obj: there is no such surface; check the path",
+    )
+    yield row(
+        "a body with a hole",
+        "simulate --out out --shape a.obj",
+        "a.obj: is not a closed mesh whose faces all look the same way",
+        put("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+    )
+    yield row(
+        "ground of a whole body",
+        "simulate --out out --preset potato --surface a.obj",
+        "--surface is ground of a place; give --shape for a whole body, or another preset",
     )
     yield row(
         "a boresight beside the image",

@@ -183,8 +183,22 @@ def test_pixels_have_the_brightness_of_the_reflectance_at_the_true_hit(coarse):
                 compared += 1
                 assert image[row, col] == pytest.approx(expected, rel=1e-3, abs=1e-5)
     assert compared > 180
-    assert shaded > 5  # cast shadows
+    assert shaded > 0  # cast shadows
     assert sky > 200
+
+
+@pytest.mark.parametrize("sun", [(0.9, 0.2, 0.3), (-0.9, 0.1, -0.2), (0.3, 0.9, 0.1)])
+def test_cast_shadows_are_those_of_a_search_through_all_triangles(coarse, sun):
+    """From the middles of triangles that face a Sun along the axis of both lobes, or across it."""
+    sun = unit(sun)
+    facing = np.flatnonzero(coarse.facet_normals @ sun > 0.05)
+    chosen = facing[:: len(facing) // 150]
+    points = coarse.vertices[coarse.faces[chosen]].mean(1)
+    blocked = BodyRaycaster(coarse).blocked(chosen, points, np.tile(sun, (len(chosen), 1)))
+    start = points + 5e-3 * coarse.spacing * coarse.facet_normals[chosen]
+    expected = [np.isfinite(first_hit(coarse, point, sun)[1]) for point in start]
+    np.testing.assert_array_equal(blocked, expected)
+    assert 0.03 < np.mean(expected) < 0.6
 
 
 def test_the_limb_is_lit_and_never_black_for_its_normals():

@@ -102,7 +102,8 @@ def simulate(
     """Simulate a site: images with shadows, optics and noise, site.toml, and truth.h5.
 
     Args:
-        options: Name of a preset ("demo", "cornelia", "ahuna", "ikapati"), or all options.
+        options: Name of a preset ("demo", "cornelia", "ahuna", "ikapati"; whole bodies: "topshape", "bilobed",
+            "potato"), or all options.
         out: Folder for the site, new or empty. It appears whole or not at all.
         overwrite: Replace a site that was simulated there before.
         progress: Called as progress(what, done, total).

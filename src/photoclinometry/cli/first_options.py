@@ -32,6 +32,7 @@ FIRST = {
         "image_size",
         "region_size",
         "surface",
+        "shape",
         "gsd",
         "reflectance",
         "brightness",

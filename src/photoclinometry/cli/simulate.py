@@ -1,4 +1,4 @@
-"""`phomo simulate`: images of a simulated place, with the exact truth."""
+"""`phomo simulate`: images of a simulated place or body, with the exact truth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from photoclinometry.simulate.site import check_output_folder, simulate_site
 
 @dataclass(frozen=True, kw_only=True)
 class Simulate:
-    """Simulate a site: images with shadows, optics and noise, site.toml, and truth.h5."""
+    """Simulate a place or a whole body: images with shadows, optics and noise, site.toml, and truth.h5."""
 
     out: Path
     """Folder for the site; new or empty."""
@@ -24,7 +24,7 @@ class Simulate:
 
 
 def simulate(arguments: Annotated[Simulate, tyro.conf.arg(name="")]) -> Path:
-    """Simulate a site: images with shadows, optics and noise, site.toml, and truth.h5.
+    """Simulate a place or a whole body: images with shadows, optics and noise, site.toml, and truth.h5.
 
     Prints the path of its site.toml.
     """
