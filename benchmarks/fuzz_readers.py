@@ -89,6 +89,13 @@ def read_truth_file(path: Path) -> None:
     read_truth(path)
 
 
+def read_body_truth_file(path: Path) -> None:
+    """The truth of a simulated body."""
+    from photoclinometry.simulate.bodies.truth import read_body_truth
+
+    read_body_truth(path)
+
+
 def read_stage(path: Path) -> None:
     """A stage's record: damage is warned of, and nothing is raised."""
     from photoclinometry.pipeline.records import read_record
@@ -204,6 +211,7 @@ READERS = {
     "surface": Reader(read=read_ground, make=made.make_dtm, alone=True, share=2.0),
     "scene.h5": Reader(read=read_scene, make=made.make_scene),
     "truth.h5": Reader(read=read_truth_file, make=made.make_truth),
+    "body truth.h5": Reader(read=read_body_truth_file, make=made.make_body_truth),
     "colmap": Reader(read=read_model, make=made.make_colmap, share=2.0),
     "text model": Reader(read=read_text_model, make=made.make_text_model, share=2.0),
     "sumfile": Reader(read=read_sumfile, make=made.make_sumfile, real=("formats/spc/*.SUM",), share=2.0),

@@ -185,6 +185,27 @@ def make_truth(folder: Path) -> list[str]:
     return ["a.h5"]
 
 
+def make_body_truth(folder: Path) -> list[str]:
+    from photoclinometry.model.reflectance import published
+    from photoclinometry.simulate.bodies.mesh import icosahedron
+    from photoclinometry.simulate.bodies.surface import BodySurface
+    from photoclinometry.simulate.bodies.truth import BodyTruth, write_body_truth
+
+    vertices, faces = icosahedron()
+    truth = BodyTruth(
+        name="a",
+        body="vesta",
+        views=synthetic_scene(size=3, views=3).views,
+        psf_sigma_px=0.5,
+        brightness="iof",
+        photometry=published("lunar-lambert", "vesta"),
+        surface=BodySurface(vertices, faces, vertices, np.full(len(vertices), 0.2), 1.0),
+        gsd=1.0,
+    )
+    write_body_truth(folder / "a.h5", truth)
+    return ["a.h5"]
+
+
 def make_colmap(folder: Path) -> list[str]:
     from photoclinometry.io.models.colmap import write_colmap
 

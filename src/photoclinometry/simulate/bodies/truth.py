@@ -63,8 +63,11 @@ def _truth(file: Any) -> BodyTruth:
         group["albedo"][()].astype(np.float64),
         float(group.attrs["spacing_m"]),
     )
+    gsd = float(file.attrs["gsd_m"])
+    if not (0 < gsd < np.inf and 0 < surface.spacing < np.inf):
+        raise InputError(f"ground sample distance {gsd} m and spacing {surface.spacing} m are no lengths")
     _check_mesh(surface)
-    return BodyTruth(surface=surface, gsd=float(file.attrs["gsd_m"]), **facts)
+    return BodyTruth(surface=surface, gsd=gsd, **facts)
 
 
 def _check_mesh(surface: BodySurface) -> None:
