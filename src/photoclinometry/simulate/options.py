@@ -35,8 +35,8 @@ class SimulationOptions(Ranged):
     """The site to simulate. An option that is None is taken from the preset."""
 
     preset: str = "demo"
-    """A place: demo (5-km crater, small), cornelia (15-km crater on Vesta), ahuna (dome and crater on Ceres) or
-    ikapati (part of a 50-km ridged crater on Ceres). Or a whole body: topshape (spinning top of rubble), bilobed
+    """demo (5-km crater, small), cornelia (15-km crater on Vesta), ahuna (dome and crater on Ceres) or
+    ikapati (part of a 50-km ridged crater on Ceres), or a whole body: topshape (spinning top of rubble), bilobed
     (contact binary) or potato (elongated, with a saddle)."""
     lighting: str = "moderate"
     """Range of the Sun's azimuth and incidence [degrees]: moderate (25; 30 to 60), strong (90; 25 to 70) or harsh (360;

@@ -27,7 +27,7 @@ _OFF_MIDDLE = 0.5
 """Distance from the body's middle towards its edge at which close-ups aim, to all sides [way to the edge]."""
 _DISTANCE_SPREAD = 0.03
 """Largest relative variation of the distance at a station."""
-_SPIN_SPREAD = 0.3
+_SPIN_SPREAD = 0.15
 """Largest irregularity of the times between images [intervals]."""
 _ROLL_SPREAD_DEG = 4.0
 """Standard deviation of the camera's roll at a station."""
@@ -61,31 +61,33 @@ def _stations(gsd: float, rows: tuple[tuple[float, float, bool, float], ...]) ->
     )
 
 
+SHORT_MISSION = (
+    *_stations(APPROACH * CLOSE_UP, ((4.0, 18.0, True, 2.0),)),
+    *_stations(CLOSE_UP, ((5.0, 25.0, False, 12.0),)),
+    *_stations(1.0, ((40.0, 35.0, False, 13.0), (-40.0, 35.0, True, 13.0))),
+)
+"""Stations for few images: their neighbours must overlap, 28 degrees of the body's rotation apart for 40 images."""
 MISSION = (
-    *_stations(APPROACH * CLOSE_UP, ((4.0, 18.0, True, 8.0),)),
+    *_stations(APPROACH * CLOSE_UP, ((4.0, 18.0, True, 6.0),)),
     *_stations(
         CLOSE_UP,
         (
-            (5.0, 25.0, False, 12.0),
-            (35.0, 40.0, True, 10.0),
-            (-35.0, 40.0, False, 10.0),
-            (-5.0, 78.0, True, 8.0),
-            (72.0, 62.0, False, 6.0),
-            (-72.0, 62.0, True, 6.0),
+            (5.0, 25.0, False, 18.0),
+            (-5.0, 75.0, True, 12.0),
+            (68.0, 60.0, False, 9.0),
+            (-68.0, 60.0, True, 9.0),
         ),
     ),
-    *_stations(
-        1.0,
-        (
-            (8.0, 12.0, True, 12.0),
-            (-8.0, 55.0, False, 12.0),
-            (38.0, 35.0, False, 11.0),
-            (-38.0, 35.0, True, 11.0),
-            (65.0, 55.0, True, 7.0),
-            (-65.0, 55.0, False, 7.0),
-        ),
-    ),
+    *_stations(1.0, ((8.0, 12.0, True, 22.0), (38.0, 35.0, False, 22.0), (-38.0, 35.0, True, 22.0))),
 )
+"""Stations for many images."""
+FEW_IMAGES = 70
+"""Fewer images are those of the short mission."""
+
+
+def mission_of(count: int) -> tuple[Station, ...]:
+    """The stations that a number of images is dealt to."""
+    return SHORT_MISSION if count < FEW_IMAGES else MISSION
 
 
 def finest_gsd(reach: float, image_px: int) -> float:
@@ -95,9 +97,10 @@ def finest_gsd(reach: float, image_px: int) -> float:
 
 def images_at_stations(count: int) -> np.ndarray:
     """(count,) station of each image, in order: as near to the stations' shares as whole numbers can be."""
-    share = np.cumsum([station.share for station in MISSION])
+    mission = mission_of(count)
+    share = np.cumsum([station.share for station in mission])
     bound = np.concatenate([[0.0], share / share[-1]]) * count
-    return np.clip(np.searchsorted(bound, np.arange(count) + 0.5) - 1, 0, len(MISSION) - 1)
+    return np.clip(np.searchsorted(bound, np.arange(count) + 0.5) - 1, 0, len(mission) - 1)
 
 
 def draw_mission(
@@ -109,7 +112,7 @@ def draw_mission(
     """
     station_of = images_at_stations(count)
     poses, suns = [], []
-    for number, station in enumerate(MISSION):
+    for number, station in enumerate(mission_of(count)):
         n = int((station_of == number).sum())
         start, roll = rng.uniform(0.0, 2.0 * math.pi, 2)
         turn = (np.arange(n) + _SPIN_SPREAD * rng.uniform(-1.0, 1.0, n)) * 2.0 * math.pi / max(n, 1)
