@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.model.geometry import so3_exp
+from photoclinometry.adjust import AdjustOptions
+from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.warning import collected_warnings
+from photoclinometry.pipeline import checked_map
+from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
 from photoclinometry.pipeline.moved_suns import warn_of_suns
 from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax, warn_of_relief
 from scenes import synthetic_scene
@@ -83,3 +87,49 @@ def test_suns_that_move_alike_or_alone_are_named(scene):
     assert codes(alone) == [("suns-moved", views.name[2])]
     one[2] = views.sun_measured[2] @ so3_exp(np.array([0.012, 0.0, 0.0])).T
     assert codes(replace(alone, sun_measured=one)) == [], "half a degree is what a reflectance model makes"
+
+
+@pytest.mark.parametrize(("held", "is_kept"), [(0.95, True), (0.6, False)])
+def test_a_map_that_contradicts_parallax_is_made_again_with_photometry_held(
+    mapped, tmp_path, monkeypatch, held, is_kept
+):
+    """Of the two the nearer one is kept; a run that goes on finds both."""
+    reliefs = [ReliefCheck(0.7, 0.01), ReliefCheck(held, 0.01)] * 2
+    monkeypatch.setattr(checked_map, "relief_by_parallax", lambda *_: reliefs.pop(0))
+    folder = mapped.copy(tmp_path / "run")
+    first = pipeline.run(mapped.site, folder)
+    again = pipeline.run(mapped.site, folder)
+    assert (folder / "stages" / "last_estimate_held.npz").is_file()
+    codes = {warned.code for warned in first.warnings}
+    assert ("photometry-held" in codes) == is_kept
+    assert first.metrics["relief_over_parallax"] == (held if is_kept else 0.7)
+    assert first.trusted == is_kept
+    same = np.array_equal(first.scene.landmarks.position, mapped.result.scene.landmarks.position)
+    assert same != is_kept
+    np.testing.assert_array_equal(again.scene.landmarks.position, first.scene.landmarks.position)
+    assert {warned.code for warned in again.warnings} == codes
+
+
+def test_held_photometry_stays_where_it_is_stated(scene):
+    """Of a scene whose measured Suns are all off by 2 degrees, as its sigmas allow: they are followed, or not."""
+    views = scene.views
+    off = replace(
+        views,
+        sun_measured=views.sun_measured @ so3_exp(np.radians([2.0, 0.0, 0.0])).T,
+        sun_common_sigma=np.full(len(views), np.radians(5.0)),
+    )
+    start, options = replace(scene, views=off), AdjustOptions(uncertainty=False)
+
+    def turned(found):
+        measured = np.einsum("kij,kj->ki", found.views.body_from_cam.rotation, off.sun_measured)
+        return np.degrees(angle_between(found.views.sun, measured).max())
+
+    model = scene.reflectance
+    free, held = (
+        JointEstimate(options=options, reflectance=model, holds_photometry=holds)(start, Step()).scene
+        for holds in (False, True)
+    )
+    assert turned(held) < 0.2 < 1.0 < turned(free)
+    assert held.reflectance == model != free.reflectance
+    np.testing.assert_array_equal(held.views.sun_common_sigma, off.sun_common_sigma)
+    np.testing.assert_array_equal(held.views.sun_sigma, off.sun_sigma)

@@ -77,6 +77,7 @@ def stage_line(stage: str, found: str, wall_s: float | None) -> str | None:
 
 
 def shown_name(stage: str) -> str:
-    """A stage's name as people read it: relighting_2 is "relighting 2"."""
+    """A stage's name as people read it: relighting_2 is "relighting 2", and relighting_2_held that of a second map."""
+    stage = stage.removesuffix("_held")
     kind, _, number = stage.rpartition("_")
     return f"{NAMES[kind]} {number}" if kind in NAMES and number.isdigit() else NAMES.get(stage, stage)

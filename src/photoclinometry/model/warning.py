@@ -22,6 +22,7 @@ CODES: Mapping[str, str] = {
     "most-suns-contradict": "the Sun directions as a whole contradict the brightness of the images",
     "no-uncertainty": "no uncertainties could be computed",
     "product-left-out": "a product of an export needs a package that is not installed",
+    "photometry-held": "Suns, biases and reflectance are not estimated, since relief would contradict parallax",
     "prior-contradicts": "a pose prior is left out, or far off",
     "priors-too-few": "the pose priors do not determine the frame",
     "relief-contradicts": "the relief of the map is not that which the parallax of the images shows",

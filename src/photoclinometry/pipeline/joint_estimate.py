@@ -21,6 +21,10 @@ from photoclinometry.registration.alignment import align_views
 
 log = logging.getLogger(__name__)
 
+HELD_SUN_RAD, HELD_BIAS = 1e-3, 1e-3
+"""Where photometry is held, standard deviations of each Sun at most, and of biases as a share of the median
+brightness: Suns and biases then stay at what is stated of them."""
+
 HELD_SIGMA = 1e-3
 """Standard deviation of positions and normals that are held [GSD, rad]: far below what images tell."""
 
@@ -55,6 +59,9 @@ class JointEstimate:
     """By name of view; none, or enough to determine a frame."""
     control: tuple[ControlPoint, ...] = ()
     """Ground control points, in the frame of the pose priors where there are such."""
+    holds_photometry: bool = False
+    """Whether Suns, biases and reflectance parameters stay at what is known of them. What all of a map shares follows
+    any error of its brightness, however small a share of the residuals that is; slopes then shrink or grow with it."""
 
     def __call__(self, start: Scene, step: Step, progress: Progress = no_progress) -> Adjustment:
         """The scene estimated from `start`: with pose priors and control points once it is in their frame, without
@@ -97,6 +104,9 @@ class JointEstimate:
             options = replace(options, uncertainty=False, solver=options.solver.roughly())
         if step.hold_geometry:
             options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
+        views = start.views
+        if self.holds_photometry:
+            start, options = _with_photometry_held(start, options)
         count = 0
 
         def report(_: Iteration) -> None:
@@ -104,7 +114,7 @@ class JointEstimate:
             count += 1
             progress("adjust", count, 0)
 
-        return adjust(
+        found = adjust(
             start,
             options,
             tie_points=self._tie_points_for(start),
@@ -114,6 +124,8 @@ class JointEstimate:
             gradients=step.gradients,
             progress=report,
         )
+        stated = replace(found.scene.views, sun_sigma=views.sun_sigma, sun_common_sigma=views.sun_common_sigma)
+        return replace(found, scene=replace(found.scene, views=stated))
 
     def _tie_points_for(self, scene: Scene) -> TiePoints | None:
         """The tie points in the scene's frame, where its own poses see them."""
@@ -123,6 +135,18 @@ class JointEstimate:
         found = triangulate_tracks(self.tie_points.tracks, scene.views)
         roughly = align_views(self.sparse_views, scene)(self.tie_points.position)
         return replace(self.tie_points, position=np.where(np.isfinite(found), found, roughly))
+
+
+def _with_photometry_held(start: Scene, options: AdjustOptions) -> tuple[Scene, AdjustOptions]:
+    """The start and the options under which Suns, biases and reflectance parameters hardly move."""
+    views, lit = start.views, start.tracks.lit
+    level = float(np.median(start.tracks.brightness[lit])) if lit.any() else 1.0
+    sun_sigma = np.minimum(views.sun_sigma, HELD_SUN_RAD)
+    held = replace(views, sun_sigma=sun_sigma, sun_common_sigma=np.zeros(len(views)))
+    return (
+        replace(start, views=held),
+        replace(options, reflectance_sigma=0.0, bias_sigma=HELD_BIAS * abs(level)),
+    )
 
 
 def in_prior_frame(scene: Scene) -> bool:

@@ -59,6 +59,10 @@ class FirstEstimate(Stage[Iterate]):
     estimate: JointEstimate
     start: Keyed[Scene]
 
+    @property
+    def file_name(self) -> str:
+        return f"{self.name}{_suffix(self.estimate)}"
+
     def make(self, tools: Tools) -> Iterate:
         scene = self.estimate(self.start.value, Step(rough=True), tools.progress).scene
         figures = first_map_figures(scene)
@@ -86,7 +90,7 @@ class RelightingIteration(Stage[Iterate]):
 
     @property
     def file_name(self) -> str:
-        return f"{self.name}_{self.number}"
+        return f"{self.name}_{self.number}{_suffix(self.estimate)}"
 
     def make(self, tools: Tools) -> Iterate:
         number, before, report = self.number, self.before.value.scene, tools.progress
@@ -117,6 +121,10 @@ class LastEstimate(Stage[FinishedMap]):
     """Of which the scene has the registered views."""
     direct: bool
 
+    @property
+    def file_name(self) -> str:
+        return f"{self.name}{_suffix(self.estimate)}"
+
     def make(self, tools: Tools) -> FinishedMap:
         start, estimate = self.start.value, partial(self.estimate, progress=tools.progress)
         if self.direct:
@@ -130,6 +138,11 @@ class LastEstimate(Stage[FinishedMap]):
         before, moved = self.before.value.scene, start.keypoints_moved_px
         assert moved is not None
         return FinishedMap(adjustment=found, figures=iteration_figures(start.number, found.scene, before, moved))
+
+
+def _suffix(estimate: JointEstimate) -> str:
+    """Of files: results of both kinds of estimate stand side by side."""
+    return "_held" if estimate.holds_photometry else ""
 
 
 def _quality(figures: IterationFigures) -> str:

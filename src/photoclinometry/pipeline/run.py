@@ -13,14 +13,12 @@ from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Views
+from photoclinometry.pipeline.checked_map import checked_map
 from photoclinometry.pipeline.choices import Choices, choose, choose_reflectance
-from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
-from photoclinometry.pipeline.joint_estimate import JointEstimate
-from photoclinometry.pipeline.map_stages import FinishedMap, MapStages, PlaceHeldOutViews
+from photoclinometry.pipeline.dense_stages import MatchDensely
+from photoclinometry.pipeline.map_stages import FinishedMap, PlaceHeldOutViews
 from photoclinometry.pipeline.options import RunOptions
-from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
-from photoclinometry.pipeline.relief_check import relief_by_parallax
 from photoclinometry.pipeline.run_folder import RunFolder, claimed_run
 from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import (
@@ -71,41 +69,19 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
     check_reference(site, left_out)
     place = folder.done(ChooseRegion(posed=used, request=site.region, options=options.region))
     passes, densify = options.match_rounds, options.densify
-    dense = folder.done(MatchDensely(posed=used, place=place, matcher=choices.matcher, passes=passes, densify=densify))
-    scene = folder.done(InitialScene(posed=used, place=place, dense=dense, reflectance=choices.reflectance))
-    maps = MapStages(
-        folder=folder,
-        estimate=JointEstimate(
-            options=options.adjust,
-            reflectance=choices.reflectance,
-            tie_points=tie_points_from(used),
-            sparse_views=posed.views,
-            pose_priors=usable_priors(site.pose_priors, scene.value) if options.pose_priors else {},
-            control=choices.control,
-        ),
-        posed=used,
-        matcher=choices.relit_matcher,
-        densify=densify,
-        options=options.relight,
-        max_iterations=choices.max_iterations,
-    )
-    first = maps.first_map(scene)
-    matched = dense.value.position, dense.value.pixel
-    del dense, scene  # of all maps, the latest two are held in memory
-    relit = maps.relight(first)
-    del first
-    finished = maps.last_estimate(relit)
+    dense = MatchDensely(posed=used, place=place, matcher=choices.matcher, passes=passes, densify=densify)
+    found = checked_map(folder, posed=posed, used=used, dense=dense, choices=choices, options=options)
     summary = RunSummary(
-        adjustment=finished.value.adjustment,
+        adjustment=found.finished.value.adjustment,
         images=inputs.value.images,
         config=config,
         left_out=left_out,
         brought_in={posed.views.name[k]: how for k, how in sparse.value.how_brought_in().items()},
-        held_out=_place_held_out(folder, finished, posed, choices),
-        iterations=(*relit.figures, finished.value.figures),
-        pose_priors=maps.estimate.pose_priors,
+        held_out=_place_held_out(folder, found.finished, posed, choices),
+        iterations=found.iterations,
+        pose_priors=found.pose_priors,
         control=choices.control,
-        relief=relief_by_parallax(finished.value.adjustment.scene, *matched),
+        relief=found.relief,
     )
     return write_products(folder, summary)
 
