@@ -157,10 +157,11 @@ def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped:
         [-skew(views.body_from_cam.translation - pivot), np.broadcast_to(np.eye(3), (count, 3, 3))], axis=2
     )
     landmark = found.landmark[mapped]
+    albedo = landmark[:, 5, 5]
     values = {
         "position": landmark[:, :3, :3],
         "normal": landmark[:, 3:5, 3:5],
-        "albedo": np.sqrt(landmark[:, 5, 5]),
+        "albedo": np.sqrt(np.where(albedo < 0.0, np.inf, albedo)),  # rounding can make a few of them negative
         "rotation": _transformed(to_cam, blocks[:, :3, :3]),
         "center": _transformed(to_center, blocks[:, :6, :6]),
         "sun": blocks[:, 6:8, 6:8],
