@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.warning import warn
@@ -31,7 +32,7 @@ class CheckedMap:
     iterations: tuple[IterationFigures, ...]
     """Of all maps, the finished one included."""
     pose_priors: Mapping[str, PosePrior]
-    """Those that determined its frame."""
+    """Those that determine its frame; none where they do not."""
     relief: ReliefCheck | None
 
     @property
@@ -47,18 +48,21 @@ def checked_map(
     dense: MatchDensely,
     choices: Choices,
     options: RunOptions,
+    pose_priors: Mapping[str, PosePrior],
 ) -> CheckedMap:
     """All stages from dense matching to the finished map.
 
     A map whose relief contradicts the parallax is made a second time with Suns, biases and reflectance held at what is
-    known of them, and the one that is nearer to the parallax is returned. posed: all views; used: those to map with.
+    known of them, and the one that is nearer to the parallax is returned. posed: all views; used: those to map with;
+    pose_priors: of the site, by name of view.
     """
-    found = _mapped(folder, posed, used, dense, choices, options, holds_photometry=False)
+    made = partial(_mapped, folder, posed, used, dense, choices, options, pose_priors)
+    found = made(holds_photometry=False)
     if choices.reflectance is None or not found.contradicts_parallax:
         return found
     assert found.relief is not None
     log.info("the relief is %.2f of the parallax's: once more, with photometry held", found.relief.ratio)
-    held = _mapped(folder, posed, used, dense, choices, options, holds_photometry=True)
+    held = made(holds_photometry=True)
     if held.relief is None or abs(held.relief.ratio - 1.0) >= abs(found.relief.ratio - 1.0):
         return found
     warn(
@@ -77,13 +81,14 @@ def _mapped(
     dense: MatchDensely,
     choices: Choices,
     options: RunOptions,
+    pose_priors: Mapping[str, PosePrior],
     *,
     holds_photometry: bool,
 ) -> CheckedMap:
     tracks = folder.done(dense)
     scene = folder.done(InitialScene(posed=used, place=dense.place, dense=tracks, reflectance=choices.reflectance))
     matched = tracks.value.position, tracks.value.pixel
-    priors = usable_priors(posed.inputs.value.site.pose_priors, scene.value) if options.pose_priors else {}
+    priors = usable_priors(pose_priors, scene.value) if options.pose_priors else {}
     maps = MapStages(
         folder=folder,
         estimate=JointEstimate(

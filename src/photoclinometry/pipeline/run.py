@@ -70,7 +70,15 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
     place = folder.done(ChooseRegion(posed=used, request=site.region, options=options.region))
     passes, densify = options.match_rounds, options.densify
     dense = MatchDensely(posed=used, place=place, matcher=choices.matcher, passes=passes, densify=densify)
-    found = checked_map(folder, posed=posed, used=used, dense=dense, choices=choices, options=options)
+    found = checked_map(
+        folder,
+        posed=posed,
+        used=used,
+        dense=dense,
+        choices=choices,
+        options=options,
+        pose_priors=site.pose_priors,
+    )
     summary = RunSummary(
         adjustment=found.finished.value.adjustment,
         images=inputs.value.images,
