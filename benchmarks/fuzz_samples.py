@@ -187,9 +187,9 @@ def make_truth(folder: Path) -> list[str]:
 
 def make_body_truth(folder: Path) -> list[str]:
     from photoclinometry.model.reflectance import published
-    from photoclinometry.simulate.bodies.mesh import icosahedron
     from photoclinometry.simulate.bodies.surface import BodySurface
     from photoclinometry.simulate.bodies.truth import BodyTruth, write_body_truth
+    from photoclinometry.surface.closed_mesh import icosahedron
 
     vertices, faces = icosahedron()
     truth = BodyTruth(

@@ -3,18 +3,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.evaluate.body import FoundBody, align_body, compare_body
+from photoclinometry.evaluate.body import align_body, compare_body
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, so3_exp, unit
 from photoclinometry.model.scene import Camera
+from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.registration.alignment import transform_poses
-from photoclinometry.simulate.bodies.mesh import icosahedron, refine, signed_volume, vertex_normals
 from photoclinometry.simulate.bodies.orbits import draw_mission
 from photoclinometry.simulate.bodies.surface import BodySurface
 from photoclinometry.simulate.bodies.truth import BodyTruth
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.photometry import named_photometry
 from photoclinometry.simulate.views import measured_views
+from photoclinometry.surface.closed_mesh import icosahedron, refine, signed_volume, vertex_normals
 
 pytest.importorskip("embreex")
 
@@ -54,7 +55,7 @@ def egg():
 
 def same(truth):
     surface = truth.surface
-    return FoundBody(surface.vertices, surface.faces, surface.normals, surface.albedo)
+    return ShapeModel(surface.vertices, surface.faces, surface.normals, surface.albedo)
 
 
 def test_the_truth_against_itself_has_no_errors(ball):

@@ -16,16 +16,6 @@ from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.bodies.build import build_body, given_shape, preset_shape
 from photoclinometry.simulate.bodies.landforms import VertexGrid, add_craters, crater_population
-from photoclinometry.simulate.bodies.mesh import (
-    LONGEST,
-    icosahedron,
-    is_watertight,
-    refine,
-    signed_volume,
-    unique_edges,
-    vertex_areas,
-    vertex_normals,
-)
 from photoclinometry.simulate.bodies.noise import fractal_noise
 from photoclinometry.simulate.bodies.orbits import SUN_LATITUDE_DEG, draw_mission, images_at_stations, mission_of
 from photoclinometry.simulate.bodies.presets import BODIES
@@ -38,6 +28,16 @@ from photoclinometry.simulate.photometry import named_photometry, radiance_facto
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.simulate.views import measured_views, pose_priors
+from photoclinometry.surface.closed_mesh import (
+    LONGEST,
+    icosahedron,
+    is_watertight,
+    refine,
+    signed_volume,
+    unique_edges,
+    vertex_areas,
+    vertex_normals,
+)
 
 pytest.importorskip("embreex")
 
@@ -194,7 +194,7 @@ def test_cast_shadows_are_those_of_a_search_through_all_triangles(coarse, sun):
     facing = np.flatnonzero(coarse.facet_normals @ sun > 0.05)
     chosen = facing[:: len(facing) // 150]
     points = coarse.vertices[coarse.faces[chosen]].mean(1)
-    blocked = BodyRaycaster(coarse).blocked(chosen, points, np.tile(sun, (len(chosen), 1)))
+    blocked = BodyRaycaster(coarse).rays.blocked(chosen, points, np.tile(sun, (len(chosen), 1)))
     start = points + 5e-3 * coarse.spacing * coarse.facet_normals[chosen]
     expected = [np.isfinite(first_hit(coarse, point, sun)[1]) for point in start]
     np.testing.assert_array_equal(blocked, expected)
@@ -295,10 +295,10 @@ def test_triangles_seen_are_those_of_the_rays_of_their_views(coarse, truth):
     tracer = BodyRaycaster(truth.surface)
     pixel = np.stack(np.meshgrid(np.arange(4, 60.0), np.arange(4, 60.0)), -1).reshape(-1, 2)
     rays = unit(camera.ray_in_cam(pixel) @ pose.rotation.T)
-    triangle, _ = tracer.first_hit(np.broadcast_to(pose.translation, rays.shape), rays)
+    triangle, _ = tracer.rays.first_hit(np.broadcast_to(pose.translation, rays.shape), rays)
     lit = tracer.trace(pose.translation, rays, sun).lit
     hit = triangle >= 0
-    seen = views_of_triangles(one, triangle[hit], 85.0, tracer) > 0
+    seen = views_of_triangles(one, triangle[hit], 85.0, tracer.rays) > 0
     assert np.mean(seen[lit[hit]]) > 0.9
     assert np.mean(seen[~lit[hit]]) < 0.15
 

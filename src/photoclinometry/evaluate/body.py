@@ -7,18 +7,16 @@ meshes should be even.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from photoclinometry.evaluate.metrics import spread
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, Similarity, angle_between, unit
+from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.registration.alignment import align_poses, refine_on_surface
 from photoclinometry.registration.closest_points import MeshSurface
-from photoclinometry.simulate.bodies.mesh import signed_volume, vertex_normals
-from photoclinometry.simulate.bodies.surface import BodyRaycaster
 from photoclinometry.simulate.bodies.truth import BodyTruth, views_of_triangles
+from photoclinometry.surface.closed_mesh import signed_volume, vertex_normals
 
 FEWEST_VIEWS = 3
 """Ground is expected in a mesh where so many views see it lit."""
@@ -36,32 +34,8 @@ _NEIGHBOURS = 32
 """Vertices that may take part in a mean."""
 
 
-@dataclass(frozen=True)
-class FoundBody:
-    """A closed mesh that a reconstruction has made, in a frame of its own or in the truth's."""
-
-    vertices: np.ndarray
-    """(V, 3)."""
-    faces: np.ndarray
-    """(F, 3), counter-clockwise as seen from outside."""
-    normals: np.ndarray | None = None
-    """(V, 3) outward unit vectors; by default means of the faces' normals."""
-    albedo: np.ndarray | None = None
-    """(V,), up to a factor."""
-
-    @property
-    def vertex_normals(self) -> np.ndarray:
-        """(V, 3) `normals`, or those of the faces."""
-        return vertex_normals(np.asarray(self.vertices, float), self.faces) if self.normals is None else self.normals
-
-    def moved(self, target_from_body: Similarity) -> FoundBody:
-        """The same mesh in another frame."""
-        normals = None if self.normals is None else self.normals @ target_from_body.rotation.T
-        return FoundBody(target_from_body(self.vertices), self.faces, normals, self.albedo)
-
-
 def align_body(
-    found: FoundBody, truth: BodyTruth, body_from_cam: Rigid | None = None, names: tuple[str, ...] | None = None
+    found: ShapeModel, truth: BodyTruth, body_from_cam: Rigid | None = None, names: tuple[str, ...] | None = None
 ) -> Similarity:
     """truth_from_found: by camera poses, where they are given, then by the surface, with scale.
 
@@ -78,11 +52,11 @@ def align_body(
         start = align_poses(body_from_cam, truth.views.body_from_cam[index], distance)
     surface = truth.surface
     closest = MeshSurface(surface.vertices, surface.faces, closed=True)
-    return refine_on_surface(np.asarray(found.vertices, float), found.vertex_normals, closest, start).similarity
+    return refine_on_surface(np.asarray(found.vertices, float), normals_of(found), closest, start).similarity
 
 
 def compare_body(
-    found: FoundBody, truth: BodyTruth, *, mean_over_gsd: float = MEAN_OVER_GSD, seed: int = 0
+    found: ShapeModel, truth: BodyTruth, *, mean_over_gsd: float = MEAN_OVER_GSD, seed: int = 0
 ) -> dict[str, float]:
     """Figures of a mesh in the truth's frame, by name; see `align_body`. Figures that do not exist are left out.
 
@@ -95,7 +69,7 @@ def compare_body(
     """
     if len(found.faces) == 0 or not np.isfinite(found.vertices).all():
         raise InputError("the mesh to compare has no faces, or vertices that are not finite")
-    found = _without_unused_vertices(found)
+    found = found.with_used_vertices()
     vertices, faces = found.vertices, found.faces
     rng, surface, gsd = np.random.default_rng(seed), truth.surface, truth.gsd
     truth_mesh, mesh = MeshSurface(surface.vertices, surface.faces, closed=True), MeshSurface(vertices, faces)
@@ -105,7 +79,7 @@ def compare_body(
     chosen = _thinned(rng, np.arange(len(surface.faces)))
     corner = surface.vertices[surface.faces[chosen]]
     area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    seen = views_of_triangles(truth, chosen, LARGEST_EMISSION_DEG, BodyRaycaster(surface)) >= FEWEST_VIEWS
+    seen = views_of_triangles(truth, chosen, LARGEST_EMISSION_DEG) >= FEWEST_VIEWS
     back = _distance(corner.mean(1), mesh) / gsd
     figures |= spread(back[seen], "distance_back", "gsd")
     figures["seen_percent"] = float(100.0 * area[seen].sum() / area.sum())
@@ -121,7 +95,7 @@ def compare_body(
 
 def _at_vertices(
     rng: np.random.Generator,
-    found: FoundBody,
+    found: ShapeModel,
     truth: BodyTruth,
     truth_mesh: MeshSurface,
     seen: np.ndarray,
@@ -141,7 +115,7 @@ def _at_vertices(
     if not near.any():
         return {}
     normal, albedo = mean_around(truth, truth_mesh, foot[near], mean_over_gsd * truth.gsd)
-    own = found.vertex_normals[chosen[near]]
+    own = normals_of(found)[chosen[near]]
     figures = spread(np.degrees(angle_between(own, normal)), "normal", "deg")
     if found.albedo is not None:
         ratio = found.albedo[chosen[near]] / albedo
@@ -166,10 +140,9 @@ def mean_around(
     return unit(np.sum(weight[..., None] * normals, 1)), albedo
 
 
-def _without_unused_vertices(found: FoundBody) -> FoundBody:
-    used, faces = np.unique(found.faces, return_inverse=True)
-    normals, albedo = (None if a is None else np.asarray(a, float)[used] for a in (found.normals, found.albedo))
-    return FoundBody(np.asarray(found.vertices, float)[used], faces.reshape(-1, 3), normals, albedo)
+def normals_of(shape: ShapeModel) -> np.ndarray:
+    """(V, 3) outward unit normals: its own, or those of the faces."""
+    return vertex_normals(np.asarray(shape.vertices, float), shape.faces) if shape.normals is None else shape.normals
 
 
 def _distance(points: np.ndarray, mesh: MeshSurface) -> np.ndarray:

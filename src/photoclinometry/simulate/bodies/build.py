@@ -19,7 +19,12 @@ from photoclinometry.simulate.bodies.landforms import (
     boulder_population,
     crater_population,
 )
-from photoclinometry.simulate.bodies.mesh import (
+from photoclinometry.simulate.bodies.noise import fractal_noise
+from photoclinometry.simulate.bodies.presets import BodyPreset, Relief
+from photoclinometry.simulate.bodies.shapes import mesh_of, onto
+from photoclinometry.simulate.bodies.surface import BodySurface
+from photoclinometry.simulate.features import smooth_step
+from photoclinometry.surface.closed_mesh import (
     Place,
     centroid,
     is_watertight,
@@ -29,11 +34,6 @@ from photoclinometry.simulate.bodies.mesh import (
     vertex_areas,
     vertex_normals,
 )
-from photoclinometry.simulate.bodies.noise import fractal_noise
-from photoclinometry.simulate.bodies.presets import BodyPreset, Relief
-from photoclinometry.simulate.bodies.shapes import mesh_of, onto
-from photoclinometry.simulate.bodies.surface import BodySurface
-from photoclinometry.simulate.features import smooth_step
 
 _COARSE = 0.06
 """Edges of the mesh that a shape is measured on [radii]."""

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from photoclinometry.simulate.bodies.mesh import icosahedron, refine
+from photoclinometry.surface.closed_mesh import icosahedron, refine
 
 Implicit = Callable[[np.ndarray], np.ndarray]
 """Points (n, 3) -> (n,) values, negative inside; their gradient is about 1 long near the surface."""

@@ -1,26 +1,20 @@
 """The surface of a whole body, and the rays that meet it.
 
-Embree finds the first triangle of a ray (Wald et al. 2014, doi:10.1145/2601097.2601199), in single precision. Light
-falls on the normals at the vertices, interpolated within the triangle; where such a normal faces away from the camera,
+Light falls on the normals at the vertices, interpolated within the triangle; where such a normal faces away from the
+camera,
 as at the limb, the triangle's own is taken. What a camera sees and what the Sun lights is decided by the triangles.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
-from photoclinometry.simulate.bodies.mesh import area_vectors, signed_volume
 from photoclinometry.simulate.raycast import Hits
-
-_SHADOW_OFFSET = 5e-3
-"""Rays away from the surface start this far above it, along the triangle's normal [spacings]."""
-_OUTSIDE = 1.01
-"""Rays start where they enter a sphere of this many greatest radii, since single precision wants short ways."""
+from photoclinometry.surface.closed_mesh import area_vectors, signed_volume
+from photoclinometry.surface.mesh_rays import MeshRays
 
 
 @dataclass(frozen=True)
@@ -50,30 +44,11 @@ class BodySurface:
 
 
 class BodyRaycaster:
-    """A body's surface in Embree; its methods may be called from several threads. Raises InputError without embreex."""
+    """A body's surface and its rays; may be called from several threads. Raises InputError without embreex."""
 
     def __init__(self, surface: BodySurface):
         self.surface = surface
-        self._scene = _embree_scene(surface)
-        self._radius = _OUTSIDE * float(np.linalg.norm(surface.vertices, axis=1).max())
-
-    def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The triangle (n,) int that rays from (n, 3) along unit vectors (n, 3) meet first, -1 for none, and the
-        weights (n, 3) of its corners there."""
-        ahead = -np.sum(origins * directions, -1)
-        # From outside, a ray enters the sphere at the earliest this far on.
-        skip = np.maximum(ahead - self._radius, 0.0)
-        start = (origins + skip[:, None] * directions).astype(np.float32)
-        found = self._scene.run(start, directions.astype(np.float32), output=True)
-        u, v = found["u"].astype(float), found["v"].astype(float)
-        return found["primID"], np.stack([1.0 - u - v, u, v], -1)
-
-    def blocked(self, triangles: np.ndarray, points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(n,) bool: something stands between points (n, 3) on triangles (n,) and where unit vectors (n, 3) point."""
-        corner = self.surface.vertices[self.surface.faces[triangles]]
-        above = unit(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]))
-        start = (points + _SHADOW_OFFSET * self.surface.spacing * above).astype(np.float32)
-        return self._scene.run(start, np.ascontiguousarray(directions, np.float32), query="OCCLUDED") >= 0
+        self.rays = MeshRays(surface.vertices, surface.faces, surface.spacing)
 
     def trace(self, origin: np.ndarray, directions: np.ndarray, sun: np.ndarray) -> Hits:
         """First hits of rays origin + t directions, t > 0, and whether the Sun lights them.
@@ -83,7 +58,7 @@ class BodyRaycaster:
         n, surface = len(directions), self.surface
         length = np.linalg.norm(directions, axis=-1)
         ray = directions / length[:, None]
-        triangle, weight = self.first_hit(np.broadcast_to(origin, ray.shape), ray)
+        triangle, weight = self.rays.first_hit(np.broadcast_to(origin, ray.shape), ray)
         hit = triangle >= 0
         hits = Hits(hit, np.zeros(n), np.zeros((n, 3)), np.zeros(n), np.zeros(n, bool))
         triangle, weight, ray = triangle[hit], weight[hit], ray[hit]
@@ -95,7 +70,7 @@ class BodyRaycaster:
         hits.albedo[hit] = _mixed(surface.albedo[:, None], corner, weight)[:, 0]
         lit = normal @ sun > 0
         points = origin + distance[lit, None] * ray[lit]
-        lit[lit] = ~self.blocked(triangle[lit], points, np.broadcast_to(sun, points.shape))
+        lit[lit] = ~self.rays.blocked(triangle[lit], points, np.broadcast_to(sun, points.shape))
         hits.lit[hit] = lit
         return hits
 
@@ -112,16 +87,3 @@ class BodyRaycaster:
 def _mixed(values: np.ndarray, corner: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """(n, d) values (V, d) at the corners (n, 3) by their weights (n, 3)."""
     return np.einsum("nk,nkd->nd", weight, values[corner])
-
-
-def _embree_scene(surface: BodySurface) -> Any:
-    try:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-    except ImportError as error:
-        raise InputError("whole bodies need the ray tracer Embree: pip install photoclinometry[body]") from error
-    scene = EmbreeScene(robust=True)
-    TriangleMesh(scene, surface.vertices.astype(np.float32), surface.faces.astype(np.int32))
-    # The first query builds the tree, which must not happen in several threads.
-    scene.run(np.zeros((1, 3), np.float32), np.array([[0.0, 0.0, 1.0]], np.float32))
-    return scene

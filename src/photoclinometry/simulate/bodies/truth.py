@@ -11,10 +11,11 @@ import numpy as np
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
-from photoclinometry.simulate.bodies.mesh import is_watertight, signed_volume
-from photoclinometry.simulate.bodies.surface import BodyRaycaster, BodySurface
+from photoclinometry.simulate.bodies.surface import BodySurface
 from photoclinometry.simulate.truth import SiteFacts
 from photoclinometry.simulate.truth_file import BODY_FORMAT, read_facts, read_file, write_array, write_facts
+from photoclinometry.surface.closed_mesh import is_watertight, signed_volume
+from photoclinometry.surface.mesh_rays import MeshRays, sight_of_views
 
 VERSION = 1
 
@@ -86,26 +87,17 @@ def _check_mesh(surface: BodySurface) -> None:
 
 
 def views_of_triangles(
-    truth: BodyTruth, triangles: np.ndarray, max_emission_deg: float, raycaster: BodyRaycaster | None = None
+    truth: BodyTruth, triangles: np.ndarray, max_emission_deg: float, rays: MeshRays | None = None
 ) -> np.ndarray:
     """(n,) how many views see the middles of triangles (n,), lit, at emission angles up to `max_emission_deg`.
 
-    The angles are those of the interpolated normals. raycaster: that of `truth.surface`, if it was made already.
+    The angles are those of the interpolated normals. rays: at `truth.surface`, if they were made already.
     """
-    surface, views = truth.surface, truth.views
-    raycaster = raycaster or BodyRaycaster(surface)
+    surface = truth.surface
+    rays = rays or MeshRays(surface.vertices, surface.faces, surface.spacing)
     corner = surface.faces[triangles]
-    points = surface.vertices[corner].mean(1)
-    normals = unit(surface.normals[corner].sum(1))
+    points, normals = surface.vertices[corner].mean(1), unit(surface.normals[corner].sum(1))
     count = np.zeros(len(triangles), np.int64)
-    for k in range(len(views)):
-        towards = unit(views.body_from_cam.translation[k] - points)
-        sun = views.sun[k]
-        camera = views.cameras[k]
-        seen = (np.sum(normals * towards, -1) > np.cos(np.radians(max_emission_deg))) & (normals @ sun > 0)
-        pixel = views.project(k, points[seen])
-        seen[seen] = ((pixel >= 0) & (pixel <= (camera.width, camera.height))).all(-1)
-        for direction in (towards, np.broadcast_to(sun, points.shape)):
-            seen[seen] = ~raycaster.blocked(triangles[seen], points[seen], direction[seen])
-        count += seen
+    for view in sight_of_views(rays, truth.views, triangles, points, normals):
+        count += view.seen & view.lit & (view.emission < np.radians(max_emission_deg))
     return count

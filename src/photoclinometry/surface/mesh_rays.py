@@ -1,0 +1,109 @@
+"""Rays that meet a triangle mesh, and which views see its ground lit.
+
+Embree finds the first triangle of a ray (Wald et al. 2014, doi:10.1145/2601097.2601199), in single precision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.scene import Views
+from photoclinometry.surface.closed_mesh import area_vectors
+
+_SHADOW_OFFSET = 5e-3
+"""Rays away from the surface start this far above it, along the triangle's normal [spacings]."""
+_OUTSIDE = 1.01
+"""Rays start where they enter a sphere of this many greatest radii, since single precision wants short ways."""
+
+
+class MeshRays:
+    """A triangle mesh in Embree; its methods may be called from several threads.
+
+    vertices: (V, 3), the origin inside; faces: (F, 3), counter-clockwise as seen from outside; spacing: mean length of
+    the edges. Raises InputError without embreex.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, spacing: float):
+        self.vertices, self.faces, self.spacing = vertices, faces, spacing
+        self.facet_normals = unit(area_vectors(vertices, faces))
+        self._scene = _embree_scene(vertices, faces)
+        self._radius = _OUTSIDE * float(np.linalg.norm(vertices, axis=1).max())
+
+    def first_hit(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The triangle (n,) int that rays from (n, 3) along unit vectors (n, 3) meet first, -1 for none, and the
+        weights (n, 3) of its corners there."""
+        ahead = -np.sum(origins * directions, -1)
+        # From outside, a ray enters the sphere at the earliest this far on.
+        skip = np.maximum(ahead - self._radius, 0.0)
+        start = (origins + skip[:, None] * directions).astype(np.float32)
+        found = self._scene.run(start, directions.astype(np.float32), output=True)
+        u, v = found["u"].astype(float), found["v"].astype(float)
+        return found["primID"], np.stack([1.0 - u - v, u, v], -1)
+
+    def blocked(self, triangles: np.ndarray, points: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(n,) bool: something stands between points (n, 3) on triangles (n,) and where unit vectors (n, 3) point."""
+        start = (points + _SHADOW_OFFSET * self.spacing * self.facet_normals[triangles]).astype(np.float32)
+        return self._scene.run(start, np.ascontiguousarray(directions, np.float32), query="OCCLUDED") >= 0
+
+
+@dataclass(frozen=True)
+class SeenByView:
+    """What one view sees of points on a mesh."""
+
+    seen: np.ndarray
+    """(n,) bool: in the image, nothing in the way, and not facing away."""
+    lit: np.ndarray
+    """(n,) bool: facing the Sun, nothing in the way."""
+    pixel: np.ndarray
+    """(n, 2) where they project."""
+    emission: np.ndarray
+    """(n,) angle between the normal and the camera [rad]."""
+    incidence: np.ndarray
+    """(n,) angle between the normal and the Sun [rad]."""
+    gsd: np.ndarray
+    """(n,) a pixel across the line of sight, on the ground [units of B]."""
+
+
+def sight_of_views(
+    rays: MeshRays, views: Views, triangles: np.ndarray, points: np.ndarray, normals: np.ndarray
+) -> Iterator[SeenByView]:
+    """What each view sees of points (n, 3) on triangles (n,) with unit normals (n, 3), in the order of the views."""
+    for k in range(len(views)):
+        camera, away = views.cameras[k], views.body_from_cam.translation[k] - points
+        towards = unit(away)
+        cos_emission, cos_incidence = np.sum(normals * towards, -1), normals @ views.sun[k]
+        pixel = views.project(k, points)
+        ahead = -away @ views.body_from_cam.rotation[k][:, 2] > 0
+        inside = ((pixel >= 0) & (pixel <= (camera.width, camera.height))).all(-1)
+        seen = ahead & inside & (cos_emission > 0)
+        seen[seen] = ~rays.blocked(triangles[seen], points[seen], towards[seen])
+        lit = cos_incidence > 0
+        sun = np.broadcast_to(views.sun[k], points.shape)
+        lit[lit] = ~rays.blocked(triangles[lit], points[lit], sun[lit])
+        yield SeenByView(
+            seen=seen,
+            lit=lit,
+            pixel=pixel,
+            emission=np.arccos(np.clip(cos_emission, -1.0, 1.0)),
+            incidence=np.arccos(np.clip(cos_incidence, -1.0, 1.0)),
+            gsd=np.linalg.norm(away, axis=-1) / np.mean(camera.focal_px),
+        )
+
+
+def _embree_scene(vertices: np.ndarray, faces: np.ndarray) -> Any:
+    try:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+    except ImportError as error:
+        raise InputError("whole bodies need the ray tracer Embree: pip install photoclinometry[body]") from error
+    scene = EmbreeScene(robust=True)
+    TriangleMesh(scene, vertices.astype(np.float32), faces.astype(np.int32))
+    # The first query builds the tree, which must not happen in several threads.
+    scene.run(np.zeros((1, 3), np.float32), np.array([[0.0, 0.0, 1.0]], np.float32))
+    return scene
