@@ -18,6 +18,11 @@ from photoclinometry.io.meshes.ply_elements import Columns, read_elements
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Scene
 
+UNIT_COMMENT = "body-fixed frame, unit of length"
+"""The comment that the unit follows."""
+_WRITTEN = {"<f8": "double", "<f4": "float", "<i4": "int"}
+"""PLY's names of the types that are written."""
+
 
 @dataclass(frozen=True)
 class PlyMap:
@@ -37,7 +42,7 @@ def write_ply(path: Path | str, scene: Scene, mesh: bool = False) -> None:
     """The scene's landmarks, in B; with `mesh` also the triangles of `grid_faces`. Raises RunFolderError."""
     vertices = _vertices(scene)
     unit = scene.unit or "as the scene"
-    _write(path, vertices, grid_faces(scene) if mesh else None, unit)
+    write_table_ply(path, vertices, grid_faces(scene) if mesh else None, unit)
 
 
 def write_mesh_ply(path: Path | str, vertices: np.ndarray, faces: np.ndarray, albedo: np.ndarray) -> None:
@@ -45,15 +50,18 @@ def write_mesh_ply(path: Path | str, vertices: np.ndarray, faces: np.ndarray, al
     columns = np.empty(len(vertices), [(name, "<f4") for name in ("x", "y", "z", "albedo")])
     columns["x"], columns["y"], columns["z"] = vertices.T
     columns["albedo"] = albedo
-    _write(path, columns, faces, "m")
+    write_table_ply(path, columns, faces, "m")
 
 
-def _write(path: Path | str, vertices: np.ndarray, triangles: np.ndarray | None, unit: str) -> None:
-    """A structured array of vertices, and triangles (F, 3) if there are any."""
-    header = ["ply", "format binary_little_endian 1.0", f"comment body-fixed frame, unit of length {unit}"]
+def write_table_ply(path: Path | str, vertices: np.ndarray, triangles: np.ndarray | None, unit: str) -> None:
+    """A structured array of vertices, of the types in _WRITTEN, and triangles (F, 3) if there are any.
+
+    unit: of lengths, for the comment. Raises RunFolderError.
+    """
+    header = ["ply", "format binary_little_endian 1.0", f"comment {UNIT_COMMENT} {unit}"]
     header.append(f"element vertex {len(vertices)}")
     for name in vertices.dtype.names or ():
-        header.append(f"property {'double' if vertices.dtype[name].itemsize == 8 else 'float'} {name}")
+        header.append(f"property {_WRITTEN[vertices.dtype[name].str]} {name}")
     faces = np.empty(0, [("count", "u1"), ("index", "<i4", 3)])
     if triangles is not None:
         faces = np.empty(len(triangles), faces.dtype)

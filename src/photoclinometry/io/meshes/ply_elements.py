@@ -63,6 +63,12 @@ def read_elements(path: Path) -> dict[str, Columns]:
         raise InputError(f"{path}: is not a complete PLY file ({error}); export it again") from error
 
 
+def read_comments(path: Path) -> list[str]:
+    """The comments of the header, without the word `comment`; none of a file without a header."""
+    head = read_bytes(path)[:_MAX_HEADER].split(b"end_header")[0].decode("latin-1")
+    return [line.removeprefix("comment ").strip() for line in head.splitlines() if line.startswith("comment ")]
+
+
 class _Malformed(Exception):
     """The fault of a file; the caller adds the file's name."""
 
