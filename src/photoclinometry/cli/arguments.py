@@ -23,6 +23,7 @@ COMMANDS = (
     "views",
     "simulate",
     "run",
+    "body",
     "refine",
     "render",
     "evaluate",

@@ -12,6 +12,13 @@ FIRST = {
         "densify.min_views",
         "adjust.uncertainty",
     ),
+    "body": (
+        "plan.tile_px",
+        "plan.max_views",
+        "plan.min_views",
+        "run.reflectance",
+        "run.densify.min_views",
+    ),
     "refine": (
         "reflectance",
         "body",

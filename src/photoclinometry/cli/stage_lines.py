@@ -17,6 +17,11 @@ _FOLDER = "photoclinometry.pipeline.run_folder"
 NAMES = {
     "images": "images",
     "sparse": "sparse",
+    "body_sparse": "sparse",
+    "coarse_shape": "coarse shape",
+    "plan": "plan",
+    "tile": "tile",
+    "merge": "merge",
     "inconsistent_views": "check of views",
     "region": "region",
     "dense": "dense",

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from photoclinometry.cli.stage_lines import StageLines
 from photoclinometry.model.progress import Progress
+from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline.products import RunResult
 
 if TYPE_CHECKING:
@@ -75,13 +76,18 @@ def say_result(console: Any, result: RunResult) -> None:
     console.print(f"{len(result.scene.landmarks)} landmarks in {len(result.scene.views)} views{quality}")
     if not result.adjustment.converged:
         console.print(f"the joint estimate has not converged: {result.adjustment.message}")
-    if result.warnings:
-        console.print(f"warnings: {len(result.warnings)}")
-    for warned in result.warnings:
-        console.print(f"- {warned.words} [{warned.code}]", highlight=False, markup=False)
+    say_warnings(console, result.warnings)
     print(result.report, flush=True)
     if not result.trusted:
         raise UntrustedMapError(f"the map is written, but not to be trusted: {'; '.join(result.distrust)}")
+
+
+def say_warnings(console: Any, warnings: Sequence[Warned]) -> None:
+    """All that was warned of, once more at the end, where people look."""
+    if warnings:
+        console.print(f"warnings: {len(warnings)}")
+    for warned in warnings:
+        console.print(f"- {warned.words} [{warned.code}]", highlight=False, markup=False)
 
 
 class log_to:

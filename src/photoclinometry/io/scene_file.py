@@ -22,6 +22,7 @@ from photoclinometry.model.reflectance import MODELS, Reflectance
 from photoclinometry.model.scene import (
     BODY_FIXED,
     OWN,
+    SHARED,
     VIEW_ARRAYS,
     Camera,
     Landmarks,
@@ -259,7 +260,7 @@ def _inconsistency(scene: Scene) -> str | None:
         (tracks.start, j + 1),
         *((getattr(tracks, name), n) for name in _TRACKS if name != "start"),
     ]
-    if scene.frame not in (OWN, BODY_FIXED):
+    if scene.frame not in (OWN, BODY_FIXED, SHARED):
         return f"its frame is {scene.frame!r}"
     if any(len(values) != expected for values, expected in lengths):
         return "arrays of different lengths"

@@ -19,7 +19,7 @@ from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.projection import pixel_from_cam
 from photoclinometry.model.reflectance import Reflectance
 
-OWN, BODY_FIXED = "own", "body-fixed"
+OWN, BODY_FIXED, SHARED = "own", "body-fixed", "shared"
 """What is known of a scene's frame B."""
 
 CAMERA_PARAMETERS = {"PINHOLE": 4, "SIMPLE_PINHOLE": 3}
@@ -304,7 +304,8 @@ class Scene:
     """Where they are known."""
     frame: str = OWN
     """OWN: origin, axes and unit of length are the images' alone, or nobody said. BODY_FIXED: those of pose priors,
-    origin in the body's centre, z to the north pole, x to longitude 0, in metres."""
+    origin in the body's centre, z to the north pole, x to longitude 0, in metres. SHARED: those of a larger model that
+    is made of images alone, and of which the scene is a part."""
 
     @property
     def unit(self) -> str | None:

@@ -80,6 +80,23 @@ def without_views(sparse: SparseModel, views: np.ndarray) -> SparseModel:
     )
 
 
+def of_views(sparse: SparseModel, views: np.ndarray) -> SparseModel:
+    """The model of some views (n,) int alone, in that order; points that fewer than two of them observe are dropped."""
+    others = np.ones(len(sparse.registered), bool)
+    others[views] = False
+    kept = without_views(sparse, others)
+    number = np.full(len(others), -1, kept.point_view.dtype)
+    number[views] = np.arange(len(views))
+    return replace(
+        kept,
+        registered=sparse.registered[views],
+        body_from_cam=sparse.body_from_cam[views],
+        point_view=number[kept.point_view],
+        reason=sparse.reason[views] if len(sparse.reason) else sparse.reason,
+        brought_in=sparse.brought_in[views] if len(sparse.brought_in) else sparse.brought_in,
+    )
+
+
 def among_more_views(sparse: SparseModel, used: np.ndarray, reasons: Sequence[str]) -> SparseModel:
     """The model of the views `used` (K,) bool, as one of all K views; the others count as not registered.
 

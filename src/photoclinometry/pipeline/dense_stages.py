@@ -11,7 +11,7 @@ from photoclinometry.matching.dense import match_views, triangulated
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions
 from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
+from photoclinometry.model.scene import Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import (
     initial_albedo,
     landmark_spacing_px,
@@ -21,6 +21,7 @@ from photoclinometry.photometry.initialize import (
 from photoclinometry.pipeline.sparse_stages import Place, PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.depth_fit import landmark_depth, sparse_depth
+from photoclinometry.surface.sampling import filled_from_nearest
 from photoclinometry.surface.surroundings import surroundings_of
 
 PLANE_PX, MIN_PLANE_LANDMARKS = 32, 9
@@ -45,6 +46,9 @@ class MatchDensely(Stage[DenseTracks]):
     matcher: Keyed[Matcher]
     passes: int
     densify: DensifyOptions
+    depth: Keyed[np.ndarray] | None = None
+    """(h, w) along the optical axis of the reference, at each of its pixels, NaN where not known; None: from the sparse
+    points."""
 
     def make(self, tools: Tools) -> DenseTracks:
         inputs, sparse, place = self.posed.inputs.value, self.posed.sparse.value, self.place.value
@@ -53,7 +57,7 @@ class MatchDensely(Stage[DenseTracks]):
             images=inputs.images, cameras=cameras, body_from_cam=poses, reference=reference, region=place.region
         )
         targets = [int(k) for k in np.flatnonzero(sparse.registered) if k != reference]
-        depth = sparse_depth(sparse, reference, setup.padded, cameras[reference])
+        depth = self._first_depth(setup.padded)
         dense = None
         for number in range(1, max(1, self.passes) + 1):
             what = f"match {number}"
@@ -66,6 +70,14 @@ class MatchDensely(Stage[DenseTracks]):
             f"{landmarks:,} landmarks ({100 * landmarks / pixels:.0f} %), {len(dense.view) / landmarks:.1f} views each"
         )
         return dense
+
+    def _first_depth(self, region: Region) -> np.ndarray:
+        """(region.height, region.width) depths in the reference camera, with which the first matches are predicted."""
+        sparse, reference = self.posed.sparse.value, self.place.value.reference
+        if self.depth is None:
+            return sparse_depth(sparse, reference, region, self.posed.inputs.value.cameras[reference])
+        depth = self.depth.value[region.slices]
+        return filled_from_nearest(depth, np.isfinite(depth))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +113,7 @@ class InitialScene(Stage[Scene]):
             reference=own,
             region=region,
             surroundings=surroundings_of(sparse, reference, region, dense.position, dense.pixel, camera),
+            frame=self.posed.frame,
         )
 
     def _tracks(self, views: Views, own: int) -> Tracks:

@@ -14,7 +14,7 @@ from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import BODY_FIXED, Scene, Views
+from photoclinometry.model.scene import OWN, Scene, Views
 from photoclinometry.pipeline.control import ground_control, place_by_control
 from photoclinometry.pipeline.pose_priors import estimate_with_priors, place_by_priors
 from photoclinometry.registration.alignment import align_views
@@ -150,5 +150,6 @@ def _with_photometry_held(start: Scene, options: AdjustOptions) -> tuple[Scene, 
 
 
 def in_prior_frame(scene: Scene) -> bool:
-    """Whether an earlier estimate has placed the scene in the frame of the pose priors or control points."""
-    return scene.frame == BODY_FIXED
+    """Whether the scene is in the frame of the pose priors or control points: placed there by an earlier estimate, or
+    from the start as a part of a larger model."""
+    return scene.frame != OWN

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -64,12 +64,35 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
     check_enough_views(inputs.value, choices.held_out, options.densify.min_views)
     sparse = folder.done(SparseReconstruction(inputs=inputs, options=options.sfm))
     posed = PosedImages(inputs=inputs, sparse=sparse)
+    return map_posed(folder, PosedSite(site=site, posed=posed, choices=choices, options=options), config)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosedSite:
+    """A site whose views have poses, and how it is to be mapped."""
+
+    site: Site
+    posed: PosedImages
+    choices: Choices
+    options: RunOptions
+    depth: Keyed[np.ndarray] | None = None
+    """As of `MatchDensely`."""
+
+
+def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) -> RunResult:
+    """The stages after the sparse one, and what they leave. config: what shaped the map, for its report."""
+    site, posed, choices, options = posed_site.site, posed_site.posed, posed_site.choices, posed_site.options
     checked_with = choices.reflectance if options.check_views else None
     used, left_out = choose_views(folder, posed, choices.held_out, checked_with)
     check_reference(site, left_out)
-    place = folder.done(ChooseRegion(posed=used, request=site.region, options=options.region))
-    passes, densify = options.match_rounds, options.densify
-    dense = MatchDensely(posed=used, place=place, matcher=choices.matcher, passes=passes, densify=densify)
+    dense = MatchDensely(
+        posed=used,
+        place=folder.done(ChooseRegion(posed=used, request=site.region, options=options.region)),
+        matcher=choices.matcher,
+        passes=options.match_rounds,
+        densify=options.densify,
+        depth=posed_site.depth,
+    )
     found = checked_map(
         folder,
         posed=posed,
@@ -79,12 +102,13 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
         options=options,
         pose_priors=site.pose_priors,
     )
+    brought_in = posed.sparse.value.how_brought_in()
     summary = RunSummary(
         adjustment=found.finished.value.adjustment,
-        images=inputs.value.images,
+        images=posed.inputs.value.images,
         config=config,
         left_out=left_out,
-        brought_in={posed.views.name[k]: how for k, how in sparse.value.how_brought_in().items()},
+        brought_in={posed.views.name[k]: how for k, how in brought_in.items()},
         held_out=_place_held_out(folder, found.finished, posed, choices),
         iterations=found.iterations,
         pose_priors=found.pose_priors,

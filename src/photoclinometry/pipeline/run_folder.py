@@ -67,6 +67,8 @@ class RunFolder:
     """Of the stages so far, in their order."""
     warned: list[Warned] = field(default_factory=list)
     """All that was warned of so far, in stages that were read back, too."""
+    finished_by_others: tuple[str, ...] = ()
+    """Stages, by name, that another process makes: here they are only read back."""
 
     @property
     def warnings(self) -> tuple[Warned, ...]:
@@ -85,6 +87,8 @@ class RunFolder:
             if found is not None:
                 self.warned += found.warnings
                 return Keyed(found.value, key)
+            if stage.name in self.finished_by_others:
+                raise RunFolderError(f"{file}: not made yet, or of other options; run the command without --tile first")
             tools = Tools(progress=self.progress, scratch=self.path / "stages" / stage.file_name)
             with collected_warnings() as warned:
                 made = stage.make(tools)
@@ -96,6 +100,10 @@ class RunFolder:
             if found is None:
                 raise RunFolderError(f"{file}: cannot be read back; check the disk")
             return Keyed(found.value, key)
+
+    def holds(self, stage: Stage[Any]) -> bool:
+        """Whether the stage's result is on disk."""
+        return read_record(self._file(stage.file_name), stage.key, stage.result) is not None
 
     @contextmanager
     def timed(self, name: str) -> Iterator[StageCost]:

@@ -12,7 +12,7 @@ from photoclinometry.io.site import MIN_VIEWS, RegionRequest, Site
 from photoclinometry.io.site_images import input_fingerprint, load_plausible_images
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Camera, Image, Region, Views
+from photoclinometry.model.scene import OWN, Camera, Image, Region, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import InconsistentViews as Inconsistent
@@ -56,6 +56,8 @@ class PosedImages:
 
     inputs: Keyed[Inputs]
     sparse: Keyed[SparseModel]
+    frame: str = OWN
+    """That of the sparse model, as of `Scene.frame`."""
 
     @property
     def views(self) -> Views:
@@ -75,7 +77,7 @@ class PosedImages:
     def without(self, views: np.ndarray) -> PosedImages:
         """With some views (K,) bool counted as not registered. However these were found, the key is the same."""
         kept = Keyed(without_views(self.sparse.value, views), digest(self.sparse, views))
-        return PosedImages(inputs=self.inputs, sparse=kept)
+        return replace(self, sparse=kept)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,13 +144,18 @@ def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
 
     Views whose brightness cannot be that of ground are named, to be left out. Raises SiteError, ImageError.
     """
-    alone = replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
+    alone = without_priors(site)
     with folder.timed("images"):
         images, unusable = load_plausible_images(alone, folder.progress)
         say_found(f"{len(images)} of {site.name}")
     for name, reason in unusable.items():
         warn(log, "brightness-impossible", "%s is left out: %s", name, reason, view=name)
     return Keyed(Inputs(site=alone, images=images, unusable=unusable), input_fingerprint(alone))
+
+
+def without_priors(site: Site) -> Site:
+    """The site without region and pose priors, which not all stages depend on."""
+    return replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
 
 
 def choose_views(

@@ -18,7 +18,7 @@ from photoclinometry.model.gauss_newton import gauss_newton
 from photoclinometry.model.geometry import Rigid, Similarity, skew, so3_exp, so3_log
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.robust import huber_weight
-from photoclinometry.model.scene import BODY_FIXED, Scene
+from photoclinometry.model.scene import BODY_FIXED, OWN, Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.registration.alignment import align_poses, camera_distance, transform_poses, transform_scene
 
@@ -105,7 +105,8 @@ def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene,
         )
     for outlier in outliers:
         warn(log, "prior-contradicts", "pose prior left out, it contradicts the images: %s", outlier)
-    return replace(transform_scene(fit.similarity, scene), frame=BODY_FIXED), fit
+    frame = BODY_FIXED if scene.frame == OWN else scene.frame
+    return replace(transform_scene(fit.similarity, scene), frame=frame), fit
 
 
 def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:

@@ -101,14 +101,22 @@ def diverse(seen: Sequence[Sighting], count: int | None) -> tuple[Sighting, ...]
     """
     if count is None or len(seen) <= count:
         return tuple(seen)
-    apart = light_and_sight(seen)
-    taken = [int(np.argmin([s.emission_deg for s in seen]))]
-    nearest = apart[taken[0]].copy()
-    while len(taken) < count:
-        nearest[taken] = -1.0  # a view that was taken is not taken again, even where others are its equals
+    first = int(np.argmin([s.emission_deg for s in seen]))
+    return tuple(seen[k] for k in most_diverse(light_and_sight(seen), first, count))
+
+
+def most_diverse(apart: np.ndarray, first: int, count: int) -> np.ndarray:
+    """(m,) `first`, then always the one least like those taken, up to `count`; ascending.
+
+    apart: (n, n) how different any two are.
+    """
+    taken = [first]
+    nearest = apart[first].copy()
+    while len(taken) < min(count, len(apart)):
+        nearest[taken] = -1.0  # what was taken is not taken again, even where others are its equals
         taken.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, apart[taken[-1]])
-    return tuple(seen[k] for k in sorted(taken))
+    return np.sort(taken)
 
 
 def write_chosen_site(path: Path, site: Site, choice: ViewChoice) -> Site:

@@ -138,7 +138,7 @@ def _max_focal_ratio(cameras: list[Camera]) -> float:
     return 10.0 + 2.0 * max(max(camera.focal_px) / min(camera.width, camera.height) for camera in cameras)
 
 
-def _tune_triangulation(triangulation: Any, cameras: list[Camera], options: SfmOptions) -> None:
+def tune_triangulation(triangulation: Any, cameras: list[Camera], options: SfmOptions) -> None:
     gate = _angle_of_pixels(cameras, 2 * options.max_reprojection_px)
     triangulation.create_max_angle_error = gate
     triangulation.continue_max_angle_error = gate
@@ -182,7 +182,7 @@ def _incremental_options(cameras: list[Camera], options: SfmOptions) -> Any:
     pipeline.mapper.filter_max_reproj_error = options.max_reprojection_px
     pipeline.mapper.filter_min_tri_angle = options.min_triangulation_deg
     pipeline.mapper.random_seed = options.seed
-    _tune_triangulation(pipeline.triangulation, cameras, options)
+    tune_triangulation(pipeline.triangulation, cameras, options)
     return pipeline
 
 
@@ -203,7 +203,7 @@ def _global_options(cameras: list[Camera], options: SfmOptions) -> Any:
     mapper.bundle_adjustment.refine_extra_params = False
     mapper.min_tri_angle_deg = options.min_triangulation_deg
     mapper.max_angular_reproj_error_deg = _angle_of_pixels(cameras, 2 * options.max_reprojection_px)
-    _tune_triangulation(mapper.retriangulation, cameras, options)
+    tune_triangulation(mapper.retriangulation, cameras, options)
     return pipeline
 
 

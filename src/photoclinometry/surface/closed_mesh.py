@@ -46,6 +46,19 @@ def is_watertight(faces: np.ndarray) -> bool:
     return bool((along == against).all() and (np.diff(along) > 0).all())
 
 
+def largest_component(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices and faces of the connected part with the most faces."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    edges, _ = unique_edges(faces)
+    joined = coo_matrix((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
+    part = connected_components(joined, directed=False)[1][faces[:, 0]]
+    kept = faces[part == np.bincount(part).argmax()]
+    used, renumbered = np.unique(kept, return_inverse=True)
+    return vertices[used], renumbered.reshape(-1, 3).astype(faces.dtype)
+
+
 def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     """Volume inside a closed mesh; negative if its faces look inwards."""
     a, b, c = (vertices[faces[:, i]] for i in range(3))

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.geometry import unit
-from photoclinometry.model.scene import Views
+from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.scene import Camera, Region, Views
 from photoclinometry.surface.closed_mesh import area_vectors
 
 _SHADOW_OFFSET = 5e-3
@@ -94,6 +94,29 @@ def sight_of_views(
             incidence=np.arccos(np.clip(cos_incidence, -1.0, 1.0)),
             gsd=np.linalg.norm(away, axis=-1) / np.mean(camera.focal_px),
         )
+
+
+def depth_image(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> np.ndarray:
+    """(height, width) depth of the mesh along the optical axis at each pixel's centre; NaN where a ray misses it."""
+    _, triangle, weight = _through_pixels(rays, camera, body_from_cam)
+    point = np.einsum("nk,nkd->nd", weight, rays.vertices[rays.faces[triangle]])
+    depth = (point - body_from_cam.translation) @ body_from_cam.rotation[:, 2]
+    return np.where(triangle >= 0, depth, np.nan).reshape(camera.height, camera.width)
+
+
+def emission_image(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> np.ndarray:
+    """(height, width) angle [rad] between each pixel's line of sight and the triangle there; pi / 2 beside the mesh."""
+    direction, triangle, _ = _through_pixels(rays, camera, body_from_cam)
+    cosine = -np.sum(direction * rays.facet_normals[triangle], -1)
+    emission = np.arccos(np.clip(np.where(triangle >= 0, cosine, 0.0), 0.0, 1.0))
+    return emission.reshape(camera.height, camera.width)
+
+
+def _through_pixels(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unit vectors (n, 3) through the pixels' centres, row by row, and what they meet, as of `first_hit`."""
+    pixels = Region(row=0, col=0, height=camera.height, width=camera.width).pixel_centers().reshape(-1, 2)
+    direction = unit(camera.ray_in_cam(pixels) @ body_from_cam.rotation.T)
+    return direction, *rays.first_hit(np.broadcast_to(body_from_cam.translation, direction.shape), direction)
 
 
 def _embree_scene(vertices: np.ndarray, faces: np.ndarray) -> Any:

@@ -53,6 +53,14 @@ def write_mesh_ply(path: Path | str, vertices: np.ndarray, faces: np.ndarray, al
     write_table_ply(path, columns, faces, "m")
 
 
+def write_oriented_points(path: Path | str, points: np.ndarray, normals: np.ndarray) -> None:
+    """Points (n, 3) with normals (n, 3), in single precision, as meshing programs want them. Raises RunFolderError."""
+    columns = np.empty(len(points), [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")])
+    columns["x"], columns["y"], columns["z"] = points.T
+    columns["nx"], columns["ny"], columns["nz"] = normals.T
+    write_table_ply(path, columns, None, "as given")
+
+
 def write_table_ply(path: Path | str, vertices: np.ndarray, triangles: np.ndarray | None, unit: str) -> None:
     """A structured array of vertices, of the types in _WRITTEN, and triangles (F, 3) if there are any.
 

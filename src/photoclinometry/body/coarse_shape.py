@@ -1,0 +1,83 @@
+"""The coarse shape of a body: a closed surface through its sparse points, good enough to plan with and to match by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.sparse import SparseModel
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
+from photoclinometry.surface.closed_mesh import signed_volume
+from photoclinometry.surface.poisson import closed_surface
+
+FEWEST_VIEWS = 3
+"""Points of two views alone are checked by no other."""
+NEIGHBOURS = 16
+"""Points whose plane gives the normal in their midst."""
+FAR = 4.0
+"""Points whose neighbours are so many times farther than usual are wrong matches, or details of no use here."""
+FEWEST_POINTS = 100
+"""Fewer points do not make a shape."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosedMesh:
+    """A closed triangle mesh."""
+
+    vertices: np.ndarray
+    """(V, 3) in B."""
+    faces: np.ndarray
+    """(F, 3), counter-clockwise as seen from outside."""
+    spacing: float
+    """Mean distance of the points that it goes through [units of B]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoarseShape(Stage[ClosedMesh]):
+    """A closed surface through the sparse points."""
+
+    name = "coarse_shape"
+    result = ClosedMesh
+    sparse: Keyed[SparseModel]
+
+    def make(self, tools: Tools) -> ClosedMesh:
+        points, towards = _seen_well(self.sparse.value)
+        if len(points) < FEWEST_POINTS:
+            raise ReconstructionError(
+                f"{len(points)} points are seen in {FEWEST_VIEWS} views or more, a shape needs {FEWEST_POINTS}; give "
+                "more images, or allow more features (--sfm.max-features)"
+            )
+        points, normals, spacing = oriented(points, towards)
+        vertices, faces = closed_surface(points, normals, spacing, tools.scratch)
+        radius = float(np.cbrt(0.75 / np.pi * signed_volume(vertices, faces)))
+        say_found(f"{len(points):,} points, mean radius {radius:.4g}")
+        return ClosedMesh(vertices=vertices, faces=faces, spacing=spacing)
+
+
+def _seen_well(sparse: SparseModel) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) of FEWEST_VIEWS views or more, and unit vectors (n, 3) from them towards these views."""
+    point = sparse.point_of_observation
+    towards = np.zeros_like(sparse.points)
+    np.add.at(towards, point, unit(sparse.body_from_cam.translation[sparse.point_view] - sparse.points[point]))
+    often = np.diff(sparse.point_start) >= FEWEST_VIEWS
+    return sparse.points[often], unit(towards[often])
+
+
+def oriented(points: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Those of points (n, 3) that have neighbours, their outward unit normals, and the mean distance of neighbours.
+
+    towards: (n, 3) unit vectors to the cameras that see the points.
+    """
+    from scipy.spatial import KDTree
+
+    distance = KDTree(points).query(points, min(NEIGHBOURS, len(points)))[0][:, 1:].mean(1)
+    kept = distance <= FAR * np.median(distance)
+    points, towards = points[kept], towards[kept]
+    distance, near = KDTree(points).query(points, min(NEIGHBOURS, len(points)))
+    around = points[near] - points[near].mean(1, keepdims=True)
+    normal = np.linalg.svd(around, full_matrices=False)[2][:, 2]
+    outward = np.sign(np.sum(normal * towards, -1, keepdims=True))
+    return points, np.where(outward == 0, towards, outward * normal), float(np.median(distance[:, 1:].mean(1)))

@@ -1,0 +1,291 @@
+"""One closed surface from the landmarks of all tiles.
+
+A screened Poisson surface goes through the landmarks with their normals, and through the coarse shape where no tile
+has any. Its vertices then move along their normals to the mean of the landmarks around them, weighted by their
+standard deviations, and take their normals, albedos and standard deviations from these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.body.coarse_shape import ClosedMesh
+from photoclinometry.body.tile import TileMap
+from photoclinometry.model.geometry import unit
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
+from photoclinometry.surface.closed_mesh import area_vectors, vertex_normals
+from photoclinometry.surface.poisson import closed_surface
+
+NEAR_GSD = 1.5
+"""Landmarks up to this far from a vertex determine it [GSD]."""
+WIDTH_GSD = 0.6
+"""Standard deviation of the Gaussian that weighs them by distance [GSD]: half the spacing of vertices, so that the
+surface keeps what the maps resolve."""
+NEIGHBOURS = 24
+"""At most so many landmarks determine a vertex: two to three tiles have about as many in reach."""
+FACING = 0.5
+"""Least cosine between the normals of a vertex and of a landmark that may determine it: thin necks have two sides."""
+FILL_GSD = 4.0
+"""The coarse shape stands in where no landmark is nearer than this [GSD]."""
+LEAST_INSIDE = 0.02
+"""Weight of a landmark at its tile's edge, over that of one in the middle."""
+USUAL_SIGMA_GSD = 0.1
+"""Standard deviation [GSD] of heights where a tile states none."""
+BLOCK = 50_000
+"""Vertices at a time: bounds the memory to some tens of megabytes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergedSurface:
+    """A closed mesh with what is known at its vertices; figures are NaN and `views` is 0 where nothing was mapped."""
+
+    vertices: np.ndarray
+    """(V, 3) in B."""
+    faces: np.ndarray
+    """(F, 3), counter-clockwise as seen from outside."""
+    normals: np.ndarray
+    """(V, 3) outward unit vectors: by photometry, and those of the faces where nothing was mapped."""
+    albedo: np.ndarray
+    """(V,)."""
+    height_sigma: np.ndarray
+    """(V,) along the normal [units of B]."""
+    normal_sigma: np.ndarray
+    """(V,) of the angle [rad]."""
+    albedo_sigma: np.ndarray
+    """(V,) as a share of the albedo."""
+    views: np.ndarray
+    """(V,) int."""
+    tile: np.ndarray
+    """(V,) int: the tile of most weight, -1 for none."""
+    step: np.ndarray
+    """(V,) standard deviation between tiles, of heights where several have landmarks [units of B]; NaN elsewhere."""
+    gsd: float
+    """Median ground sample distance of the tiles [units of B]."""
+    albedo_factor: np.ndarray
+    """(T,) by which each tile's albedos were divided, so that they agree where tiles overlap."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergeTiles(Stage[MergedSurface]):
+    """The closed surface."""
+
+    name = "merge"
+    result = MergedSurface
+    tiles: tuple[Keyed[TileMap], ...]
+    shape: Keyed[ClosedMesh]
+
+    def make(self, tools: Tools) -> MergedSurface:
+        cloud = Cloud.of([tile.value for tile in self.tiles])
+        points, normals = _with_coarse_shape(cloud, self.shape.value)
+        vertices, faces = closed_surface(points, normals, cloud.gsd, tools.scratch)
+        found = merged(cloud, vertices, faces)
+        known = found.views > 0
+        say_found(f"{len(faces):,} facets, {100 * known.mean():.1f} % of vertices mapped")
+        return found
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """All landmarks of all tiles; one row each."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    albedo: np.ndarray
+    """Divided by their tile's factor."""
+    height_sigma: np.ndarray
+    """Known of all, with weights by the place in the tile."""
+    weight: np.ndarray
+    """Of a landmark in a mean, but for its distance."""
+    sigmas: np.ndarray
+    """(n, 3) stated standard deviations of height, normal and albedo."""
+    views: np.ndarray
+    tile: np.ndarray
+    gsd: float
+    factor: np.ndarray
+    """(T,)."""
+
+    @classmethod
+    def of(cls, tiles: Sequence[TileMap]) -> Cloud:
+        """The landmarks of tiles."""
+        position, number = _joined(tiles, "position"), np.repeat(np.arange(len(tiles)), [len(t.views) for t in tiles])
+        gsd = float(np.median([tile.gsd for tile in tiles if len(tile.views)]))
+        stated = np.stack([_joined(tiles, f"{name}_sigma") for name in ("height", "normal", "albedo")], -1)
+        height_sigma = np.where(np.isfinite(stated[:, 0]), stated[:, 0], USUAL_SIGMA_GSD * gsd)
+        albedo, normal = _joined(tiles, "albedo"), _joined(tiles, "normal")
+        factor = albedo_factors(position, normal, albedo, number, len(tiles), gsd)
+        inside = np.maximum(_joined(tiles, "inside"), LEAST_INSIDE)
+        return cls(
+            position=position,
+            normal=normal,
+            albedo=albedo / factor[number],
+            height_sigma=height_sigma,
+            weight=inside * (gsd / height_sigma) ** 2,
+            sigmas=stated,
+            views=_joined(tiles, "views"),
+            tile=number,
+            gsd=gsd,
+            factor=factor,
+        )
+
+
+def albedo_factors(
+    position: np.ndarray, normal: np.ndarray, albedo: np.ndarray, tile: np.ndarray, count: int, gsd: float
+) -> np.ndarray:
+    """(count,) factors of the tiles' albedos, one in the geometric mean, by which they differ where they overlap.
+
+    A tile's factor follows from its own reflectance parameters, which its images determine by a per cent or so.
+    """
+    from scipy.spatial import KDTree
+
+    distance, near = KDTree(position).query(position, 9, distance_upper_bound=gsd)
+    first, column = np.nonzero(np.isfinite(distance))
+    second = np.asarray(near)[first, column]
+    pair = (tile[first] < tile[second]) & (np.sum(normal[first] * normal[second], -1) > FACING)
+    pair &= (albedo[first] > 0) & (albedo[second] > 0)
+    first, second = first[pair], second[pair]
+    ratio = np.log(albedo[first] / albedo[second])
+    key = tile[first] * count + tile[second]
+    rows, right, weight = [], [], []
+    for each in np.unique(key):
+        own = key == each
+        a, b = divmod(int(each), count)
+        row = np.zeros(count)
+        row[a], row[b] = 1.0, -1.0
+        rows.append(row)
+        right.append(np.median(ratio[own]))
+        weight.append(np.sqrt(own.sum()))
+    rows.append(np.ones(count))  # the mean is one
+    right.append(0.0)
+    weight.append(1.0)
+    by = np.array(weight)
+    log_factor = np.linalg.lstsq(np.array(rows) * by[:, None], np.array(right) * by, rcond=None)[0]
+    return np.exp(log_factor)
+
+
+def merged(cloud: Cloud, vertices: np.ndarray, faces: np.ndarray) -> MergedSurface:
+    """The closed mesh moved onto the landmarks, with what they know."""
+    from scipy.spatial import KDTree
+
+    outward = vertex_normals(vertices, faces)
+    tree, count = KDTree(cloud.position), len(vertices)
+    vertices, normals = vertices.copy(), outward.copy()
+    figures = np.full((count, 5), np.nan)
+    views, tile = np.zeros(count, int), np.full(count, -1)
+    for rows in _blocks(count):
+        mean = _means(cloud, tree, vertices[rows], outward[rows])
+        known = mean.known
+        at = np.arange(count)[rows][known]
+        vertices[at] += mean.height[known, None] * outward[at]
+        normals[at] = unit(mean.normal[known])
+        figures[at] = mean.figures[known]
+        views[at], tile[at] = mean.views[known], mean.tile[known]
+    return MergedSurface(
+        vertices=vertices,
+        faces=faces,
+        normals=normals,
+        albedo=figures[:, 0],
+        height_sigma=figures[:, 1],
+        normal_sigma=figures[:, 2],
+        albedo_sigma=figures[:, 3],
+        views=views,
+        tile=tile,
+        step=figures[:, 4],
+        gsd=cloud.gsd,
+        albedo_factor=cloud.factor,
+    )
+
+
+@dataclass(frozen=True)
+class _Means:
+    """Of the landmarks around m vertices."""
+
+    known: np.ndarray
+    height: np.ndarray
+    """(m,) from the vertex to the landmarks' surface, along its normal."""
+    normal: np.ndarray
+    figures: np.ndarray
+    """(m, 5) albedo, the three sigmas, and the standard deviation of heights between tiles."""
+    views: np.ndarray
+    tile: np.ndarray
+
+
+def _means(cloud: Cloud, tree: Any, at: np.ndarray, outward: np.ndarray) -> _Means:
+    reach = NEAR_GSD * cloud.gsd
+    distance, near = tree.query(at, NEIGHBOURS, distance_upper_bound=reach)
+    there = np.isfinite(distance)
+    near = np.where(there, near, 0)
+    facing = np.einsum("mkd,md->mk", cloud.normal[near], outward)
+    there &= facing > FACING
+    off = cloud.position[near] - at[:, None]
+    # Sideways distance alone counts: a vertex may begin somewhat off the surface.
+    up = np.einsum("mkd,md->mk", off, outward)
+    sideways = np.sqrt(np.maximum(np.sum(off**2, -1) - up**2, 0.0))
+    weight = there * cloud.weight[near] * np.exp(-0.5 * (sideways / (WIDTH_GSD * cloud.gsd)) ** 2)
+    total = weight.sum(1)
+    known = total > 0
+    share = weight / np.where(known, total, 1.0)[:, None]
+    # Between a landmark and the vertex the surface follows the mean of the normals at both (the trapezoidal rule).
+    normal = np.einsum("mk,mkd->md", share, cloud.normal[near])
+    between = cloud.normal[near] + unit(np.where(known[:, None], normal, outward))[:, None]
+    rise = np.einsum("mkd,md->mk", between, outward)
+    height = np.einsum("mkd,mkd->mk", off, between) / np.where(there, rise, 1.0)
+    mean = np.sum(share * height, 1)
+    own, scatter, tile = _by_tile(cloud, near, share, height, mean)
+    figures = np.column_stack([np.sum(share * cloud.albedo[near], 1), own, scatter])
+    return _Means(
+        known=known,
+        height=mean,
+        normal=normal,
+        figures=figures,
+        views=np.max(np.where(there, cloud.views[near], 0), axis=1),
+        tile=tile,
+    )
+
+
+def _by_tile(
+    cloud: Cloud, near: np.ndarray, share: np.ndarray, height: np.ndarray, mean: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sigmas (m, 3), the scatter (m,) of tiles' heights, and the tile (m,) of most weight.
+
+    Errors of neighbours in one tile are taken to be common, those of different tiles to be independent.
+    """
+    tile = cloud.tile[near]
+    same = (tile[:, :, None] == tile[:, None, :]) & (share[:, :, None] > 0) & (share[:, None, :] > 0)
+    of_tile = np.einsum("mkl,ml->mk", same, share)
+    first = ~np.tril(same, -1).any(2) & (share > 0)  # one row stands for each tile
+    sigmas = []
+    for column in range(3):
+        stated = np.where(share > 0, cloud.sigmas[near, column], 0.0)
+        summed = np.einsum("mkl,ml->mk", same, share * stated)
+        sigmas.append(np.sqrt(np.sum(first * summed**2, 1)))
+    of_heights = np.einsum("mkl,ml->mk", same, share * height) / np.where(of_tile > 0, of_tile, 1.0)
+    variance = np.sum(first * of_tile * (of_heights - mean[:, None]) ** 2, 1)
+    several = first.sum(1) > 1
+    most = np.argmax(np.where(first, of_tile, -1.0), axis=1)
+    return (
+        np.stack(sigmas, -1),
+        np.where(several, np.sqrt(variance), np.nan),
+        np.take_along_axis(tile, most[:, None], 1)[:, 0],
+    )
+
+
+def _with_coarse_shape(cloud: Cloud, shape: ClosedMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) and normals (n, 3): the landmarks, and middles of the coarse shape's faces far from any."""
+    from scipy.spatial import KDTree
+
+    middle = shape.vertices[shape.faces].mean(1)
+    far = KDTree(cloud.position).query(middle)[0] > FILL_GSD * cloud.gsd
+    normal = unit(area_vectors(shape.vertices, shape.faces))
+    return np.concatenate([cloud.position, middle[far]]), np.concatenate([cloud.normal, normal[far]])
+
+
+def _joined(tiles: Sequence[TileMap], name: str) -> np.ndarray:
+    return np.concatenate([getattr(tile, name) for tile in tiles])
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    return (slice(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK))

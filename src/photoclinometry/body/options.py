@@ -1,0 +1,42 @@
+"""Everything that shapes the map of a whole body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from photoclinometry.model.ranges import Range, Ranged
+from photoclinometry.pipeline.options import RunOptions
+from photoclinometry.sfm import SfmOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOptions(Ranged):
+    """Which regions of which images are mapped, from which views."""
+
+    tile_px: Annotated[int, Range(least=32, most=4096)] = 128
+    """Width and height of a tile in its reference image [px]; less where the image is smaller."""
+    overlap: Annotated[float, Range(least=0, below=0.5)] = 0.12
+    """Share of a tile's width, at each side, that neighbouring tiles map, too."""
+    max_views: Annotated[int, Range(least=3, most=1000)] = 16
+    """Views of a tile at most, those that differ most in light and line of sight."""
+    min_views: Annotated[int, Range(least=3, most=1000)] = 4
+    """Ground is mapped where so many views see it lit."""
+    max_emission: Annotated[float, Range(above=0, most=85)] = 60.0
+    """Views that see ground at a greater emission angle [degrees] do not count for it."""
+    max_incidence: Annotated[float, Range(above=0, most=90)] = 80.0
+    """Nor those where the Sun stands lower than this incidence angle [degrees]."""
+
+
+def _tile_options() -> RunOptions:
+    return RunOptions(check_views=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyOptions(Ranged):
+    """Everything that shapes the map of a body."""
+
+    sfm: SfmOptions = field(default_factory=lambda: SfmOptions(min_pair_matches=10))
+    plan: PlanOptions = field(default_factory=PlanOptions)
+    run: RunOptions = field(default_factory=_tile_options)
+    """How each tile is mapped."""

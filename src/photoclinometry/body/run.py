@@ -1,0 +1,121 @@
+"""All images of a body in, one closed surface out. `map_body` is the list of stages."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from photoclinometry.body.coarse_shape import CoarseShape
+from photoclinometry.body.merge import MergeTiles
+from photoclinometry.body.options import BodyOptions
+from photoclinometry.body.plan import PlanTiles
+from photoclinometry.body.products import BodyResult, write_body_products
+from photoclinometry.body.sparse import BodySparse
+from photoclinometry.body.tile import BodyModel, MapTile, TileMap
+from photoclinometry.body.workers import in_processes
+from photoclinometry.io.site import Site, read_site
+from photoclinometry.io.site_images import input_fingerprint
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.scene import BODY_FIXED, SHARED
+from photoclinometry.pipeline.run_folder import RunFolder, claimed_run, open_run
+from photoclinometry.pipeline.run_owner import Owner, owner_of_site
+from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs, without_priors
+from photoclinometry.pipeline.stage import Keyed
+from photoclinometry.registration.georeference import MIN_PRIORS
+
+log = logging.getLogger(__name__)
+
+BEFORE_TILES = ("body_sparse", "coarse_shape", "plan")
+"""Stages that the coordinating process makes, and those of single tiles read back."""
+
+
+def owner_of_body(site: Site) -> Owner:
+    """The identity of a body's folder: that of its site, but no folder of `phomo run`."""
+    return replace(owner_of_site(site), kind="body")
+
+
+def plan_body(
+    site_file: Path, out: Path, options: BodyOptions, progress: Progress = no_progress, *, overwrite: bool = False
+) -> BodyModel:
+    """Sparse model, coarse shape and plan: all that comes before the tiles.
+
+    Raises InputError (what was given is wrong, or the folder belongs to another site or is in use) and
+    ReconstructionError (the images do not determine a shape).
+    """
+    site = read_site(site_file)
+    with claimed_run(out, owner_of_body(site), progress, overwrite=overwrite) as folder:
+        return _prepared(folder, site_file, site, options)
+
+
+def map_body(
+    site_file: Path,
+    out: Path,
+    options: BodyOptions,
+    progress: Progress = no_progress,
+    *,
+    workers: int = 1,
+    overwrite: bool = False,
+) -> BodyResult:
+    """Maps a body: from `site.toml` and images to one closed surface in the folder `out`.
+
+    A folder that holds part of the same map is gone on with. workers: processes that map tiles. overwrite: what the
+    folder holds of another site is removed first. Raises as `plan_body`, and ReconstructionError where no tile is
+    mapped.
+    """
+    site = read_site(site_file)
+    with claimed_run(out, owner_of_body(site), progress, overwrite=overwrite) as folder:
+        model = _prepared(folder, site_file, site, options)
+        stages = [tile_stage(out, model, number) for number in range(len(model.plan.value.tiles))]
+        missing = [stage.number for stage in stages if not folder.holds(stage)]
+        in_processes(workers, map_one_tile, [(site_file, out, options, number) for number in missing], progress)
+        tiles = tuple(folder.done(stage) for stage in stages)
+        _check_tiles(tiles)
+        surface = folder.done(MergeTiles(tiles=tiles, shape=model.shape)).value
+        return write_body_products(folder, model, tiles, surface, _config(site_file, options))
+
+
+def map_one_tile(site_file: Path, out: Path, options: BodyOptions, number: int) -> None:
+    """Maps one tile of a body whose plan is made; may run on any machine that sees the folder.
+
+    Raises RunFolderError where the plan is not made, or was made with other options.
+    """
+    folder = open_run(out)
+    folder.finished_by_others = BEFORE_TILES
+    site = read_site(site_file)
+    known = Keyed(Inputs(site=without_priors(site), images=[]), input_fingerprint(without_priors(site)))
+    folder.done(tile_stage(out, _model(folder, site, known, options), number))
+
+
+def tile_stage(out: Path, model: BodyModel, number: int) -> MapTile:
+    """The stage that maps a tile."""
+    return MapTile(number=number, model=model, body=Keyed(Path(out), "body"))
+
+
+def _prepared(folder: RunFolder, site_file: Path, site: Site, options: BodyOptions) -> BodyModel:
+    folder.write_config(_config(site_file, options))
+    return _model(folder, site, read_inputs(folder, site), options)
+
+
+def _config(site_file: Path, options: BodyOptions) -> dict[str, Any]:
+    return {"site": str(Path(site_file).resolve()), **asdict(options)}
+
+
+def _model(folder: RunFolder, site: Site, inputs: Keyed[Inputs], options: BodyOptions) -> BodyModel:
+    """Sparse model, coarse shape and plan."""
+    priors = site.pose_priors if options.run.pose_priors else {}
+    sparse = folder.done(BodySparse(inputs=inputs, priors=priors, options=options.sfm))
+    frame = BODY_FIXED if len(priors) >= MIN_PRIORS else SHARED
+    posed = PosedImages(inputs=inputs, sparse=sparse, frame=frame)
+    shape = folder.done(CoarseShape(sparse=sparse))
+    plan = folder.done(PlanTiles(posed=posed, shape=shape, options=options.plan))
+    return BodyModel(site=site, posed=posed, shape=shape, plan=plan, options=options)
+
+
+def _check_tiles(tiles: Sequence[Keyed[TileMap]]) -> None:
+    failures = [f"tile {n}: {tile.value.failure}" for n, tile in enumerate(tiles) if tile.value.failure]
+    if len(failures) == len(tiles):
+        raise ReconstructionError(f"no tile could be mapped; {failures[0]}")

@@ -1,0 +1,241 @@
+"""One tile of a body: a run folder made by the stages of `phomo run`, from poses and a shape that are known."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.body.coarse_shape import ClosedMesh
+from photoclinometry.body.options import BodyOptions
+from photoclinometry.body.plan import Plan, Tile
+from photoclinometry.io.site import RegionRequest, Site
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.scene import BODY_FIXED, Scene
+from photoclinometry.model.sparse import of_views
+from photoclinometry.model.warning import warn
+from photoclinometry.pipeline.choices import choose
+from photoclinometry.pipeline.options import RunOptions
+from photoclinometry.pipeline.products import RunResult
+from photoclinometry.pipeline.run import PosedSite, map_posed
+from photoclinometry.pipeline.run_folder import claimed_run
+from photoclinometry.pipeline.run_owner import owner_of_site
+from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest, say_found
+from photoclinometry.surface.mesh_rays import MeshRays, depth_image, emission_image
+
+log = logging.getLogger(__name__)
+
+KNOWN_PX = 2.0
+"""How well the body's sparse model knows what a view shows where [px]: attitudes and places of tiles' cameras have it
+as a prior, each by itself."""
+MARGIN_DEG = 8.0
+"""The coarse shape's slopes are wrong by so much [degrees]: ground is masked only beyond the plan's limit and this."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyModel:
+    """What all tiles of a body share."""
+
+    site: Site
+    posed: PosedImages
+    shape: Keyed[ClosedMesh]
+    plan: Keyed[Plan]
+    options: BodyOptions
+
+    @property
+    def unit(self) -> str | None:
+        """Of lengths in the body's frame; None where that is of the images alone."""
+        return "m" if self.posed.frame == BODY_FIXED else None
+
+
+def tile_folder(body: Path, number: int) -> Path:
+    """The run folder of a tile."""
+    return Path(body) / "tiles" / f"{number:04d}"
+
+
+def tile_site(model: BodyModel, tile: Tile) -> Site:
+    """The tile's views with the poses of the body's sparse model as priors, and its region."""
+    poses, views = model.posed.sparse.value.body_from_cam.inverse(), []
+    for k in tile.views:
+        view = model.site.views[k]
+        in_px = KNOWN_PX / float(np.mean(view.camera.focal_px))
+        distance = float(np.linalg.norm(model.posed.sparse.value.body_from_cam.translation[k]))
+        prior = PosePrior(cam_from_body=poses[int(k)], rotation_sigma_rad=in_px, translation_sigma=in_px * distance)
+        views.append(replace(view, pose_prior=prior))
+    region = tile.region
+    request = RegionRequest(
+        reference=model.site.views[tile.reference].name,
+        center_px=(region.col + region.width / 2, region.row + region.height / 2),
+        size_px=(region.width, region.height),
+    )
+    return replace(model.site, views=tuple(views), region=request)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TileMap:
+    """What the body's surface takes from a tile: its n landmarks in the body's frame."""
+
+    position: np.ndarray
+    """(n, 3)."""
+    normal: np.ndarray
+    """(n, 3)."""
+    albedo: np.ndarray
+    """(n,)."""
+    height_sigma: np.ndarray
+    """(n,) along the normal [units of B]; NaN where not known, like the other two."""
+    normal_sigma: np.ndarray
+    """(n,) of the angle [rad]."""
+    albedo_sigma: np.ndarray
+    """(n,) as a share of the albedo."""
+    views: np.ndarray
+    """(n,) int: in how many images."""
+    inside: np.ndarray
+    """(n,) from 0 at the tile's edge to 1 in its middle: maps are worse at their edges."""
+    gsd: float
+    """[units of B]."""
+    distrust: tuple[str, ...] = ()
+    """Why the tile is not to be trusted; empty where it is."""
+    failure: str = ""
+    """Why there is no map; n is 0 then."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapTile(Stage[TileMap]):
+    """One tile, mapped in a run folder of its own; what a stopped call has finished there is used again."""
+
+    name = "tile"
+    result = TileMap
+    number: int
+    model: BodyModel
+    body: Keyed[Path]
+    """The body's folder."""
+
+    @property
+    def file_name(self) -> str:
+        return f"tile_{self.number:04d}"
+
+    @property
+    def key(self) -> str:
+        model, tile = self.model, self.model.plan.value.tiles[self.number]
+        return digest(
+            program_digest(), self.name, tile, model.posed, model.shape, model.options.run, model.options.plan
+        )
+
+    def make(self, tools: Tools) -> TileMap:
+        tile = self.model.plan.value.tiles[self.number]
+        try:
+            found = map_tile(self.body.value, self.model, self.number, tools.progress)
+        except ReconstructionError as error:
+            warn(log, "tile-failed", "tile %d is not mapped: %s", self.number, error)
+            return _no_map(tile, str(error))
+        for why in found.distrust:
+            warn(log, "tile-untrusted", "tile %d is not to be trusted: %s", self.number, why)
+        say_found(f"{len(found.scene.landmarks):,} landmarks")
+        return tile_map(found.scene, found.distrust)
+
+
+def tile_map(scene: Scene, distrust: tuple[str, ...]) -> TileMap:
+    """What the body takes from a tile's scene."""
+    landmarks, stated = scene.landmarks, scene.uncertainty
+    row, col = landmarks.pixel.T
+    edge = np.minimum(
+        np.minimum(row - scene.region.row, scene.region.row + scene.region.height - 1 - row),
+        np.minimum(col - scene.region.col, scene.region.col + scene.region.width - 1 - col),
+    )
+    unknown = np.full(len(landmarks), np.nan)
+    along = np.einsum("ni,nij,nj->n", landmarks.normal, stated["position"], landmarks.normal) if stated else unknown
+    normal = np.trace(stated["normal"], axis1=1, axis2=2) if "normal" in stated else unknown
+    return TileMap(
+        position=landmarks.position,
+        normal=landmarks.normal,
+        albedo=landmarks.albedo,
+        height_sigma=_root(along),
+        normal_sigma=_root(normal),
+        albedo_sigma=stated["albedo"] / landmarks.albedo if "albedo" in stated else unknown,
+        views=np.diff(scene.tracks.start),
+        inside=np.clip(2.0 * (edge + 1) / min(scene.region.width, scene.region.height), 0.0, 1.0),
+        gsd=scene.gsd,
+        distrust=distrust,
+    )
+
+
+def _no_map(tile: Tile, failure: str) -> TileMap:
+    none = np.empty(0)
+    return TileMap(
+        position=np.empty((0, 3)),
+        normal=np.empty((0, 3)),
+        albedo=none,
+        height_sigma=none,
+        normal_sigma=none,
+        albedo_sigma=none,
+        views=np.empty(0, int),
+        inside=none,
+        gsd=tile.gsd,
+        failure=failure,
+    )
+
+
+def _root(variance: np.ndarray) -> np.ndarray:
+    """Square roots; NaN of what is not known, or negative by rounding."""
+    return np.sqrt(np.where(variance >= 0, variance, np.nan))
+
+
+def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_progress) -> RunResult:
+    """Maps one tile into its folder. Raises what `pipeline.run.run` raises."""
+    tile = model.plan.value.tiles[number]
+    site, options = tile_site(model, tile), tile_options(model.options)
+    config = {"tile": number, "body": str(Path(body).resolve()), **asdict(options)}
+    with claimed_run(tile_folder(body, number), owner_of_site(site), progress) as folder:
+        folder.write_config(config)
+        posed, inputs = model.posed, read_inputs(folder, site)
+        own = Keyed(of_views(posed.sparse.value, tile.views), digest(posed.sparse, tile.views))
+        ready = PosedSite(
+            site=site,
+            posed=PosedImages(inputs=_masked(inputs, model, tile), sparse=own, frame=posed.frame),
+            choices=choose(site, options),
+            options=options,
+            depth=_depth(model, tile),
+        )
+        return map_posed(folder, ready, config)
+
+
+def tile_options(options: BodyOptions) -> RunOptions:
+    """How a tile is mapped: matches may be as far from epipolar lines as poses are uncertain."""
+    run, densify = options.run, options.run.densify
+    return replace(
+        run,
+        densify=replace(
+            densify,
+            min_views=min(densify.min_views, options.plan.min_views),
+            max_sampson_px2=max(densify.max_sampson_px2, KNOWN_PX**2),
+        ),
+    )
+
+
+def _masked(inputs: Keyed[Inputs], model: BodyModel, tile: Tile) -> Keyed[Inputs]:
+    """The inputs without the pixels of the reference that see ground too obliquely to be mapped from there."""
+    limit = model.options.plan.max_emission + MARGIN_DEG
+    k, index = tile.reference, int(np.flatnonzero(tile.views == tile.reference)[0])
+    rays, pose = _rays(model), model.posed.sparse.value.body_from_cam[k]
+    oblique = emission_image(rays, model.site.views[k].camera, pose) > np.radians(limit)
+    images = list(inputs.value.images)
+    images[index] = replace(images[index], valid=images[index].valid & ~oblique)
+    return Keyed(replace(inputs.value, images=images), digest(inputs, model.shape, model.posed.sparse, k, limit))
+
+
+def _rays(model: BodyModel) -> MeshRays:
+    shape = model.shape.value
+    return MeshRays(shape.vertices, shape.faces, shape.spacing)
+
+
+def _depth(model: BodyModel, tile: Tile) -> Keyed[np.ndarray]:
+    """The coarse shape as the tile's reference sees it."""
+    k, rays = tile.reference, _rays(model)
+    pose = model.posed.sparse.value.body_from_cam[k]
+    depth = depth_image(rays, model.site.views[k].camera, pose)
+    return Keyed(depth, digest(model.shape, model.posed.sparse, k))

@@ -1,0 +1,74 @@
+"""Tasks in processes of this machine: each takes paths and numbers, and leaves its result on disk."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Any
+
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.progress import Progress
+
+log = logging.getLogger(__name__)
+
+ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Variables that say how many threads a process uses: one, where there are as many processes as cores."""
+TRIES = 2
+"""Times a task may take its process with it before it is given up: once, another may be to blame."""
+
+
+def in_processes(workers: int, task: Callable[..., None], calls: Sequence[tuple[Any, ...]], progress: Progress) -> None:
+    """task(*call) of every call, `workers` at a time, in fresh processes of one thread each.
+
+    What the task raises is raised here, after the others of its time have ended. Raises ReconstructionError where a
+    process dies again and again, as for lack of memory.
+    """
+    left, died, done = list(range(len(calls))), dict.fromkeys(range(len(calls)), 0), 0
+    while left:
+        try:
+            with _one_thread_each(), _pool(workers) as pool:
+                running = {pool.submit(task, *calls[n]): n for n in left}
+                for future in as_completed(running):
+                    future.result()
+                    left.remove(running[future])
+                    done += 1
+                    progress("tiles", done, len(calls))
+        except BrokenProcessPool as error:
+            first = left[: max(1, workers)]
+            for n in first:
+                died[n] += 1
+            if max(died[n] for n in first) >= TRIES:
+                raise ReconstructionError(
+                    f"a process that mapped a tile was ended from outside {TRIES} times, as for lack of memory; give "
+                    "fewer --workers or smaller tiles (--plan.tile-px). Finished tiles are kept"
+                ) from error
+            log.info("a process that mapped a tile was ended from outside; unfinished tiles are begun again")
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_quietly)
+
+
+def _quietly() -> None:
+    """What a task warns of is kept with its result: nobody reads it from several processes at a time."""
+    logging.getLogger("photoclinometry").addHandler(logging.NullHandler())
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Within the block, processes that are started use one thread each."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name)
+            else:
+                os.environ[name] = value

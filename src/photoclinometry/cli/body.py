@@ -1,0 +1,102 @@
+"""`phomo body`: from site.toml to the closed surface of a whole body."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from photoclinometry.body.options import BodyOptions
+from photoclinometry.cli.site_path import site_file
+from photoclinometry.cli.terminal import log_to, progress_bars, say_warnings
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from photoclinometry.body.products import BodyResult
+    from photoclinometry.body.tile import BodyModel
+
+
+def body(
+    site: tyro.conf.Positional[Path],
+    /,
+    out: Path | None = None,
+    overwrite: bool = False,
+    plan_only: bool = False,
+    tile: int | None = None,
+    workers: Annotated[int, tyro.conf.arg(metavar="INT")] = 1,
+    options: Annotated[BodyOptions, tyro.conf.arg(name="")] = BodyOptions(),  # noqa: B008
+) -> None:
+    """Map a whole body: one sparse model, a coarse shape, a plan of overlapping tiles, their maps, one closed surface.
+
+    A map that was stopped goes on where it was. Every tile is a run folder in OUT/tiles, as `phomo run` makes them.
+
+    Args:
+        site: site.toml, which names the images, the camera and a Sun direction per image; or the folder with it.
+        out: Folder for the map; new, empty, or that of an earlier call for the same site. Default: body/ beside
+            site.toml.
+        overwrite: Remove what the folder holds of another site; without it, such a folder is refused.
+        plan_only: End with the plan: tiles, coverage and resolution, before anything costly is computed.
+        tile: Map this tile alone, of a plan that --plan-only made with the same options: for job schedulers. The same
+            command without it then finds the tiles done.
+        workers: Processes that map tiles, one thread each.
+        options: How the body is mapped.
+    """
+    from rich.console import Console
+
+    from photoclinometry.body import run as library
+    from photoclinometry.body.tile import tile_folder
+    from photoclinometry.io.site import read_site
+    from photoclinometry.model.errors import InputError
+    from photoclinometry.pipeline.run_folder import check_run
+
+    if workers < 1:
+        raise InputError(f"--workers is {workers}; give a whole number, 1 or more")
+    site = site_file(site)
+    described = read_site(site)
+    out = out or site.parent / "body"
+    if tile is not None:
+        library.map_one_tile(site, out, options, tile)
+        print(tile_folder(out, tile), flush=True)
+        return
+    check_run(out, library.owner_of_body(described), overwrite=overwrite)
+    console = Console(stderr=True)
+    with progress_bars(console) as progress, log_to(out, console, overwrite=overwrite):
+        if plan_only:
+            model = library.plan_body(site, out, options, progress, overwrite=overwrite)
+        else:
+            found = library.map_body(site, out, options, progress, workers=workers, overwrite=overwrite)
+    if plan_only:
+        _say_plan(console, model)
+        print(out, flush=True)
+    else:
+        _say_result(console, found)
+
+
+def _say_plan(console: Console, model: BodyModel) -> None:
+    """What would be mapped, at what resolution, and what it costs."""
+    from photoclinometry.body.plan import cost_of
+
+    plan, unit = model.plan.value, model.unit or "units"
+    gsd = sorted(tile.gsd for tile in plan.tiles)
+    cost = cost_of(plan)
+    share = {name: f"{100 * value:.1f} %" for name, value in plan.area.items()}
+    for line in (
+        f"{len(plan.tiles)} tiles, {cost.landmarks:,} landmarks, ground sample distance {gsd[0]:.3g} to "
+        f"{gsd[-1]:.3g} {unit}",
+        f"of the surface: {share['planned']} planned, {share['dark']} seen but not lit, {share['unseen']} too seldom",
+        f"about {cost.cpu_s / 60:.0f} CPU minutes, {cost.memory_gb:.1f} GB a worker",
+    ):
+        console.print(line, highlight=False)
+
+
+def _say_result(console: Console, found: BodyResult) -> None:
+    metrics = found.metrics
+    console.print(
+        f"{metrics['facets']:,.0f} facets, {metrics['mapped_percent']:.1f} % of the surface mapped, in "
+        f"{metrics['tiles_mapped']:.0f} of {metrics['tiles']:.0f} tiles",
+        highlight=False,
+    )
+    say_warnings(console, found.warnings)
+    print(found.report, flush=True)

@@ -1,0 +1,94 @@
+"""The report of a whole body: six sides, what is known where, its tiles and views."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry import __version__
+from photoclinometry.evaluate.tables import json_numbers
+from photoclinometry.io.atomic import atomic_path
+from photoclinometry.model.shape_model import ShapeModel
+from photoclinometry.output.report import page
+from photoclinometry.output.report.sides import draw_sides
+from photoclinometry.surface.mesh_rays import MeshRays
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyContent:
+    """What the report of a body shows besides its surface."""
+
+    name: str
+    metrics: Mapping[str, float]
+    tiles: Sequence[Mapping[str, Any]]
+    """One row per tile; those not "used" are red."""
+    views: Sequence[Mapping[str, Any]]
+    """One row per image; those not "used" are red."""
+    stages: Sequence[Mapping[str, Any]]
+    options: Mapping[str, Any]
+    warnings: Sequence[str] = ()
+    distrust: Sequence[str] = ()
+
+
+def write_body_report(folder: Path, shape: ShapeModel, gsd: float, step: np.ndarray, content: BodyContent) -> Path:
+    """`index.html` with its figures, and `summary.json`; returns the page's path.
+
+    gsd: of the tiles; step: (V,) standard deviation of heights between tiles, NaN where there is but one, both in the
+    shape's unit of length. The folder appears whole, replacing an older one, or not at all (RunFolderError).
+    """
+    with atomic_path(folder) as work:
+        work.mkdir()
+        sections = [
+            ("Summary", "", page.tiles(content.metrics)),
+            ("Six sides", "Orthographic; north is up, 0° E is up in the views of the poles.", _sides(work, shape)),
+            ("What is known where", "Grey: nothing was mapped.", _figures(work, shape, gsd, step)),
+            ("Tiles", "Each is the folder of a run, with a report of its own.", page.mapping_table(content.tiles)),
+            ("Images", "", page.mapping_table(content.views)),
+            ("Stages", "", page.mapping_table(content.stages)),
+            ("Options", "", page.options_text(content.options)),
+        ]
+        banner = page.banners(content.distrust, content.warnings)
+        footer = f"photoclinometry {escape(__version__)}"
+        title = f"{content.name}: the whole body"
+        (work / "index.html").write_text(page.page(title, "", sections, footer, banner), encoding="utf-8")
+        summary = {"metrics": json_numbers(content.metrics), "warnings": list(content.warnings)}
+        (work / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return Path(folder) / "index.html"
+
+
+def _sides(work: Path, shape: ShapeModel) -> str:
+    rays = MeshRays(shape.vertices, shape.faces, _spacing(shape))
+    draw_sides(work / "sides.png", rays, shape, "Shaded by its normals")
+    return page.figures([("sides.png", "The surface, shaded by the normals at its vertices.")], "grid wide")
+
+
+def _figures(work: Path, shape: ShapeModel, gsd: float, step: np.ndarray) -> str:
+    rays = MeshRays(shape.vertices, shape.faces, _spacing(shape))
+    none = np.full(len(shape.vertices), np.nan)
+    views = none if shape.views is None else np.where(shape.views > 0, shape.views, np.nan)
+    tile = none if shape.tile is None else np.where(shape.tile >= 0, shape.tile, np.nan)
+    drawn = (
+        ("albedo", "Normal albedo", none if shape.albedo is None else shape.albedo, "gray"),
+        ("height_sigma", "Standard deviation of height [GSD]", shape.sigma.get("height", none) / gsd, "viridis"),
+        ("normal_sigma", "Standard deviation of normals [°]", np.degrees(shape.sigma.get("normal", none)), "viridis"),
+        ("step", "Scatter of heights between overlapping tiles [GSD]", step / gsd, "magma"),
+        ("views", "Images per vertex", views, "viridis"),
+        ("tile", "Tile", tile, "prism"),
+    )
+    shown = []
+    for name, title, values, cmap in drawn:
+        if np.isfinite(values).any():
+            draw_sides(work / f"{name}.png", rays, shape, title, values, cmap)
+            shown.append((f"{name}.png", title))
+    return page.figures(shown)
+
+
+def _spacing(shape: ShapeModel) -> float:
+    a, b = shape.vertices[shape.faces[:, 0]], shape.vertices[shape.faces[:, 1]]
+    return float(np.mean(np.linalg.norm(a - b, axis=-1)))

@@ -1,0 +1,277 @@
+"""Rays at meshes, closed surfaces through points, plans of tiles, and the surface merged from tiles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.body.coarse_shape import ClosedMesh, oriented
+from photoclinometry.body.merge import Cloud, albedo_factors, merged
+from photoclinometry.body.options import PlanOptions
+from photoclinometry.body.plan import planned
+from photoclinometry.body.tile import TileMap
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.scene import Camera, Views
+from photoclinometry.registration.view_choice import most_diverse
+from photoclinometry.simulate.trajectory import looking_at
+from photoclinometry.surface.closed_mesh import icosahedron, is_watertight, largest_component, refine, signed_volume
+from photoclinometry.surface.mesh_rays import MeshRays, depth_image, emission_image, sight_of_views
+from photoclinometry.surface.poisson import closed_surface
+
+pytest.importorskip("embreex")
+
+RADIUS, DISTANCE, FOCAL, SIZE = 10.0, 200.0, 1200.0, 160
+CAMERA = Camera("PINHOLE", SIZE, SIZE, (FOCAL, FOCAL, SIZE / 2, SIZE / 2))
+
+
+@pytest.fixture(scope="module")
+def ball():
+    direction, faces = refine(*icosahedron(), 0.06, unit)
+    return ClosedMesh(vertices=RADIUS * direction, faces=faces, spacing=0.06 * RADIUS)
+
+
+def rays_at(mesh):
+    return MeshRays(mesh.vertices, mesh.faces, mesh.spacing)
+
+
+def views_from(directions, suns):
+    """Views of the origin from unit vectors (K, 3)."""
+    poses = [looking_at(DISTANCE * np.array(d), np.zeros(3), 0.0, (0.1, 0.2, 1.0)) for d in directions]
+    count = len(poses)
+    return Views(
+        name=tuple(f"{k}" for k in range(count)),
+        cameras=(CAMERA,) * count,
+        body_from_cam=Rigid(np.array([p.rotation for p in poses]), np.array([p.translation for p in poses])),
+        sun=np.array(suns),
+        scale=np.ones(count),
+        bias=np.zeros(count),
+        sun_measured=np.array(suns),
+        sun_sigma=np.full(count, 1e-3),
+        sun_common_sigma=np.zeros(count),
+    )
+
+
+def ring(count, latitude_deg, phase_deg=20.0):
+    """Directions of cameras and Suns around the equator at a latitude."""
+    longitude = np.radians(np.arange(count) * 360.0 / count)
+
+    def towards(turn, latitude):
+        return np.stack(
+            [np.cos(latitude) * np.cos(turn), np.cos(latitude) * np.sin(turn), np.full(count, np.sin(latitude))], -1
+        )
+
+    latitude = np.radians(latitude_deg)
+    return towards(longitude, latitude), towards(longitude + np.radians(phase_deg), latitude)
+
+
+def test_depth_and_emission_of_a_ball_are_those_of_its_equation(ball):
+    pose = looking_at(np.array([DISTANCE, 0.0, 0.0]), np.zeros(3), 0.0, (0.0, 0.0, 1.0))
+    depth, emission = (draw(rays_at(ball), CAMERA, pose) for draw in (depth_image, emission_image))
+    y, x = np.mgrid[:SIZE, :SIZE] + 0.5 - SIZE / 2
+    ray = np.stack([x / FOCAL, y / FOCAL, np.ones_like(x)], -1)
+    square = np.sum(ray**2, -1)
+    inside = DISTANCE**2 - square * (DISTANCE**2 - RADIUS**2)
+    well = inside > 0.2 * RADIUS**2
+    expected = (DISTANCE - np.sqrt(np.maximum(inside, 0.0))) / square
+    assert np.abs(depth - expected)[well].max() < 0.03  # facets cut off (1.4 0.06)^2 / 8 radii, up to 2.2 times that at an angle
+    assert np.isnan(depth[inside < -0.1]).all()
+    assert (emission[inside < -0.1] == np.pi / 2).all()
+    sine = np.sqrt(np.maximum(DISTANCE**2 / RADIUS**2 * (1.0 - 1.0 / square), 0.0))
+    assert np.degrees(np.abs(emission - np.arcsin(np.minimum(sine, 1.0)))[well]).max() < 3.0
+
+
+def test_views_see_the_half_that_faces_them_and_the_sun_lights_the_half_that_faces_it(ball):
+    views = views_from([[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    faces = np.arange(len(ball.faces))
+    middle = ball.vertices[ball.faces].mean(1)
+    normal = unit(middle)
+    (seen,) = sight_of_views(rays_at(ball), views, faces, middle, normal)
+    towards = unit(np.array([DISTANCE, 0.0, 0.0]) - middle)
+    facing = np.sum(normal * towards, -1)
+    clear = np.abs(facing) > 0.05
+    assert (seen.seen == (facing > 0))[clear].all()
+    assert (seen.lit == (normal[:, 1] > 0))[np.abs(normal[:, 1]) > 0.05].all()
+    assert np.allclose(seen.emission, np.arccos(facing))
+    assert np.allclose(seen.incidence, np.arccos(normal[:, 1]))
+
+
+def test_a_neck_hides_what_lies_behind_it(ball):
+    """Two balls beside each other: the far one is hidden from a camera in line with both."""
+    count = len(ball.vertices)
+    shift = np.array([3.0 * RADIUS, 0.0, 0.0])
+    both = ClosedMesh(
+        vertices=np.concatenate([ball.vertices, ball.vertices - shift]),
+        faces=np.concatenate([ball.faces, ball.faces + count]),
+        spacing=ball.spacing,
+    )
+    views = views_from([[1.0, 0.0, 0.0]], [[1.0, 0.0, 0.0]])
+    middle = both.vertices[both.faces].mean(1)
+    normal = np.concatenate([unit(middle[: len(ball.faces)]), unit(middle[len(ball.faces) :] + shift)])
+    (seen,) = sight_of_views(rays_at(both), views, np.arange(len(both.faces)), middle, normal)
+    far = np.arange(len(middle)) >= len(ball.faces)
+    assert not seen.seen[far & (np.linalg.norm(middle[:, 1:], axis=1) < 0.8 * RADIUS)].any()
+    assert seen.lit[~far & (normal[:, 0] > 0.1)].all()
+    assert not seen.lit[far].any()
+
+
+def test_a_closed_surface_goes_through_points_of_a_ball(tmp_path):
+    rng = np.random.default_rng(1)
+    normal = unit(rng.normal(size=(3000, 3)))
+    vertices, faces = closed_surface(RADIUS * normal, normal, 0.5, tmp_path)
+    assert is_watertight(faces)
+    assert np.abs(np.linalg.norm(vertices, axis=1) - RADIUS).max() < 0.05 * RADIUS
+    assert signed_volume(vertices, faces) == pytest.approx(4.0 / 3.0 * np.pi * RADIUS**3, rel=0.01)
+
+
+def test_points_of_a_plane_make_no_closed_surface(tmp_path):
+    x, y = np.mgrid[:30, :30].reshape(2, -1).astype(float)
+    points = np.stack([x, y, np.zeros_like(x)], -1)
+    with pytest.raises(ReconstructionError, match="no closed surface"):
+        closed_surface(points, np.tile([0.0, 0.0, 1.0], (len(x), 1)), 1.0, tmp_path)
+
+
+def test_normals_of_points_point_to_the_cameras_and_lone_points_are_dropped():
+    rng = np.random.default_rng(2)
+    normal = unit(rng.normal(size=(2000, 3)))
+    points = np.concatenate([RADIUS * normal, [[5.0 * RADIUS, 0.0, 0.0]]])
+    towards = np.concatenate([unit(normal + 0.3 * rng.normal(size=normal.shape)), [[1.0, 0.0, 0.0]]])
+    kept, found, spacing = oriented(points, towards)
+    assert np.linalg.norm(kept, axis=1).max() < 1.01 * RADIUS
+    assert len(kept) > 1990
+    assert np.degrees(np.arccos(np.sum(found * unit(kept), -1))).mean() < 8.0
+    assert 0.05 * RADIUS < spacing < 0.4 * RADIUS
+
+
+def test_the_largest_component_is_kept():
+    vertices, faces = icosahedron()
+    larger = refine(vertices, faces, 0.5, unit)
+    both = np.concatenate([vertices + 10.0, larger[0]]), np.concatenate([faces, larger[1] + len(vertices)])
+    found = largest_component(*both)
+    assert np.array_equal(found[0], larger[0])
+    assert len(found[1]) == len(larger[1])
+
+
+def test_most_diverse_takes_the_first_then_the_least_alike():
+    at = np.array([0.0, 0.1, 5.0, 2.0, 5.1])
+    assert most_diverse(np.abs(at[:, None] - at), 0, 3).tolist() == [0, 3, 4]
+    assert most_diverse(np.abs(at[:, None] - at), 0, 9).tolist() == [0, 1, 2, 3, 4]
+
+
+@pytest.fixture(scope="module")
+def plan_of_ball(ball):
+    rings = [ring(12, latitude) for latitude in (-55.0, 0.0, 55.0)]
+    views = views_from(*(np.concatenate(part) for part in zip(*rings, strict=True)))
+    options = PlanOptions(tile_px=40, min_views=4)
+    return planned(ball, views, 100 + np.arange(len(views)), options), views, options
+
+
+def test_a_plan_covers_what_enough_views_see_lit(plan_of_ball, ball):
+    plan, _, options = plan_of_ball
+    wanted = plan.views_of_face >= options.min_views
+    assert plan.area["seen"] > 0.9
+    assert plan.area["planned"] > 0.97 * plan.area["seen"]
+    assert sum(plan.area[name] for name in ("seen", "dark", "unseen")) == pytest.approx(1.0)
+    assert wanted[plan.tile_of_face >= 0].all()
+    assert sum(tile.new_area for tile in plan.tiles) <= sum(tile.area for tile in plan.tiles)
+
+
+def test_a_face_projects_into_the_region_of_its_tile_less_margins(plan_of_ball, ball):
+    plan, views, options = plan_of_ball
+    middle = ball.vertices[ball.faces].mean(1)
+    for number, tile in enumerate(plan.tiles):
+        own = plan.tile_of_face == number
+        pixel = views.project(tile.reference - 100, middle[own])
+        margin = int(options.overlap * tile.region.width)
+        low = np.array([tile.region.col, tile.region.row]) + margin
+        high = low + tile.region.width - 2 * margin
+        assert own.any()
+        assert ((pixel >= low) & (pixel <= high)).all()
+        assert tile.reference in tile.views
+        assert options.min_views <= len(tile.views) <= options.max_views
+
+
+def test_ground_that_no_sun_lights_is_named_dark(ball):
+    directions, _ = ring(12, 0.0)
+    views = views_from(directions, np.tile([1.0, 0.0, 0.0], (12, 1)))
+    plan = planned(ball, views, np.arange(12), PlanOptions(tile_px=40))
+    assert plan.area["dark"] > 0.25
+    middle = ball.vertices[ball.faces].mean(1)
+    assert (middle[plan.tile_of_face >= 0, 0] > 0).all()
+
+
+def patch(direction, angle_deg, offset=0.0, albedo=0.1, spacing=0.25, sigma=0.02):
+    """Landmarks of a ball of RADIUS + offset around a direction."""
+    points, _ = refine(*icosahedron(), spacing / RADIUS, unit)
+    near = points[points @ unit(np.array(direction, float)) > np.cos(np.radians(angle_deg))]
+    count = len(near)
+    return TileMap(
+        position=(RADIUS + offset) * near,
+        normal=near,
+        albedo=np.full(count, albedo),
+        height_sigma=np.full(count, sigma),
+        normal_sigma=np.full(count, 0.01),
+        albedo_sigma=np.full(count, 0.02),
+        views=np.full(count, 9),
+        inside=np.ones(count),
+        gsd=spacing,
+    )
+
+
+def test_factors_of_albedos_agree_in_the_overlap():
+    tiles = [patch((1, 0, 0), 40, albedo=0.10), patch((1, 1, 0), 40, albedo=0.12), patch((0, 1, 0), 40, albedo=0.09)]
+    cloud = Cloud.of(tiles)
+    assert cloud.factor / cloud.factor[0] == pytest.approx([1.0, 1.2, 0.9], rel=1e-6)
+    assert np.prod(cloud.factor) == pytest.approx(1.0)
+    assert np.ptp(cloud.albedo) < 1e-9
+
+
+def test_tiles_that_do_not_overlap_keep_their_albedos():
+    tiles = [patch((1, 0, 0), 20), patch((-1, 0, 0), 20, albedo=0.2)]
+    joined = [np.concatenate([getattr(t, name) for t in tiles]) for name in ("position", "normal", "albedo")]
+    number = np.repeat([0, 1], [len(t.views) for t in tiles])
+    assert albedo_factors(*joined, number, 2, 0.25) == pytest.approx([1.0, 1.0])
+
+
+def test_the_merged_surface_is_the_mean_of_its_tiles_weighted_by_their_sigmas(ball):
+    good, poor = patch((1, 0, 0), 60, offset=0.03, sigma=0.01), patch((1, 0, 0), 60, offset=-0.05, sigma=0.02)
+    found = merged(Cloud.of([good, poor]), ball.vertices, ball.faces)
+    inside = unit(ball.vertices)[:, 0] > np.cos(np.radians(50))
+    height = np.linalg.norm(found.vertices[inside], axis=1) - RADIUS
+    assert height == pytest.approx(0.03 * 0.8 - 0.05 * 0.2, abs=5e-4)  # weights 4 to 1
+    assert found.step[inside] == pytest.approx(np.sqrt(0.8 * 0.2) * 0.08, rel=0.05)
+    assert found.height_sigma[inside] == pytest.approx(np.hypot(0.8 * 0.01, 0.2 * 0.02), rel=0.05)
+    assert (found.tile[inside] == 0).all()
+    assert (found.views[inside] == 9).all()
+
+
+def test_where_no_tile_is_nothing_is_claimed(ball):
+    found = merged(Cloud.of([patch((1, 0, 0), 60)]), ball.vertices, ball.faces)
+    away = unit(ball.vertices)[:, 0] < np.cos(np.radians(70))
+    assert np.array_equal(found.vertices[away], ball.vertices[away])
+    assert (found.views[away] == 0).all()
+    assert (found.tile[away] == -1).all()
+    for values in (found.albedo, found.height_sigma, found.normal_sigma, found.albedo_sigma):
+        assert np.isnan(values[away]).all()
+
+
+def test_a_thin_wall_keeps_its_two_sides():
+    """Landmarks of the far side, nearer than a GSD, do not pull a vertex over."""
+    x, y = np.mgrid[-5:5.01:0.25, -5:5.01:0.25].reshape(2, -1)
+    side = patch((1, 0, 0), 1)
+    tiles = []
+    for z, up in ((0.1, 1.0), (-0.1, -1.0)):
+        count = len(x)
+        tiles.append(
+            replace(
+                side,
+                position=np.stack([x, y, np.full(count, z)], -1),
+                normal=np.tile([0.0, 0.0, up], (count, 1)),
+                **{name: np.full(count, 0.1) for name in ("albedo", "height_sigma", "normal_sigma", "albedo_sigma")},
+                views=np.full(count, 5),
+                inside=np.ones(count),
+            )
+        )
+    flat = np.array([[0.0, 0.0, 0.2], [1.0, 0.0, 0.2], [0.0, 1.0, 0.2]])
+    found = merged(Cloud.of(tiles), flat, np.array([[0, 1, 2]]))
+    assert found.vertices[:, 2] == pytest.approx(0.1)
