@@ -9,7 +9,7 @@ from photoclinometry.body.coarse_shape import ClosedMesh, oriented
 from photoclinometry.body.merge import Cloud, albedo_factors, merged
 from photoclinometry.body.options import PlanOptions
 from photoclinometry.body.plan import planned
-from photoclinometry.body.tile import TileMap
+from photoclinometry.body.tile import TiePoints, TileMap
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera, Views
@@ -23,6 +23,11 @@ pytest.importorskip("embreex")
 
 RADIUS, DISTANCE, FOCAL, SIZE = 10.0, 200.0, 1200.0, 160
 CAMERA = Camera("PINHOLE", SIZE, SIZE, (FOCAL, FOCAL, SIZE / 2, SIZE / 2))
+
+
+NO_TIES = TiePoints(
+    landmark=np.empty(0, int), start=np.zeros(1, np.int64), view=np.empty(0, np.int32), keypoint=np.empty((0, 2))
+)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +79,9 @@ def test_depth_and_emission_of_a_ball_are_those_of_its_equation(ball):
     inside = DISTANCE**2 - square * (DISTANCE**2 - RADIUS**2)
     well = inside > 0.2 * RADIUS**2
     expected = (DISTANCE - np.sqrt(np.maximum(inside, 0.0))) / square
-    assert np.abs(depth - expected)[well].max() < 0.03  # facets cut off (1.4 0.06)^2 / 8 radii, up to 2.2 times that at an angle
+    assert (
+        np.abs(depth - expected)[well].max() < 0.03
+    )  # facets cut off (1.4 0.06)^2 / 8 radii, up to 2.2 times that at an angle
     assert np.isnan(depth[inside < -0.1]).all()
     assert (emission[inside < -0.1] == np.pi / 2).all()
     sine = np.sqrt(np.maximum(DISTANCE**2 / RADIUS**2 * (1.0 - 1.0 / square), 0.0))
@@ -154,8 +161,9 @@ def test_the_largest_component_is_kept():
 
 def test_most_diverse_takes_the_first_then_the_least_alike():
     at = np.array([0.0, 0.1, 5.0, 2.0, 5.1])
-    assert most_diverse(np.abs(at[:, None] - at), 0, 3).tolist() == [0, 3, 4]
-    assert most_diverse(np.abs(at[:, None] - at), 0, 9).tolist() == [0, 1, 2, 3, 4]
+    assert most_diverse(np.abs(at[:, None] - at), [0], 3).tolist() == [0, 3, 4]
+    assert most_diverse(np.abs(at[:, None] - at), [0, 2], 3).tolist() == [0, 2, 3]
+    assert most_diverse(np.abs(at[:, None] - at), [0], 9).tolist() == [0, 1, 2, 3, 4]
 
 
 @pytest.fixture(scope="module")
@@ -214,6 +222,8 @@ def patch(direction, angle_deg, offset=0.0, albedo=0.1, spacing=0.25, sigma=0.02
         albedo_sigma=np.full(count, 0.02),
         views=np.full(count, 9),
         inside=np.ones(count),
+        pixel=np.zeros((count, 2), int),
+        ties=NO_TIES,
         gsd=spacing,
     )
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from photoclinometry.adjust import Adjustment, AdjustOptions, Iteration
 from photoclinometry.adjust import adjust as _adjust
+from photoclinometry.evaluate.body_folder import evaluate_body, is_body
 from photoclinometry.evaluate.evaluation import Evaluation, evaluate_map
 from photoclinometry.io import run_files, scene_file
 from photoclinometry.io import site as site_file
@@ -272,6 +273,10 @@ def evaluate(
     Raises:
         InputError: Files are missing or damaged, do not belong together, or both truth and reference are given.
     """
+    if isinstance(scene, (str, Path)) and is_body(Path(scene)):
+        if truth is None:
+            raise InputError(f"{scene} holds a whole body: give --truth, the truth.h5 of its simulation")
+        return evaluate_body(Path(scene), Path(truth))
     if truth is not None and reference is not None:
         raise InputError("truth and reference are both given; compare with one at a time")
     if cameras is not None and reference is None:

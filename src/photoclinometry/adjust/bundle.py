@@ -23,21 +23,8 @@ def bundle_adjusted(sparse: SparseModel, views: Views, priors: PosePriors, sigma
 
     views: (K,) at the model's poses; priors: that determine the frame; sigma_px: standard deviation of keypoints.
     """
-    points, observations = len(sparse.points), len(sparse.point_view)
-    tracks = Tracks(
-        start=sparse.point_start,
-        view=sparse.point_view,
-        keypoint=sparse.point_xy,
-        keypoint_sigma=np.full(observations, sigma_px),
-        brightness=np.zeros(observations),
-        lit=np.zeros(observations, bool),
-    )
-    landmarks = Landmarks(
-        position=sparse.points,
-        normal=np.tile([0.0, 0.0, 1.0], (points, 1)),
-        albedo=np.ones(points),
-        pixel=np.zeros((points, 2), np.int32),
-    )
+    points, tracks = len(sparse.points), tracks_of(sparse, sigma_px)
+    landmarks = landmarks_of(sparse)
     keypoints = Keypoints(
         name="sparse",
         table=ObservationTable(tracks, len(views)),
@@ -50,6 +37,30 @@ def bundle_adjusted(sparse: SparseModel, views: Views, priors: PosePriors, sigma
     found = minimize(FactorGraph([keypoints, priors, held]), start, SolverOptions()).estimate
     moved = replace(sparse, body_from_cam=found.views.body_from_cam, points=found.landmarks.position)
     return replace(moved, mean_reprojection_px=float(np.mean(reprojection_px(moved, views))))
+
+
+def tracks_of(sparse: SparseModel, sigma_px: float) -> Tracks:
+    """The keypoints of the model's points, without brightness."""
+    count = len(sparse.point_view)
+    return Tracks(
+        start=sparse.point_start,
+        view=sparse.point_view,
+        keypoint=sparse.point_xy,
+        keypoint_sigma=np.full(count, sigma_px),
+        brightness=np.zeros(count),
+        lit=np.zeros(count, bool),
+    )
+
+
+def landmarks_of(sparse: SparseModel) -> Landmarks:
+    """The model's points as landmarks; nothing is known of them but their positions."""
+    count = len(sparse.points)
+    return Landmarks(
+        position=sparse.points,
+        normal=np.tile([0.0, 0.0, 1.0], (count, 1)),
+        albedo=np.ones(count),
+        pixel=np.zeros((count, 2), np.int32),
+    )
 
 
 def reprojection_px(sparse: SparseModel, views: Views) -> np.ndarray:

@@ -8,14 +8,17 @@ standard deviations, and take their normals, albedos and standard deviations fro
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from photoclinometry.body.cameras import SharedCameras, in_shared_frame
 from photoclinometry.body.coarse_shape import ClosedMesh
 from photoclinometry.body.tile import TileMap
+from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import unit
+from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.closed_mesh import area_vectors, vertex_normals
 from photoclinometry.surface.poisson import closed_surface
@@ -76,10 +79,16 @@ class MergeTiles(Stage[MergedSurface]):
     name = "merge"
     result = MergedSurface
     tiles: tuple[Keyed[TileMap], ...]
+    cameras: Keyed[SharedCameras]
+    posed: PosedImages
     shape: Keyed[ClosedMesh]
 
     def make(self, tools: Tools) -> MergedSurface:
-        cloud = Cloud.of([tile.value for tile in self.tiles])
+        views = replace(self.posed.views, body_from_cam=self.cameras.value.body_from_cam)
+        tiles = [in_shared_frame(tile.value, views) for tile in self.tiles]
+        if not any(len(tile.views) for tile in tiles):
+            raise ReconstructionError("no tile has enough tie points to be placed among the others")
+        cloud = Cloud.of(tiles)
         points, normals = _with_coarse_shape(cloud, self.shape.value)
         vertices, faces = closed_surface(points, normals, cloud.gsd, tools.scratch)
         found = merged(cloud, vertices, faces)

@@ -32,6 +32,9 @@ TILE_S, OBSERVATION_S = 8.0, 1.5e-4
 """CPU seconds of a tile, and of each of its observations besides, on a core of 2024."""
 PROCESS_GB, OBSERVATION_GB = 0.5, 5e-7
 """Memory of a process [GB], and of each observation besides."""
+FARTHEST_DEG, FARTHEST_SUN_DEG = 45.0, 55.0
+"""A tile's views look at the body from within this angle of its reference, and under a Sun within this angle of that of
+the reference: what is farther is matched wrongly more often than not, and is taken only where there is nothing else."""
 LEAST_GAIN = 0.04
 """No further tile is planned that adds less than this share of its own area."""
 
@@ -244,14 +247,23 @@ def _views_of(sights: _Sights, views: Views, reference: int, mapped: np.ndarray,
     share = (sights.usable[:, mapped] * area).sum(1) / area.sum()
     gsd = np.array([np.median(row) for row in sights.gsd[:, mapped]])
     ratio = gsd / gsd[reference]
+    from_camera = np.arccos(_cosines(unit(views.body_from_cam.translation), reference))
+    from_sun = np.arccos(_cosines(views.sun, reference))
     fits = (share >= SEEN_SHARE) & (ratio >= FINER) & (ratio <= COARSEST)
     fits[reference] = True
-    candidates = np.flatnonzero(fits)
-    towards = unit(views.body_from_cam.translation[candidates])
-    suns = views.sun[candidates]
-    apart = np.hypot(_angles(towards), _angles(suns))
-    first = int(np.flatnonzero(candidates == reference)[0])
-    return candidates[most_diverse(apart, first, options.max_views)]
+    near = fits & (from_camera <= np.radians(FARTHEST_DEG)) & (from_sun <= np.radians(FARTHEST_SUN_DEG))
+    kept = max(near.sum(), min(fits.sum(), options.min_views))
+    # The nearest ones are matched safely, and hold the others.
+    order = np.lexsort((np.hypot(from_camera, from_sun), ~near, ~fits))[:kept]
+    first, rest = np.split(order, [1 + options.max_views // 2])
+    apart = np.hypot(_angles(unit(views.body_from_cam.translation[order])), _angles(views.sun[order]))
+    chosen = most_diverse(apart, np.arange(len(first)), options.max_views) if len(rest) else np.arange(len(order))
+    return np.sort(order[chosen])
+
+
+def _cosines(direction: np.ndarray, reference: int) -> np.ndarray:
+    """(K,) cosines of the angles between unit vectors (K, 3) and one of them."""
+    return np.clip(direction @ direction[reference], -1.0, 1.0)
 
 
 def _angles(direction: np.ndarray) -> np.ndarray:

@@ -4,27 +4,31 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from photoclinometry.adjust.bundle import landmarks_of, tracks_of
+from photoclinometry.body.cameras import SharedCameras
 from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.tile import BodyModel, TileMap
+from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.evaluate.metrics import spread
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
+from photoclinometry.io.models.colmap import write_colmap
+from photoclinometry.matching.triangulation import triangulate_tracks
+from photoclinometry.model.scene import Region, Scene
 from photoclinometry.model.shape_model import ShapeModel
+from photoclinometry.model.sparse import of_views
 from photoclinometry.model.warning import Warned
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.stage import Keyed
 from photoclinometry.surface.closed_mesh import area_vectors, signed_volume
-
-BODY_FILE = "body.ply"
-"""The surface, in the body's folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +49,15 @@ class BodyResult:
         return shape_model(self.surface, self.model.unit)
 
 
+@dataclass(frozen=True, kw_only=True)
+class BodyParts:
+    """Of what the body's surface is made."""
+
+    tiles: tuple[Keyed[TileMap], ...]
+    cameras: SharedCameras
+    surface: MergedSurface
+
+
 def shape_model(surface: MergedSurface, unit: str | None) -> ShapeModel:
     """The merged surface as other programs take it."""
     return ShapeModel(
@@ -59,19 +72,15 @@ def shape_model(surface: MergedSurface, unit: str | None) -> ShapeModel:
     )
 
 
-def write_body_products(
-    folder: RunFolder,
-    model: BodyModel,
-    tiles: tuple[Keyed[TileMap], ...],
-    surface: MergedSurface,
-    config: Mapping[str, Any],
-) -> BodyResult:
+def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, config: Mapping[str, Any]) -> BodyResult:
     """body.ply, metrics.json and the report."""
+    surface = made.surface
     shape = shape_model(surface, model.unit)
-    metrics = _metrics(model, tiles, surface)
-    rows, views = _tile_rows(model, tiles, surface), _view_rows(model)
+    metrics = _metrics(model, made)
+    rows, views = _tile_rows(model, made), _view_rows(model)
     with folder.timed("products"):
         write_shape_ply(folder.path / BODY_FILE, shape)
+        write_colmap(folder.path / POSES_FOLDER, _poses(model, made.cameras))
     with folder.timed("report"):
         content = BodyContent(
             name=model.site.name,
@@ -96,7 +105,31 @@ def write_body_products(
     )
 
 
-def _metrics(model: BodyModel, tiles: tuple[Keyed[TileMap], ...], surface: MergedSurface) -> dict[str, float]:
+def _poses(model: BodyModel, cameras: SharedCameras) -> Scene:
+    """The registered views with the poses that tiles share, and the sparse points, triangulated by these."""
+    whole = replace(model.posed.sparse.value, body_from_cam=cameras.body_from_cam)
+    used = np.flatnonzero(whole.registered)
+    sparse = of_views(whole, used)
+    views = replace(model.posed.views[used], body_from_cam=sparse.body_from_cam)
+    tracks = tracks_of(sparse, 1.0)
+    points = triangulate_tracks(tracks, views)
+    points = np.where(np.isfinite(points), points, sparse.points)
+    return Scene(
+        name=model.site.name,
+        body=model.site.body,
+        brightness=model.site.brightness,
+        reflectance=None,
+        views=views,
+        landmarks=landmarks_of(replace(sparse, points=points)),
+        tracks=tracks,
+        reference=0,
+        region=Region(row=0, col=0, height=1, width=1),
+        frame=model.posed.frame,
+    )
+
+
+def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
+    tiles, surface = made.tiles, made.surface
     registered = model.posed.sparse.value.registered
     area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=-1)
     mapped = (surface.views[surface.faces] > 0).all(1)
@@ -121,9 +154,9 @@ def _metrics(model: BodyModel, tiles: tuple[Keyed[TileMap], ...], surface: Merge
     return found | (spread(overlap, "step_between_tiles", "gsd") if len(overlap) else {})
 
 
-def _tile_rows(model: BodyModel, tiles: tuple[Keyed[TileMap], ...], surface: MergedSurface) -> list[dict[str, Any]]:
+def _tile_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
     rows = []
-    for number, (tile, found) in enumerate(zip(model.plan.value.tiles, tiles, strict=True)):
+    for number, (tile, found) in enumerate(zip(model.plan.value.tiles, made.tiles, strict=True)):
         region = tile.region
         rows.append(
             {
@@ -133,7 +166,8 @@ def _tile_rows(model: BodyModel, tiles: tuple[Keyed[TileMap], ...], surface: Mer
                 "views": len(tile.views),
                 "gsd": round(tile.gsd, 4),
                 "landmarks": len(found.value.views),
-                "albedo_factor": round(float(surface.albedo_factor[number]), 4),
+                "tie_points_px": round(float(made.cameras.tile_px[number]), 3),
+                "albedo_factor": round(float(made.surface.albedo_factor[number]), 4),
                 "used": not found.value.failure,
                 "why_not": "; ".join([found.value.failure, *found.value.distrust]).strip("; "),
             }

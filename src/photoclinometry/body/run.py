@@ -8,17 +8,19 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from photoclinometry.body.cameras import ShareCameras
 from photoclinometry.body.coarse_shape import CoarseShape
 from photoclinometry.body.merge import MergeTiles
 from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.plan import PlanTiles
-from photoclinometry.body.products import BodyResult, write_body_products
+from photoclinometry.body.products import BodyParts, BodyResult, write_body_products
 from photoclinometry.body.sparse import BodySparse
 from photoclinometry.body.tile import BodyModel, MapTile, TileMap
 from photoclinometry.body.workers import in_processes
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.io.site_images import input_fingerprint
 from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import BODY_FIXED, SHARED
 from photoclinometry.pipeline.run_folder import RunFolder, claimed_run, open_run
@@ -74,8 +76,10 @@ def map_body(
         in_processes(workers, map_one_tile, [(site_file, out, options, number) for number in missing], progress)
         tiles = tuple(folder.done(stage) for stage in stages)
         _check_tiles(tiles)
-        surface = folder.done(MergeTiles(tiles=tiles, shape=model.shape)).value
-        return write_body_products(folder, model, tiles, surface, _config(site_file, options))
+        cameras = folder.done(ShareCameras(tiles=tiles, posed=model.posed, priors=_priors(site, options)))
+        merge = MergeTiles(tiles=tiles, cameras=cameras, posed=model.posed, shape=model.shape)
+        made = BodyParts(tiles=tiles, cameras=cameras.value, surface=folder.done(merge).value)
+        return write_body_products(folder, model, made, _config(site_file, options))
 
 
 def map_one_tile(site_file: Path, out: Path, options: BodyOptions, number: int) -> None:
@@ -106,13 +110,17 @@ def _config(site_file: Path, options: BodyOptions) -> dict[str, Any]:
 
 def _model(folder: RunFolder, site: Site, inputs: Keyed[Inputs], options: BodyOptions) -> BodyModel:
     """Sparse model, coarse shape and plan."""
-    priors = site.pose_priors if options.run.pose_priors else {}
+    priors = _priors(site, options)
     sparse = folder.done(BodySparse(inputs=inputs, priors=priors, options=options.sfm))
     frame = BODY_FIXED if len(priors) >= MIN_PRIORS else SHARED
     posed = PosedImages(inputs=inputs, sparse=sparse, frame=frame)
     shape = folder.done(CoarseShape(sparse=sparse))
     plan = folder.done(PlanTiles(posed=posed, shape=shape, options=options.plan))
     return BodyModel(site=site, posed=posed, shape=shape, plan=plan, options=options)
+
+
+def _priors(site: Site, options: BodyOptions) -> dict[str, PosePrior]:
+    return site.pose_priors if options.run.pose_priors else {}
 
 
 def _check_tiles(tiles: Sequence[Keyed[TileMap]]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -78,7 +78,9 @@ class BodySparse(Stage[SparseModel]):
         return among_more_views(found, known & usable, without)
 
     def _by_priors(self, inputs: Inputs, tools: Tools) -> SparseModel:
-        priors = _stacked([self.priors[image.name] for image in inputs.images])
+        known = [self.priors[image.name] for image in inputs.images]
+        nowhere = Rigid(np.tile(np.eye(3), (len(known), 1, 1)), np.zeros((len(known), 3)))
+        priors = stacked_priors(known, nowhere)
         with disk_errors(tools.scratch), quiet_pycolmap(self.options.seed):
             matches = self._matched(inputs, priors.body_from_cam, tools.scratch, tools.progress)
             found = self._adjusted(inputs, priors, matches)
@@ -127,13 +129,16 @@ class BodySparse(Stage[SparseModel]):
             gate = max(gate / GATE_SHRINKS, self.options.max_reprojection_px)
 
 
-def _stacked(priors: list[PosePrior]) -> PosePriors:
-    poses = [prior.cam_from_body.inverse() for prior in priors]
-    return PosePriors(
-        body_from_cam=Rigid(np.array([p.rotation for p in poses]), np.array([p.translation for p in poses])),
-        rotation_sigma=np.array([prior.rotation_sigma_rad for prior in priors]),
-        center_sigma=np.array([prior.translation_sigma for prior in priors]),
-    )
+def stacked_priors(priors: Sequence[PosePrior | None], otherwise: Rigid) -> PosePriors:
+    """The priors of K views as the estimate takes them; views without one are free, at the poses `otherwise` (K,)."""
+    rotation, center = otherwise.rotation.copy(), otherwise.translation.copy()
+    rotation_sigma, center_sigma = np.full((2, len(priors)), np.inf)
+    for k, prior in enumerate(priors):
+        if prior is not None:
+            pose = prior.cam_from_body.inverse()
+            rotation[k], center[k] = pose.rotation, pose.translation
+            rotation_sigma[k], center_sigma[k] = prior.rotation_sigma_rad, prior.translation_sigma
+    return PosePriors(body_from_cam=Rigid(rotation, center), rotation_sigma=rotation_sigma, center_sigma=center_sigma)
 
 
 def _first_gate(inputs: Inputs, priors: PosePriors) -> float:

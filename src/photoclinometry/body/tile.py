@@ -13,10 +13,9 @@ from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.plan import Plan, Tile
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.model.errors import ReconstructionError
-from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import BODY_FIXED, Scene
-from photoclinometry.model.sparse import of_views
+from photoclinometry.model.sparse import SparseModel, normalised, of_views
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.choices import choose
 from photoclinometry.pipeline.options import RunOptions
@@ -31,8 +30,10 @@ from photoclinometry.surface.mesh_rays import MeshRays, depth_image, emission_im
 log = logging.getLogger(__name__)
 
 KNOWN_PX = 2.0
-"""How well the body's sparse model knows what a view shows where [px]: attitudes and places of tiles' cameras have it
-as a prior, each by itself."""
+"""How well the body's sparse model knows where a view shows what [px]: first matches may be that far from epipolar
+lines."""
+TIE_STEP_PX = 8
+"""Every so many pixels, down and across, a tile gives a tie point for the cameras that tiles share."""
 MARGIN_DEG = 8.0
 """The coarse shape's slopes are wrong by so much [degrees]: ground is masked only beyond the plan's limit and this."""
 
@@ -59,26 +60,34 @@ def tile_folder(body: Path, number: int) -> Path:
 
 
 def tile_site(model: BodyModel, tile: Tile) -> Site:
-    """The tile's views with the poses of the body's sparse model as priors, and its region."""
-    poses, views = model.posed.sparse.value.body_from_cam.inverse(), []
-    for k in tile.views:
-        view = model.site.views[k]
-        in_px = KNOWN_PX / float(np.mean(view.camera.focal_px))
-        distance = float(np.linalg.norm(model.posed.sparse.value.body_from_cam.translation[k]))
-        prior = PosePrior(cam_from_body=poses[int(k)], rotation_sigma_rad=in_px, translation_sigma=in_px * distance)
-        views.append(replace(view, pose_prior=prior))
+    """The tile's views and its region. Without pose priors: the map is that of its images alone."""
     region = tile.region
     request = RegionRequest(
         reference=model.site.views[tile.reference].name,
         center_px=(region.col + region.width / 2, region.row + region.height / 2),
         size_px=(region.width, region.height),
     )
-    return replace(model.site, views=tuple(views), region=request)
+    views = tuple(replace(model.site.views[k], pose_prior=None) for k in tile.views)
+    return replace(model.site, views=views, region=request)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiePoints:
+    """Some landmarks of a tile with their keypoints (compressed rows), by which all tiles share their cameras."""
+
+    landmark: np.ndarray
+    """(m,) int: which of the tile's."""
+    start: np.ndarray
+    """(m + 1,) int64."""
+    view: np.ndarray
+    """(N,) int32, of all views of the body."""
+    keypoint: np.ndarray
+    """(N, 2) [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TileMap:
-    """What the body's surface takes from a tile: its n landmarks in the body's frame."""
+    """What the body takes from a tile: its n landmarks, in a frame B of the tile's own or in the body's."""
 
     position: np.ndarray
     """(n, 3)."""
@@ -96,6 +105,9 @@ class TileMap:
     """(n,) int: in how many images."""
     inside: np.ndarray
     """(n,) from 0 at the tile's edge to 1 in its middle: maps are worse at their edges."""
+    pixel: np.ndarray
+    """(n, 2) row and column in the reference image."""
+    ties: TiePoints
     gsd: float
     """[units of B]."""
     distrust: tuple[str, ...] = ()
@@ -136,11 +148,12 @@ class MapTile(Stage[TileMap]):
         for why in found.distrust:
             warn(log, "tile-untrusted", "tile %d is not to be trusted: %s", self.number, why)
         say_found(f"{len(found.scene.landmarks):,} landmarks")
-        return tile_map(found.scene, found.distrust)
+        number = {view.name: k for k, view in enumerate(self.model.site.views)}
+        return tile_map(found.scene, np.array([number[name] for name in found.scene.views.name]), found.distrust)
 
 
-def tile_map(scene: Scene, distrust: tuple[str, ...]) -> TileMap:
-    """What the body takes from a tile's scene."""
+def tile_map(scene: Scene, number: np.ndarray, distrust: tuple[str, ...]) -> TileMap:
+    """What the body takes from a tile's scene. number: (K,) what the scene's views are among all of the body."""
     landmarks, stated = scene.landmarks, scene.uncertainty
     row, col = landmarks.pixel.T
     edge = np.minimum(
@@ -159,8 +172,18 @@ def tile_map(scene: Scene, distrust: tuple[str, ...]) -> TileMap:
         albedo_sigma=stated["albedo"] / landmarks.albedo if "albedo" in stated else unknown,
         views=np.diff(scene.tracks.start),
         inside=np.clip(2.0 * (edge + 1) / min(scene.region.width, scene.region.height), 0.0, 1.0),
+        pixel=landmarks.pixel,
+        ties=_ties(scene, number),
         gsd=scene.gsd,
         distrust=distrust,
+    )
+
+
+def _ties(scene: Scene, number: np.ndarray) -> TiePoints:
+    chosen = np.flatnonzero((scene.landmarks.pixel % TIE_STEP_PX == TIE_STEP_PX // 2).all(-1))
+    tracks, _ = scene.tracks.of_landmarks(chosen)
+    return TiePoints(
+        landmark=chosen, start=tracks.start, view=number[tracks.view].astype(np.int32), keypoint=tracks.keypoint
     )
 
 
@@ -175,6 +198,13 @@ def _no_map(tile: Tile, failure: str) -> TileMap:
         albedo_sigma=none,
         views=np.empty(0, int),
         inside=none,
+        pixel=np.empty((0, 2), np.int32),
+        ties=TiePoints(
+            landmark=np.empty(0, int),
+            start=np.zeros(1, np.int64),
+            view=np.empty(0, np.int32),
+            keypoint=np.empty((0, 2)),
+        ),
         gsd=tile.gsd,
         failure=failure,
     )
@@ -192,14 +222,13 @@ def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_
     config = {"tile": number, "body": str(Path(body).resolve()), **asdict(options)}
     with claimed_run(tile_folder(body, number), owner_of_site(site), progress) as folder:
         folder.write_config(config)
-        posed, inputs = model.posed, read_inputs(folder, site)
-        own = Keyed(of_views(posed.sparse.value, tile.views), digest(posed.sparse, tile.views))
+        inputs, sparse = read_inputs(folder, site), _sparse(model, tile)
         ready = PosedSite(
             site=site,
-            posed=PosedImages(inputs=_masked(inputs, model, tile), sparse=own, frame=posed.frame),
+            posed=PosedImages(inputs=_masked(inputs, model, tile), sparse=sparse),
             choices=choose(site, options),
             options=options,
-            depth=_depth(model, tile),
+            depth=_depth(model, tile, sparse),
         )
         return map_posed(folder, ready, config)
 
@@ -209,6 +238,7 @@ def tile_options(options: BodyOptions) -> RunOptions:
     run, densify = options.run, options.run.densify
     return replace(
         run,
+        pose_priors=False,
         densify=replace(
             densify,
             min_views=min(densify.min_views, options.plan.min_views),
@@ -233,9 +263,17 @@ def _rays(model: BodyModel) -> MeshRays:
     return MeshRays(shape.vertices, shape.faces, shape.spacing)
 
 
-def _depth(model: BodyModel, tile: Tile) -> Keyed[np.ndarray]:
-    """The coarse shape as the tile's reference sees it."""
-    k, rays = tile.reference, _rays(model)
-    pose = model.posed.sparse.value.body_from_cam[k]
-    depth = depth_image(rays, model.site.views[k].camera, pose)
-    return Keyed(depth, digest(model.shape, model.posed.sparse, k))
+def _sparse(model: BodyModel, tile: Tile) -> Keyed[SparseModel]:
+    """The sparse model of the tile's views alone, in the frame of a site's model."""
+    whole = model.posed.sparse
+    own = normalised(of_views(whole.value, tile.views), [model.site.views[k].camera for k in tile.views])
+    return Keyed(own, digest(whole, tile.views))
+
+
+def _depth(model: BodyModel, tile: Tile, sparse: Keyed[SparseModel]) -> Keyed[np.ndarray]:
+    """The coarse shape as the tile's reference sees it, in the unit of the tile's sparse model."""
+    k, whole = tile.reference, model.posed.sparse.value.body_from_cam
+    depth = depth_image(_rays(model), model.site.views[k].camera, whole[k])
+    between, own = (np.ptp(poses.translation, axis=0) for poses in (whole[tile.views], sparse.value.body_from_cam))
+    scale = np.linalg.norm(own) / np.linalg.norm(between)
+    return Keyed(scale * depth, digest(model.shape, model.posed.sparse, tile.views, k))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import os
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -18,6 +20,8 @@ log = logging.getLogger(__name__)
 
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables that say how many threads a process uses: one, where there are as many processes as cores."""
+WATCH_S = 2.0
+"""How often a process looks whether its parent still lives [s]: one whose parent was killed would work on unseen."""
 TRIES = 2
 """Times a task may take its process with it before it is given up: once, another may be to blame."""
 
@@ -51,12 +55,20 @@ def in_processes(workers: int, task: Callable[..., None], calls: Sequence[tuple[
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_quietly)
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin)
 
 
-def _quietly() -> None:
-    """What a task warns of is kept with its result: nobody reads it from several processes at a time."""
+def _begin() -> None:
+    """Nothing is printed, since what a task warns of is kept with its result; and the process ends with its parent."""
     logging.getLogger("photoclinometry").addHandler(logging.NullHandler())
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(WATCH_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

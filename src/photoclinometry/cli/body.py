@@ -65,13 +65,11 @@ def body(
     with progress_bars(console) as progress, log_to(out, console, overwrite=overwrite):
         if plan_only:
             model = library.plan_body(site, out, options, progress, overwrite=overwrite)
-        else:
-            found = library.map_body(site, out, options, progress, workers=workers, overwrite=overwrite)
-    if plan_only:
-        _say_plan(console, model)
-        print(out, flush=True)
-    else:
-        _say_result(console, found)
+            _say_plan(console, model)
+            print(out, flush=True)
+            return
+        found = library.map_body(site, out, options, progress, workers=workers, overwrite=overwrite)
+    _say_result(console, found)
 
 
 def _say_plan(console: Console, model: BodyModel) -> None:

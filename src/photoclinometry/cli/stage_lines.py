@@ -21,6 +21,7 @@ NAMES = {
     "coarse_shape": "coarse shape",
     "plan": "plan",
     "tile": "tile",
+    "cameras": "shared cameras",
     "merge": "merge",
     "inconsistent_views": "check of views",
     "region": "region",

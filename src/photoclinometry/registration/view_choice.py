@@ -102,16 +102,16 @@ def diverse(seen: Sequence[Sighting], count: int | None) -> tuple[Sighting, ...]
     if count is None or len(seen) <= count:
         return tuple(seen)
     first = int(np.argmin([s.emission_deg for s in seen]))
-    return tuple(seen[k] for k in most_diverse(light_and_sight(seen), first, count))
+    return tuple(seen[k] for k in most_diverse(light_and_sight(seen), [first], count))
 
 
-def most_diverse(apart: np.ndarray, first: int, count: int) -> np.ndarray:
-    """(m,) `first`, then always the one least like those taken, up to `count`; ascending.
+def most_diverse(apart: np.ndarray, first: Sequence[int] | np.ndarray, count: int) -> np.ndarray:
+    """(m,) those in `first`, then always the one least like those taken, up to `count`; ascending.
 
     apart: (n, n) how different any two are.
     """
-    taken = [first]
-    nearest = apart[first].copy()
+    taken = [int(k) for k in first]
+    nearest = apart[taken].min(0)
     while len(taken) < min(count, len(apart)):
         nearest[taken] = -1.0  # what was taken is not taken again, even where others are its equals
         taken.append(int(np.argmax(nearest)))

@@ -1,0 +1,199 @@
+"""The cameras that all tiles share: one bundle adjustment of their tie points, and the tiles in its frame.
+
+A tile's own estimate knows the poses of its views among themselves to some hundredths of a pixel, and its frame not at
+all. The tie points of all tiles together determine all poses. A tile then follows: its landmarks move by the smooth
+difference between its tie points triangulated by the shared poses and by its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.adjust import PosePriors
+from photoclinometry.adjust.bundle import bundle_adjusted, reprojection_px
+from photoclinometry.body.sparse import stacked_priors
+from photoclinometry.body.tile import TileMap
+from photoclinometry.matching.triangulation import triangulate_tracks
+from photoclinometry.model.compressed_rows import row_starts
+from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, unit
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import Tracks, Views
+from photoclinometry.model.sparse import SparseModel
+from photoclinometry.pipeline.sparse_stages import PosedImages, views_from
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
+
+TIE_SIGMA_PX = 0.3
+"""Standard deviation of tie points [px]: dense matches are good to 0.1, and some ten neighbours share their errors."""
+LOOSE_PX = 10.0
+"""How far sparse poses may move where there are no priors [px]: they hold the frame, and nothing else."""
+FIRST_GATE_PX, GATE_PX = 20.0, 1.5
+"""Tie points count if their keypoints agree within this [px], before and after the first adjustment."""
+FEWEST_TIES = 12
+"""Fewer tie points do not show how a tile is to move: twice the numbers of its quadratic displacement."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedCameras:
+    """Poses of all views, and how well tie points agree with them."""
+
+    body_from_cam: Rigid
+    """(K,); those of the sparse model where no tile uses a view."""
+    tile_px: np.ndarray
+    """(T,) mean distance of each tile's keypoints from its tie points by these poses [px]; NaN where there are none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShareCameras(Stage[SharedCameras]):
+    """One bundle adjustment of the tie points of all tiles and of the sparse points."""
+
+    name = "cameras"
+    result = SharedCameras
+    tiles: tuple[Keyed[TileMap], ...]
+    posed: PosedImages
+    priors: Mapping[str, PosePrior]
+    """By name of view."""
+
+    def make(self, tools: Tools) -> SharedCameras:
+        views, sparse = self.posed.views, self.posed.sparse.value
+        tiles = [tile.value for tile in self.tiles]
+        priors = _priors(self.priors, views, sparse)
+        for gate in (FIRST_GATE_PX, GATE_PX, GATE_PX):
+            model, tile = _with_ties(sparse, tiles, views, gate)
+            found = bundle_adjusted(model, views, priors, TIE_SIGMA_PX)
+            views = views_from(self.posed.inputs.value.site, found)
+        off = reprojection_px(found, views)
+        of_tile = tile[found.point_of_observation]
+        per_tile = np.array([off[of_tile == n].mean() if (of_tile == n).any() else np.nan for n in range(len(tiles))])
+        say_found(f"{(tile >= 0).sum():,} tie points, {np.nanmean(per_tile):.2f} px")
+        return SharedCameras(body_from_cam=found.body_from_cam, tile_px=per_tile)
+
+
+def _priors(known: Mapping[str, PosePrior], views: Views, sparse: SparseModel) -> PosePriors:
+    """Those of navigation; without them the sparse poses, loosely."""
+    if known:
+        return stacked_priors([known.get(name) for name in views.name], sparse.body_from_cam)
+    focal = np.array([np.mean(camera.focal_px) for camera in views.cameras])
+    distance = np.linalg.norm(sparse.body_from_cam.translation - sparse.points.mean(0), axis=-1)
+    return PosePriors(
+        body_from_cam=sparse.body_from_cam,
+        rotation_sigma=LOOSE_PX / focal,
+        center_sigma=LOOSE_PX / focal * distance,
+    )
+
+
+def _with_ties(
+    sparse: SparseModel, tiles: Sequence[TileMap], views: Views, gate_px: float
+) -> tuple[SparseModel, np.ndarray]:
+    """Sparse points and tie points as one model in the poses of `views`, and the tile (P,) of each, -1 for sparse ones.
+
+    Points whose keypoints are off by more than `gate_px` in the root mean square are left out.
+    """
+    count = [np.diff(sparse.point_start), *(np.diff(tile.ties.start) for tile in tiles)]
+    tile = np.repeat(np.arange(-1, len(tiles)), [len(c) for c in count])
+    joined = replace(
+        sparse,
+        body_from_cam=views.body_from_cam,
+        point_start=row_starts(np.concatenate(count)),
+        point_view=np.concatenate([sparse.point_view, *(each.ties.view for each in tiles)]).astype(np.int32),
+        point_xy=np.concatenate([sparse.point_xy, *(each.ties.keypoint for each in tiles)]),
+    )
+    points = _triangulated(joined.point_start, joined.point_view, joined.point_xy, views)
+    there = np.all(np.isfinite(points), axis=-1)
+    joined = replace(joined, points=np.where(there[:, None], points, 0.0))
+    square = np.bincount(joined.point_of_observation, reprojection_px(joined, views) ** 2, len(points))
+    kept = there & (square <= gate_px**2 * np.diff(joined.point_start))
+    rows = kept[joined.point_of_observation]
+    return replace(
+        joined,
+        points=points[kept],
+        point_start=row_starts(np.diff(joined.point_start)[kept]),
+        point_view=joined.point_view[rows],
+        point_xy=joined.point_xy[rows],
+    ), tile[kept]
+
+
+def _triangulated(start: np.ndarray, view: np.ndarray, keypoint: np.ndarray, views: Views) -> np.ndarray:
+    """(P, 3) points of compressed rows of keypoints; NaN where their rays do not fix one."""
+    count = len(view)
+    tracks = Tracks(
+        start=start,
+        view=view,
+        keypoint=keypoint,
+        keypoint_sigma=np.ones(count),
+        brightness=np.zeros(count),
+        lit=np.zeros(count, bool),
+    )
+    return triangulate_tracks(tracks, views)
+
+
+def in_shared_frame(tile: TileMap, views: Views) -> TileMap:
+    """The tile in the body's frame: moved as its tie points do. views: (K,) all, with the shared poses.
+
+    A similarity, and then a displacement that is a quadratic function of the place in the reference image. A tile with
+    fewer than FEWEST_TIES tie points is left out.
+    """
+    ties = tile.ties
+    target = _triangulated(ties.start, ties.view, ties.keypoint, views)
+    there = np.all(np.isfinite(target), axis=-1)
+    if there.sum() < FEWEST_TIES:
+        return _emptied(tile, f"{there.sum()} tie points do not place it among the other tiles")
+    source, target = tile.position[ties.landmark[there]], target[there]
+    similarity = _robust_similarity(source, target)
+    middle, size = tile.pixel.mean(0), float(np.ptp(tile.pixel, axis=0).max())
+    at_ties, at_all = ((tile.pixel[rows] - middle) / size for rows in (ties.landmark[there], slice(None)))
+    coefficients = _robust_fit(_quadratic(at_ties), target - similarity(source))
+    position = similarity(tile.position)
+    normal = tile.normal @ similarity.rotation.T
+    moved = position + _quadratic(at_all) @ coefficients
+    return replace(
+        tile,
+        position=moved,
+        normal=_tilted(normal, at_all, position, coefficients),
+        height_sigma=similarity.scale * tile.height_sigma,
+        gsd=similarity.scale * tile.gsd,
+    )
+
+
+def _emptied(tile: TileMap, failure: str) -> TileMap:
+    none = slice(0, 0)
+    names = ("position", "normal", "albedo", "height_sigma", "normal_sigma", "albedo_sigma", "views", "inside", "pixel")
+    return replace(tile, **{name: getattr(tile, name)[none] for name in names}, failure=tile.failure or failure)
+
+
+def _robust_similarity(source: np.ndarray, target: np.ndarray) -> Similarity:
+    """Least squares, once more without what is off by more than three times the median."""
+    found = align_similarity(source, target)
+    off = np.linalg.norm(found(source) - target, axis=-1)
+    near = off <= 3.0 * np.median(off)
+    return align_similarity(source[near], target[near])
+
+
+def _quadratic(at: np.ndarray) -> np.ndarray:
+    """(n, 6) of places (n, 2): 1, u, v, u^2, u v, v^2."""
+    u, v = at.T
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], -1)
+
+
+def _robust_fit(design: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """(6, 3) coefficients of least squares, once more without what is off by more than three times the median."""
+    found = np.linalg.lstsq(design, value, rcond=None)[0]
+    off = np.linalg.norm(design @ found - value, axis=-1)
+    near = off <= 3.0 * np.median(off)
+    return np.linalg.lstsq(design[near], value[near], rcond=None)[0]
+
+
+def _tilted(normal: np.ndarray, at: np.ndarray, position: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Normals (n, 3) of a surface that is displaced by `_quadratic(at) @ coefficients`.
+
+    The surface's tangents are those of the plane through all positions: the displacement is smooth and small.
+    """
+    tangent = np.linalg.lstsq(_quadratic(at)[:, :3], position, rcond=None)[0][1:]  # (2, 3) by u and v
+    u, v = at.T
+    zero, one = np.zeros_like(u), np.ones_like(u)
+    by_u = np.stack([zero, one, zero, 2.0 * u, v, zero], -1) @ coefficients
+    by_v = np.stack([zero, zero, one, zero, u, 2.0 * v], -1) @ coefficients
+    rise = np.stack([np.sum(by_u * normal, -1), np.sum(by_v * normal, -1)], -1)
+    return unit(normal - rise @ np.linalg.inv(tangent @ tangent.T) @ tangent)
