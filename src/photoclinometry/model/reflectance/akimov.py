@@ -59,11 +59,15 @@ def akimov(mu0, mu, phase, w0, w1):
 SOURCE = "Shkuratov et al. (2011), PSS 59, 1326, doi:10.1016/j.pss.2011.06.011"
 
 AKIMOV = of_factors(
-    fixed(akimov, 1.0, 0.0), NO_PHASE_FUNCTION, name="akimov", source=SOURCE, predicts_absolute_brightness=False
+    fixed(akimov, 1.0, 0.0, shader="akimov(mu0, mu, phase, 1.0)"),
+    NO_PHASE_FUNCTION,
+    name="akimov",
+    source=SOURCE,
+    predicts_absolute_brightness=False,
 )
 
 AKIMOV_PLUS = of_factors(
-    weighted(akimov),
+    weighted(akimov, shader="akimov"),
     POLYNOMIAL,
     name="akimov+",
     source=f"{SOURCE}; values: Schroeder et al. (2013, 2017)",

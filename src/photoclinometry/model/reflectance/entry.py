@@ -39,6 +39,8 @@ class Disk(NamedTuple):
     """(p, mu0, mu, phase) -> d and its derivatives by mu0, mu, phase."""
     by_parameters: Compiled
     """(p, mu0, mu, phase, factor, out) -> d; out[0], out[1], ...: factor times its derivatives by p[1], p[2], ..."""
+    shader: str | None = None
+    """d as an expression of GLSL in mu0, mu, phase and p, for the viewer (`shader.py`); None: it cannot relight."""
 
 
 class Phase(NamedTuple):
@@ -49,6 +51,8 @@ class Phase(NamedTuple):
     """(p, at, phase) -> Lambda and its derivative by phase."""
     by_parameters: Compiled
     """(p, at, phase, out) -> Lambda; out[at - 1], out[at], ...: its derivatives by p[at], p[at + 1], ..."""
+    shader: str | None = None
+    """Lambda as an expression of GLSL in phase and p, with {at} for the number `at`; or None."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +82,8 @@ class Model:
     """The last parameter may be repeated: c1, c2, c3 ..."""
     published: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     """Values of the parameters by body, in lower case."""
+    shader: str | None = None
+    """rho as an expression of GLSL in mu0, mu, phase and p, for the viewer (`shader.py`); None: it cannot relight."""
     predicts_absolute_brightness: bool = True
     """Otherwise the model describes brightness up to a factor per image (paper Eq. 30)."""
 
@@ -118,7 +124,15 @@ def of_factors(disk: Disk, phase: Phase, **others: Any) -> Model:
         for i in range(count, out.size):
             out[i] *= d
 
-    parameters = disk.parameters + phase.parameters
+    shader = None
+    if disk.shader is not None and phase.shader is not None:
+        shader = f"{phase.shader.format(at=at)} * {disk.shader}"
     return Model(
-        parameters=parameters, function=function, by_parameters=by_parameters, value=value, phase=phase, **others
+        parameters=disk.parameters + phase.parameters,
+        function=function,
+        by_parameters=by_parameters,
+        value=value,
+        phase=phase,
+        shader=shader,
+        **others,
     )

@@ -268,6 +268,7 @@ HAPKE = Model(
     function=_rho,
     by_parameters=_rho_by_parameters,
     value=_rho_alone,
+    shader="hapke(mu0, mu, phase)",
     constants=_overhead,
     published={body: ground.values for body, ground in PUBLISHED.items()},
 )

@@ -40,7 +40,7 @@ def mcewen(mu0, mu, phase, w0, w1):
 
 
 LUNAR_LAMBERT = of_factors(
-    weighted(lunar_lambert),
+    weighted(lunar_lambert, shader="lunar_lambert"),
     POLYNOMIAL,
     name="lunar-lambert",
     source="McEwen (1991), Icarus 92, 298, doi:10.1016/0019-1035(91)90053-V; values: Schroeder et al. (2013, 2017)",
@@ -52,7 +52,7 @@ LUNAR_LAMBERT = of_factors(
 )
 
 MCEWEN = of_factors(
-    fixed(mcewen),
+    fixed(mcewen, shader="mcewen(mu0, mu, phase)"),
     NO_PHASE_FUNCTION,
     name="mcewen",
     source="McEwen (1991); exponential weight: Gaskell et al. (2008), doi:10.1111/j.1945-5100.2008.tb00692.x",

@@ -21,7 +21,7 @@ def minnaert(mu0, mu, phase, w0, w1):
 
 
 MINNAERT = of_factors(
-    weighted(minnaert),
+    weighted(minnaert, shader="minnaert"),
     POLYNOMIAL,
     name="minnaert",
     source="Minnaert (1941), ApJ 93, 403, doi:10.1086/144279; values: Schroeder et al. (2013, 2017)",
@@ -39,7 +39,7 @@ B = Parameter(name="b", unit="1/rad", about="change of limb darkening with phase
 
 # Neutral defaults: at opposition the disk of a dark body is as bright at its limb as in its middle (k0 = 1/2).
 MINNAERT_MAGNITUDES = of_factors(
-    weighted(minnaert, (K0, B)),
+    weighted(minnaert, (K0, B), shader="minnaert"),
     MAGNITUDES,
     name="minnaert-magnitudes",
     source="Takir et al. (2015), Icarus 252, 393; Golish et al. (2021), Icarus 357, 113724; defaults are neutral",

@@ -25,7 +25,7 @@ def constant_by_parameters(p, at, phase, out):
     return 1.0
 
 
-NO_PHASE_FUNCTION = Phase((), constant, constant_by_parameters)
+NO_PHASE_FUNCTION = Phase((), constant, constant_by_parameters, "1.0")
 
 
 @njit(cache=True, forceinline=True)
@@ -55,6 +55,7 @@ POLYNOMIAL = Phase(
     (Parameter(name="c", unit="1/rad", about="coefficients of the powers of phase in the phase function"),),
     polynomial,
     polynomial_by_parameters,
+    "polynomial({at}, phase)",
 )
 
 
@@ -95,4 +96,5 @@ MAGNITUDES = Phase(
     ),
     magnitudes,
     magnitudes_by_parameters,
+    "magnitudes({at}, phase)",
 )

@@ -12,8 +12,13 @@ W1 = Parameter(name="w1", unit="1/rad", about="change of the weight g with phase
 # Fits to other ground than the ideal leave 0 to 1 (Vesta's Akimov weight is 1.57), so neither is bounded.
 
 
-def weighted(function: Compiled, parameters: tuple[Parameter, Parameter] = (W0, W1)) -> Disk:
-    """A disk function of a weight g. function: (mu0, mu, phase, w0, w1) -> d, its derivatives by mu0, mu, phase, g."""
+def weighted(
+    function: Compiled, parameters: tuple[Parameter, Parameter] = (W0, W1), *, shader: str | None = None
+) -> Disk:
+    """A disk function of a weight g. function: (mu0, mu, phase, w0, w1) -> d, its derivatives by mu0, mu, phase, g.
+
+    shader: name of the same as a function of GLSL, (mu0, mu, phase, g) -> d (`shader.py`).
+    """
 
     @njit(forceinline=True)
     def disk(p, mu0, mu, phase):
@@ -27,11 +32,12 @@ def weighted(function: Compiled, parameters: tuple[Parameter, Parameter] = (W0, 
         out[1] = factor * by_weight * phase
         return d
 
-    return Disk(parameters, disk, by_parameters)
+    expression = None if shader is None else f"{shader}(mu0, mu, phase, p[1] + p[2] * phase)"
+    return Disk(parameters, disk, by_parameters, expression)
 
 
-def fixed(function: Compiled, w0: float = 0.0, w1: float = 0.0) -> Disk:
-    """As `weighted`, of a weight that is not estimated."""
+def fixed(function: Compiled, w0: float = 0.0, w1: float = 0.0, *, shader: str | None = None) -> Disk:
+    """As `weighted`, of a weight that is not estimated. shader: d as an expression of GLSL in mu0, mu and phase."""
 
     @njit(forceinline=True)
     def disk(p, mu0, mu, phase):
@@ -42,7 +48,7 @@ def fixed(function: Compiled, w0: float = 0.0, w1: float = 0.0) -> Disk:
     def by_parameters(p, mu0, mu, phase, factor, out):
         return function(mu0, mu, phase, w0, w1)[0]
 
-    return Disk((), disk, by_parameters)
+    return Disk((), disk, by_parameters, shader)
 
 
 def per_degree(w0: float, w1: float, *powers: float) -> tuple[float, ...]:
