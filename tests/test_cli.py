@@ -35,7 +35,20 @@ def fails(monkeypatch):
     return set_error
 
 
-COMMANDS = ("ingest", "views", "run", "refine", "simulate", "render", "evaluate", "info", "export", "fetch", "study")
+COMMANDS = (
+    "ingest",
+    "views",
+    "run",
+    "refine",
+    "simulate",
+    "render",
+    "evaluate",
+    "info",
+    "view",
+    "export",
+    "fetch",
+    "study",
+)
 
 
 @pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])

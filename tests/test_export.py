@@ -27,7 +27,7 @@ rasterio = pytest.importorskip("rasterio")
 trimesh = pytest.importorskip("trimesh")
 
 MAPS = {"dtm.tif", "normals.tif", "slope.tif", "albedo.tif", "reflectance.tif"}
-OTHERS = {"mesh.obj", "mesh.mtl", "mesh.png", "mesh.glb", "landmarks.ply", "sparse", "model", "sumfiles"}
+OTHERS = {"viewer.html", "mesh.obj", "mesh.mtl", "mesh.png", "mesh.glb", "landmarks.ply", "sparse", "model", "sumfiles"}
 TABLES = {"landmarks.csv", "views.csv"}
 
 

@@ -106,7 +106,8 @@ def test_geometry_alone_has_no_photometric_figures(tmp_path):
     scene = synthetic_scene(size=16, views=4, reflectance=None)
     path = write_report(tmp_path / "report", scene, synthetic_images(scene))
     page = Page(path.read_text(encoding="utf-8"))
-    assert {"reference.png", "height.png", "normals.png", "slope.png", "views_per_landmark.png"} == page.files
+    maps = {"reference.png", "height.png", "normals.png", "slope.png", "views_per_landmark.png"}
+    assert maps | {"viewer.html"} == page.files
 
 
 def test_report_is_written_without_images(tmp_path):

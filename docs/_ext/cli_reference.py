@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).parents[1] / "reference" / "cli"
-ORDER = ["simulate", "info", "run", "evaluate", "render", "export", "ingest", "views", "refine", "fetch", "study"]
+ORDER = ["simulate", "info", "run", "view", "evaluate", "render", "export"]
+ORDER += ["ingest", "views", "refine", "fetch", "study"]
 
 
 def commands() -> dict[str, Callable[..., Any]]:

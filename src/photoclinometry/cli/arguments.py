@@ -28,6 +28,7 @@ COMMANDS = (
     "render",
     "evaluate",
     "info",
+    "view",
     "export",
     "fetch",
     "study",

@@ -15,6 +15,7 @@ from photoclinometry.output.export.maps import write_maps
 from photoclinometry.output.export.meshes import write_meshes
 from photoclinometry.output.export.sumfiles import write_sumfiles
 from photoclinometry.output.export.tables import write_tables
+from photoclinometry.output.viewer import write_viewer
 
 Written = dict[str, str]
 """What is in each file, by the file's name in the export's folder."""
@@ -84,6 +85,11 @@ def _tables(folder: Path, framed: Framed, products: tuple[str, ...], options: An
     return write_tables(folder, framed)
 
 
+def _viewer(folder: Path, framed: Framed, products: tuple[str, ...], options: Any) -> Written:
+    write_viewer(folder / "viewer.html", framed.scene)
+    return {"viewer.html": "page for the browser: the map under any Sun, without the images"}
+
+
 _GEO = {"write": write_maps, "extra": "geo", "package": "rasterio"}
 
 _ALL = (
@@ -99,6 +105,7 @@ _ALL = (
     Format(name="colmap", about="poses and landmarks as a COLMAP model", write=_colmap),
     Format(name="text-model", about="the format of the paper's authors", write=_text_model),
     Format(name="sumfile", about="one per view, for stereophotoclinometry (SPC)", write=_sumfiles, lacks=_no_globe),
+    Format(name="viewer", about="page for the browser, with the Sun to be moved", write=_viewer),
     Format(name="csv", about="landmarks and views as tables", write=_tables),
 )
 

@@ -46,6 +46,7 @@ tr.out td { color: #a33; }
 .banner ul { margin: 6px 0 0; padding-left: 20px; }
 .stack > * + * { margin-top: 16px; }
 pre { margin: 0; padding: 12px 14px; font-size: 12.5px; line-height: 1.45; overflow-x: auto; }
+.link a { display: inline-block; padding: 8px 14px; border: 1px solid var(--line); border-radius: 8px; }
 footer { color: var(--soft); font-size: 13px; padding: 18px 0 40px; }
 """
 
@@ -82,6 +83,11 @@ def banners(distrust: Sequence[str], warnings: Sequence[str]) -> str:
     if warnings:
         shown += _banner("", f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}", warnings)
     return shown
+
+
+def link(file: str, words: str) -> str:
+    """A link to a page beside this one, as a line of its own."""
+    return f'<p class="link"><a href="{escape(file)}">{escape(words)}</a></p>'
 
 
 def figures(items: Sequence[tuple[str, str]], kind: str = "grid") -> str:

@@ -21,6 +21,8 @@ from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.report import page
 from photoclinometry.output.report.curves import CONVERGENCE, draw_convergence, draw_renderings
 from photoclinometry.output.report.maps import draw_maps, draw_relit, draw_values
+from photoclinometry.output.viewer import write_viewer
+from photoclinometry.output.viewer.page import NAME as VIEWER
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +62,7 @@ class ReportContent:
 def write_report(
     folder: Path, scene: Scene, images: Sequence[Image] | None = None, content: ReportContent | None = None
 ) -> Path:
-    """Draw everything, and write `index.html` and `summary.json`; returns the page's path.
+    """Draw everything, and write `index.html`, `viewer.html` and `summary.json`; returns the page's path.
 
     The folder appears whole, replacing an older one, or not at all (RunFolderError).
 
@@ -71,7 +73,10 @@ def write_report(
     metrics = evaluate_scene(scene, images, per_view=rows) if content.metrics is None else content.metrics
     with atomic_path(folder) as work:
         work.mkdir()
-        sections = [("Summary", "", page.tiles(metrics))]
+        write_viewer(work / VIEWER, scene, images)
+        sections = [
+            ("Summary", "", page.tiles(metrics) + page.link(VIEWER, "Move the Sun over the map, and measure on it"))
+        ]
         sections += _map_sections(work, scene, images, content)
         if scene.reflectance is not None:
             sections += _rendering_sections(work, scene, images, rows)

@@ -1,0 +1,118 @@
+// What is computed for every landmark on the graphics processor: one texel per cell of the map's grid.
+
+const FAR = 1e30;  // depth where there is no ground: nothing lies behind it
+
+/** Textures of the map, and the programs over its grid. */
+function gridPasses(gl, map, shaders) {
+  const reference = wholeImage(map.scene.views[map.scene.reference]);
+  const passes = { gl, map, reference, textures: mapTextures(gl, map, reference), ...groundDepths(gl, map, reference) };
+  passes.shadow = programOf(gl, shaders["grid.vert"], shaders["shadow.frag"]);
+  passes.average = programOf(gl, shaders["grid.vert"], shaders["average.frag"]);
+  const model = map.scene.reflectance;
+  if (model) {
+    const rho = `${shaders.reflectance}
+      float reflectance(float mu0, float mu, float phase) {
+        return mu0 <= 0.0 || mu <= 0.0 ? 0.0 : ${model.shader};
+      }\n`;
+    passes.brightness = programOf(gl, shaders["grid.vert"], rho + shaders["brightness.frag"]);
+  }
+  passes.lit = targetOf(gl, "R32F", map.cols, map.rows);
+  passes.values = ["RG32F", "RG32F", "RG32F"].map((layout) => targetOf(gl, layout, map.cols, map.rows));
+  passes.empty = gl.createVertexArray();
+  return passes;
+}
+
+function mapTextures(gl, map) {
+  const cells = map.rows * map.cols;
+  const [position, normal] = [new Float32Array(4 * cells), new Float32Array(4 * cells)];
+  for (let j = 0; j < map.count; j++) {
+    position.set([...positionOf(map, j), 1], 4 * map.cell[j]);
+    normal.set([...normalOf(map, j), map.albedo ? map.albedo[j] : 1], 4 * map.cell[j]);
+  }
+  return {
+    position: textureOf(gl, "RGBA32F", map.cols, map.rows, position),
+    normal: textureOf(gl, "RGBA32F", map.cols, map.rows, normal),
+  };
+}
+
+/** Depths of the map and of its surroundings in the reference camera, less that of the local frame's origin. */
+function groundDepths(gl, map, reference) {
+  const depth = new Float32Array(map.rows * map.cols).fill(FAR);
+  const down = reference.camFromLocal.slice(6, 9);
+  let [nearest, farthest] = [Infinity, -Infinity];
+  const note = (value) => {
+    nearest = Math.min(nearest, value);
+    farthest = Math.max(farthest, value);
+    return value;
+  };
+  for (let j = 0; j < map.count; j++) depth[map.cell[j]] = note(dot(down, positionOf(map, j)));
+  const around = map.scene.surroundings || { rows: 1, cols: 1, stride: 1 };
+  const values = Float32Array.from(map.around || [NaN], (d) => (Number.isNaN(d) ? FAR : note(d - reference.offset[2])));
+  return {
+    depth: textureOf(gl, "R32F", map.cols, map.rows, depth),
+    around: textureOf(gl, "R32F", around.cols, around.rows, values),
+    aroundStride: around.stride,
+    depths: [nearest, farthest],
+  };
+}
+
+function overGrid(passes, program, target, uniforms, textures) {
+  const { gl } = passes;
+  drawInto(gl, target);
+  gl.disable(gl.DEPTH_TEST);
+  gl.bindVertexArray(passes.empty);
+  use(gl, program, uniforms, textures);
+  gl.drawArrays(gl.TRIANGLES, 0, 3);
+}
+
+/** Fills passes.lit: where no ground hides the Sun (unit vector in the local frame). Once per Sun. */
+function castShadows(passes, sun) {
+  if (passes.sunOfShadows && passes.sunOfShadows.every((x, i) => x === sun[i])) return;
+  passes.sunOfShadows = sun;
+  const { map, reference, depths } = passes;
+  const { grid, spacing } = map.scene;
+  const uniforms = {
+    u_cam_from_local: ["Matrix3fv", reference.camFromLocal],
+    u_offset: ["3f", ...reference.offset],
+    u_towards: ["3f", ...turned(reference.camFromLocal, sun)],
+    u_intrinsics: ["4f", ...reference.focal, ...reference.principal],
+    u_first: ["3f", grid.row, grid.col, grid.stride],
+    u_around_stride: ["1f", passes.aroundStride],
+    u_depths: ["2f", ...depths],
+    u_step: ["1f", spacing],
+  };
+  const { position } = passes.textures;
+  overGrid(passes, passes.shadow, passes.lit, uniforms, { u_position: position, u_depth: passes.depth, u_around: passes.around });
+}
+
+/** The target with brightness = albedo * rho of all landmarks for a camera's centre, averaged by a Gaussian where sigma > 0. */
+function brightnessOf(passes, sun, center, shadows, sigma = 0) {
+  const model = passes.map.scene.reflectance;
+  if (shadows) castShadows(passes, sun);
+  const uniforms = {
+    u_sun: ["3f", ...sun],
+    u_center: ["3f", ...center],
+    u_around: ["1i", shadows ? (passes.map.scene.grid.stride === 1 ? 1 : 0) : -1],
+    p: ["1fv", new Float32Array(model.packed)],
+    p_count: ["1i", model.packed.length],
+  };
+  const [first, second, third] = passes.values;
+  overGrid(passes, passes.brightness, first, uniforms, {
+    u_position: passes.textures.position,
+    u_normal: passes.textures.normal,
+    u_lit: passes.lit.texture,
+  });
+  if (!(sigma > 0)) return first;
+  const along = (columns, rows) => ({ u_sigma: ["1f", sigma], u_along: ["2i", columns, rows] });
+  overGrid(passes, passes.average, second, along(1, 0), { u_values: first.texture });
+  overGrid(passes, passes.average, third, along(0, 1), { u_values: second.texture });
+  return third;
+}
+
+/** A texture like brightnessOf's, of values (J,): weight 1 where they are finite. */
+function valuesTexture(passes, values) {
+  const { map, gl } = passes;
+  const cells = new Float32Array(2 * map.rows * map.cols);
+  for (let j = 0; j < map.count; j++) if (Number.isFinite(values[j])) cells.set([values[j], 1], 2 * map.cell[j]);
+  return textureOf(gl, "RG32F", map.cols, map.rows, cells);
+}

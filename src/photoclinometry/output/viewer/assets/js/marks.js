@@ -1,0 +1,86 @@
+// Marks on the map: outlines of images, directions of cameras, and points of measurements. Drawn in pixels of the picture.
+
+const INK = "#ffcc33";
+const OTHER_INK = "#7fd4ff";
+
+/** A line through points (x, y, z) of the local frame; those behind the camera break it. */
+function line(pen, camera, points, closed = false) {
+  pen.beginPath();
+  let started = false;
+  for (const point of closed ? [...points, points[0]] : points) {
+    const [u, v, depth] = projected(camera, point);
+    if (depth <= 0) started = false;
+    else if (started) pen.lineTo(u, v);
+    else pen.moveTo(u, v);
+    started = depth > 0;
+  }
+  pen.stroke();
+}
+
+/** Text with an outline, so that it is read on dark and bright ground. */
+function outlined(pen, text, x, y, colour = "#fff") {
+  pen.lineJoin = "round";
+  pen.strokeStyle = "rgba(0, 0, 0, 0.85)";
+  pen.lineWidth = 3.5 * pen.ratio;
+  pen.strokeText(text, x, y);
+  pen.fillStyle = colour;
+  pen.fillText(text, x, y);
+}
+
+/** Name of a view without folders and suffix. */
+const shortName = (name) => name.split("/").pop().replace(/\.[^.]*$/, "");
+
+/** Outline of a view's image on the mean plane: (x, y, 0) of its corners; null where it does not meet the plane. */
+function footprintOf(view) {
+  const camera = wholeImage(view);
+  const corners = [[0, 0], [view.width, 0], [view.width, view.height], [0, view.height]].map((pixel) => onPlane(camera, pixel));
+  return corners.every(Boolean) ? corners : null;
+}
+
+function drawFootprints(pen, camera, map, chosen) {
+  map.scene.views.forEach((view, k) => {
+    const corners = footprintOf(view);
+    if (!corners) return;
+    pen.strokeStyle = k === chosen ? INK : OTHER_INK;
+    pen.lineWidth = (k === chosen ? 2 : 1) * pen.ratio;
+    line(pen, camera, corners, true);
+  });
+}
+
+/** Directions from the middle of the map to the cameras, each with a small picture frame and the view's name. */
+function drawCameras(pen, camera, map, chosen) {
+  map.scene.views.forEach((view, k) => {
+    const towards = unit(view.center);
+    const middle = times(towards, 1.25 * map.radius);
+    const axes = view.local_from_cam;
+    const half = 0.05 * map.radius;
+    const corner = (x, y) => add(middle, [0, 1, 2].map((i) => half * (x * axes[i][0] + y * axes[i][1])));
+    pen.strokeStyle = k === chosen ? INK : OTHER_INK;
+    pen.lineWidth = (k === chosen ? 2 : 1) * pen.ratio;
+    line(pen, camera, [times(towards, 0.02 * map.radius), middle]);
+    line(pen, camera, [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)], true);
+    const [u, v, depth] = projected(camera, corner(1, 0));
+    if (depth > 0) outlined(pen, shortName(view.name), u + 4 * pen.ratio, v, k === chosen ? INK : OTHER_INK);
+  });
+}
+
+/** The points of a measurement on the ground, joined along it. */
+function drawMeasure(pen, camera, map, state) {
+  const places = state.points;
+  const grounds = places.map((place) => vectorAt(map, map.position, place));
+  if (!grounds.length || grounds.some((point) => !point)) return;
+  pen.strokeStyle = INK;
+  pen.lineWidth = 2 * pen.ratio;
+  const joined = state.tool === "area" && places.length > 2 ? [...grounds, grounds[0]] : grounds;
+  if (state.tool === "profile" && places.length === 2) {
+    line(pen, camera, profileOf(map, places).filter((step) => step.position).map((step) => step.position));
+  } else line(pen, camera, joined);
+  grounds.forEach((point, i) => {
+    const [u, v] = projected(camera, point);
+    pen.beginPath();
+    pen.arc(u, v, 5 * pen.ratio, 0, 2 * Math.PI);
+    pen.fillStyle = INK;
+    pen.fill();
+    outlined(pen, "ABCDEFGHIJKLMNOPQRSTUVWXYZ"[i % 26], u + 8 * pen.ratio, v - 8 * pen.ratio, INK);
+  });
+}

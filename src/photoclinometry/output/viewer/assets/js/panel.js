@@ -1,0 +1,125 @@
+// The controls at the side: each shows a part of the state, and changes it.
+
+const byId = (id) => document.getElementById(id);
+
+const HINTS = {
+  look: "Drag to turn, wheel to zoom. Choose a tool to measure.",
+  profile: "Click two points on the map.",
+  angle: "Click three points: the angle is that at the second.",
+  area: "Click the corners of a region, three or more.",
+};
+
+function fill(select, entries) {
+  for (const [value, words] of entries) select.add(new Option(words, value));
+}
+
+function fillTable(table, rows) {
+  table.replaceChildren(
+    ...rows.map((row) => {
+      const line = document.createElement("tr");
+      line.append(...row.map((text) => Object.assign(document.createElement("td"), { textContent: text })));
+      return line;
+    }),
+  );
+}
+
+/** Buttons of which one is chosen. */
+function choices(box, names, change) {
+  const buttons = names.map((name) => {
+    const button = Object.assign(document.createElement("button"), { type: "button", textContent: name });
+    button.setAttribute("role", "radio");
+    button.dataset.value = name;
+    button.addEventListener("click", () => change(name));
+    return button;
+  });
+  box.append(...buttons);
+  return (chosen, usable = () => true) =>
+    buttons.forEach((button) => {
+      button.setAttribute("aria-checked", String(button.dataset.value === chosen));
+      button.disabled = !usable(button.dataset.value);
+    });
+}
+
+/** Fills the panel and listens to it. viewer: store, map, layers, size(), and the actions of main.js. */
+function panelOf(viewer) {
+  const { map, layers, store } = viewer;
+  const { scene } = map;
+  byId("title").textContent = scene.name;
+  byId("subtitle").textContent = subtitle(map);
+  fill(byId("layer"), layers.map((layer) => [layer.key, layer.title]));
+  const views = scene.views.map((view, k) => [k, shortName(view.name)]);
+  fill(byId("sun-of"), [["", "– free –"], ...views]);
+  fill(byId("camera-of"), [["", "– free –"], ...views]);
+  byId("contour-unit").textContent = scene.unit;
+  byId("compare-section").hidden = !scene.reflectance || scene.pictures.every((picture) => !picture);
+  const showCompare = choices(byId("compare"), COMPARE, (name) => viewer.compare(name));
+  const showTool = choices(byId("tools"), TOOLS, (tool) => store.update({ tool, points: [] }));
+  listenToInputs(viewer);
+  listenToButtons(viewer);
+  return () => showPanel(viewer, showCompare, showTool);
+}
+
+function subtitle(map) {
+  const { scene } = map;
+  const model = scene.reflectance ? scene.reflectance.name : "no reflectance model";
+  return [scene.body, `${map.count} landmarks`, `${scene.views.length} views`, model].filter(Boolean).join(" · ");
+}
+
+function listenToInputs(viewer) {
+  const { store, map } = viewer;
+  const on = (id, change) => byId(id).addEventListener("input", (event) => change(event.target));
+  const number = (id, name) => on(id, (input) => Number.isFinite(input.valueAsNumber) && store.update({ [name]: input.valueAsNumber }));
+  on("layer", (input) => store.update({ layer: input.value }));
+  for (const name of ["shading", "shadows", "cameras", "footprints"]) on(name, (input) => store.update({ [name]: input.checked }));
+  for (const name of ["azimuth", "elevation", "swipe"]) number(name, name);
+  on("difference", (input) => input.valueAsNumber > 0 && store.update({ difference: input.valueAsNumber }));
+  on("contour", (input) => store.update({ contour: Math.max(input.valueAsNumber || 0, 0) }));
+  on("sun-of", (input) => input.value !== "" && store.update({ view: Number(input.value), ...sunAsIn(map.scene.views[input.value]) }));
+  on("camera-of", (input) => viewer.takeCamera(input.value === "" ? null : Number(input.value)));
+}
+
+function listenToButtons(viewer) {
+  const { store, map } = viewer;
+  const on = (id, action) => byId(id).addEventListener("click", action);
+  on("play", () => viewer.play());
+  on("above", () => viewer.free({ ...wholeMap(map, viewer.size()) }));
+  on("oblique", () => viewer.free({ ...wholeMap(map, viewer.size()), tilt: 60 }));
+  on("clear", () => store.update({ points: [] }));
+  on("save-csv", () => viewer.saveCsv());
+  on("save-chart", () => savePng(byId("chart"), `${map.scene.name}-profile.png`));
+  on("save-png", () => viewer.savePng());
+  on("copy-link", () => viewer.copyLink());
+  on("show-help", () => byId("help").showModal());
+  on("close-help", () => byId("help").close());
+}
+
+/** Shows the state in all controls. */
+function showPanel(viewer, showCompare, showTool) {
+  const { map, store, layers } = viewer;
+  const { state } = store;
+  const layer = layers.find((one) => one.key === state.layer);
+  byId("layer").value = state.layer;
+  for (const name of ["shading", "shadows", "cameras", "footprints"]) byId(name).checked = state[name];
+  for (const name of ["azimuth", "elevation", "contour", "swipe", "difference"]) {
+    if (document.activeElement !== byId(name)) byId(name).value = Number(state[name].toFixed(4));
+  }
+  byId("shading").disabled = !layer.shaded;
+  byId("contour").disabled = !layer.contours;
+  byId("sun-of").value = viewer.viewOfSun() ?? "";
+  byId("camera-of").value = state.camera === "image" ? state.view : "";
+  byId("swipe-label").hidden = state.compare !== "swipe";
+  byId("difference-label").hidden = state.compare !== "difference";
+  byId("play").textContent = viewer.playing ? "stop" : "play a day";
+  byId("play").setAttribute("aria-pressed", String(Boolean(viewer.playing)));
+  showCompare(state.compare, (name) => name === "map" || Boolean(map.scene.pictures[state.view]));
+  showTool(state.tool);
+  byId("tool-hint").textContent = HINTS[state.tool];
+}
+
+/** Shows a measurement: its table, and its chart where it is a profile. */
+function showMeasure(viewer, { rows, profile }) {
+  fillTable(byId("measures"), rows);
+  byId("chart").hidden = !profile;
+  byId("save-csv").disabled = byId("save-chart").disabled = !profile;
+  if (profile) drawChart(byId("chart"), profile, viewer.map.scene.unit);
+}

@@ -1,0 +1,32 @@
+// Files that the page writes: pictures as PNG, profiles as CSV.
+
+function download(blob, name) {
+  const anchor = document.createElement("a");
+  anchor.href = URL.createObjectURL(blob);
+  anchor.download = name;
+  anchor.click();
+  setTimeout(() => URL.revokeObjectURL(anchor.href), 10000);
+}
+
+const safeName = (text) => text.replace(/[^\w.-]+/g, "_");
+
+/** The picture with what is drawn above it. */
+function joined(canvases) {
+  const whole = document.createElement("canvas");
+  [whole.width, whole.height] = [canvases[0].width, canvases[0].height];
+  const pen = whole.getContext("2d");
+  canvases.forEach((canvas) => pen.drawImage(canvas, 0, 0));
+  return whole;
+}
+
+const savePng = (canvas, name) => canvas.toBlob((blob) => download(blob, safeName(name)), "image/png");
+
+/** A profile as CSV; names of columns end in the unit. */
+function profileCsv(profile, unitName) {
+  const columns = ["distance", "x", "y", "height", "sigma"].map((name) => `${name === "sigma" ? "height_sigma" : name}_${unitName.toLowerCase()}`);
+  const rows = profile.map((p) => [p.distance, p.x, p.y, p.height, p.sigma, p.slope, p.albedo]);
+  const cell = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(8))) : "");
+  return [[...columns, "slope_deg", "albedo"].join(","), ...rows.map((row) => row.map(cell).join(","))].join("\n") + "\n";
+}
+
+const saveCsv = (text, name) => download(new Blob([text], { type: "text/csv" }), safeName(name));

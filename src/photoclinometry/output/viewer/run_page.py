@@ -1,0 +1,34 @@
+"""The viewer's page of a run folder."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from photoclinometry.io.run_files import read_run, run_images, site_path
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.scene import Image, Scene
+from photoclinometry.output.viewer.page import NAME, write_viewer
+
+log = logging.getLogger(__name__)
+
+
+def run_page(run: Path) -> Path:
+    """The path of a finished run's page: that of its report, or one that is written there now.
+
+    Raises RunFolderError where there is no finished run, or the page cannot be written.
+    """
+    path = run / "report" / NAME
+    if (run / "scene.h5").is_file() and path.is_file():
+        return path
+    scene = read_run(run)
+    return write_viewer(path, scene, _images(run, scene))
+
+
+def _images(run: Path, scene: Scene) -> list[Image]:
+    """The images of the run's views; none, with the reason in the log, where they are not there any more."""
+    try:
+        return run_images(site_path(run), scene.views.name)
+    except InputError as error:
+        log.info("the page holds no images: %s", error)
+        return []
