@@ -193,7 +193,7 @@ async function open() {
   draw(viewer);
   byId("message").textContent = "";
   viewer.openedIn = performance.now() - started;
-  window.viewer = Object.assign(viewer, { draw: () => draw(viewer), renderingOf: (k, azimuth, elevation, shadows) => renderingOf(viewer.renderer, k, sunFromAngles(azimuth, elevation), shadows) });
+  window.viewer = Object.assign(viewer, { sunFromAngles, laterSun, draw: () => draw(viewer), renderingOf: (k, azimuth, elevation, shadows) => renderingOf(viewer.renderer, k, sunFromAngles(azimuth, elevation), shadows) });
 }
 
 open().catch((error) => {

@@ -1,0 +1,427 @@
+"""The viewer in a real browser: it loads without errors or requests, and each control changes what it should."""
+
+import csv
+import time
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scipy.interpolate import LinearNDInterpolator
+from scipy.ndimage import binary_erosion
+
+from browser import browser, why_no_browser
+from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.output.viewer import write_viewer
+from photoclinometry.photometry.render import render_view
+from photoclinometry.surface.relief import angles_from_sun, local_frame
+from scenes import synthetic_images, synthetic_scene
+from viewer_pages import page_of, scene_of
+
+pytestmark = pytest.mark.skipif(why_no_browser() is not None, reason=str(why_no_browser()))
+
+MIDDLE = (430.0, 330.0)
+"""A place on the map in the window [px]."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return scene_of()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("pages")
+
+
+@pytest.fixture(scope="module")
+def file(scene, folder):
+    return page_of(folder, scene)
+
+
+@pytest.fixture(scope="module")
+def window(folder):
+    with browser(folder) as found:
+        yield found
+
+
+@pytest.fixture
+def page(window, file):
+    """The page, just opened; whatever a test does, nothing is logged."""
+    window.open(file)
+    window.settle()
+    yield window
+    assert window.messages() == []
+
+
+def differ(before, after):
+    """Share of pixels that differ between two pictures."""
+    return (before != after).any(-1).mean()
+
+
+def rows_of(page, table):
+    """The rows of a table by their first cell."""
+    script = "return [...document.getElementById(arguments[0]).rows].map(r => [...r.cells].map(c => c.textContent))"
+    return dict(page.run(script, table))
+
+
+def downloaded(folder, pattern):
+    """The file that the page has written, as soon as it is whole."""
+    for _ in range(200):
+        found = [path for path in folder.glob(pattern) if path.stat().st_size]
+        if found:
+            return found[0]
+        time.sleep(0.05)
+    raise AssertionError(f"nothing was written: {pattern}")
+
+
+def test_it_asks_for_nothing_but_itself(window, file):
+    window.open(file)
+    window.settle()
+    assert [address.split("#")[0] for address in window.requests()] == [file.as_uri()]
+    assert window.messages() == []
+    assert window.run("return document.getElementById('message').textContent") == ""
+
+
+def test_every_layer_is_shown_and_no_two_are_alike(page):
+    keys = page.run("return viewer.layers.map(layer => layer.key)")
+    sigmas = ["sigma_height", "sigma_position", "sigma_normal", "sigma_albedo"]
+    assert keys == ["rendering", "relief", "albedo", "height", "slope", *sigmas, "views", "residual"]
+    pictures = []
+    for key in keys:
+        page.set("layer", key)
+        assert page.state("layer") == key
+        pictures.append(page.picture())
+    assert all(differ(a, b) > 0.05 for i, a in enumerate(pictures) for b in pictures[:i])
+
+
+def test_layers_have_the_maps_values_under_the_cursor(page, scene):
+    """At the landmark under the cursor: height with its sigma, albedo; and incidence, emission and phase."""
+    page.set("layer", "height")
+    page.hover(*MIDDLE)
+    shown = rows_of(page, "values")
+    col, row = (float(x) for x in shown["reference column, row"].removesuffix(" px").split(", "))
+    index = np.argmin(np.hypot(*(scene.landmarks.pixel + 0.5 - (row, col)).T))
+    local = local_frame(scene).inverse()(scene.landmarks.position[index]) / scene.gsd
+    height, sigma = shown["height"].removesuffix(" GSD").split(" ± ")
+    assert float(height) == pytest.approx(local[2], abs=0.3)
+    assert 3.0 / 60.0 - 0.01 < float(sigma) < 9.0 / 60.0 + 0.01
+    assert float(shown["albedo"].split(" ± ")[0]) == pytest.approx(scene.landmarks.albedo[index], rel=0.05)
+    assert [float(x) for x in shown["x, y"].removesuffix(" GSD").split(", ")] == pytest.approx(local[:2], abs=0.8)
+    incidence, emission, phase = (float(x.removesuffix("°")) for x in shown["incidence, emission, phase"].split(", "))
+    assert abs(incidence - emission) <= phase <= incidence + emission
+    assert shown["views"] == "4"
+    page.hover(5.0, 300.0)
+    assert rows_of(page, "values") == {}
+
+
+CONTROLS = {
+    "azimuth": (100, "azimuth", 100),
+    "elevation": (15, "elevation", 15),
+    "shadows": (False, "shadows", False),
+    "layer": ("slope", "layer", "slope"),
+    "contour": (0.05, "contour", 0.05),
+    "shading": (False, "shading", False),
+    "camera-of": ("2", "camera", "image"),
+    "sun-of": ("3", "view", 3),
+}
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+def test_controls_change_the_picture_and_the_state(page, control):
+    value, part, expected = CONTROLS[control]
+    page.run("viewer.store.update({ azimuth: 250, elevation: 8 })")
+    if control in ("contour", "shading"):
+        page.set("layer", "height")
+    before = page.picture()
+    page.set(control, value)
+    assert page.state(part) == expected
+    assert differ(before, page.picture()) > 0.005
+
+
+@pytest.mark.parametrize("mark", ["cameras", "footprints"])
+def test_cameras_and_footprints_are_drawn_above_the_map(page, mark):
+    page.click("#oblique")
+    before = page.picture("overlay")
+    page.set(mark, True)
+    assert differ(before, page.picture("overlay")) > 1e-3
+
+
+@pytest.mark.parametrize(("key", "part", "expected"), [
+    ("s", "shadows", False), ("o", "cameras", True), ("f", "footprints", True), ("p", "tool", "profile"),
+    ("a", "tool", "angle"), ("r", "tool", "area"), ("4", "layer", "height"), ("]", "view", 1), ("[", "view", 3),
+    ("v", "camera", "image"), ("c", "compare", "image"),
+])  # fmt: skip
+def test_keys_do_what_the_help_says(page, key, part, expected):
+    page.press(key)
+    assert page.state(part) == expected
+
+
+def test_arrow_keys_move_the_sun_and_plus_zooms(page):
+    azimuth, elevation, distance = (page.state(name) for name in ("azimuth", "elevation", "distance"))
+    page.press("\ue014", "\ue013", "\ue013", "+")
+    assert page.state("azimuth") == pytest.approx((azimuth + 2) % 360)
+    assert page.state("elevation") == pytest.approx(elevation + 4)
+    assert page.state("distance") < distance
+    page.press("0")
+    assert page.state("distance") == pytest.approx(distance, rel=1e-6)
+
+
+def test_help_opens_and_closes(page):
+    page.press("?")
+    assert page.run("return document.getElementById('help').open")
+    page.click("#close-help")
+    assert not page.run("return document.getElementById('help').open")
+
+
+def test_the_mouse_turns_moves_and_zooms(page):
+    page.drag(MIDDLE, (480.0, 330.0), (480.0, 250.0))
+    assert page.state("heading") == pytest.approx(0.35 * 50)
+    assert page.state("tilt") == pytest.approx(0.35 * 80)
+    target = page.state("target")
+    page.drag(MIDDLE, (450.0, 350.0), button="right")
+    assert page.state("target") != target
+    distance = page.state("distance")
+    page.wheel(*MIDDLE, -300)
+    assert page.state("distance") < 0.8 * distance
+
+
+def test_the_sun_is_dragged_on_the_map_and_on_the_sky(page):
+    azimuth = page.state("azimuth")
+    page.drag(MIDDLE, (460.0, 330.0), alt=True)
+    assert page.state("azimuth") == pytest.approx((azimuth + 0.35 * 30) % 360)
+    box = page.run("const b = document.getElementById('sky').getBoundingClientRect(); return [b.x, b.y, b.width]")
+    centre = (box[0] + box[2] / 2, box[1] + box[2] / 2)
+    page.drag(centre, (centre[0] + 0.23 * box[2], centre[1]))
+    assert page.state("azimuth") == pytest.approx(90.0, abs=1.0)
+    assert page.state("elevation") == pytest.approx(45.0, abs=1.0)
+
+
+def test_fingers_turn_zoom_and_move(page):
+    x, y = MIDDLE
+    page.touch([(x, y)], [(x + 40, y)])
+    assert page.state("heading") == pytest.approx(14.0)
+    distance, target = page.state("distance"), page.state("target")
+    page.touch([(x - 40, y), (x + 40, y)], [(x - 80, y), (x + 40, y)], [(x - 80, y), (x + 80, y)])
+    assert page.state("distance") == pytest.approx(distance / 2, rel=0.02)
+    page.touch([(x - 40, y), (x + 40, y)], [(x - 40, y + 40), (x + 40, y)], [(x - 40, y + 40), (x + 40, y + 40)])
+    assert page.state("target") != target
+
+
+def test_a_day_moves_the_sun_and_leaves_nights_out(page):
+    page.run("viewer.store.update({ azimuth: 271, elevation: 4 })")
+    seen = set()
+    page.run("viewer.play()")
+    for _ in range(20):
+        time.sleep(0.05)
+        seen.add((page.state("azimuth"), page.state("elevation")))
+    page.click("#play")
+    assert len(seen) > 5
+    assert all(elevation > 0 for _, elevation in seen)
+    still = page.state("azimuth")
+    time.sleep(0.2)
+    assert page.state("azimuth") == still
+
+
+def test_a_day_keeps_the_angle_between_sun_and_axis(page):
+    cosines = page.run("""
+        const found = [];
+        for (let i = 0, sun = viewer.sunFromAngles(200, 40); i < 90; i++) {
+            sun = viewer.laterSun([0, 1, 0], sun, 0.02);
+            found.push(sun[1] / Math.hypot(...sun));
+        }
+        return found;
+    """)
+    assert np.ptp(cosines) < 1e-9
+
+
+def test_as_in_an_image_takes_its_sun_and_its_camera(page, scene):
+    page.set("camera-of", "2")
+    azimuth, elevation = np.degrees(angles_from_sun(local_frame(scene), scene.views.sun[2]))
+    assert page.state("azimuth") == pytest.approx(azimuth, abs=1e-6)
+    assert page.state("elevation") == pytest.approx(elevation, abs=1e-6)
+    assert page.run("return document.getElementById('sun-of').value") == "2"
+    page.set("azimuth", 10)
+    assert page.run("return document.getElementById('sun-of').value") == ""
+
+
+def shown_in_image_pixels(page, view, compare):
+    """The picture of a view's camera, one pixel each of its image: (height, width) brightness, and its place."""
+    page.set("camera-of", str(view))
+    page.run("viewer.compare(arguments[0])", compare)
+    page.run("""
+        const [w, h] = viewer.size(), s = viewer.store.state;
+        viewer.store.update({ zoom: 1, middle: s.middle.map((m, i) => Math.round(m) + ([w, h][i] % 2) / 2) });
+    """)
+    page.settle()
+    limits = page.run("return viewer.drawn.shown.limits")
+    picture = page.picture().astype(float)
+    middle = page.state("middle")
+    corner = [round(middle[i] - picture.shape[1 - i] / 2) for i in (0, 1)]
+    return limits[0] + picture[..., 0] / 255 * (limits[1] - limits[0]), corner, limits
+
+
+def test_the_picture_of_a_views_camera_is_render_and_image(page, scene):
+    """Pixels of the canvas: the rendering is `render_view`'s, the image is the image, both to the screen's levels."""
+    for view in (0, 2):
+        camera = scene.views.cameras[view]
+        rendered, mask = render_view(scene, view, cast_shadows=True)
+        mask = binary_erosion(mask)
+        image = synthetic_images(scene)[view].brightness
+        for compare, wanted in (("map", rendered), ("image", image)):
+            shown, (left, top), limits = shown_in_image_pixels(page, view, compare)
+            height, width = shown.shape
+            full = np.full((height, width), np.nan)
+            rows, cols = slice(max(-top, 0), camera.height - top), slice(max(-left, 0), camera.width - left)
+            full[rows, cols] = np.where(mask, wanted, np.nan)
+            inside = np.isfinite(full) & (full > limits[0]) & (full < limits[1])
+            assert inside.sum() > 1000
+            off = np.abs(shown - full)[inside]
+            assert off.mean() < 0.005 * np.nanmean(full)
+
+
+def test_swipe_shows_the_image_left_of_its_edge(page):
+    page.set("camera-of", "2")
+    pictures = {}
+    for compare in ("map", "image", "swipe"):
+        page.click(f"#compare [data-value={compare}]")
+        page.settle()
+        pictures[compare] = page.picture()
+    page.set("swipe", 0.3)
+    swept, edge = page.picture(), round(0.3 * pictures["map"].shape[1])
+    assert (swept[:, : edge - 2] == pictures["image"][:, : edge - 2]).all()
+    assert (swept[:, edge + 2 :] == pictures["map"][:, edge + 2 :]).all()
+
+
+def test_blinking_alternates_between_map_and_image(page):
+    page.set("camera-of", "1")
+    page.click("#compare [data-value=blink]")
+    seen = set()
+    for _ in range(40):
+        time.sleep(0.05)
+        seen.add(page.run("return viewer.drawn.shown.compare"))
+    assert seen == {"map", "image"}
+
+
+def test_the_difference_of_a_rendering_and_its_exact_image_is_small(page):
+    """Colours near the middle of the scale, white; and stronger ones on a narrower scale."""
+    page.set("camera-of", "0")
+    page.click("#compare [data-value=difference]")
+    page.settle()
+    wide = page.picture()
+    inside = (wide.min(-1) > 100) & (wide.max(-1) > 200)
+    assert (wide[inside].min(-1) > 225).mean() > 0.9
+    page.set("difference", 0.05)
+    assert (page.picture()[inside].min(-1) > 225).mean() < 0.9
+
+
+def test_a_profile_has_the_heights_and_sigmas_of_the_map(page, scene, folder):
+    """Clicked on the map, read from its CSV: between landmarks, along a straight line."""
+    page.press("p")
+    page.drag((300.0, 200.0))
+    page.drag((560.0, 480.0))
+    assert len(page.state("points")) == 2
+    assert not page.run("return document.getElementById('chart').hidden")
+    page.click("#save-csv")
+    with open(downloaded(folder, "*-profile.csv"), encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    table = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    local = local_frame(scene).inverse()(scene.landmarks.position) / scene.gsd
+    x, y = table["x_gsd"], table["y_gsd"]
+    along = np.hypot(x - x[0], y - y[0])
+    np.testing.assert_allclose(table["distance_gsd"], along, atol=1e-4)
+    assert np.abs((x - x[0]) * (y[-1] - y[0]) - (y - y[0]) * (x[-1] - x[0])).max() < 1e-2
+    up = local_frame(scene).rotation[:, 2]
+    sigma = np.sqrt(scene.uncertainty["position"] @ up @ up) / scene.gsd
+    wanted = LinearNDInterpolator(local[:, :2], np.stack([local[:, 2], sigma], -1))(x, y)
+    np.testing.assert_allclose(table["height_gsd"], wanted[:, 0], atol=0.02)
+    assert np.abs(table["height_sigma_gsd"] - wanted[:, 1]).mean() < 0.01
+    shown = rows_of(page, "measures")
+    assert float(shown["along the mean plane"].split()[0]) == pytest.approx(along[-1], rel=1e-3)
+    assert " ± " in shown["height of B above A"]
+
+
+def test_angles_and_areas_are_those_of_the_landmarks(page, scene):
+    corners = [[5, 5], [33, 6], [30, 32], [8, 28]]
+    local = local_frame(scene).inverse()(scene.landmarks.position) / scene.gsd
+    a, b, c, _ = points = [local[40 * row + col] for col, row in corners]
+    page.run("viewer.store.update({ tool: 'angle', points: arguments[0] })", corners[:3])
+    cosine = (a - b) @ (c - b) / np.linalg.norm(a - b) / np.linalg.norm(c - b)
+    assert float(rows_of(page, "measures")["angle at B"].removesuffix("°")) == pytest.approx(
+        np.degrees(np.arccos(cosine)), rel=1e-3
+    )
+    page.run("viewer.store.update({ tool: 'area', points: arguments[0] })", corners)
+    x, y = np.array(points)[:, :2].T
+    plane = 0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    shown = rows_of(page, "measures")
+    assert float(shown["area in the mean plane"].split()[0]) == pytest.approx(plane, rel=1e-3)
+    assert float(shown["of it mapped"].split()[0]) == pytest.approx(plane, rel=0.03)
+    assert float(shown["area of the surface"].split()[0]) > float(shown["of it mapped"].split()[0])
+
+
+def test_a_permalink_restores_what_is_shown(page, window, file):
+    page.run("""
+        viewer.store.update({ layer: 'height', contour: 0.3, azimuth: 123.4, elevation: 21, shadows: false, tilt: 50,
+            heading: 200, footprints: true, tool: 'profile', points: [[5, 5], [30, 22.5]] });
+        viewer.play(); viewer.play();
+    """)
+    page.settle()
+    time.sleep(0.5)
+    fragment = page.run("return location.hash")
+    state, picture = page.run("return viewer.store.state"), page.picture()
+    window.open(file, fragment)
+    window.settle()
+    again = window.run("return viewer.store.state")
+    for name, value in state.items():
+        if isinstance(value, (str, bool)):
+            assert again[name] == value
+        else:
+            np.testing.assert_allclose(again[name], value, rtol=1e-7, err_msg=name)
+    assert differ(picture, window.picture()) < 1e-3
+    assert rows_of(window, "measures")["azimuth from A to B"]
+
+
+@pytest.mark.parametrize("fragment", ["#layer=none&view=99&zoom=x&points=1;2", "#%%%", "#target=1,2&camera=boat", "#="])
+def test_a_damaged_permalink_is_left_out(window, file, fragment):
+    window.open(file, fragment)
+    window.settle()
+    assert window.state("layer") == "rendering"
+    assert window.state("points") == []
+    assert window.messages() == []
+
+
+def test_the_picture_is_saved_with_its_legend(page, folder):
+    page.click("#save-png")
+    saved = cv2.imread(str(downloaded(folder, "*-rendering.png")))
+    picture = page.picture()
+    assert saved.shape == picture.shape
+    assert 0.005 < differ(cv2.cvtColor(saved, cv2.COLOR_BGR2RGB), picture) < 0.2
+
+
+def test_a_map_of_geometry_alone_has_its_layers(window, folder):
+    bare = synthetic_scene(size=16, views=3, reflectance=None)
+    window.open(write_viewer(folder / "bare.html", bare, synthetic_images(bare)))
+    window.settle()
+    assert window.run("return viewer.layers.map(l => l.key)") == ["relief", "height", "slope", "views"]
+    assert window.run("return document.getElementById('compare-section').hidden")
+    window.set("camera-of", "1")
+    assert window.messages() == []
+
+
+def test_a_map_on_the_body_has_north_longitudes_and_metres(window, folder, scene):
+    window.open(write_viewer(folder / "body.html", replace(scene, frame=BODY_FIXED)))
+    window.hover(*MIDDLE)
+    shown = rows_of(window, "values")
+    assert shown["height"].endswith(" m")
+    assert "longitude, latitude" in shown
+    assert window.messages() == []
+
+
+def test_without_webgl_the_page_says_so(window, file):
+    blocked = window.driver.execute_cdp_cmd(
+        "Page.addScriptToEvaluateOnNewDocument", {"source": "HTMLCanvasElement.prototype.getContext = () => null"}
+    )
+    window.open(file)
+    assert "WebGL" in window.run("return document.getElementById('message').textContent")
+    window.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", blocked)
+    window.messages()
