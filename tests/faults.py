@@ -517,6 +517,7 @@ def others() -> Iterator[Fault]:
     yield row("scene.h5 is text", "info mapped/run", f"{scene}: is not a scene file ... {run_again}", put(scene, "x"))
     yield row("scene.h5 is cut short", "info mapped/run", f"{scene}: is not a scene ... truncated", cut(scene, 5000))
     yield row("a folder without a map", "evaluate photos", f"photos: the folder holds no scene.h5; {finished}")
+    yield row("a folder without a map to view", "view photos", f"photos: the folder holds no scene.h5; {finished}")
     yield row("a folder that is not there", "evaluate none", f"none: no such folder; {finished}")
     yield row(
         "no truth", f"{EVALUATE} --truth none.h5", "none.h5: there is no such truth file; `phomo simulate` writes one"
@@ -790,6 +791,7 @@ def disks() -> Iterator[Fault]:
     large = "cannot be written: File too large; the file system or a limit forbids files of this size"
     yield row("full at the first file of a run", RUN, f"map/run.json: {large}", disk=10)
     yield row("full at an export", f"{EXPORT} --products csv", f"... out/landmarks.csv: {large}", disk=300)
+    yield row("full at a page", "view mapped/run --no-browser", f"mapped/run/report/viewer.html: {large}", disk=300)
     yield row("full at a rendering", "render mapped/run --out a.fits", f"a.fits: {large}", disk=300)
     yield row(
         "full at an evaluation", f"{EVALUATE} --no-images", f"mapped/run/evaluation/evaluation.json: {large}", disk=300

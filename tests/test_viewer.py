@@ -122,7 +122,7 @@ def test_pictures_are_the_images_around_the_map():
         rows, cols = (slice(picture[k], picture[k] + picture[f"{k}s"]) for k in ("row", "col"))
         shown = unpacked(picture["brightness"]).reshape(picture["rows"], picture["cols"])
         peak = image.brightness[rows, cols].max()
-        np.testing.assert_allclose(shown, image.brightness[rows, cols], atol=6e-4 * peak)
+        np.testing.assert_allclose(shown, image.brightness[rows, cols], atol=2.1e-3 * peak)
 
 
 def test_invalid_pixels_and_missing_images_are_missing():
@@ -143,7 +143,7 @@ def test_many_pixels_are_averaged(monkeypatch):
     block = picture["block"]
     assert block > 1
     corner = images[0].brightness[picture["row"] :, picture["col"] :][:block, :block]
-    assert unpacked(picture["brightness"])[0] == pytest.approx(corner.mean(), rel=1e-3)
+    assert unpacked(picture["brightness"])[0] == pytest.approx(corner.mean(), rel=5e-3)
 
 
 def test_a_map_of_geometry_alone_and_one_with_gaps_have_pages(tmp_path):

@@ -212,11 +212,11 @@ def test_a_day_moves_the_sun_and_leaves_nights_out(page):
     page.run("viewer.store.update({ azimuth: 271, elevation: 4 })")
     seen = set()
     page.run("viewer.play()")
-    for _ in range(20):
+    for _ in range(8):
         time.sleep(0.05)
-        seen.add((page.state("azimuth"), page.state("elevation")))
+        seen.add(tuple(page.run("return [viewer.store.state.azimuth, viewer.store.state.elevation]")))
     page.click("#play")
-    assert len(seen) > 5
+    assert len(seen) > 3
     assert all(elevation > 0 for _, elevation in seen)
     still = page.state("azimuth")
     time.sleep(0.2)

@@ -43,6 +43,8 @@ SCRIPTS = (
     "values",
     "save",
     "panel",
+    "picture",
+    "actions",
     "pointer",
     "keys",
     "main",

@@ -1,8 +1,8 @@
 // Cameras are pinholes: x right, y down, z forward. All are in one form, in pixels of the picture:
 //   pixel = focal * (x, y) / z + principal,   (x, y, z) = camFromLocal * point + offset
 
-const FIELD = 1.8;      // focal length of the free camera over the picture's height: 31 degrees
-const MOST_TILT = 85;   // degrees from the vertical
+const FIELD = 1.8; // focal length of the free camera over the picture's height: 31 degrees
+const MOST_TILT = 85; // degrees from the vertical
 
 function pinhole(camFromLocal, center, focal, principal) {
   return { camFromLocal, center, offset: times(turned(camFromLocal, center), -1), focal, principal };
@@ -40,7 +40,11 @@ function projected(camera, point) {
 
 /** Unit vector in the local frame through a pixel. */
 function rayThrough(camera, pixel) {
-  const inCam = [(pixel[0] - camera.principal[0]) / camera.focal[0], (pixel[1] - camera.principal[1]) / camera.focal[1], 1];
+  const inCam = [
+    (pixel[0] - camera.principal[0]) / camera.focal[0],
+    (pixel[1] - camera.principal[1]) / camera.focal[1],
+    1,
+  ];
   return unit(turned(transposed(camera.camFromLocal), inCam));
 }
 
@@ -70,7 +74,10 @@ function wholePicture(map, k, size) {
 /** Left, top, width and height of the map in a view [px]. */
 function boundsInView(map, view) {
   const camera = wholeImage(view);
-  const [low, high] = [[Infinity, Infinity], [-Infinity, -Infinity]];
+  const [low, high] = [
+    [Infinity, Infinity],
+    [-Infinity, -Infinity],
+  ];
   for (let j = 0; j < map.count; j += 7) {
     const pixel = projected(camera, positionOf(map, j));
     for (const i of [0, 1]) [low[i], high[i]] = [Math.min(low[i], pixel[i]), Math.max(high[i], pixel[i])];

@@ -58,7 +58,8 @@ function drawAxes(pen, canvas, axes, unitName) {
   pen.lineWidth = 1;
   const ticks = ([low, high], parts, draw) => {
     const step = roundStep(high - low, parts);
-    for (let value = Math.ceil(low / step) * step; value <= high; value += step) draw(Math.abs(value) < 1e-9 * step ? 0 : value, step);
+    for (let value = Math.ceil(low / step) * step; value <= high; value += step)
+      draw(Math.abs(value) < 1e-9 * step ? 0 : value, step);
   };
   const rule = (...points) => {
     pen.beginPath();

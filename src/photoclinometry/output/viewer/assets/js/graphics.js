@@ -4,7 +4,8 @@
 function graphicsOf(canvas) {
   const gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: false });
   if (!gl) throw new Error("This browser has no WebGL 2, or it is switched off.");
-  if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("The graphics processor cannot draw numbers (EXT_color_buffer_float).");
+  if (!gl.getExtension("EXT_color_buffer_float"))
+    throw new Error("The graphics processor cannot draw numbers (EXT_color_buffer_float).");
   return gl;
 }
 
@@ -14,7 +15,8 @@ function compiled(gl, kind, source) {
   const shader = gl.createShader(kind);
   gl.shaderSource(shader, PRECISION + source);
   gl.compileShader(shader);
-  if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) throw new Error(gl.getShaderInfoLog(shader));
+  if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost())
+    throw new Error(gl.getShaderInfoLog(shader));
   return shader;
 }
 
@@ -58,7 +60,8 @@ function textureOf(gl, layout, width, height, data) {
   const texture = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_2D, texture);
   gl.texImage2D(gl.TEXTURE_2D, 0, gl[layout], width, height, 0, gl[FORMATS[layout][0]], gl.FLOAT, data);
-  for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
+  for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+    gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
   for (const wrap of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, wrap, gl.CLAMP_TO_EDGE);
   return texture;
 }

@@ -1,6 +1,6 @@
 // What is computed for every landmark on the graphics processor: one texel per cell of the map's grid.
 
-const FAR = 1e30;  // depth where there is no ground: nothing lies behind it
+const FAR = 1e30; // depth where there is no ground: nothing lies behind it
 
 /** Textures of the map, and the programs over its grid. */
 function gridPasses(gl, map, shaders) {
@@ -17,7 +17,7 @@ function gridPasses(gl, map, shaders) {
     passes.brightness = programOf(gl, shaders["grid.vert"], rho + shaders["brightness.frag"]);
   }
   passes.lit = targetOf(gl, "R32F", map.cols, map.rows);
-  passes.values = ["RG32F", "RG32F", "RG32F"].map((layout) => targetOf(gl, layout, map.cols, map.rows));
+  passes.values = [0, 1, 2].map(() => targetOf(gl, "RG32F", map.cols, map.rows));
   passes.empty = gl.createVertexArray();
   return passes;
 }
@@ -82,10 +82,14 @@ function castShadows(passes, sun) {
     u_step: ["1f", spacing],
   };
   const { position } = passes.textures;
-  overGrid(passes, passes.shadow, passes.lit, uniforms, { u_position: position, u_depth: passes.depth, u_around: passes.around });
+  overGrid(passes, passes.shadow, passes.lit, uniforms, {
+    u_position: position,
+    u_depth: passes.depth,
+    u_around: passes.around,
+  });
 }
 
-/** The target with brightness = albedo * rho of all landmarks for a camera's centre, averaged by a Gaussian where sigma > 0. */
+/** Target with brightness = albedo * rho for a camera's centre, averaged by a Gaussian of sigma [cells] if above 0. */
 function brightnessOf(passes, sun, center, shadows, sigma = 0) {
   const model = passes.map.scene.reflectance;
   if (shadows) castShadows(passes, sun);

@@ -1,6 +1,6 @@
 // The keyboard. The table of the page's help lists the same.
 
-const SUN_STEP = 2;  // degrees; a tenth of it with Shift
+const SUN_STEP = 2; // degrees; a tenth of it with Shift
 
 function keysOf(viewer) {
   const { store, map, layers } = viewer;
@@ -9,21 +9,34 @@ function keysOf(viewer) {
   const flip = (name) => () => update({ [name]: !state[name] });
   const sun = (da, de) => (event) => {
     const step = event.shiftKey ? 0.1 * SUN_STEP : SUN_STEP;
-    update({ azimuth: (state.azimuth + da * step + 360) % 360, elevation: clamp(state.elevation + de * step, -90, 90) });
+    update({
+      azimuth: (state.azimuth + da * step + 360) % 360,
+      elevation: clamp(state.elevation + de * step, -90, 90),
+    });
   };
   const tool = (name) => () => update({ tool: name, points: [] });
   const count = map.scene.views.length;
   const step = (by) => () => viewer.takeCamera((state.view + by + count) % count);
   const found = {
-    ArrowLeft: sun(-1, 0), ArrowRight: sun(1, 0), ArrowUp: sun(0, 1), ArrowDown: sun(0, -1),
-    "+": () => zoomBy(viewer, 1.25, middle()), "=": () => zoomBy(viewer, 1.25, middle()), "-": () => zoomBy(viewer, 0.8, middle()),
+    ArrowLeft: sun(-1, 0),
+    ArrowRight: sun(1, 0),
+    ArrowUp: sun(0, 1),
+    ArrowDown: sun(0, -1),
+    "+": () => zoomBy(viewer, 1.25, middle()),
+    "=": () => zoomBy(viewer, 1.25, middle()),
+    "-": () => zoomBy(viewer, 0.8, middle()),
     0: () => viewer.whole(),
-    "[": step(-1), "]": step(1),
+    "[": step(-1),
+    "]": step(1),
     v: () => viewer.takeCamera(state.camera === "image" ? null : state.view),
     c: () => viewer.compare(COMPARE[(COMPARE.indexOf(state.compare) + 1) % COMPARE.length]),
-    s: flip("shadows"), o: flip("cameras"), f: flip("footprints"),
+    s: flip("shadows"),
+    o: flip("cameras"),
+    f: flip("footprints"),
     " ": () => viewer.play(),
-    p: tool("profile"), a: tool("angle"), r: tool("area"),
+    p: tool("profile"),
+    a: tool("angle"),
+    r: tool("area"),
     Escape: () => update({ tool: "look", points: [] }),
     "?": () => byId("help").showModal(),
   };
@@ -35,7 +48,8 @@ function keysOf(viewer) {
 function listenToKeys(viewer) {
   const keys = keysOf(viewer);
   document.addEventListener("keydown", (event) => {
-    const own = event.target.closest("input, select, dialog") || (event.target.closest("button") && " Enter".includes(event.key));
+    const own =
+      event.target.closest("input, select, dialog") || (event.target.closest("button") && " Enter".includes(event.key));
     const action = keys[event.key];
     if (own || !action || event.ctrlKey || event.metaKey) return;
     event.preventDefault();

@@ -1,7 +1,7 @@
 // What can be shown of the map: name, unit, colours, limits and values of each layer.
 
-const STEEP_SHARE = 0.98;   // share of values below the colour scale's end; the largest few saturate
-const STRETCH = [0.005, 0.995];  // shares of brightness that are shown black and white
+const STEEP_SHARE = 0.98; // share of values below the colour scale's end; the largest few saturate
+const STRETCH = [0.005, 0.995]; // shares of brightness that are shown black and white
 
 /** The layers of a map. values: array (J,), or null for those that depend on the Sun and the camera. */
 function layersOf(map) {
@@ -48,7 +48,8 @@ function exposureOf(renderer, target, factors) {
   const read = readBack(renderer.gl, target);
   const values = [];
   const step = 4 * Math.max(1, Math.floor(read.length / 80000));
-  for (let i = 0; i < read.length; i += step) if (read[i + 1] > 0) values.push((factors[0] * read[i]) / read[i + 1] + factors[1]);
+  for (let i = 0; i < read.length; i += step)
+    if (read[i + 1] > 0) values.push((factors[0] * read[i]) / read[i + 1] + factors[1]);
   const top = percentile(values, STRETCH[1]);
   return [Math.min(0, factors[1]), top > 0 ? top : 1];
 }

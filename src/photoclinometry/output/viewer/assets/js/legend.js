@@ -77,7 +77,10 @@ function drawArrow(pen, camera, from, direction, name, colour, length) {
   if (!(size > 1e-9)) return;
   const [x, y] = [du / size, dv / size];
   const tip = [from[0] + x * length, from[1] + y * length];
-  for (const [ink, width] of [["rgba(0, 0, 0, 0.8)", 5], [colour, 2.5]]) {
+  for (const [ink, width] of [
+    ["rgba(0, 0, 0, 0.8)", 5],
+    [colour, 2.5],
+  ]) {
     pen.strokeStyle = ink;
     pen.lineWidth = width * r;
     pen.beginPath();
@@ -95,9 +98,17 @@ function drawArrow(pen, camera, from, direction, name, colour, length) {
 
 function drawArrows(pen, camera, scene, state) {
   const r = pen.ratio;
-  const from = [58 * r, 92 * r];
+  const from = [68 * r, 92 * r];
   const north = northOf(scene);
   drawArrow(pen, camera, from, north.direction, north.name, "#fff", 32 * r);
   const sun = sunOf(state);
-  drawArrow(pen, camera, from, unit([sun[0], sun[1], 1e-9]), "Sun", INK, (10 + 26 * Math.cos(state.elevation * DEGREE)) * r);
+  drawArrow(
+    pen,
+    camera,
+    from,
+    unit([sun[0], sun[1], 1e-9]),
+    "Sun",
+    INK,
+    (10 + 26 * Math.cos(state.elevation * DEGREE)) * r,
+  );
 }

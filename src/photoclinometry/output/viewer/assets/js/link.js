@@ -10,7 +10,10 @@ const short = (value) => String(Number(value.toPrecision(9)));
 
 /** The fragment of a state. */
 function fragmentOf(state) {
-  const parts = [["layer", state.layer], ["view", state.view]];
+  const parts = [
+    ["layer", state.layer],
+    ["view", state.view],
+  ];
   for (const name of NUMBERS) parts.push([name, short(state[name])]);
   for (const name of Object.keys(VECTORS)) parts.push([name, state[name].map(short).join(",")]);
   for (const name of FLAGS) parts.push([name, state[name] ? 1 : 0]);
@@ -21,7 +24,12 @@ function fragmentOf(state) {
 
 /** The changes that a fragment states. What is unknown or impossible in it is left out. */
 function stateOf(fragment, map, layers) {
-  const given = Object.fromEntries(fragment.replace(/^#/, "").split("&").map((part) => part.split("=")));
+  const given = Object.fromEntries(
+    fragment
+      .replace(/^#/, "")
+      .split("&")
+      .map((part) => part.split("=")),
+  );
   const found = {};
   const finite = (text, count) => {
     if (!text) return null;
@@ -29,12 +37,16 @@ function stateOf(fragment, map, layers) {
     return values.length === count && values.every(Number.isFinite) ? values : null;
   };
   for (const name of NUMBERS) if (finite(given[name], 1)) found[name] = finite(given[name], 1)[0];
-  for (const [name, count] of Object.entries(VECTORS)) if (finite(given[name], count)) found[name] = finite(given[name], count);
+  for (const [name, count] of Object.entries(VECTORS))
+    if (finite(given[name], count)) found[name] = finite(given[name], count);
   for (const name of FLAGS) if (name in given) found[name] = given[name] === "1";
   for (const [name, words] of Object.entries(WORDS)) if (words.includes(given[name])) found[name] = given[name];
   if (layers.some((layer) => layer.key === given.layer)) found.layer = given.layer;
   if (map.scene.views[given.view]) found.view = Number(given.view);
-  const points = (given.points ?? "").split(";").slice(0, MOST_POINTS).map((text) => finite(text, 2));
+  const points = (given.points ?? "")
+    .split(";")
+    .slice(0, MOST_POINTS)
+    .map((text) => finite(text, 2));
   if (given.points && points.every(Boolean)) found.points = points;
   return found;
 }

@@ -1,6 +1,6 @@
 // The map: landmarks with their values, on a grid of the reference image's pixels.
 
-/** Everything that the page holds of a map, decoded. Arrays (J,) have one number per landmark; vectors are three columns. */
+/** All that the page holds of a map, decoded. Arrays (J,) have one number per landmark; vectors are three columns. */
 async function readMap(scene) {
   const stored = scene.landmarks;
   const names = Object.keys(stored).filter((name) => name !== "cell");

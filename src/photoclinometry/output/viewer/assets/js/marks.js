@@ -1,4 +1,4 @@
-// Marks on the map: outlines of images, directions of cameras, and points of measurements. Drawn in pixels of the picture.
+// Marks on the map: outlines of images, directions of cameras, and points of measurements.
 
 const INK = "#ffcc33";
 const OTHER_INK = "#7fd4ff";
@@ -28,12 +28,21 @@ function outlined(pen, text, x, y, colour = "#fff") {
 }
 
 /** Name of a view without folders and suffix. */
-const shortName = (name) => name.split("/").pop().replace(/\.[^.]*$/, "");
+const shortName = (name) =>
+  name
+    .split("/")
+    .pop()
+    .replace(/\.[^.]*$/, "");
 
 /** Outline of a view's image on the mean plane: (x, y, 0) of its corners; null where it does not meet the plane. */
 function footprintOf(view) {
   const camera = wholeImage(view);
-  const corners = [[0, 0], [view.width, 0], [view.width, view.height], [0, view.height]].map((pixel) => onPlane(camera, pixel));
+  const corners = [
+    [0, 0],
+    [view.width, 0],
+    [view.width, view.height],
+    [0, view.height],
+  ].map((pixel) => onPlane(camera, pixel));
   return corners.every(Boolean) ? corners : null;
 }
 
@@ -54,7 +63,11 @@ function drawCameras(pen, camera, map, chosen) {
     const middle = times(towards, 1.25 * map.radius);
     const axes = view.local_from_cam;
     const half = 0.05 * map.radius;
-    const corner = (x, y) => add(middle, [0, 1, 2].map((i) => half * (x * axes[i][0] + y * axes[i][1])));
+    const corner = (x, y) =>
+      add(
+        middle,
+        [0, 1, 2].map((i) => half * (x * axes[i][0] + y * axes[i][1])),
+      );
     pen.strokeStyle = k === chosen ? INK : OTHER_INK;
     pen.lineWidth = (k === chosen ? 2 : 1) * pen.ratio;
     line(pen, camera, [times(towards, 0.02 * map.radius), middle]);
@@ -73,7 +86,13 @@ function drawMeasure(pen, camera, map, state) {
   pen.lineWidth = 2 * pen.ratio;
   const joined = state.tool === "area" && places.length > 2 ? [...grounds, grounds[0]] : grounds;
   if (state.tool === "profile" && places.length === 2) {
-    line(pen, camera, profileOf(map, places).filter((step) => step.position).map((step) => step.position));
+    line(
+      pen,
+      camera,
+      profileOf(map, places)
+        .filter((step) => step.position)
+        .map((step) => step.position),
+    );
   } else line(pen, camera, joined);
   grounds.forEach((point, i) => {
     const [u, v] = projected(camera, point);

@@ -1,9 +1,9 @@
 // Measurements on the map. Points are places on the grid; lengths are in the page's unit.
 
-const STEP_SHARE = 0.5;     // of the landmarks' spacing: distance of a profile's points
+const STEP_SHARE = 0.5; // of the landmarks' spacing: distance of a profile's points
 const MOST_STEPS = 4000;
 
-/** Points along the straight line between two places on the mean plane: distance, position, height, its sigma, albedo. */
+/** Points along the straight line between two places on the mean plane, each as profilePoint has it. */
 function profileOf(map, [first, last]) {
   const [from, to] = [first, last].map((place) => vectorAt(map, map.position, place));
   if (!from || !to) return [];
@@ -25,14 +25,26 @@ function profileOf(map, [first, last]) {
 function profilePoint(map, distance, x, y, place) {
   const of = (values) => (place && values ? valueAt(map, values, place) : NaN);
   const position = place && vectorAt(map, map.position, place);
-  return { distance, x, y, position, height: of(map.height), sigma: of(map.sigma_height), albedo: of(map.albedo), slope: of(map.slope) };
+  return {
+    distance,
+    x,
+    y,
+    position,
+    height: of(map.height),
+    sigma: of(map.sigma_height),
+    albedo: of(map.albedo),
+    slope: of(map.slope),
+  };
 }
 
 /** Length along the surface of a profile; NaN where it has gaps. */
 function pathLength(profile) {
   let sum = 0;
   for (let i = 1; i < profile.length; i++) {
-    sum += profile[i].position && profile[i - 1].position ? length(subtract(profile[i].position, profile[i - 1].position)) : NaN;
+    sum +=
+      profile[i].position && profile[i - 1].position
+        ? length(subtract(profile[i].position, profile[i - 1].position))
+        : NaN;
   }
   return sum;
 }

@@ -14,7 +14,12 @@ function penOf(canvas, ratio) {
 function caption(map, state, layer, compare) {
   const view = shortName(map.scene.views[state.view].name);
   const sun = `Sun ${digits(state.azimuth, 0.1)}° ${digits(state.elevation, 0.1)}°`;
-  const what = { map: layer.title, image: `image ${view}`, swipe: `image ${view} | ${layer.title}`, difference: "rendering − image" };
+  const what = {
+    map: layer.title,
+    image: `image ${view}`,
+    swipe: `image ${view} | ${layer.title}`,
+    difference: "rendering − image",
+  };
   return `${what[compare]}  ·  ${sun}  ·  ${state.camera === "image" ? `camera of ${view}` : "free camera"}`;
 }
 

@@ -46,7 +46,10 @@ function panelOf(viewer) {
   const { scene } = map;
   byId("title").textContent = scene.name;
   byId("subtitle").textContent = subtitle(map);
-  fill(byId("layer"), layers.map((layer) => [layer.key, layer.title]));
+  fill(
+    byId("layer"),
+    layers.map((layer) => [layer.key, layer.title]),
+  );
   const views = scene.views.map((view, k) => [k, shortName(view.name)]);
   fill(byId("sun-of"), [["", "– free –"], ...views]);
   fill(byId("camera-of"), [["", "– free –"], ...views]);
@@ -68,13 +71,19 @@ function subtitle(map) {
 function listenToInputs(viewer) {
   const { store, map } = viewer;
   const on = (id, change) => byId(id).addEventListener("input", (event) => change(event.target));
-  const number = (id, name) => on(id, (input) => Number.isFinite(input.valueAsNumber) && store.update({ [name]: input.valueAsNumber }));
+  const number = (id, name) =>
+    on(id, (input) => Number.isFinite(input.valueAsNumber) && store.update({ [name]: input.valueAsNumber }));
   on("layer", (input) => store.update({ layer: input.value }));
-  for (const name of ["shading", "shadows", "cameras", "footprints"]) on(name, (input) => store.update({ [name]: input.checked }));
+  for (const name of ["shading", "shadows", "cameras", "footprints"])
+    on(name, (input) => store.update({ [name]: input.checked }));
   for (const name of ["azimuth", "elevation", "swipe"]) number(name, name);
   on("difference", (input) => input.valueAsNumber > 0 && store.update({ difference: input.valueAsNumber }));
   on("contour", (input) => store.update({ contour: Math.max(input.valueAsNumber || 0, 0) }));
-  on("sun-of", (input) => input.value !== "" && store.update({ view: Number(input.value), ...sunAsIn(map.scene.views[input.value]) }));
+  on(
+    "sun-of",
+    (input) =>
+      input.value !== "" && store.update({ view: Number(input.value), ...sunAsIn(map.scene.views[input.value]) }),
+  );
   on("camera-of", (input) => viewer.takeCamera(input.value === "" ? null : Number(input.value)));
 }
 

@@ -1,7 +1,7 @@
 // Mouse, pen and touch on the picture.
 
-const CLICK_PX = 4;   // a pointer that moved less was clicked
-const TURN = 0.35;    // degrees per pixel
+const CLICK_PX = 4; // a pointer that moved less was clicked
+const TURN = 0.35; // degrees per pixel
 
 /** Listens to the canvas. Pixels are those of the picture. */
 function listenToPointer(canvas, viewer) {
@@ -9,7 +9,10 @@ function listenToPointer(canvas, viewer) {
   let moved = 0;
   const at = (event) => {
     const box = canvas.getBoundingClientRect();
-    return [((event.clientX - box.left) * canvas.width) / box.width, ((event.clientY - box.top) * canvas.height) / box.height];
+    return [
+      ((event.clientX - box.left) * canvas.width) / box.width,
+      ((event.clientY - box.top) * canvas.height) / box.height,
+    ];
   };
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
@@ -34,10 +37,14 @@ function listenToPointer(canvas, viewer) {
   }
   canvas.addEventListener("pointerleave", () => viewer.hover(null));
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    zoomBy(viewer, Math.exp(-0.0015 * event.deltaY), at(event));
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      zoomBy(viewer, Math.exp(-0.0015 * event.deltaY), at(event));
+    },
+    { passive: false },
+  );
 }
 
 function drag(viewer, event, before, now) {
@@ -69,7 +76,10 @@ function pan(viewer, before, now) {
   }
   const camera = viewer.camera();
   const [from, to] = [before, now].map((pixel) => onPlane(camera, pixel, state.target[2]));
-  if (from && to) update({ target: add(state.target, subtract(from, to)).map((x) => clamp(x, -3 * viewer.map.radius, 3 * viewer.map.radius)) });
+  if (from && to)
+    update({
+      target: add(state.target, subtract(from, to)).map((x) => clamp(x, -3 * viewer.map.radius, 3 * viewer.map.radius)),
+    });
 }
 
 /** Zooms so that what is under a pixel stays there. */

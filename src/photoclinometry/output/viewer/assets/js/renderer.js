@@ -1,7 +1,7 @@
 // The picture: the landmarks' mesh in a camera, then its colours.
 
-const MISSING_VALUE = -1e30;  // as in the shaders
-const SHADE_SUN = sunFromAngles(315, 35);  // of hillshades: from the upper left, the cartographers' convention
+const MISSING_VALUE = -1e30; // as in the shaders
+const SHADE_SUN = sunFromAngles(315, 35); // of hillshades: from the upper left, the cartographers' convention
 
 function rendererOf(canvas, map, about) {
   const gl = graphicsOf(canvas);
@@ -64,7 +64,11 @@ function drawSurface(renderer, target, camera, values, factors) {
     u_factors: ["2f", ...factors],
     u_shade_sun: ["3f", ...SHADE_SUN],
   };
-  use(gl, renderer.surface, uniforms, { u_position: passes.textures.position, u_normal: passes.textures.normal, u_values: values });
+  use(gl, renderer.surface, uniforms, {
+    u_position: passes.textures.position,
+    u_normal: passes.textures.normal,
+    u_values: values,
+  });
   gl.drawElements(gl.TRIANGLES, renderer.mesh.indices, gl.UNSIGNED_INT, 0);
 }
 
@@ -98,7 +102,7 @@ function imageTexture(renderer, k) {
 
 const COMPARISONS = { map: 0, image: 1, swipe: 2, difference: 3 };
 
-/** Colours the surface onto the canvas. shown: layer's table, limits, shading, contour; comparison, image and its place. */
+/** Colours the surface onto the canvas. shown: the layer's table, limits and contours, and what it is compared with. */
 function drawColours(renderer, shown) {
   const { gl, canvas, passes } = renderer;
   drawInto(gl, null, canvas.width, canvas.height);

@@ -1,4 +1,4 @@
-// Values of the map between landmarks, and the way from the mean plane to the grid. A place is [column, row] of the grid.
+// Values of the map between landmarks, and places above the mean plane. A place is [column, row] of the grid.
 
 /** Landmarks and weights of bilinear interpolation at a place; null where one of the four is missing. */
 function cornersAt(map, place) {
@@ -6,9 +6,16 @@ function cornersAt(map, place) {
   const row = clamp(Math.floor(place[1]), 0, map.rows - 2);
   const [u, v] = [place[0] - col, place[1] - row];
   if (!(u >= -1e-3 && u <= 1.001 && v >= -1e-3 && v <= 1.001)) return null;
-  const cells = [row * map.cols + col, row * map.cols + col + 1, (row + 1) * map.cols + col, (row + 1) * map.cols + col + 1];
+  const cells = [
+    row * map.cols + col,
+    row * map.cols + col + 1,
+    (row + 1) * map.cols + col,
+    (row + 1) * map.cols + col + 1,
+  ];
   const found = cells.map((cell) => map.landmarkAt[cell]);
-  return found.every((j) => j >= 0) ? { landmarks: found, weights: [(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v] } : null;
+  return found.every((j) => j >= 0)
+    ? { landmarks: found, weights: [(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v] }
+    : null;
 }
 
 /** An array (J,) between landmarks; NaN where there is none. */
@@ -26,7 +33,7 @@ function vectorAt(map, values, place) {
 
 const NEWTON_STEPS = 8;
 
-/** The place above a point (x, y) of the mean plane by Newton's method from a place near it; null where there is none. */
+/** The place above a point (x, y) of the mean plane, by Newton's method from a place near it; null: there is none. */
 function placeAbove(map, x, y, start) {
   let place = [...start];
   for (let i = 0; i < NEWTON_STEPS; i++) {

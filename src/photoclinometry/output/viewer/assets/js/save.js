@@ -23,10 +23,14 @@ const savePng = (canvas, name) => canvas.toBlob((blob) => download(blob, safeNam
 
 /** A profile as CSV; names of columns end in the unit. */
 function profileCsv(profile, unitName) {
-  const columns = ["distance", "x", "y", "height", "sigma"].map((name) => `${name === "sigma" ? "height_sigma" : name}_${unitName.toLowerCase()}`);
+  const columns = ["distance", "x", "y", "height", "sigma"].map(
+    (name) => `${name === "sigma" ? "height_sigma" : name}_${unitName.toLowerCase()}`,
+  );
   const rows = profile.map((p) => [p.distance, p.x, p.y, p.height, p.sigma, p.slope, p.albedo]);
   const cell = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(8))) : "");
-  return [[...columns, "slope_deg", "albedo"].join(","), ...rows.map((row) => row.map(cell).join(","))].join("\n") + "\n";
+  return (
+    [[...columns, "slope_deg", "albedo"].join(","), ...rows.map((row) => row.map(cell).join(","))].join("\n") + "\n"
+  );
 }
 
 const saveCsv = (text, name) => download(new Blob([text], { type: "text/csv" }), safeName(name));

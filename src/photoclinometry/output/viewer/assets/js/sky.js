@@ -1,6 +1,6 @@
-// The sky above the map: azimuths as on the map, the zenith in the middle, the horizon at the edge. The Sun is dragged on it.
+// The sky above the map: the zenith in the middle, the horizon at the edge. The Sun is dragged on it.
 
-const SKY_EDGE = 0.92;  // of the disc's radius: the horizon
+const SKY_EDGE = 0.92; // of the disc's radius: the horizon
 
 /** Place on the disc of a direction; below the horizon it lies at the edge. */
 function onSky(canvas, azimuth, elevation) {

@@ -1,7 +1,7 @@
 // What is shown, as plain values: a permalink holds them, controls change them, drawing reads them.
 
 const COMPARE = ["map", "image", "swipe", "blink", "difference"];
-const FIRST_DIFFERENCE = 10;  // percent of the mean brightness at the ends of the colours
+const FIRST_DIFFERENCE = 10; // percent of the mean brightness at the ends of the colours
 const TOOLS = ["look", "profile", "angle", "area"];
 
 /** The state of a page that was just opened: the reference image's Sun, the whole map from above. */

@@ -8,7 +8,10 @@ function valuesAt(map, place, state, center) {
   if (!position) return [];
   const { grid, unit: length } = scene;
   const rows = [
-    ["reference column, row", `${four(grid.col + 0.5 + grid.stride * place[0])}, ${four(grid.row + 0.5 + grid.stride * place[1])} px`],
+    [
+      "reference column, row",
+      `${four(grid.col + 0.5 + grid.stride * place[0])}, ${four(grid.row + 0.5 + grid.stride * place[1])} px`,
+    ],
     ["x, y", `${four(position[0])}, ${four(position[1])} ${length}`],
     ["height", withSigma(position[2], of(map.sigma_height), ` ${length}`)],
     ["slope", withSigma(of(map.slope), of(map.sigma_normal), "°")],

@@ -1,0 +1,91 @@
+// The picture of the present state: what is drawn with which camera, colours and limits.
+
+const MOST_RATIO = 2; // pixels of the picture per pixel of the page, at most
+const SHADING = 1; // of coloured layers by the hillshade
+
+/** What drawing needs of the present state: the camera and what drawColours takes. */
+function shownNow(viewer, size) {
+  const { map, store } = viewer;
+  const { state } = store;
+  const view = map.scene.views[state.view];
+  const camera = cameraNow(map, state, size);
+  const picture = state.camera === "image" ? map.pictures[state.view] : null;
+  const compare = picture ? (state.compare === "blink" ? (viewer.blink ? "image" : "map") : state.compare) : "map";
+  const layer =
+    viewer.layers.find(
+      (one) => one.key === (compare === "map" && state.compare !== "blink" ? state.layer : "rendering"),
+    ) ?? viewer.layers[0];
+  const factors = state.camera === "image" && layer.key === "rendering" ? [view.scale, view.bias] : [1, 0];
+  const stretch = picture ? stretchOf(picture) : { limits: [0, 1], mean: 1 };
+  const values = layerTexture(viewer, layer, camera, factors, picture && stretch.limits);
+  const block = picture ? picture.block : 1;
+  const zoom = state.zoom * block;
+  const origin = picture ? [picture.col, picture.row] : [0, 0];
+  const shown = {
+    table: layer.table,
+    limits: values.limits,
+    shading: layer.shaded && state.shading ? SHADING : 0,
+    contour: layer.contours ? state.contour : 0,
+    compare,
+    view: state.view,
+    swipe: state.swipe * size[0],
+    imageFromScreen: [
+      1 / zoom,
+      1 / zoom,
+      ...[0, 1].map((i) => (state.middle[i] - origin[i]) / block - size[i] / 2 / zoom),
+    ],
+    imageLimits: stretch.limits,
+    imageUnit: map.scene.brightness === "iof" ? "I/F" : "DN",
+    difference: [1 / stretch.mean, state.difference / 100],
+  };
+  return { camera, layer, factors, texture: values.texture, shown };
+}
+
+/** A layer's texture and limits. */
+function layerTexture(viewer, layer, camera, factors, imageLimits) {
+  const { renderer, map, store } = viewer;
+  const { state } = store;
+  const { passes } = renderer;
+  if (layer.key === "rendering") {
+    const sigma = state.camera === "image" ? map.scene.views[state.view].averaging : 0;
+    const target = brightnessOf(passes, sunOf(state), camera.center, state.shadows, sigma);
+    return { texture: target.texture, limits: imageLimits ?? exposureOf(renderer, target, factors) };
+  }
+  if (layer.key === "relief") {
+    if (viewer.relief) renderer.gl.deleteTexture(viewer.relief);
+    viewer.relief = valuesTexture(passes, cosines(map, sunOf(state)));
+    return { texture: viewer.relief, limits: layer.limits };
+  }
+  layer.texture ??= valuesTexture(passes, layer.values);
+  return { texture: layer.texture, limits: limitsOf(layer) };
+}
+
+function draw(viewer) {
+  const { renderer, picture, overlay, store } = viewer;
+  const ratio = viewer.ratio();
+  const size = [picture, overlay].map((canvas) => fitted(canvas, ratio))[0];
+  const now = shownNow(viewer, size);
+  drawSurface(renderer, surfaceTarget(renderer), now.camera, now.texture, now.factors);
+  drawColours(renderer, now.shown);
+  drawOverlay(overlay, renderer, store.state, now.layer, now.shown, now.camera, ratio);
+  drawSky(byId("sky"), viewer.map, store.state);
+  viewer.drawn = now;
+  viewer.frames += 1;
+}
+
+const pictureRatio = () => Math.min(window.devicePixelRatio || 1, MOST_RATIO);
+
+/** Makes a canvas as large as it is shown; returns width and height. */
+function fitted(canvas, ratio) {
+  const size = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.max(1, Math.round(x * ratio)));
+  if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;
+  return size;
+}
+
+/** Draws with the next frame of the browser. */
+function schedule(viewer) {
+  viewer.waiting ??= requestAnimationFrame(() => {
+    viewer.waiting = null;
+    draw(viewer);
+  });
+}
