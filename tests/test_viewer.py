@@ -16,6 +16,7 @@ from photoclinometry.model.reflectance import MODELS, Reflectance
 from photoclinometry.model.scene import BODY_FIXED, Image
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.output.viewer.arrays import MISSING, packed, three_digits
+from photoclinometry.output.viewer.colours import ENTRIES, colour_tables
 from photoclinometry.output.viewer.content import viewer_content
 from photoclinometry.output.viewer.page import ASSETS, SCRIPTS, SHADERS, viewer_page, write_viewer
 from scenes import synthetic_images, synthetic_scene, with_landmarks
@@ -203,3 +204,16 @@ def test_view_says_so_where_there_is_no_browser(run, monkeypatch, capsys):
 def test_view_refuses_a_folder_without_a_map(tmp_path, capsys):
     assert phomo("view", tmp_path) == 2
     assert "holds no scene.h5; give a folder that `phomo run` has finished" in capsys.readouterr().err
+
+
+def test_colours_keep_their_order_by_lightness_alone():
+    """What colour-blind people and prints in grey see: lightness rises along every table, or falls from its middle."""
+    for name, text in colour_tables().items():
+        rgb = np.array([int(text[i : i + 2], 16) for i in range(0, len(text), 2)]).reshape(ENTRIES, 3) / 255.0
+        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        rises = np.diff(linear @ (0.2126, 0.7152, 0.0722))
+        if name == "RdBu_r":
+            assert (rises[: ENTRIES // 2 - 1] > 0).all()
+            assert (rises[ENTRIES // 2 :] < 0).all()
+        else:
+            assert (rises > 0).all(), name

@@ -381,6 +381,16 @@ def test_a_permalink_restores_what_is_shown(page, window, file):
     assert rows_of(window, "measures")["azimuth from A to B"]
 
 
+def test_a_link_to_a_view_alone_shows_its_image_under_its_sun(window, file, page):
+    page.set("camera-of", "2")
+    wanted = {name: page.state(name) for name in ("azimuth", "elevation", "zoom", "middle")}
+    window.open(file, "#camera=image&view=2&compare=swipe")
+    window.settle()
+    assert window.state("compare") == "swipe"
+    for name, value in wanted.items():
+        assert window.state(name) == pytest.approx(value), name
+
+
 @pytest.mark.parametrize("fragment", ["#layer=none&view=99&zoom=x&points=1;2", "#%%%", "#target=1,2&camera=boat", "#="])
 def test_a_damaged_permalink_is_left_out(window, file, fragment):
     window.open(file, fragment)

@@ -58,7 +58,7 @@ function onPlane(camera, pixel, height = 0) {
 /** State of the free camera that shows the whole map. */
 function wholeMap(map, size) {
   const focal = FIELD * size[1];
-  return { target: [0, 0, 0], distance: (2.1 * map.radius * focal) / Math.min(size[0], size[1]), heading: 0, tilt: 0 };
+  return { target: [0, 0, 0], distance: (1.8 * map.radius * focal) / Math.min(size[0], size[1]), heading: 0, tilt: 0 };
 }
 
 /** Zoom and middle that show a view's picture, or the map in it. */
