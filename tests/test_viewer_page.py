@@ -303,6 +303,35 @@ def test_blinking_alternates_between_map_and_image(page):
     assert seen == {"map", "image"}
 
 
+def test_differences_are_taken_at_the_images_own_pixels(page, scene):
+    """Whatever the zoom: what is coloured is `render_view` less the image, to the levels of both."""
+    for view, zoom in ((1, 1.3), (2, 5.0)):
+        page.set("camera-of", str(view))
+        page.click("#compare [data-value=difference]")
+        page.settle()
+        page.run("viewer.store.update({ zoom: arguments[0] })", zoom)
+        page.picture()
+        drawn = page.run(
+            """
+            const { gl, ofPicture } = viewer.renderer, { width, height, frame } = ofPicture;
+            const read = new Float32Array(4 * width * height);
+            gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+            gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, read);
+            const picture = viewer.map.scene.pictures[arguments[0]];
+            return [[picture.row, picture.col, height, width], Array.from(read)];
+        """,
+            view,
+        )
+        (row, col, rows, cols), values = drawn
+        shown = np.array(values).reshape(rows, cols, 4)[::-1]
+        wanted, mask = (
+            part[row : row + rows, col : col + cols] for part in render_view(scene, view, cast_shadows=True)
+        )
+        both = binary_erosion(mask) & (shown[..., 3] > 0)
+        assert both.sum() > 1000
+        assert np.abs(shown[..., 0] - wanted)[both].mean() < 0.005 * wanted[both].mean()
+
+
 def test_the_difference_of_a_rendering_and_its_exact_image_is_small(page):
     """Colours near the middle of the scale, white; and stronger ones on a narrower scale."""
     page.set("camera-of", "0")

@@ -2,6 +2,7 @@
 uniform sampler2D u_surface;     // surface.frag's
 uniform sampler2D u_colours;     // colour table, and below it that of differences
 uniform sampler2D u_image;       // brightness of a view's pixels; MISSING where not valid
+uniform sampler2D u_drawn;       // surface.frag's at the same pixels, for differences
 uniform vec2 u_size;             // of the picture [px]
 uniform vec4 u_image_from_screen; // cell of u_image = xy * pixel + zw
 uniform vec2 u_limits;           // values at the colour table's ends
@@ -74,32 +75,17 @@ vec3 image_colour(float value) {
     return value < MISSING ? SKY : vec3(clamp(place, 0.0, 1.0));
 }
 
-// The map's value between pixels of the picture; MISSING where one of the four around is none. place: from the top left.
-float value_between(vec2 place) {
-    vec2 at = vec2(place.x, u_size.y - place.y) - 0.5;
-    ivec2 corner = ivec2(floor(at));
-    vec2 part = at - floor(at);
-    float value = 0.0;
-    for (int i = 0; i < 4; i++) {
-        ivec2 step = ivec2(i & 1, i >> 1);
-        vec4 here = surface_at(corner + step);
-        if (here.w == 0.0 || here.x < MISSING) {
-            return -1e30;
-        }
-        vec2 weight = mix(1.0 - part, part, vec2(step));
-        value += weight.x * weight.y * here.x;
-    }
-    return value;
-}
-
-// At the centres of the image's pixels, where both are known.
+// At the pixels of the image, where both are known. u_drawn has its rows from the bottom.
 vec3 difference_colour(vec2 from_top) {
-    vec2 cell = floor(u_image_from_screen.xy * from_top + u_image_from_screen.zw);
-    vec2 centre = (cell + 0.5 - u_image_from_screen.zw) / u_image_from_screen.xy;
+    ivec2 cell = ivec2(floor(u_image_from_screen.xy * from_top + u_image_from_screen.zw));
+    ivec2 size = textureSize(u_drawn, 0);
     float value = image_at(from_top);
-    float drawn = value_between(centre);
-    bool none = drawn < MISSING || value < MISSING;
-    return none ? SKY : from_table(0.5 + 0.5 * (drawn - value) * u_difference.x / u_difference.y, 1.0);
+    if (value < MISSING || size != textureSize(u_image, 0)) {
+        return SKY;
+    }
+    vec4 drawn = texelFetch(u_drawn, ivec2(cell.x, size.y - 1 - cell.y), 0);
+    bool none = drawn.w == 0.0 || drawn.x < MISSING;
+    return none ? SKY : from_table(0.5 + 0.5 * (drawn.x - value) * u_difference.x / u_difference.y, 1.0);
 }
 
 void main() {

@@ -3,18 +3,22 @@
 const INK = "#ffcc33";
 const OTHER_INK = "#7fd4ff";
 
-/** A line through points (x, y, z) of the local frame; those behind the camera break it. */
+/** A line through points (x, y, z) of the local frame; those behind the camera break it. Dark at both sides, to be seen on any ground. */
 function line(pen, camera, points, closed = false) {
-  pen.beginPath();
+  const path = new Path2D();
   let started = false;
   for (const point of closed ? [...points, points[0]] : points) {
     const [u, v, depth] = projected(camera, point);
     if (depth <= 0) started = false;
-    else if (started) pen.lineTo(u, v);
-    else pen.moveTo(u, v);
+    else if (started) path.lineTo(u, v);
+    else path.moveTo(u, v);
     started = depth > 0;
   }
-  pen.stroke();
+  const [ink, width] = [pen.strokeStyle, pen.lineWidth];
+  [pen.strokeStyle, pen.lineWidth] = ["rgba(0, 0, 0, 0.6)", width + 2 * pen.ratio];
+  pen.stroke(path);
+  [pen.strokeStyle, pen.lineWidth] = [ink, width];
+  pen.stroke(path);
 }
 
 /** Text with an outline, so that it is read on dark and bright ground. */
@@ -100,6 +104,9 @@ function drawMeasure(pen, camera, map, state) {
     pen.arc(u, v, 5 * pen.ratio, 0, 2 * Math.PI);
     pen.fillStyle = INK;
     pen.fill();
+    pen.strokeStyle = "#000";
+    pen.lineWidth = pen.ratio;
+    pen.stroke();
     outlined(pen, "ABCDEFGHIJKLMNOPQRSTUVWXYZ"[i % 26], u + 8 * pen.ratio, v - 8 * pen.ratio, INK);
   });
 }

@@ -61,14 +61,18 @@ function layerTexture(viewer, layer, camera, factors, imageLimits) {
 }
 
 function draw(viewer) {
-  const { renderer, picture, overlay, store } = viewer;
+  const { renderer, map, picture, overlay, store } = viewer;
   const ratio = viewer.ratio();
   const size = [picture, overlay].map((canvas) => fitted(canvas, ratio))[0];
   const now = shownNow(viewer, size);
   drawSurface(renderer, surfaceTarget(renderer), now.camera, now.texture, now.factors);
+  if (now.shown.compare === "difference") {
+    const k = store.state.view;
+    drawOfPicture(renderer, map.scene.views[k], map.pictures[k], now.texture, now.factors);
+  }
   drawColours(renderer, now.shown);
   drawOverlay(overlay, renderer, store.state, now.layer, now.shown, now.camera, ratio);
-  drawSky(byId("sky"), viewer.map, store.state);
+  drawSky(byId("sky"), map, store.state);
   viewer.drawn = now;
   viewer.frames += 1;
 }

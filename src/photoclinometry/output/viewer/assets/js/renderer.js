@@ -100,6 +100,19 @@ function imageTexture(renderer, k) {
   return (renderer.images[k] ??= textureOf(renderer.gl, "R32F", picture.cols, picture.rows, values()));
 }
 
+/** Draws the surface at the cells of a view's picture, for differences that are exact at any zoom. */
+function drawOfPicture(renderer, view, picture, values, factors) {
+  const { rows, cols, row, col, block } = picture;
+  const size = [cols, rows];
+  const middle = [col + (cols * block) / 2, row + (rows * block) / 2];
+  const old = renderer.ofPicture;
+  if (!old || old.width !== cols || old.height !== rows) {
+    if (old) release(renderer.gl, old);
+    renderer.ofPicture = targetOf(renderer.gl, "RGBA32F", cols, rows, true);
+  }
+  drawSurface(renderer, renderer.ofPicture, cameraOfView(view, { zoom: 1 / block, middle }, size), values, factors);
+}
+
 const COMPARISONS = { map: 0, image: 1, swipe: 2, difference: 3 };
 
 /** Colours the surface onto the canvas. shown: the layer's table, limits and contours, and what it is compared with. */
@@ -121,7 +134,9 @@ function drawColours(renderer, shown) {
     u_swipe: ["1f", shown.swipe],
   };
   const textures = { u_surface: renderer.target.texture, u_colours: tableTexture(renderer, shown.table) };
-  use(gl, renderer.display, uniforms, { ...textures, u_image: imageTexture(renderer, shown.view) });
+  const image = imageTexture(renderer, shown.view);
+  const drawn = shown.compare === "difference" ? renderer.ofPicture.texture : image;
+  use(gl, renderer.display, uniforms, { ...textures, u_image: image, u_drawn: drawn });
   gl.drawArrays(gl.TRIANGLES, 0, 3);
 }
 
