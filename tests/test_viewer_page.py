@@ -437,6 +437,22 @@ def test_the_picture_is_saved_with_its_legend(page, folder):
     assert 0.005 < differ(cv2.cvtColor(saved, cv2.COLOR_BGR2RGB), picture) < 0.2
 
 
+def test_on_a_fine_screen_the_cursor_is_on_the_same_ground(page, window, file):
+    page.hover(*MIDDLE)
+    before, width = rows_of(page, "values"), page.run("return viewer.size()[0]")
+    metrics = {"width": 0, "height": 0, "deviceScaleFactor": 2, "mobile": False}
+    window.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    window.open(file)
+    window.settle()
+    window.hover(*MIDDLE)
+    after, finer = rows_of(window, "values"), window.run("return viewer.size()[0]")
+    window.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    assert finer == 2 * width
+    for name in ("reference column, row", "x, y"):
+        pairs = ([float(x) for x in rows[name].rstrip(" pxGSD").split(", ")] for rows in (before, after))
+        np.testing.assert_allclose(*pairs, atol=0.2)
+
+
 def test_a_map_of_geometry_alone_has_its_layers(window, folder):
     bare = synthetic_scene(size=16, views=3, reflectance=None)
     window.open(write_viewer(folder / "bare.html", bare, synthetic_images(bare)))

@@ -49,6 +49,10 @@ async function open() {
   };
   Object.assign(viewer, actionsOf(viewer));
   follow(viewer, panelOf(viewer));
+  picture.addEventListener(
+    "webglcontextlost",
+    () => (byId("message").textContent = "The graphics stopped; reload the page."),
+  );
   listenToPointer(overlay, viewer);
   listenToSky(byId("sky"), store);
   listenToKeys(viewer);
