@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from browser import why_no_browser
 from commands import phomo
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.model.reflectance import MODELS, Reflectance
@@ -217,3 +218,14 @@ def test_colours_keep_their_order_by_lightness_alone():
             assert (rises[ENTRIES // 2 :] < 0).all()
         else:
             assert (rises > 0).all(), name
+
+
+def test_tests_in_a_browser_are_skipped_with_the_reason_or_not_at_all(monkeypatch):
+    """Where continuous integration has installed a browser, its absence is an error."""
+    monkeypatch.delenv("PHOTOCLINOMETRY_NEEDS_BROWSER", raising=False)
+    monkeypatch.setattr("browser.find_spec", lambda name: object())
+    monkeypatch.setattr("browser.shutil.which", lambda name: None)
+    assert "chromium" in (why_no_browser() or "")
+    monkeypatch.setenv("PHOTOCLINOMETRY_NEEDS_BROWSER", "1")
+    with pytest.raises(RuntimeError, match="cannot run: none of chromium"):
+        why_no_browser()

@@ -12,7 +12,7 @@ from photoclinometry.photometry.render import render_view
 from photoclinometry.surface.relief import angles_from_sun, in_sunlight, local_frame, sun_from_angles
 from scenes import thinned, with_landmarks
 from test_render import with_coarse_view
-from viewer_pages import ALL_MODELS, SUNS_DEG, page_of, scene_of
+from viewer_pages import SUNS_DEG, page_of, scene_of
 
 pytestmark = pytest.mark.skipif(why_no_browser() is not None, reason=str(why_no_browser()))
 
@@ -51,7 +51,7 @@ def shares_of_mean(page, scene, view, azimuth_deg, elevation_deg, shadows=False)
     return (got - wanted)[both] / wanted[mask].mean(), (mask != np.isfinite(got)).sum() / mask.sum()
 
 
-@pytest.mark.parametrize("model", ALL_MODELS)
+@pytest.mark.parametrize("model", MODELS)
 def test_every_model_under_three_suns_is_that_of_render(page, tmp_path, model):
     scene = scene_of(model)
     page.open(page_of(tmp_path, scene))
@@ -64,7 +64,7 @@ def test_every_model_under_three_suns_is_that_of_render(page, tmp_path, model):
     assert page.messages() == []
 
 
-@pytest.mark.parametrize("model", ALL_MODELS)
+@pytest.mark.parametrize("model", MODELS)
 def test_models_are_those_of_the_compiled_functions_at_any_angle(page, tmp_path, model):
     """Without interpolation, at the landmarks of the reference view: to single precision, grazing angles included."""
     scene = scene_of(model)
@@ -81,7 +81,7 @@ def test_models_are_those_of_the_compiled_functions_at_any_angle(page, tmp_path,
             np.testing.assert_allclose(got, wanted, rtol=2e-3, atol=1e-3 * wanted.mean())
 
 
-@pytest.mark.parametrize("model", ALL_MODELS)
+@pytest.mark.parametrize("model", MODELS)
 def test_models_at_zero_phase_are_those_of_render(page, tmp_path, model):
     """The Sun behind the camera, where angles are hardly defined."""
     scene = scene_of(model)
@@ -140,7 +140,3 @@ def test_uncalibrated_views_have_their_scales_and_biases(page, tmp_path):
     page.open(page_of(tmp_path, scene))
     off, _ = shares_of_mean(page, scene, 3, *SUNS_DEG[0])
     assert np.abs(off).mean() < LIMIT
-
-
-def test_all_models_of_the_package_are_compared():
-    assert set(ALL_MODELS) == set(MODELS)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.model.reflectance import MODELS, Reflectance, starting_model
+from photoclinometry.model.reflectance import Reflectance, starting_model
 from photoclinometry.model.scene import Scene
 from photoclinometry.output.viewer import write_viewer
 from scenes import synthetic_images, synthetic_scene
@@ -39,6 +39,3 @@ def scene_of(model: str = "lunar-lambert") -> Scene:
 def page_of(folder: Path, scene: Scene, name: str = "viewer.html") -> Path:
     """The scene's page, with the images of its four views."""
     return write_viewer(folder / name, scene, synthetic_images(scene))
-
-
-ALL_MODELS = tuple(MODELS)

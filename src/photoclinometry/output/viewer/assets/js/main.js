@@ -44,7 +44,6 @@ async function open() {
     picture,
     overlay,
     renderer: rendererOf(picture, map, about),
-    frames: 0,
     blink: false,
   };
   Object.assign(viewer, actionsOf(viewer));

@@ -74,7 +74,6 @@ function draw(viewer) {
   drawOverlay(overlay, renderer, store.state, now.layer, now.shown, now.camera, ratio);
   drawSky(byId("sky"), map, store.state);
   viewer.drawn = now;
-  viewer.frames += 1;
 }
 
 const pictureRatio = () => Math.min(window.devicePixelRatio || 1, MOST_RATIO);
