@@ -17,7 +17,8 @@ function shownNow(viewer, size) {
     ) ?? viewer.layers[0];
   const factors = state.camera === "image" && layer.key === "rendering" ? [view.scale, view.bias] : [1, 0];
   const stretch = picture ? stretchOf(picture) : { limits: [0, 1], mean: 1 };
-  const values = layerTexture(viewer, layer, camera, factors, picture && stretch.limits);
+  const asImage = picture && (state.compare !== "map" || viewer.viewOfSun() === state.view);
+  const values = layerTexture(viewer, layer, camera, factors, asImage ? stretch.limits : null);
   const block = picture ? picture.block : 1;
   const zoom = state.zoom * block;
   const origin = picture ? [picture.col, picture.row] : [0, 0];
@@ -41,7 +42,7 @@ function shownNow(viewer, size) {
   return { camera, layer, factors, texture: values.texture, shown };
 }
 
-/** A layer's texture and limits. */
+/** A layer's texture and limits; a rendering's are imageLimits where these are given. */
 function layerTexture(viewer, layer, camera, factors, imageLimits) {
   const { renderer, map, store } = viewer;
   const { state } = store;
@@ -60,6 +61,7 @@ function layerTexture(viewer, layer, camera, factors, imageLimits) {
   return { texture: layer.texture, limits: limitsOf(layer) };
 }
 
+/** Draws all: the picture, what is above it, and the sky. */
 function draw(viewer) {
   const { renderer, map, picture, overlay, store } = viewer;
   const ratio = viewer.ratio();
