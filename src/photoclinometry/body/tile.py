@@ -13,6 +13,7 @@ from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.plan import Plan, Tile
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.model.sparse import SparseModel, normalised, of_views
@@ -274,6 +275,10 @@ def _depth(model: BodyModel, tile: Tile, sparse: Keyed[SparseModel]) -> Keyed[np
     """The coarse shape as the tile's reference sees it, in the unit of the tile's sparse model."""
     k, whole = tile.reference, model.posed.sparse.value.body_from_cam
     depth = depth_image(_rays(model), model.site.views[k].camera, whole[k])
-    between, own = (np.ptp(poses.translation, axis=0) for poses in (whole[tile.views], sparse.value.body_from_cam))
-    scale = np.linalg.norm(own) / np.linalg.norm(between)
+    scale = _spread(sparse.value.body_from_cam) / _spread(whole[tile.views])
     return Keyed(scale * depth, digest(model.shape, model.posed.sparse, tile.views, k))
+
+
+def _spread(poses: Rigid) -> float:
+    """How far apart camera centres are, RMS: a length that no frame's axes change."""
+    return float(np.linalg.norm(poses.translation - poses.translation.mean(0)))

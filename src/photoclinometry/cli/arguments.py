@@ -127,10 +127,23 @@ def option_name(command: Command, error: OptionError) -> str:
 def first_fields(command: Command, names: Sequence[str]) -> set[tuple[type, str]]:
     """The class and the field of each of the options named, and of the groups that they are in."""
     by_name = {name: (kind, field) for name, kind, field in option_fields(command)}
-    kinds = {by_name[name][0] for name in names}
-    owners = {kind for _, kind, _ in option_fields(command)}
-    groups = {(owner, name) for owner in owners for name, hint in get_type_hints(owner).items() if hint in kinds}
+    groups = {(kind, field) for prefix, kind, field in _groups(command) if any(n.startswith(prefix) for n in names)}
     return {by_name[name] for name in names} | groups
+
+
+def _groups(command: Command) -> Iterator[tuple[str, type, str]]:
+    """Groups of options: what their options' names begin with, and the class and the field that hold the group."""
+
+    def below(kind: type, prefix: str) -> Iterator[tuple[str, type, str]]:
+        for name, hint in get_type_hints(kind, include_extras=True).items():
+            if is_dataclass(_bare(hint)):
+                own = prefix if _nameless(hint) else f"{prefix}{name}."
+                yield own, kind, name
+                yield from below(_bare(hint), own)
+
+    for name, hint in get_type_hints(command, include_extras=True).items():
+        if is_dataclass(_bare(hint)):
+            yield from below(_bare(hint), "" if _nameless(hint) else f"{name}.")
 
 
 def registry_with(shown: set[tuple[type, str]] | None = None) -> tyro.constructors.ConstructorRegistry:
