@@ -45,9 +45,24 @@ class MeshSurface:
         self._rim_vertex[edges[self._rim_edge].ravel()] = True
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        foot, inside, _ = self._found(points)
+        return foot, inside
+
+    def weights(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The face (n,) nearest to each point (n, 3), and the weights (n, 3) of its corners at the nearest point."""
+        foot, _, face = self._found(points)
+        a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        size = np.maximum(np.sum(normal * normal, -1), np.finfo(float).tiny)
+        second = np.sum(np.cross(foot - a, c - a) * normal, -1) / size
+        third = np.sum(np.cross(b - a, foot - a) * normal, -1) / size
+        return face, np.clip(np.stack([1.0 - second - third, second, third], -1), 0.0, 1.0)
+
+    def _found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Feet (n, 3), whether these are not on the rim (n,), and their faces (n,), 0 where no face was in reach."""
         count = min(NEIGHBOURS, len(self.vertices))
         near = np.reshape(self.tree.query(points, count)[1], (len(points), count)).astype(np.int64)
-        foot, inside = np.empty((len(points), 3)), np.empty(len(points), bool)
+        foot, inside, face = np.empty((len(points), 3)), np.empty(len(points), bool), np.zeros(len(points), np.int64)
         _closest(
             np.ascontiguousarray(points, float),
             near,
@@ -59,8 +74,9 @@ class MeshSurface:
             self._rim_vertex,
             foot,
             inside,
+            face,
         )
-        return foot, inside
+        return foot, inside, face
 
 
 class CloudSurface:
@@ -130,8 +146,8 @@ def _on_triangle(p, a, b, c):
 
 @njit(cache=True)
 def _closest_one(point, near, vertices, faces, around, start, rim_edge, rim_vertex, foot):
-    """Writes the foot (3,) of one point; True if it is not on the rim."""
-    best, inside = np.inf, False
+    """Writes the foot (3,) of one point; True if it is not on the rim, and its face."""
+    best, inside, found = np.inf, False, 0
     for vertex in near:
         for e in range(start[vertex], start[vertex + 1]):
             face = around[e]
@@ -142,17 +158,19 @@ def _closest_one(point, near, vertices, faces, around, start, rim_edge, rim_vert
             offset = point - candidate
             square = _dot(offset, offset)
             if square < best:
-                best, inside = square, True
+                best, inside, found = square, True, face
                 foot[:] = candidate
                 for k in range(3):
                     if (weight[k] == 1.0 and rim_vertex[corner[k]]) or (weight[k] == 0.0 and rim_edge[face, k]):
                         inside = False
     if best == np.inf:  # a vertex that no face uses
         foot[:] = vertices[near[0]]
-    return inside
+    return inside, found
 
 
 @njit(cache=True, parallel=True)
-def _closest(points, near, vertices, faces, around, start, rim_edge, rim_vertex, foot, inside):
+def _closest(points, near, vertices, faces, around, start, rim_edge, rim_vertex, foot, inside, found):
     for i in prange(len(points)):
-        inside[i] = _closest_one(points[i], near[i], vertices, faces, around, start, rim_edge, rim_vertex, foot[i])
+        inside[i], found[i] = _closest_one(
+            points[i], near[i], vertices, faces, around, start, rim_edge, rim_vertex, foot[i]
+        )
