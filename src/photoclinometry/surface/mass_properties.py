@@ -1,0 +1,205 @@
+"""Volume, area, centre of mass and inertia of a homogeneous closed mesh, with standard deviations.
+
+A vertex that errs by h along its normal changes the integral of f over the body by h times the integral of f, the
+vertex's share of the surface and the cosine between both normals over the faces around it. Standard deviations follow
+from these first derivatives, the standard deviations of heights, and the assumption that errors of two vertices at a
+distance d are correlated by exp(-d^2 / (2 L^2)). L = 0 means independent errors, L = inf one error that all share.
+First derivatives do not see that rough errors enlarge the area: its mean is too large by a share of the squared slopes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+import photoclinometry.model.kernel_cache  # noqa: F401
+from photoclinometry.surface.closed_mesh import area_vectors, vertex_normals
+
+_REACH = 4.0
+"""Correlations beyond this many lengths, 0.0003 and less, are left out."""
+_CLUSTER = 0.25
+"""Vertices within so many correlation lengths are taken together: their correlation is above 0.97."""
+_FINEST = 1.0 / 32.0
+"""Nor are vertices farther apart than this share of the body taken together: of errors that nearly all share, the centre
+of mass feels the differences alone."""
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Places of second moments."""
+# Points and weights that are exact for polynomials of degree 4 on a triangle (Strang & Fix 1973).
+_NEAR, _FAR = 0.445948490915965, 0.091576213509771
+_WEIGHT_NEAR, _WEIGHT_FAR = 0.223381589678011, 0.109951743655322
+
+
+def _rule() -> np.ndarray:
+    rows = []
+    for a, weight in ((_NEAR, _WEIGHT_NEAR), (_FAR, _WEIGHT_FAR)):
+        b = 1.0 - 2.0 * a
+        rows += [[a, a, b, weight], [a, b, a, weight], [b, a, a, weight]]
+    return np.array(rows)
+
+
+_RULE = _rule()
+"""(6, 4): weights of a triangle's corners, and of the point."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MassProperties:
+    """Of a homogeneous body, in the unit of the mesh. Standard deviations are NaN where none of heights are known."""
+
+    volume: float
+    area: float
+    center: np.ndarray
+    """(3,) centre of mass."""
+    inertia: np.ndarray
+    """(3, 3) inertia tensor about the centre of mass, over the mass."""
+    sigma_volume: float
+    sigma_area: float
+    sigma_center: np.ndarray
+    """(3,)."""
+    sigma_inertia: np.ndarray
+    """(3, 3)."""
+
+    @property
+    def mean_radius(self) -> float:
+        """Of the sphere of the same volume."""
+        return math.cbrt(0.75 / math.pi * self.volume)
+
+
+def mass_properties(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    *,
+    normals: np.ndarray | None = None,
+    sigma_height: np.ndarray | None = None,
+    correlation_length: float = 0.0,
+) -> MassProperties:
+    """Of a closed mesh of vertices (V, 3) and faces (F, 3) that look outwards.
+
+    normals: (V, 3) directions of the height errors, by default the mesh's; sigma_height: (V,) standard deviations, NaN
+    where unknown, which counts as the largest known; correlation_length: L above, 0 to infinity.
+    """
+    normals = vertex_normals(vertices, faces) if normals is None else normals
+    # About the mean vertex: second moments about a far origin would lose their digits.
+    origin = vertices.mean(0)
+    values, slopes = _moments(vertices - origin, faces, normals)
+    volume, center = values[0], values[1:4] / values[0]
+    to_center = (slopes[:, 1:4] - slopes[:, :1] * center) / volume
+    second, to_second = np.empty((3, 3)), np.empty((len(vertices), 3, 3))
+    for n, (i, j) in enumerate(_PAIRS):
+        mean = values[4 + n] / volume
+        second[i, j] = second[j, i] = mean - center[i] * center[j]
+        step = (slopes[:, 4 + n] - slopes[:, 0] * mean) / volume
+        to_second[:, i, j] = to_second[:, j, i] = step - to_center[:, i] * center[j] - to_center[:, j] * center[i]
+    inertia = np.trace(second) * np.eye(3) - second
+    to_inertia = np.trace(to_second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - to_second
+    derivatives = np.concatenate([slopes[:, :1], slopes[:, 10:], to_center, to_inertia.reshape(-1, 9)], axis=1)
+    sigma = _sigmas(vertices, derivatives, sigma_height, correlation_length)
+    return MassProperties(
+        volume=float(volume),
+        area=float(np.linalg.norm(area_vectors(vertices, faces), axis=1).sum()),
+        center=center + origin,
+        inertia=inertia,
+        sigma_volume=float(sigma[0]),
+        sigma_area=float(sigma[1]),
+        sigma_center=sigma[2:5],
+        sigma_inertia=sigma[5:].reshape(3, 3),
+    )
+
+
+def _moments(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(10,) integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz over the body, and (V, 11) the derivatives of these and of
+    the area by each vertex's height."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    six = np.einsum("ij,ij->i", a, np.cross(b, c))
+    total = a + b + c
+    second = sum(np.einsum("n,ni,nj->ij", six, x, x) for x in (total, a, b, c)) / 120.0
+    values = [six.sum() / 6.0, *((six[:, None] * total).sum(0) / 24.0), *(second[i, j] for i, j in _PAIRS)]
+    slopes = np.zeros((len(vertices), 11))
+    _add_slopes(np.ascontiguousarray(vertices, float), faces, np.ascontiguousarray(normals, float), _RULE, slopes)
+    return np.array(values), slopes
+
+
+@njit(cache=True)
+def _add_slopes(vertices, faces, normals, rule, slopes):
+    f_value = np.empty(10)
+    for f in range(len(faces)):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        area = 0.5 * np.cross(b - a, c - a)
+        size = math.sqrt(np.sum(area * area))
+        for n in range(len(rule)):
+            p = rule[n, 0] * a + rule[n, 1] * b + rule[n, 2] * c
+            f_value[0] = 1.0
+            f_value[1:4] = p
+            f_value[4], f_value[5], f_value[6] = p[0] * p[0], p[1] * p[1], p[2] * p[2]
+            f_value[7], f_value[8], f_value[9] = p[0] * p[1], p[0] * p[2], p[1] * p[2]
+            for k in range(3):
+                vertex = faces[f, k]
+                share = rule[n, 3] * rule[n, k] * np.sum(area * normals[vertex])
+                for m in range(10):
+                    slopes[vertex, m] += share * f_value[m]
+        if size > 0.0:
+            for k in range(3):
+                vertex = faces[f, k]
+                opposite = vertices[faces[f, (k + 2) % 3]] - vertices[faces[f, (k + 1) % 3]]
+                slopes[vertex, 10] += 0.5 / size * np.sum(np.cross(area, opposite) * normals[vertex])
+
+
+def _sigmas(
+    vertices: np.ndarray, derivatives: np.ndarray, sigma_height: np.ndarray | None, length: float
+) -> np.ndarray:
+    """(n,) standard deviations of quantities with derivatives (V, n) by the heights of vertices (V, 3)."""
+    if sigma_height is None or not np.isfinite(sigma_height).any():
+        return np.full(derivatives.shape[1], np.nan)
+    sigma = np.where(np.isfinite(sigma_height), sigma_height, np.nanmax(sigma_height))
+    moves = derivatives * sigma[:, None]
+    if length == 0.0:
+        return np.sqrt((moves**2).sum(0))
+    if math.isinf(length):
+        return np.abs(moves.sum(0))
+    extent = float(np.ptp(vertices, axis=0).max())
+    place, moves = _clustered(vertices, moves, min(_CLUSTER * length, _FINEST * extent))
+    place, moves, first, boxes = _boxed(place, moves, _REACH * length)
+    return np.sqrt(np.maximum(_correlated(place, moves, first, boxes, length), 0.0))
+
+
+def _clustered(place: np.ndarray, moves: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean places and summed moves of the points within each cube of a size."""
+    _, index, count = np.unique(np.floor(place / size), axis=0, return_inverse=True, return_counts=True)
+    index = index.ravel()
+    mean = np.stack([np.bincount(index, axis) for axis in place.T], -1) / count[:, None]
+    return mean, np.stack([np.bincount(index, column) for column in moves.T], -1)
+
+
+def _boxed(place: np.ndarray, moves: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points sorted by boxes of a size; the first point (B + 1,) of each box, and its 27 neighbours (B, 27), -1 where
+    there is no box."""
+    box = np.floor((place - place.min(0)) / size).astype(np.int64) + 1
+    side = box.max() + 2
+    key = (box[:, 0] * side + box[:, 1]) * side + box[:, 2]
+    order = np.argsort(key, kind="stable")
+    keys, first = np.unique(key[order], return_index=True)
+    step = np.array([(i * side + j) * side + k for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)])
+    near = keys[:, None] + step
+    index = np.minimum(np.searchsorted(keys, near), len(keys) - 1)
+    return place[order], moves[order], np.r_[first, len(place)], np.where(keys[index] == near, index, -1)
+
+
+@njit(cache=True)
+def _correlated(place, moves, first, boxes, length):
+    """(n,) sums over pairs of points of the product of their moves times their correlation."""
+    total = np.zeros(moves.shape[1])
+    for box in range(len(boxes)):
+        for other in boxes[box]:
+            if other < 0:
+                continue
+            for i in range(first[box], first[box + 1]):
+                for j in range(first[other], first[other + 1]):
+                    square = 0.0
+                    for d in range(3):
+                        square += (place[i, d] - place[j, d]) ** 2
+                    share = math.exp(-0.5 * square / (length * length))
+                    for n in range(len(total)):
+                        total[n] += share * moves[i, n] * moves[j, n]
+    return total
