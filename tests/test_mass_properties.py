@@ -77,10 +77,7 @@ def test_standard_deviations_are_those_of_monte_carlo(egg, length):
     normals, rng = vertex_normals(vertices, faces), np.random.default_rng(1)
     sigma = 1e-4 * (1.0 + 0.5 * vertices[:, 0])
     square = ((vertices[:, None] - vertices) ** 2).sum(-1)
-    if length == 0.0:
-        correlation = np.eye(len(vertices))
-    else:
-        correlation = np.exp(-0.5 * square / length**2)
+    correlation = np.eye(len(vertices)) if length == 0.0 else np.exp(-0.5 * square / length**2)
     root = np.linalg.cholesky(correlation + 1e-9 * np.eye(len(vertices)))
     draws = []
     for _ in range(4000):

@@ -122,8 +122,8 @@ def test_a_spinning_sphere_slopes_to_the_equator(ball):
 
 
 def test_gravity_is_carried_to_a_finer_mesh():
-    """From 1,280 facets to the vertices of 20,480, mass for mass: slopes within 0.3 degrees, elevations within 0.15 % of
-    the radius."""
+    """From 1,160 facets to the vertices of 16,640, mass for mass: slopes within 0.3 degrees, elevations within 0.15 %
+    of the radius."""
     direction, faces = refine(*icosahedron(), 0.2, unit)
     fine, fine_faces = refine(direction, faces, 0.05, unit)
 

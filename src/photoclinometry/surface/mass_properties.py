@@ -23,8 +23,8 @@ _REACH = 4.0
 _CLUSTER = 0.25
 """Vertices within so many correlation lengths are taken together: their correlation is above 0.97."""
 _FINEST = 1.0 / 32.0
-"""Nor are vertices farther apart than this share of the body taken together: of errors that nearly all share, the centre
-of mass feels the differences alone."""
+"""Nor are vertices farther apart than this share of the body taken together: of errors that nearly all vertices share,
+the centre of mass feels the differences alone."""
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Places of second moments."""
 # Points and weights that are exact for polynomials of degree 4 on a triangle (Strang & Fix 1973).
@@ -114,7 +114,8 @@ def _moments(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> tu
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     six = np.einsum("ij,ij->i", a, np.cross(b, c))
     total = a + b + c
-    second = sum(np.einsum("n,ni,nj->ij", six, x, x) for x in (total, a, b, c)) / 120.0
+    stacked = np.stack([total, a, b, c])
+    second = np.einsum("n,kni,knj->ij", six, stacked, stacked) / 120.0
     values = [six.sum() / 6.0, *((six[:, None] * total).sum(0) / 24.0), *(second[i, j] for i, j in _PAIRS)]
     slopes = np.zeros((len(vertices), 11))
     _add_slopes(np.ascontiguousarray(vertices, float), faces, np.ascontiguousarray(normals, float), _RULE, slopes)

@@ -1,7 +1,9 @@
 """Gravity of a homogeneous polyhedron as a closed sum over its edges and faces.
 
-    U = G rho / 2 (sum_e r_e' E_e r_e L_e - sum_f r_f' F_f r_f w_f),    g = -G rho (sum_e E_e r_e L_e - sum_f F_f r_f w_f)
-    laplacian U = -G rho sum_f w_f,    L_e = ln((a + b + e) / (a + b - e)),    w_f the solid angle of face f
+    U = G rho / 2 (sum_e r_e' E_e r_e L_e - sum_f r_f' F_f r_f w_f)
+    g = -G rho (sum_e E_e r_e L_e - sum_f F_f r_f w_f)
+    laplacian U = -G rho sum_f w_f
+    L_e = ln((a + b + e) / (a + b - e)), and w_f is the solid angle of face f
 
 Werner & Scheeres (1997), Celest. Mech. Dyn. Astron. 65, 313, doi:10.1007/BF00053511. r_e and r_f point from the field
 point to the edge and the face, a and b are the distances to the edge's ends, e is its length. U is positive (the work

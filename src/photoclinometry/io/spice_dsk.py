@@ -1,0 +1,81 @@
+"""SPICE's shape kernels: a triangle mesh as a DSK of type 2. Needs the extra `geo` (spiceypy).
+
+https://naif.jpl.nasa.gov/pub/naif/toolkit_docs/C/req/dsk.html. SPICE runs in a process of its own (`io/dsk_worker.py`).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from photoclinometry.io.arrays import write_arrays
+from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.child import started
+from photoclinometry.model.errors import InputError
+
+_KM_PER_M = 1e-3
+LARGEST_PLATES = 32_000_000
+"""SPICE's limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DskPlace:
+    """The body and the frame that a shape kernel is of, as SPICE knows them."""
+
+    body: str | int
+    """Name or NAIF code."""
+    frame: str | None = None
+    """Body-fixed frame; None: the one that SPICE has for the body."""
+    surface: int = 1
+    """NAIF code of the surface, which tells models of a body apart."""
+    kernels: Sequence[Path] = ()
+    """Text kernels that define the body or the frame."""
+
+
+def write_dsk(
+    path: Path | str,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    *,
+    place: DskPlace,
+    single_valued: bool,
+    comments: Sequence[str] = (),
+) -> tuple[int, str]:
+    """A closed mesh of vertices (V, 3) [m, body-fixed] and faces (F, 3) as a kernel in km, with its spatial index.
+
+    single_valued: each direction from the origin meets the surface once; comments: lines for the kernel's comment area.
+    Returns the body's NAIF code and the name of the frame. Raises InputError without spiceypy, for bodies and frames
+    that SPICE does not know, and with SPICE's reason for meshes that it refuses; RunFolderError.
+    """
+    path = Path(path)
+    if importlib.util.find_spec("spiceypy") is None:
+        raise InputError(f"{path.name} needs spiceypy: pip install 'photoclinometry[geo]', or leave the DSK out")
+    if len(faces) > LARGEST_PLATES:
+        raise InputError(f"{path.name}: {len(faces):,} plates, SPICE takes {LARGEST_PLATES:,}; write a coarser level")
+    with atomic_path(path) as temporary, tempfile.TemporaryDirectory() as folder:
+        arrays = Path(folder) / "mesh.npz"
+        write_arrays(arrays, {"vertices": _KM_PER_M * vertices, "faces": faces.astype(np.int32)})
+        request = {
+            "arrays": str(arrays),
+            "out": str(temporary),
+            "body": place.body,
+            "frame": place.frame,
+            "surface": place.surface,
+            "kernels": [str(kernel) for kernel in place.kernels],
+            "single_valued": single_valued,
+            "comments": list(comments),
+        }
+        process = started("dsk_worker.py")
+        output, _ = process.communicate(json.dumps(request) + "\n")
+        if not output:
+            raise InputError(f"{path.name}: SPICE broke down while it wrote the kernel; leave the DSK out")
+        answer = json.loads(output)
+        if "error" in answer:
+            raise InputError(f"{path.name} cannot be written: {answer['error']}")
+    return int(answer["value"]["body"]), str(answer["value"]["frame"])
