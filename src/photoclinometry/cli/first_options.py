@@ -54,6 +54,17 @@ FIRST = {
         "image_size",
         "region_size",
     ),
+    "export": (
+        "products",
+        "transform",
+        "site",
+        "unit_m",
+        "body",
+        "radii_m",
+        "resolution",
+        "density_kg_m3",
+        "spin_period_h",
+    ),
     "ingest": (
         "kernels",
         "sumfiles",

@@ -12,7 +12,7 @@ from numba import njit
 
 import photoclinometry.model.kernel_cache  # noqa: F401
 from photoclinometry.model.errors import InputError
-from photoclinometry.surface.closed_mesh import area_vectors, is_watertight, unique_edges
+from photoclinometry.surface.closed_mesh import area_vectors, half_edges, is_watertight
 
 _CHEAPEST = 0.5
 """Share of the edges that one pass may collapse, the cheapest: dearer ones wait for the next pass."""
@@ -54,18 +54,21 @@ def _one_pass(
     points: np.ndarray, faces: np.ndarray, quadrics: np.ndarray, collapses: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The mesh after at most `collapses` independent collapses, without the vertices that they removed."""
-    edges = unique_edges(faces)[0]
+    # Two faces pass each edge of a closed mesh in opposite directions, so that one has the smaller vertex first.
+    pairs = half_edges(faces).reshape(-1, 2)
+    edges = pairs[pairs[:, 0] < pairs[:, 1]]
     cost, place = _edge_costs(points, quadrics, edges)
     count = max(1, int(_CHEAPEST * len(edges)))
     order = np.argpartition(cost, count - 1)[:count]
     order = order[np.argsort(cost[order], kind="stable")]
-    corners = faces.ravel()
-    around = np.argsort(corners, kind="stable") // 3
-    start = np.r_[0, np.cumsum(np.bincount(corners, minlength=len(points)))]
+    start = np.r_[0, np.cumsum(np.bincount(faces.ravel(), minlength=len(points)))]
+    around = _faces_around(faces, start)
     points, faces, quadrics = points.copy(), faces.copy(), quadrics.copy()
     alive = _collapse(points, faces, quadrics, edges[order], place[order], around, start, collapses)
-    used, index = np.unique(faces[alive], return_inverse=True)
-    return points[used], index.reshape(-1, 3), quadrics[used]
+    faces = faces[alive]
+    used = np.zeros(len(points), bool)
+    used[faces] = True
+    return points[used], (np.cumsum(used) - 1)[faces], quadrics[used]
 
 
 def _vertex_quadrics(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -76,49 +79,60 @@ def _vertex_quadrics(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     plane = np.concatenate([normal, -np.sum(normal * points[faces[:, 0]], -1)[:, None]], -1)
     own = area[:, None, None] * plane[:, :, None] * plane[:, None, :]
     total = np.zeros((len(points), 4, 4))
-    for corner in range(3):
-        np.add.at(total, faces[:, corner], own)
+    _add_rows(faces, own, total)
     return total
 
 
 @njit(cache=True)
+def _add_rows(faces, own, total):
+    for f in range(len(faces)):
+        for vertex in faces[f]:
+            total[vertex] += own[f]
+
+
+@njit(cache=True)
+def _faces_around(faces, start):
+    """(3 F,) the faces around each vertex, those of vertex v from start[v] on."""
+    free, around = start.copy(), np.empty(3 * len(faces), np.int64)
+    for f in range(len(faces)):
+        for vertex in faces[f]:
+            around[free[vertex]] = f
+            free[vertex] += 1
+    return around
+
+
+@njit(cache=True)
 def _edge_costs(points, quadrics, edges):
-    """(E,) cost of each edge's collapse, and (E, 3) where its vertex then lies."""
+    """(E,) cost of each edge's collapse, and (E, 3) where its vertex then lies: the lowest point, by Cramer's rule, of
+    x'qx plus the pull towards the edge's middle; the middle itself where there is none."""
     cost, place = np.empty(len(edges)), np.empty((len(edges), 3))
-    q = np.empty((4, 4))
-    for e in range(len(edges)):
-        a, b = edges[e]
-        q[:] = quadrics[a] + quadrics[b]
-        pull = _PULL * (q[0, 0] + q[1, 1] + q[2, 2])
-        middle = 0.5 * (points[a] + points[b])
-        place[e] = _lowest(q, middle, pull)
-        x, y, z = place[e]
-        step = (x - middle[0]) ** 2 + (y - middle[1]) ** 2 + (z - middle[2]) ** 2
-        cost[e] = (
-            q[0, 0] * x * x + q[1, 1] * y * y + q[2, 2] * z * z + q[3, 3] + pull * step
-            + 2.0 * (q[0, 1] * x * y + q[0, 2] * x * z + q[1, 2] * y * z + q[0, 3] * x + q[1, 3] * y + q[2, 3] * z)
-        )  # fmt: skip
+    for n in range(len(edges)):
+        i, j = edges[n]
+        p, q = quadrics[i], quadrics[j]
+        u, v = 0.5 * (points[i, 0] + points[j, 0]), 0.5 * (points[i, 1] + points[j, 1])
+        w = 0.5 * (points[i, 2] + points[j, 2])
+        a, b, c = p[0, 0] + q[0, 0], p[1, 1] + q[1, 1], p[2, 2] + q[2, 2]
+        d, e, f = p[0, 1] + q[0, 1], p[0, 2] + q[0, 2], p[1, 2] + q[1, 2]
+        k, l, m = p[0, 3] + q[0, 3], p[1, 3] + q[1, 3], p[2, 3] + q[2, 3]
+        pull = _PULL * (a + b + c)
+        x, y, z = _lowest(a + pull, b + pull, c + pull, d, e, f, pull * u - k, pull * v - l, pull * w - m, u, v, w)
+        place[n, 0], place[n, 1], place[n, 2] = x, y, z
+        planes = a * x * x + b * y * y + c * z * z + 2.0 * (d * x * y + e * x * z + f * y * z)
+        planes += 2.0 * (k * x + l * y + m * z) + p[3, 3] + q[3, 3]
+        cost[n] = planes + pull * ((x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2)
     return cost, place
 
 
 @njit(cache=True)
-def _lowest(q, middle, pull):
-    """(3,) the point of least x'qx + pull |x - middle|^2, by Cramer's rule; the middle where there is none."""
-    a, b, c = q[0, 0] + pull, q[1, 1] + pull, q[2, 2] + pull
-    d, e, f = q[0, 1], q[0, 2], q[1, 2]
-    right = np.empty(3)
-    for k in range(3):
-        right[k] = pull * middle[k] - q[k, 3]
+def _lowest(a, b, c, d, e, f, r, s, t, u, v, w):
+    """The solution of [[a, d, e], [d, b, f], [e, f, c]] x = (r, s, t); (u, v, w) of a matrix that is not definite."""
     c00, c01, c02 = b * c - f * f, e * f - d * c, d * f - b * e
     c11, c12, c22 = a * c - e * e, d * e - a * f, a * b - d * d
     determinant = a * c00 + d * c01 + e * c02
     if not determinant > 0.0:
-        return middle
-    out = np.empty(3)
-    out[0] = (c00 * right[0] + c01 * right[1] + c02 * right[2]) / determinant
-    out[1] = (c01 * right[0] + c11 * right[1] + c12 * right[2]) / determinant
-    out[2] = (c02 * right[0] + c12 * right[1] + c22 * right[2]) / determinant
-    return out
+        return u, v, w
+    x, y, z = c00 * r + c01 * s + c02 * t, c01 * r + c11 * s + c12 * t, c02 * r + c12 * s + c22 * t
+    return x / determinant, y / determinant, z / determinant
 
 
 @njit(cache=True)

@@ -34,12 +34,14 @@ def write_glb(
     *,
     normal: np.ndarray,
     albedo: np.ndarray | None = None,
+    gray: np.ndarray | None = None,
     texture: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> None:
     """A mesh of vertices (V, 3), triangles (F, 3) counter-clockwise from outside and unit normals (V, 3).
 
-    albedo: (V,) as the attribute _ALBEDO. texture: a picture (h, w) uint8, and where the vertices are in it (V, 2), in
-    [0, 1] right and down from the upper left corner. Raises RunFolderError.
+    albedo: (V,) as the attribute _ALBEDO. gray: (V,) linear light in [0, 1], as the vertices' colours. texture: a
+    picture (h, w) uint8, and where the vertices are in it (V, 2), in [0, 1] right and down from the upper left corner.
+    Raises RunFolderError.
     """
     middle = 0.5 * (position.min(0) + position.max(0))
     content = _Content()
@@ -49,6 +51,8 @@ def write_glb(
     }
     if albedo is not None:
         attributes["_ALBEDO"] = content.array(albedo, "SCALAR")
+    if gray is not None:
+        attributes["COLOR_0"] = content.array(np.repeat(gray[:, None], 3, 1), "VEC3")
     material: dict[str, Any] = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}
     extra: dict[str, Any] = {}
     if texture is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from photoclinometry.io.rasters.globe import (
     Globe,
     body_fixed,
+    find_globe,
     geographic,
     iau_crs,
     need_rasterio,
@@ -105,6 +106,23 @@ def site_projection(
     crs = _iau_or(globe, "equirectangular-180" if middle else "equirectangular")
     name = f"Equirectangular, clon = {middle:g}"
     return MapProjection(globe=globe, crs=crs or _projected(globe, name, "Equirectangular", 0.0, middle))
+
+
+def body_projections(globe: Globe) -> dict[str, MapProjection]:
+    """Three maps of a whole body: "cylindrical" (equidistant, about longitude 0) and polar stereographic, "north" and
+    "south". They are on the sphere of the globe's equatorial radius, with planetocentric latitudes, since PROJ's polar
+    maps of flat spheroids do not read back."""
+    radius = globe.radii_m[0]
+    sphere = globe if globe.radii_m[1] == radius else find_globe(globe.name.split(",")[0], (radius,))
+    own = {
+        "cylindrical": ("equirectangular", "Equirectangular, clon = 0", "Equirectangular", 0.0),
+        "north": ("north", "North Polar", "Polar_Stereographic", 90.0),
+        "south": ("south", "South Polar", "Polar_Stereographic", -90.0),
+    }
+    return {
+        name: MapProjection(globe=sphere, crs=_iau_or(sphere, kind) or _projected(sphere, words, method, latitude, 0.0))
+        for name, (kind, words, method, latitude) in own.items()
+    }
 
 
 def _check_seen(lon_deg: float, lat_deg: float, points_deg: np.ndarray) -> None:

@@ -19,11 +19,12 @@ from photoclinometry.output.viewer import write_viewer
 
 Written = dict[str, str]
 """What is in each file, by the file's name in the export's folder."""
-Writer = Callable[[Path, Framed, tuple[str, ...], Any], Written]
-"""(folder, scene in its frame, products of this writer that are asked for, `ExportOptions`) -> `Written`."""
+Writer = Callable[[Path, Any, tuple[str, ...], Any], Written]
+"""(folder, scene in its frame, products of this writer that are asked for, `ExportOptions`) -> `Written`; of a whole
+body the second is a `PlacedShape`."""
 
 
-def _always(framed: Framed) -> str | None:
+def _always(framed: Any) -> str | None:
     return None
 
 
@@ -40,7 +41,7 @@ class Format:
     """Of pyproject.toml's optional dependencies, what the writer needs."""
     package: str | None = None
     """The package of that extra which the writer imports."""
-    lacks: Callable[[Framed], str | None] = _always
+    lacks: Callable[[Any], str | None] = _always
     """Why a scene cannot be exported so; None: it can."""
 
 

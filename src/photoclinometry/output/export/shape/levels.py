@@ -1,0 +1,68 @@
+"""Coarser levels of a shape model, with what is known at its vertices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.shape_model import ShapeModel
+from photoclinometry.registration.closest_points import MeshSurface
+from photoclinometry.surface.decimate import decimate
+
+LEVELS = (49_152, 196_608, 786_432, 3_145_728)
+"""Facets, 12 Q^2 for Q = 64 to 512: those that archives of small bodies have."""
+_ABOUT = 0.9
+"""A level of more than this share of the model's facets would be the model itself."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A model at one number of facets."""
+
+    name: str
+    """Facets in thousands: "49k"."""
+    shape: ShapeModel
+
+
+def levels_of(shape: ShapeModel) -> list[Level]:
+    """The levels that are coarser than a closed model, from coarse to fine, and the model itself, last."""
+    vertices, faces = shape.vertices, shape.faces
+    surface = MeshSurface(vertices, faces, closed=True)
+    found = [Level(thousands(len(faces)), shape)]
+    for count in sorted(LEVELS, reverse=True):
+        if count < _ABOUT * len(shape.faces):
+            vertices, faces = decimate(vertices, faces, count)
+            found.append(Level(thousands(count), carried_to(shape, surface, vertices, faces)))
+    return found[::-1]
+
+
+def thousands(count: int) -> str:
+    """49152 as "49k"; fewer than a thousand as they are."""
+    return f"{count // 1000}k" if count >= 1000 else str(count)
+
+
+def carried_to(shape: ShapeModel, surface: MeshSurface, vertices: np.ndarray, faces: np.ndarray) -> ShapeModel:
+    """A mesh with what a model has at the nearest points of its surface: interpolated, counts of the nearest vertex.
+
+    surface: the model's mesh. A figure that is not known at one of the three corners is not known between them.
+    """
+    face, weight = surface.weights(vertices)
+    corner = shape.faces[face]
+    nearest = np.take_along_axis(corner, weight.argmax(1)[:, None], 1)[:, 0]
+
+    def mean(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else np.einsum("nk,nk...->n...", weight, values[corner])
+
+    normals = mean(shape.normals)
+    return ShapeModel(
+        vertices=vertices,
+        faces=faces,
+        normals=None if normals is None else unit(normals),
+        albedo=mean(shape.albedo),
+        sigma={name: np.einsum("nk,nk->n", weight, values[corner]) for name, values in shape.sigma.items()},
+        views=None if shape.views is None else shape.views[nearest],
+        tile=None if shape.tile is None else shape.tile[nearest],
+        unit=shape.unit,
+    )
