@@ -82,6 +82,23 @@ def read_mesh(path: Path) -> None:
     _sound(ply.faces is None or not len(ply.faces) or ply.faces.max() < len(ply.position), "faces out of range")
 
 
+def read_body_ply(path: Path) -> None:
+    """A shape model, with its faces in range and standard deviations that can be."""
+    from photoclinometry.io.meshes.shape_ply import read_shape_ply
+
+    shape = read_shape_ply(path)
+    _sound(np.isfinite(shape.vertices).all(), "vertices are not finite")
+    _sound(shape.faces.min() >= 0 and shape.faces.max() < len(shape.vertices), "faces out of range")
+    _sound(not any((sigma < 0).any() for sigma in shape.sigma.values()), "standard deviations are negative")
+
+
+def read_icq_model(path: Path) -> None:
+    """Gaskell's vertices."""
+    from photoclinometry.io.models.icq import read_icq
+
+    _sound(np.isfinite(read_icq(path)).all(), "vertices are not finite")
+
+
 def read_truth_file(path: Path) -> None:
     """The truth of a simulated site."""
     from photoclinometry.simulate.truth_file import read_truth
@@ -208,6 +225,8 @@ READERS = {
     "control points": Reader(read=read_control_points, make=made.make_control, alone=True, share=2.0),
     "ply": Reader(read=read_mesh, make=made.make_meshes, alone=True, share=2.0),
     "obj": Reader(read=read_obj, make=made.make_obj, alone=True, share=2.0),
+    "body.ply": Reader(read=read_body_ply, make=made.make_shape, alone=True, share=2.0),
+    "icq": Reader(read=read_icq_model, make=made.make_icq, alone=True, share=2.0),
     "surface": Reader(read=read_ground, make=made.make_dtm, alone=True, share=2.0),
     "scene.h5": Reader(read=read_scene, make=made.make_scene),
     "truth.h5": Reader(read=read_truth_file, make=made.make_truth),

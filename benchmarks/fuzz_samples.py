@@ -153,6 +153,29 @@ def make_meshes(folder: Path) -> list[str]:
     return ["points.ply", "mesh.ply", "text.ply", "big.ply"]
 
 
+def make_shape(folder: Path) -> list[str]:
+    from photoclinometry.io.meshes.shape_ply import write_shape_ply
+    from photoclinometry.model.shape_model import ShapeModel
+    from photoclinometry.surface.closed_mesh import icosahedron
+
+    vertices, faces = icosahedron()
+    ones = np.ones(len(vertices))
+    sigma = {"height": 0.1 * ones, "normal": 0.02 * ones, "albedo": 0.03 * ones}
+    counts = np.arange(len(vertices))
+    write_shape_ply(
+        folder / "a.ply", ShapeModel(vertices, faces, vertices, 0.04 * ones, sigma, counts, counts - 1, "m")
+    )
+    write_shape_ply(folder / "b.ply", ShapeModel(vertices, faces))
+    return ["a.ply", "b.ply"]
+
+
+def make_icq(folder: Path) -> list[str]:
+    from photoclinometry.io.models.icq import icq_directions, write_icq
+
+    write_icq(folder / "SHAPE.TXT", 0.25 * icq_directions(3))
+    return ["SHAPE.TXT"]
+
+
 def make_obj(folder: Path) -> list[str]:
     from photoclinometry.io.meshes.obj import write_obj
 

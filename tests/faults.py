@@ -38,6 +38,22 @@ NOTHING: tuple[str, ...] = ()
 BEGUN = ("map", "map/config.toml", "map/log", "map/run.json")
 """What is left by a run that ends before its first stage; the same command goes on there."""
 
+TRIANGLE = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2
+"""
+"""A mesh of one face."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
@@ -649,6 +665,14 @@ def others() -> Iterator[Fault]:
         f"{EXPORT} --site mapped/site.toml",
         "0 of the 4 views have a pose prior, at least 3 are needed ... add cam_from_body to more views of site.toml",
     )
+    yield row("a density of a place", f"{EXPORT} --density-kg-m3 1190", "--density-kg-m3 is for a whole body (a folder")
+    whole = "export body --out out"
+    yield row(
+        "a shape model cut short", whole, "body/body.ply: is not a complete PLY file", put("body/body.ply", "ply")
+    )
+    yield row("a shape model with holes", whole, "body.ply: is not a closed mesh", put("body/body.ply", TRIANGLE))
+    yield row("heights of a whole body", f"{whole} --products dtm", "dtm is a product of the map of a place; of a whole",
+              put("body/body.ply", TRIANGLE))  # fmt: skip
     yield row(
         "no model", "refine none --out out", "none/cameras.txt: there is no such file; give the folder of a model"
     )

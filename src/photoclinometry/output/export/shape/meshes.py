@@ -31,15 +31,18 @@ def write_shape_meshes(folder: Path, placed: PlacedShape, products: tuple[str, .
             write_shape_ply(folder / f"{stem}.ply", shape)
             files[f"{stem}.ply"] = f"{about}, with all that is known at the vertices"
         if "gltf" in products:
+            gray = gray_of(shape)
             write_glb(
                 folder / f"{stem}.glb",
                 shape.vertices,
                 shape.faces,
                 normal=shape.normals,
                 albedo=shape.albedo if shape.albedo is not None and np.isfinite(shape.albedo).all() else None,
-                gray=gray_of(shape),
+                gray=gray,
             )
-            files[f"{stem}.glb"] = f"{about}, turned so that the frame's z is glTF's y (up); colours: albedo"
+            files[f"{stem}.glb"] = f"{about}, turned so that the frame's z is glTF's y (up)"
+            if gray is not None:
+                files[f"{stem}.glb"] += "; colours: albedo"
     return files
 
 
