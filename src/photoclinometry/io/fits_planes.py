@@ -22,6 +22,8 @@ class Plane:
     """Empty for pure numbers."""
     values: np.ndarray
     """(h, w) of a cube, (n,) of a table; NaN where there is none."""
+    exact: bool = False
+    """Whether a table has it in double precision, as positions are."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +48,16 @@ def write_cube(path: Path | str, planes: Sequence[Plane], cards: Sequence[Card])
 
 
 def write_table(path: Path | str, columns: Sequence[Plane], cards: Sequence[Card]) -> None:
-    """Columns (n,) as a binary table: whole numbers in 32 bits, others in double precision. Raises RunFolderError."""
+    """Columns (n,) as a binary table: whole numbers in 32 bits, others in single precision unless they are exact.
+
+    Raises RunFolderError.
+    """
     from astropy.io import fits
 
     found = [
         fits.Column(
             name=column.name,
-            format="J" if column.values.dtype.kind in "iu" else "D",
+            format="J" if column.values.dtype.kind in "iu" else "D" if column.exact else "E",
             unit=column.unit or None,
             array=column.values,
         )

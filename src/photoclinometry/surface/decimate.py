@@ -77,17 +77,18 @@ def _vertex_quadrics(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     area = np.linalg.norm(normal, axis=1)
     normal = normal / np.maximum(area, np.finfo(float).tiny)[:, None]
     plane = np.concatenate([normal, -np.sum(normal * points[faces[:, 0]], -1)[:, None]], -1)
-    own = area[:, None, None] * plane[:, :, None] * plane[:, None, :]
     total = np.zeros((len(points), 4, 4))
-    _add_rows(faces, own, total)
+    _add_quadrics(faces, plane, area, total)
     return total
 
 
 @njit(cache=True)
-def _add_rows(faces, own, total):
+def _add_quadrics(faces, plane, area, total):
     for f in range(len(faces)):
         for vertex in faces[f]:
-            total[vertex] += own[f]
+            for i in range(4):
+                for j in range(4):
+                    total[vertex, i, j] += area[f] * plane[f, i] * plane[f, j]
 
 
 @njit(cache=True)

@@ -64,11 +64,11 @@ def planes_of(ground: Ground) -> Iterator[Plane]:
     shape, gravity = ground.placed.shape, ground.gravity
     position, normal = _KM_PER_M * ground.position, ground.normal
     radius = np.linalg.norm(position, axis=-1)
-    yield Plane("Latitude of vertices", "deg", np.degrees(np.arcsin(position[:, 2] / radius)))
-    yield Plane("Longitude of vertices", "deg", np.degrees(np.arctan2(position[:, 1], position[:, 0])) % 360.0)
-    yield Plane("Radius of vertices", "km", radius)
+    yield Plane("Latitude of vertices", "deg", np.degrees(np.arcsin(position[:, 2] / radius)), True)
+    yield Plane("Longitude of vertices", "deg", np.degrees(np.arctan2(position[:, 1], position[:, 0])) % 360.0, True)
+    yield Plane("Radius of vertices", "km", radius, True)
     for k, axis in enumerate("XYZ"):
-        yield Plane(f"{axis} coordinate of vertices", "km", position[:, k])
+        yield Plane(f"{axis} coordinate of vertices", "km", position[:, k], True)
     for k, axis in enumerate("XYZ"):
         yield Plane(f"Normal vector {axis}", "", normal[:, k])
     if gravity is not None:
