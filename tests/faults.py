@@ -671,7 +671,7 @@ def others() -> Iterator[Fault]:
         "a shape model cut short", whole, "body/body.ply: is not a complete PLY file", put("body/body.ply", "ply")
     )
     yield row("a shape model with holes", whole, "body.ply: is not a closed mesh", put("body/body.ply", TRIANGLE))
-    yield row("heights of a whole body", f"{whole} --products dtm", "dtm is a product of the map of a place; of a whole",
+    yield row("heights of a whole body", f"{whole} --products dtm", "dtm is a product of the map of a place",
               put("body/body.ply", TRIANGLE))  # fmt: skip
     yield row(
         "no model", "refine none --out out", "none/cameras.txt: there is no such file; give the folder of a model"

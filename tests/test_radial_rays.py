@@ -37,6 +37,13 @@ def test_every_vertex_of_a_sphere_is_met():
     np.testing.assert_allclose(radius, 1.0, rtol=1e-12)
 
 
+def test_the_lists_of_cells_are_short():
+    """Triangles about the great circles between the sides are not listed in all cells of a side."""
+    vertices, faces = refine(*icosahedron(), 0.02, unit)
+    rays = RadialRays(vertices, faces)
+    assert rays.listed < 4 * len(faces)
+
+
 def test_the_outermost_of_two_spheres_counts():
     vertices, faces = icosahedron()
     both = np.concatenate([vertices, 2.0 * vertices])

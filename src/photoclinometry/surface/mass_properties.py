@@ -10,6 +10,7 @@ First derivatives do not see that rough errors enlarge the area: its mean is too
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,32 +81,60 @@ def mass_properties(
     normals: (V, 3) directions of the height errors, by default the mesh's; sigma_height: (V,) standard deviations, NaN
     where unknown, which counts as the largest known; correlation_length: L above, 0 to infinity.
     """
+    lengths = (correlation_length,)
+    return properties_by_length(vertices, faces, lengths, normals=normals, sigma_height=sigma_height)[0]
+
+
+def properties_by_length(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    correlation_lengths: Sequence[float],
+    *,
+    normals: np.ndarray | None = None,
+    sigma_height: np.ndarray | None = None,
+) -> list[MassProperties]:
+    """As `mass_properties`, for each of several correlation lengths; the derivatives are computed once."""
     normals = vertex_normals(vertices, faces) if normals is None else normals
     # About the mean vertex: second moments about a far origin would lose their digits.
     origin = vertices.mean(0)
     values, slopes = _moments(vertices - origin, faces, normals)
-    volume, center = values[0], values[1:4] / values[0]
+    center = values[1:4] / values[0]
+    inertia, to_center, to_inertia = _about_center(values, slopes, center)
+    derivatives = np.concatenate([slopes[:, :1], slopes[:, 10:], to_center, to_inertia.reshape(-1, 9)], axis=1)
+    area = float(np.linalg.norm(area_vectors(vertices, faces), axis=1).sum())
+    found = []
+    for length in correlation_lengths:
+        sigma = _sigmas(vertices, derivatives, sigma_height, length)
+        found.append(
+            MassProperties(
+                volume=float(values[0]),
+                area=area,
+                center=center + origin,
+                inertia=inertia,
+                sigma_volume=float(sigma[0]),
+                sigma_area=float(sigma[1]),
+                sigma_center=sigma[2:5],
+                sigma_inertia=sigma[5:].reshape(3, 3),
+            )
+        )
+    return found
+
+
+def _about_center(
+    values: np.ndarray, slopes: np.ndarray, center: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The inertia tensor (3, 3) about the centre of mass over the mass, and the derivatives of the centre (V, 3) and of
+    the tensor (V, 3, 3) by each vertex's height; values and slopes: of `_moments`."""
+    volume = values[0]
     to_center = (slopes[:, 1:4] - slopes[:, :1] * center) / volume
-    second, to_second = np.empty((3, 3)), np.empty((len(vertices), 3, 3))
+    second, to_second = np.empty((3, 3)), np.empty((len(slopes), 3, 3))
     for n, (i, j) in enumerate(_PAIRS):
         mean = values[4 + n] / volume
         second[i, j] = second[j, i] = mean - center[i] * center[j]
         step = (slopes[:, 4 + n] - slopes[:, 0] * mean) / volume
         to_second[:, i, j] = to_second[:, j, i] = step - to_center[:, i] * center[j] - to_center[:, j] * center[i]
-    inertia = np.trace(second) * np.eye(3) - second
-    to_inertia = np.trace(to_second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - to_second
-    derivatives = np.concatenate([slopes[:, :1], slopes[:, 10:], to_center, to_inertia.reshape(-1, 9)], axis=1)
-    sigma = _sigmas(vertices, derivatives, sigma_height, correlation_length)
-    return MassProperties(
-        volume=float(volume),
-        area=float(np.linalg.norm(area_vectors(vertices, faces), axis=1).sum()),
-        center=center + origin,
-        inertia=inertia,
-        sigma_volume=float(sigma[0]),
-        sigma_area=float(sigma[1]),
-        sigma_center=sigma[2:5],
-        sigma_inertia=sigma[5:].reshape(3, 3),
-    )
+    trace = np.trace(to_second, axis1=1, axis2=2)[:, None, None]
+    return np.trace(second) * np.eye(3) - second, to_center, trace * np.eye(3) - to_second
 
 
 def _moments(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -35,6 +35,11 @@ class RadialRays:
         self._list = np.empty(self._start[-1], np.int64)
         _listed(self.vertices, self.faces, self._side, near, self._start[:-1].copy(), self._list)
 
+    @property
+    def listed(self) -> int:
+        """How many triangles all cells list together."""
+        return len(self._list)
+
     def outermost(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of unit vectors (n, 3): the radius (n,) of the outermost surface, its face (n,) and the weights (n, 3) of
         that face's corners. A direction in which there is no surface has radius NaN and face -1."""
@@ -65,14 +70,17 @@ def _listed(vertices, faces, cells, near, start, out):
     for f in range(len(faces)):
         for side in range(6):
             low, high = np.full(2, np.inf), np.full(2, -np.inf)
-            ahead, least = False, np.inf
+            beside, least = np.full(4, np.inf), np.inf
             for k in range(3):
                 u, v, w = _on_side(vertices[faces[f, k]], side)
-                ahead, least = ahead or w > 0.0, min(least, w)
+                least = min(least, w)
+                beside[0], beside[1] = min(beside[0], u - w), min(beside[1], -u - w)
+                beside[2], beside[3] = min(beside[2], v - w), min(beside[3], -v - w)
                 if w > 0.0:
                     low[0], high[0] = min(low[0], u / w), max(high[0], u / w)
                     low[1], high[1] = min(low[1], v / w), max(high[1], v / w)
-            if not ahead:
+            # The side's pyramid is |u|, |v| <= w. A triangle whose corners all lie beyond one of its planes is outside.
+            if beside.max() > 0.0 or low[0] > high[0]:
                 continue
             if least < near:
                 low[:], high[:] = -1.0, 1.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +17,7 @@ from photoclinometry.output.export.shape.options import ShapeOptions
 from photoclinometry.registration.closest_points import MeshSurface
 from photoclinometry.surface.closed_mesh import is_watertight, signed_volume, unique_edges, vertex_normals
 from photoclinometry.surface.decimate import decimate
-from photoclinometry.surface.mass_properties import MassProperties, mass_properties
+from photoclinometry.surface.mass_properties import MassProperties, properties_by_length
 from photoclinometry.surface.polyhedron_gravity import GRAVITATIONAL_CONSTANT, Polyhedron
 from photoclinometry.surface.radial_rays import RadialRays, is_star_shaped
 from photoclinometry.surface.surface_gravity import GroundGravity, carried, ground_gravity, spin_rate
@@ -65,19 +66,24 @@ class PlacedShape:
         return float(np.linalg.norm(np.subtract(*self.shape.vertices[edges.T]), axis=1).mean())
 
     @cached_property
+    def mean_radius(self) -> float:
+        """Of the sphere of the same volume."""
+        return math.cbrt(0.75 / math.pi * signed_volume(self.shape.vertices, self.shape.faces))
+
+    @cached_property
     def correlation(self) -> float:
         """Correlation length of height errors."""
         given = self.options.correlation_m
-        return DEFAULT_CORRELATION * self.properties(0.0).mean_radius if given is None else given
+        return DEFAULT_CORRELATION * self.mean_radius if given is None else given
 
-    def properties(self, correlation: float) -> MassProperties:
-        """Mass properties, with the standard deviations of a correlation length."""
-        return mass_properties(
+    def properties(self, correlation_lengths: Sequence[float]) -> list[MassProperties]:
+        """Mass properties, with the standard deviations of each correlation length."""
+        return properties_by_length(
             self.shape.vertices,
             self.shape.faces,
+            correlation_lengths,
             normals=self.shape.normals,
             sigma_height=self.shape.sigma.get("height"),
-            correlation_length=correlation,
         )
 
     @cached_property
@@ -108,7 +114,7 @@ class PlacedShape:
         except InputError:
             if self.radii_m is not None:
                 raise
-            radius = float(f"{self.properties(0.0).mean_radius:.4g}")
+            radius = float(f"{self.mean_radius:.4g}")
             return find_globe(self.body or "body", (radius,))
 
 

@@ -30,7 +30,7 @@ _MOST_ROWS = 1800
 
 def write_planes(folder: Path, placed: PlacedShape, products: tuple[str, ...], options: Any) -> dict[str, str]:
     """Writes global.fits and facets.fits; returns descriptions by file name. Raises RunFolderError."""
-    radius = placed.properties(0.0).mean_radius
+    radius = placed.mean_radius
     rows = min(_MOST_ROWS, round(math.pi * radius / pixel_width(placed, radius)))
     latitude = -90.0 + (np.arange(rows) + 0.5) * 180.0 / rows
     longitude = (np.arange(2 * rows) + 0.5) * 180.0 / rows

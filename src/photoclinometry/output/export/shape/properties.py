@@ -22,7 +22,7 @@ ASSUMPTION = (
 def write_properties(folder: Path, placed: PlacedShape, products: tuple[str, ...], options: Any) -> dict[str, str]:
     """Writes properties.json; returns its description. Raises RunFolderError."""
     length = placed.correlation
-    found = placed.properties(length)
+    found, independent, common = placed.properties((length, 0.0, math.inf))
     unit = placed.shape.unit or "unit"
     moments, axes = np.linalg.eigh(found.inertia)
     content: dict[str, Any] = {
@@ -37,8 +37,8 @@ def write_properties(folder: Path, placed: PlacedShape, products: tuple[str, ...
         f"principal_moments_over_mass_{unit}2": moments.tolist(),
         "principal_axes": axes.T.tolist(),
         "sigma": _sigmas(found, length, unit),
-        "sigma_if_errors_are_independent": _sigmas(placed.properties(0.0), 0.0, unit),
-        "sigma_if_all_share_one_error": _sigmas(placed.properties(math.inf), math.inf, unit),
+        "sigma_if_errors_are_independent": _sigmas(independent, 0.0, unit),
+        "sigma_if_all_share_one_error": _sigmas(common, math.inf, unit),
         "assumption": ASSUMPTION,
     }
     density = placed.options.density_kg_m3
