@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from archives import SHARED
+from photoclinometry.io.meshes.obj import read_obj
 from photoclinometry.io.spice_dsk import DskPlace, write_dsk
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
@@ -12,6 +14,7 @@ from photoclinometry.surface.radial_rays import RadialRays
 spice = pytest.importorskip("spiceypy")
 
 BENNU = 2101955
+COMET = SHARED / "shapes" / "67p.obj"
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +69,19 @@ def test_surface_points_by_longitude_and_latitude(kernel, egg):
     lon, lat = lon_lat.T
     d = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], -1)
     np.testing.assert_allclose(points, 1e-3 * RadialRays(*egg).outermost(d)[0][:, None] * d, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.skipif(not COMET.is_file(), reason="no ../shared/data/shapes/67p.obj beside the repository")
+def test_a_concave_body_is_met_where_it_is_met_first(tmp_path):
+    """Rays from outside that meet the comet up to five times."""
+    vertices, faces = read_obj(COMET)
+    write_dsk(tmp_path / "67p.bds", 1e3 * vertices, faces, place=DskPlace(body="bennu"), single_valued=False)
+    spice.furnsh(str(tmp_path / "67p.bds"))
+    d = unit(np.random.default_rng(0).normal(size=(500, 3)))
+    points, found = spice.dskxv(False, "BENNU", [], 0.0, "IAU_BENNU", 3.0 * d, -d)
+    spice.kclear()
+    assert np.all(found)
+    np.testing.assert_allclose(points, RadialRays(vertices, faces).outermost(d)[0][:, None] * d, atol=1e-9)
 
 
 def test_an_own_body_takes_its_frame_kernel(tmp_path, egg):
