@@ -117,6 +117,15 @@ def test_what_is_not_possible_is_told(egg, tmp_path):
     assert about["not_possible"]["icq"] == "its unit of length is unknown; give --unit-m"
 
 
+def test_a_body_that_spice_does_not_know_costs_the_dsk_alone(egg, tmp_path):
+    pytest.importorskip("spiceypy")
+    about = export_shape(egg, tmp_path / "out", ExportOptions(body="egg", resolution=40.0))
+    assert "shape.bds" not in about["files"]
+    assert "SPICE knows no body 'egg'; give its code with --naif-id" in about["not_possible"]["dsk"]
+    with pytest.raises(InputError, match=r"cannot be exported as dsk: .* knows no body 'egg'"):
+        export_shape(egg, tmp_path / "out", ExportOptions(body="egg", products=("dsk",)))
+
+
 def test_a_model_in_kilometres_is_exported_in_metres(egg, tmp_path):
     small = replace(egg, vertices=1e-3 * egg.vertices, unit=None)
     export_shape(small, tmp_path / "out", ExportOptions(products=("ply",), unit_m=1000.0))

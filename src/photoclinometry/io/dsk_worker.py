@@ -36,13 +36,15 @@ _LINE = 80
 
 
 def write(request: dict[str, Any]) -> dict[str, Any]:
-    """Writes the kernel that a request describes; returns the body's code and the frame's name."""
+    """Writes the kernel that a request describes, if it names a mesh; returns the body's code and the frame's name."""
     for kernel in request["kernels"]:
         spice.furnsh(kernel)
     body = request["body"] if isinstance(request["body"], int) else _code(request["body"])
     frame = request["frame"] or _frame(body)
     if not spice.namfrm(frame):
         raise ValueError(f"SPICE knows no frame {frame!r}; load its frame kernel with --kernels")
+    if "arrays" not in request:
+        return {"body": body, "frame": frame}
     with np.load(request["arrays"], allow_pickle=False) as arrays:
         vertices = np.ascontiguousarray(arrays["vertices"], np.float64)
         plates = np.ascontiguousarray(arrays["faces"], np.int32) + 1

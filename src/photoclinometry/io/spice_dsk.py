@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -54,28 +55,37 @@ def write_dsk(
     that SPICE does not know, and with SPICE's reason for meshes that it refuses; RunFolderError.
     """
     path = Path(path)
-    if importlib.util.find_spec("spiceypy") is None:
-        raise InputError(f"{path.name} needs spiceypy: pip install 'photoclinometry[geo]', or leave the DSK out")
     if len(faces) > LARGEST_PLATES:
         raise InputError(f"{path.name}: {len(faces):,} plates, SPICE takes {LARGEST_PLATES:,}; write a coarser level")
     with atomic_path(path) as temporary, tempfile.TemporaryDirectory() as folder:
         arrays = Path(folder) / "mesh.npz"
         write_arrays(arrays, {"vertices": _KM_PER_M * vertices, "faces": faces.astype(np.int32)})
-        request = {
+        mesh = {
             "arrays": str(arrays),
             "out": str(temporary),
-            "body": place.body,
-            "frame": place.frame,
             "surface": place.surface,
-            "kernels": [str(kernel) for kernel in place.kernels],
             "single_valued": single_valued,
             "comments": list(comments),
         }
-        process = started("dsk_worker.py")
-        output, _ = process.communicate(json.dumps(request) + "\n")
-        if not output:
-            raise InputError(f"{path.name}: SPICE broke down while it wrote the kernel; leave the DSK out")
-        answer = json.loads(output)
-        if "error" in answer:
-            raise InputError(f"{path.name} cannot be written: {answer['error']}")
+        return _answer(place, mesh)
+
+
+def known_to_spice(place: DskPlace) -> tuple[int, str]:
+    """The body's NAIF code and the name of its frame. Raises InputError without spiceypy, and for what SPICE does not
+    know."""
+    return _answer(place, {})
+
+
+def _answer(place: DskPlace, mesh: dict[str, Any]) -> tuple[int, str]:
+    if importlib.util.find_spec("spiceypy") is None:
+        raise InputError("SPICE's kernels need spiceypy: pip install 'photoclinometry[geo]', or leave the DSK out")
+    kernels = [str(kernel) for kernel in place.kernels]
+    process = started("dsk_worker.py")
+    request = {"body": place.body, "frame": place.frame, "kernels": kernels, **mesh}
+    output, _ = process.communicate(json.dumps(request) + "\n")
+    if not output:
+        raise InputError("SPICE broke down while it wrote the kernel; leave the DSK out")
+    answer = json.loads(output)
+    if "error" in answer:
+        raise InputError(f"no DSK can be written: {answer['error']}")
     return int(answer["value"]["body"]), str(answer["value"]["frame"])

@@ -31,10 +31,7 @@ def _not_star_shaped(placed: PlacedShape) -> str | None:
 
 
 def _no_body(placed: PlacedShape) -> str | None:
-    reason = _no_unit(placed)
-    if reason is None and placed.body is None and placed.options.naif_id is None:
-        return "SPICE needs to know which body it is; give --body or --naif-id"
-    return reason
+    return _no_unit(placed) or placed.unknown_to_spice
 
 
 _ALL = (

@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry import __version__
 from photoclinometry.io.models.icq import icq_directions, write_icq
-from photoclinometry.io.spice_dsk import DskPlace, write_dsk
+from photoclinometry.io.spice_dsk import write_dsk
 from photoclinometry.output.export.shape.placed import PlacedShape
 
 _KM_PER_M = 1e-3
@@ -32,13 +32,6 @@ def nearest_q(facets: int) -> int:
 
 def write_dsk_model(folder: Path, placed: PlacedShape, products: tuple[str, ...], options: Any) -> dict[str, str]:
     """Writes shape.bds; returns its description. Raises InputError for what SPICE refuses, and RunFolderError."""
-    about = placed.options
-    place = DskPlace(
-        body=about.naif_id if about.naif_id is not None else str(placed.body),
-        frame=about.frame,
-        surface=about.surface_id,
-        kernels=about.kernels,
-    )
     comments = [
         f"Shape model {placed.name}, {len(placed.shape.faces)} plates, lengths in km.",
         f"Written by photoclinometry {__version__}.",
@@ -47,8 +40,8 @@ def write_dsk_model(folder: Path, placed: PlacedShape, products: tuple[str, ...]
         folder / "shape.bds",
         placed.shape.vertices,
         placed.shape.faces,
-        place=place,
+        place=placed.dsk_place,
         single_valued=placed.star_shaped,
         comments=comments,
     )
-    return {"shape.bds": f"DSK of type 2 of body {body} in frame {frame}, surface {about.surface_id}, in km"}
+    return {"shape.bds": f"DSK of type 2 of body {body} in frame {frame}, surface {placed.options.surface_id}, in km"}

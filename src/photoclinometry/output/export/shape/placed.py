@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from photoclinometry.io.rasters.globe import Globe, find_globe
+from photoclinometry.io.spice_dsk import DskPlace, known_to_spice
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.output.export.shape.levels import Level, levels_of
@@ -102,6 +104,26 @@ class PlacedShape:
         body = Polyhedron(vertices, faces, mass / signed_volume(vertices, faces))
         face, weight = MeshSurface(vertices, faces, closed=True).weights(shape.vertices)
         return carried(ground_gravity(body, self.spin), body, shape.vertices, face, weight)
+
+    @property
+    def dsk_place(self) -> DskPlace:
+        """The body and the frame of SPICE's shape kernel, as they are given."""
+        about = self.options
+        body = about.naif_id if about.naif_id is not None else str(self.body)
+        return DskPlace(body=body, frame=about.frame, surface=about.surface_id, kernels=about.kernels)
+
+    @cached_property
+    def unknown_to_spice(self) -> str | None:
+        """Why SPICE cannot take the model; None: it can, or it is not installed."""
+        if importlib.util.find_spec("spiceypy") is None:
+            return None
+        if self.body is None and self.options.naif_id is None:
+            return "SPICE needs to know which body it is; give --body or --naif-id"
+        try:
+            known_to_spice(self.dsk_place)
+        except InputError as error:
+            return str(error)
+        return None
 
     @cached_property
     def globe(self) -> Globe:
