@@ -78,6 +78,7 @@ class Fault:
 
 
 RUN = "run site/site.toml --out map"
+BODY = "body site/site.toml"
 MAPPED = "run mapped/site.toml --out mapped/run"
 RENDER = "render mapped/run --out a.png"
 EVALUATE = "evaluate mapped/run"
@@ -339,6 +340,8 @@ def options() -> Iterator[Fault]:
     yield row("of a refinement", f"{REFINE} --adjust.max-rounds 0", "--adjust.max-rounds is 0; give")
     yield row("of a simulation", "simulate --out out --detector.bits 99", "--detector.bits is 99; give a whole")
     yield row("of an ingestion", f"{INGEST} --position-sigma nan", "--position-sigma is nan; give")
+    yield row("workers of a body", f"{BODY} --workers 0", "--workers is 0; give a whole number, 1 or more")
+    yield row("tiles of a body", f"{BODY} --plan.tile-px 8", "--plan.tile-px is 8; give a whole number, 32 to 4096")
     yield row("of an export", f"{EXPORT} --unit-m 0", "--unit-m is 0; give above 0")
     yield row(
         "of a choice of views", f"{VIEWS} 10 5 --max-emission 120", "--max-emission is 120; give above 0, up to 90"
@@ -501,6 +504,11 @@ def folders() -> Iterator[Fault]:
     )
     yield row(
         "a map is exported to a file", f"export mapped/run --out {PHOTO} --products csv", "... .png: is a file, not"
+    )
+    yield row("a body among files", f"{BODY} --out photos", "photos: exists and is not a run folder; choose another")
+    yield row("a body in the folder of a run", f"{BODY} --out mapped/run", "mapped/run: belongs to the site ...")
+    yield row(
+        "a tile of a body without a plan", f"{BODY} --tile 0", "site/body: no plan was made there; run the command"
     )
     yield row("a study among files", "study --out photos", "photos: exists and is not a study; choose another folder")
     yield row(

@@ -7,6 +7,7 @@ standard deviations, and take their normals, albedos and standard deviations fro
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,10 +19,13 @@ from photoclinometry.body.coarse_shape import ClosedMesh
 from photoclinometry.body.tile import TileMap
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.closed_mesh import area_vectors, vertex_normals
 from photoclinometry.surface.poisson import closed_surface
+
+log = logging.getLogger(__name__)
 
 NEAR_GSD = 1.5
 """Landmarks up to this far from a vertex determine it [GSD]."""
@@ -36,6 +40,8 @@ FILL_GSD = 4.0
 """The coarse shape stands in where no landmark is nearer than this [GSD]."""
 LEAST_INSIDE = 0.02
 """Weight of a landmark at its tile's edge, over that of one in the middle."""
+UNTRUSTED = 1e-3
+"""Weight of a tile that is not to be trusted, over that of others: it counts where there is no other."""
 USUAL_SIGMA_GSD = 0.1
 """Standard deviation [GSD] of heights where a tile states none."""
 BLOCK = 50_000
@@ -86,6 +92,9 @@ class MergeTiles(Stage[MergedSurface]):
     def make(self, tools: Tools) -> MergedSurface:
         views = replace(self.posed.views, body_from_cam=self.cameras.value.body_from_cam)
         tiles = [in_shared_frame(tile.value, views) for tile in self.tiles]
+        for number, (before, after) in enumerate(zip(self.tiles, tiles, strict=True)):
+            if after.failure and not before.value.failure:
+                warn(log, "tile-unplaced", "tile %d is left out: %s", number, after.failure)
         if not any(len(tile.views) for tile in tiles):
             raise ReconstructionError("no tile has enough tie points to be placed among the others")
         cloud = Cloud.of(tiles)
@@ -127,12 +136,13 @@ class Cloud:
         albedo, normal = _joined(tiles, "albedo"), _joined(tiles, "normal")
         factor = albedo_factors(position, normal, albedo, number, len(tiles), gsd)
         inside = np.maximum(_joined(tiles, "inside"), LEAST_INSIDE)
+        trusted = np.where([bool(tile.distrust) for tile in tiles], UNTRUSTED, 1.0)[number]
         return cls(
             position=position,
             normal=normal,
             albedo=albedo / factor[number],
             height_sigma=height_sigma,
-            weight=inside * (gsd / height_sigma) ** 2,
+            weight=trusted * inside * (gsd / height_sigma) ** 2,
             sigmas=stated,
             views=_joined(tiles, "views"),
             tile=number,

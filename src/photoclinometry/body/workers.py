@@ -60,7 +60,7 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 
 def _begin() -> None:
     """Nothing is printed, since what a task warns of is kept with its result; and the process ends with its parent."""
-    logging.getLogger("photoclinometry").addHandler(logging.NullHandler())
+    logging.getLogger().addHandler(logging.NullHandler())
     parent = os.getppid()
 
     def watch() -> None:

@@ -1,0 +1,120 @@
+"""A small body: sparse model and shape by poor pose priors, the plan, and two tiles that share their cameras."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.body.cameras import ShareCameras, in_shared_frame
+from photoclinometry.body.options import BodyOptions, PlanOptions
+from photoclinometry.body.run import map_one_tile, owner_of_body, plan_body, tile_stage
+from photoclinometry.io.site import read_site
+from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.geometry import Similarity
+from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.pipeline.run_folder import check_run, open_run
+from photoclinometry.pipeline.run_owner import owner_of_site
+from photoclinometry.pipeline.stage import Tools
+from photoclinometry.registration.alignment import refine_on_surface
+from photoclinometry.registration.closest_points import MeshSurface
+from photoclinometry.simulate.bodies.truth import read_body_truth
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import simulate_site
+from photoclinometry.surface.closed_mesh import is_watertight, signed_volume
+
+pytest.importorskip("embreex")
+
+OPTIONS = BodyOptions(plan=PlanOptions(tile_px=64))
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory):
+    """The folder of a simulated body, and its plan."""
+    folder = tmp_path_factory.mktemp("body")
+    options = SimulationOptions(preset="topshape", views=80, image_size=192, seed=2, pose_sigma=(0.05, 10.0))
+    simulate_site(options, folder / "site")
+    model = plan_body(folder / "site" / "site.toml", folder / "body", OPTIONS)
+    return folder, model, read_body_truth(folder / "site" / "truth.h5")
+
+
+def test_poor_priors_join_images_that_hardly_match(body):
+    _, model, truth = body
+    sparse = model.posed.sparse.value
+    assert sparse.registered.sum() >= 40
+    assert sparse.mean_reprojection_px < 0.4
+    assert model.posed.frame == BODY_FIXED
+    surface = MeshSurface(truth.surface.vertices, truth.surface.faces, closed=True)
+    off = np.linalg.norm(surface(sparse.points)[0] - sparse.points, axis=-1) / truth.gsd
+    assert np.median(off) < 2.5
+    assert {model.site.views[k].name for k in np.flatnonzero(~sparse.registered)} == {
+        model.site.views[k].name for k in sparse.why_unregistered()
+    }
+
+
+def test_the_coarse_shape_is_closed_and_of_the_true_volume(body):
+    _, model, truth = body
+    shape = model.shape.value
+    assert is_watertight(shape.faces)
+    true = signed_volume(truth.surface.vertices, truth.surface.faces)
+    assert signed_volume(shape.vertices, shape.faces) == pytest.approx(true, rel=0.03)
+
+
+def test_the_plan_covers_most_of_the_body(body):
+    _, model, _ = body
+    plan = model.plan.value
+    assert plan.area["planned"] > 0.7
+    assert sum(tile.new_area for tile in plan.tiles) == pytest.approx(
+        plan.area["planned"] * sum_of_areas(model.shape.value), rel=0.02
+    )
+
+
+def sum_of_areas(shape):
+    a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+
+
+def test_neighbouring_tiles_are_one_surface_by_their_shared_cameras(body, tmp_path):
+    folder, model, truth = body
+    site, out = folder / "site" / "site.toml", folder / "body"
+    shape, plan = model.shape.value, model.plan.value
+    middle = shape.vertices[shape.faces].mean(1)
+    first = middle[plan.tile_of_face == 0].mean(0)
+    apart = [np.linalg.norm(middle[plan.tile_of_face == n].mean(0) - first) for n in range(len(plan.tiles))]
+    chosen = np.argsort(apart)[:2]
+    for number in chosen:
+        map_one_tile(site, out, OPTIONS, int(number))
+    stages = [tile_stage(out, model, int(number)) for number in chosen]
+    opened = open_run(out)
+    assert all(opened.holds(stage) for stage in stages)
+    tiles = tuple(opened.done(stage) for stage in stages)
+    tools = Tools(progress=lambda *_: None, scratch=tmp_path)
+    cameras = ShareCameras(tiles=tiles, posed=model.posed, priors=model.site.pose_priors).make(tools)
+    assert np.nanmax(cameras.tile_px) < 0.4
+    views = replace(model.posed.views, body_from_cam=cameras.body_from_cam)
+    moved = [in_shared_frame(tile.value, views) for tile in tiles]
+    position, normal = (np.concatenate([getattr(tile, name) for tile in moved]) for name in ("position", "normal"))
+    surface = MeshSurface(truth.surface.vertices, truth.surface.faces, closed=True)
+    start = Similarity(1.0, np.eye(3), np.zeros(3))
+    truth_from_body = refine_on_surface(position, normal, surface, start).similarity
+    at = truth_from_body(position)
+    off = np.linalg.norm(surface(at)[0] - at, axis=-1) / truth.gsd
+    assert off.mean() < 0.5
+
+
+def test_tiles_of_another_plan_are_refused(body):
+    folder, model, _ = body
+    site, out = folder / "site" / "site.toml", folder / "body"
+    other = replace(OPTIONS, plan=replace(OPTIONS.plan, tile_px=80))
+    with pytest.raises(RunFolderError, match=r"plan\.npz: not made yet, or of other options"):
+        map_one_tile(site, out, other, 0)
+    count = len(model.plan.value.tiles)
+    with pytest.raises(InputError, match=f"there is no tile {count}: the plan has {count}"):
+        map_one_tile(site, out, OPTIONS, count)
+
+
+def test_a_folder_of_a_body_is_none_of_phomo_run(body):
+    folder, _, _ = body
+    site = read_site(folder / "site" / "site.toml")
+    check_run(folder / "body", owner_of_body(site))
+    with pytest.raises(RunFolderError, match="belongs to"):
+        check_run(folder / "body", owner_of_site(site))

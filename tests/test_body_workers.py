@@ -1,0 +1,70 @@
+"""Tasks in processes of their own: all are done, errors come through, and processes that die are replaced."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from photoclinometry.body.workers import ONE_THREAD, in_processes
+from photoclinometry.model.errors import InputError, ReconstructionError
+
+
+def write_threads(folder: Path, number: int) -> None:
+    (folder / str(number)).write_text(" ".join(os.environ.get(name, "-") for name in ONE_THREAD))
+
+
+def refuse(folder: Path, number: int) -> None:
+    if number == 1:
+        raise InputError("task 1 is refused")
+    write_threads(folder, number)
+
+
+def die_once(folder: Path, number: int) -> None:
+    mark = folder / f"tried-{number}"
+    if number == 1 and not mark.exists():
+        mark.write_text("")
+        os._exit(9)
+    write_threads(folder, number)
+
+
+def die(folder: Path, number: int) -> None:
+    if number == 1:
+        os._exit(9)
+    write_threads(folder, number)
+
+
+def done(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir() if path.name.isdigit()}
+
+
+def calls(folder: Path) -> list[tuple[Path, int]]:
+    return [(folder, number) for number in range(3)]
+
+
+def test_every_task_is_done_in_one_thread_and_counted(tmp_path, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    counted = []
+    in_processes(2, write_threads, calls(tmp_path), lambda *now: counted.append(now))
+    assert [path.read_text() for path in sorted(tmp_path.iterdir())] == ["1 1 1 1"] * 3
+    assert counted == [("tiles", n, 3) for n in (1, 2, 3)]
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+
+
+def test_what_a_task_raises_comes_through(tmp_path):
+    with pytest.raises(InputError, match="task 1 is refused"):
+        in_processes(1, refuse, calls(tmp_path), lambda *_: None)
+
+
+def test_a_task_whose_process_died_is_begun_again(tmp_path):
+    in_processes(1, die_once, calls(tmp_path), lambda *_: None)
+    assert done(tmp_path) == {"0", "1", "2"}
+
+
+def test_a_task_whose_processes_always_die_ends_with_what_to_do(tmp_path):
+    with pytest.raises(ReconstructionError, match="fewer --workers or smaller tiles"):
+        in_processes(1, die, calls(tmp_path), lambda *_: None)
+    assert "0" in done(tmp_path)
+
+
+def test_nothing_to_do_starts_nothing(tmp_path):
+    in_processes(1, die, [], lambda *_: None)
