@@ -133,3 +133,12 @@ def test_what_cannot_be_compared_is_refused(ball):
         align_body(same(ball), ball, ball.views.body_from_cam)
     with pytest.raises(InputError, match="no view 'x'"):
         align_body(same(ball), ball, ball.views.body_from_cam[:1], ("x",))
+
+
+def test_vertices_without_albedo_do_not_count(ball):
+    found = same(ball)
+    albedo = 1.1 * found.albedo
+    albedo[::3] = np.nan
+    figures = compare_body(replace(found, albedo=albedo), ball)
+    assert figures["albedo_mean_percent"] == pytest.approx(0.0, abs=0.5)
+    assert "albedo_mean_percent" not in compare_body(replace(found, albedo=np.full(len(albedo), np.nan)), ball)

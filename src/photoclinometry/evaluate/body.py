@@ -117,8 +117,9 @@ def _at_vertices(
     normal, albedo = mean_around(truth, truth_mesh, foot[near], mean_over_gsd * truth.gsd)
     own = normals_of(found)[chosen[near]]
     figures = spread(np.degrees(angle_between(own, normal)), "normal", "deg")
-    if found.albedo is not None:
-        ratio = found.albedo[chosen[near]] / albedo
+    known = None if found.albedo is None else np.asarray(found.albedo, float)[chosen[near]] / albedo
+    if known is not None and np.isfinite(known).any():
+        ratio = known[np.isfinite(known)]  # where nothing was mapped no albedo is known
         figures |= spread(100.0 * (ratio / np.median(ratio) - 1.0), "albedo", "percent")
     return figures
 
