@@ -32,7 +32,7 @@ TILE_S, OBSERVATION_S = 8.0, 1.5e-4
 """CPU seconds of a tile, and of each of its observations besides, on a core of 2024."""
 PROCESS_GB, OBSERVATION_GB = 0.5, 5e-7
 """Memory of a process [GB], and of each observation besides."""
-FARTHEST_DEG, FARTHEST_SUN_DEG = 45.0, 55.0
+FARTHEST_DEG, FARTHEST_SUN_DEG = 60.0, 75.0
 """A tile's views look at the body from within this angle of its reference, and under a Sun within this angle of that of
 the reference: what is farther is matched wrongly more often than not, and is taken only where there is nothing else."""
 LEAST_GAIN = 0.04

@@ -33,6 +33,8 @@ log = logging.getLogger(__name__)
 KNOWN_PX = 2.0
 """How well the body's sparse model knows where a view shows what [px]: first matches may be that far from epipolar
 lines."""
+STEPS = 100
+"""Steps of the last estimate at most: of 60 tiles of 5 to 12 views 24 needed more than 30."""
 TIE_STEP_PX = 8
 """Every so many pixels, down and across, a tile gives a tie point for the cameras that tiles share."""
 MARGIN_DEG = 8.0
@@ -235,8 +237,9 @@ def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_
 
 
 def tile_options(options: BodyOptions) -> RunOptions:
-    """How a tile is mapped: matches may be as far from epipolar lines as poses are uncertain."""
-    run, densify = options.run, options.run.densify
+    """How a tile is mapped: matches may be as far from epipolar lines as poses are uncertain, and the estimate takes
+    the steps that slow motions of few views need."""
+    run, densify, solver = options.run, options.run.densify, options.run.adjust.solver
     return replace(
         run,
         pose_priors=False,
@@ -245,6 +248,7 @@ def tile_options(options: BodyOptions) -> RunOptions:
             min_views=min(densify.min_views, options.plan.min_views),
             max_sampson_px2=max(densify.max_sampson_px2, KNOWN_PX**2),
         ),
+        adjust=replace(run.adjust, solver=replace(solver, max_steps=max(solver.max_steps, STEPS))),
     )
 
 
