@@ -159,8 +159,8 @@ def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped:
     landmark = found.landmark[mapped]
     albedo = landmark[:, 5, 5]
     values = {
-        "position": landmark[:, :3, :3],
-        "normal": landmark[:, 3:5, 3:5],
+        "position": _known(landmark[:, :3, :3]),
+        "normal": _known(landmark[:, 3:5, 3:5]),
         "albedo": np.sqrt(np.where(albedo < 0.0, np.inf, albedo)),  # rounding can make a few of them negative
         "rotation": _transformed(to_cam, blocks[:, :3, :3]),
         "center": _transformed(to_center, blocks[:, :6, :6]),
@@ -173,3 +173,12 @@ def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped:
 
 def _transformed(by: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return by @ covariance @ np.swapaxes(by, 1, 2)
+
+
+def _known(covariance: np.ndarray) -> np.ndarray:
+    """Covariances (n, d, d); those that rounding made negative on an axis are not known: infinite there."""
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    unknown = np.any(variance < 0.0, axis=1)
+    if not unknown.any():
+        return covariance
+    return np.where(unknown[:, None, None], np.diag(np.full(covariance.shape[-1], np.inf)), covariance)
