@@ -41,15 +41,7 @@ def bundle_adjusted(sparse: SparseModel, views: Views, priors: PosePriors, sigma
 
 def tracks_of(sparse: SparseModel, sigma_px: float) -> Tracks:
     """The keypoints of the model's points, without brightness."""
-    count = len(sparse.point_view)
-    return Tracks(
-        start=sparse.point_start,
-        view=sparse.point_view,
-        keypoint=sparse.point_xy,
-        keypoint_sigma=np.full(count, sigma_px),
-        brightness=np.zeros(count),
-        lit=np.zeros(count, bool),
-    )
+    return Tracks.of_keypoints(sparse.point_start, sparse.point_view, sparse.point_xy, sigma_px)
 
 
 def landmarks_of(sparse: SparseModel) -> Landmarks:

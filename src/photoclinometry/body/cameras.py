@@ -14,7 +14,6 @@ import numpy as np
 
 from photoclinometry.adjust import PosePriors
 from photoclinometry.adjust.bundle import bundle_adjusted, reprojection_px
-from photoclinometry.body.sparse import stacked_priors
 from photoclinometry.body.tile import TileMap
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.compressed_rows import row_starts
@@ -22,6 +21,7 @@ from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, 
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Tracks, Views
 from photoclinometry.model.sparse import SparseModel
+from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.sparse_stages import PosedImages, views_from
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
@@ -33,6 +33,9 @@ FIRST_GATE_PX, GATE_PX = 20.0, 1.5
 """Tie points count if their keypoints agree within this [px], before and after the first adjustment."""
 FEWEST_TIES = 12
 """Fewer tie points do not show how a tile is to move: twice the numbers of its quadratic displacement."""
+
+OUTLIER = 3.0
+"""Tie points that are off by more than so many times the median do not say how a tile moves."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +77,7 @@ class ShareCameras(Stage[SharedCameras]):
 def _priors(known: Mapping[str, PosePrior], views: Views, sparse: SparseModel) -> PosePriors:
     """Those of navigation; without them the sparse poses, loosely."""
     if known:
-        return stacked_priors([known.get(name) for name in views.name], sparse.body_from_cam)
+        return priors_of_views(views.name, sparse.body_from_cam, known)
     focal = np.array([np.mean(camera.focal_px) for camera in views.cameras])
     distance = np.linalg.norm(sparse.body_from_cam.translation - sparse.points.mean(0), axis=-1)
     return PosePriors(
@@ -117,16 +120,7 @@ def _with_ties(
 
 def _triangulated(start: np.ndarray, view: np.ndarray, keypoint: np.ndarray, views: Views) -> np.ndarray:
     """(P, 3) points of compressed rows of keypoints; NaN where their rays do not fix one."""
-    count = len(view)
-    tracks = Tracks(
-        start=start,
-        view=view,
-        keypoint=keypoint,
-        keypoint_sigma=np.ones(count),
-        brightness=np.zeros(count),
-        lit=np.zeros(count, bool),
-    )
-    return triangulate_tracks(tracks, views)
+    return triangulate_tracks(Tracks.of_keypoints(start, view, keypoint, 1.0), views)
 
 
 def in_shared_frame(tile: TileMap, views: Views) -> TileMap:
@@ -164,10 +158,9 @@ def _emptied(tile: TileMap, failure: str) -> TileMap:
 
 
 def _robust_similarity(source: np.ndarray, target: np.ndarray) -> Similarity:
-    """Least squares, once more without what is off by more than three times the median."""
+    """Least squares, once more without outliers."""
     found = align_similarity(source, target)
-    off = np.linalg.norm(found(source) - target, axis=-1)
-    near = off <= 3.0 * np.median(off)
+    near = _near(found(source) - target)
     return align_similarity(source[near], target[near])
 
 
@@ -178,11 +171,16 @@ def _quadratic(at: np.ndarray) -> np.ndarray:
 
 
 def _robust_fit(design: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """(6, 3) coefficients of least squares, once more without what is off by more than three times the median."""
+    """(6, 3) coefficients of least squares, once more without outliers."""
     found = np.linalg.lstsq(design, value, rcond=None)[0]
-    off = np.linalg.norm(design @ found - value, axis=-1)
-    near = off <= 3.0 * np.median(off)
+    near = _near(design @ found - value)
     return np.linalg.lstsq(design[near], value[near], rcond=None)[0]
+
+
+def _near(off: np.ndarray) -> np.ndarray:
+    """(n,) bool: residuals (n, 3) that are no outliers."""
+    distance = np.linalg.norm(off, axis=-1)
+    return distance <= OUTLIER * np.median(distance)
 
 
 def _tilted(normal: np.ndarray, at: np.ndarray, position: np.ndarray, coefficients: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,15 +9,14 @@ import numpy as np
 from photoclinometry.body.coarse_shape import ClosedMesh
 from photoclinometry.body.options import PlanOptions
 from photoclinometry.model.errors import ReconstructionError
-from photoclinometry.model.geometry import unit
+from photoclinometry.model.geometry import angle_between, unit
 from photoclinometry.model.scene import Region, Views
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.registration.view_choice import most_diverse
+from photoclinometry.registration.viewing import differences
 from photoclinometry.surface.closed_mesh import area_vectors
 from photoclinometry.surface.mesh_rays import MeshRays, SeenByView, sight_of_views
-
-log = logging.getLogger(__name__)
 
 STEPS = 8
 """Tiles begin at every so many-th part of a tile's width: finer steps hardly cover more."""
@@ -214,7 +212,6 @@ def _best_region(
             continue
         col, row = (sights.pixel[k, own] / step).astype(int).T
         shape = (camera.height // step + 1, camera.width // step + 1)
-        # Ground counts as seen from this view: the area in its image, so that oblique tiles win nothing.
         area = np.bincount(row * shape[1] + col, sights.area[own], shape[0] * shape[1]).reshape(shape)
         window = max(1, (size - 2 * margin) // step)
         window = min(window, *shape)
@@ -247,8 +244,8 @@ def _views_of(sights: _Sights, views: Views, reference: int, mapped: np.ndarray,
     share = (sights.usable[:, mapped] * area).sum(1) / area.sum()
     gsd = np.array([np.median(row) for row in sights.gsd[:, mapped]])
     ratio = gsd / gsd[reference]
-    from_camera = np.arccos(_cosines(unit(views.body_from_cam.translation), reference))
-    from_sun = np.arccos(_cosines(views.sun, reference))
+    towards, suns = unit(views.body_from_cam.translation), views.sun
+    from_camera, from_sun = angle_between(towards, towards[reference]), angle_between(suns, suns[reference])
     fits = (share >= SEEN_SHARE) & (ratio >= FINER) & (ratio <= COARSEST)
     fits[reference] = True
     near = fits & (from_camera <= np.radians(FARTHEST_DEG)) & (from_sun <= np.radians(FARTHEST_SUN_DEG))
@@ -256,16 +253,6 @@ def _views_of(sights: _Sights, views: Views, reference: int, mapped: np.ndarray,
     # The nearest ones are matched safely, and hold the others.
     order = np.lexsort((np.hypot(from_camera, from_sun), ~near, ~fits))[:kept]
     first, rest = np.split(order, [1 + options.max_views // 2])
-    apart = np.hypot(_angles(unit(views.body_from_cam.translation[order])), _angles(views.sun[order]))
+    apart = differences(suns[order], towards[order])
     chosen = most_diverse(apart, np.arange(len(first)), options.max_views) if len(rest) else np.arange(len(order))
     return np.sort(order[chosen])
-
-
-def _cosines(direction: np.ndarray, reference: int) -> np.ndarray:
-    """(K,) cosines of the angles between unit vectors (K, 3) and one of them."""
-    return np.clip(direction @ direction[reference], -1.0, 1.0)
-
-
-def _angles(direction: np.ndarray) -> np.ndarray:
-    """(n, n) angles between unit vectors (n, 3)."""
-    return np.arccos(np.clip(direction @ direction.T, -1.0, 1.0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -28,8 +27,6 @@ from photoclinometry.pipeline.run_owner import Owner, owner_of_site
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs, without_priors
 from photoclinometry.pipeline.stage import Keyed
 from photoclinometry.registration.georeference import MIN_PRIORS
-
-log = logging.getLogger(__name__)
 
 BEFORE_TILES = ("body_sparse", "coarse_shape", "plan")
 """Stages that the coordinating process makes, and those of single tiles read back."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress
 from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.model.warning import warn
+from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.sparse_stages import Inputs, views_from
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.registration.georeference import MIN_PRIORS
@@ -78,9 +79,9 @@ class BodySparse(Stage[SparseModel]):
         return among_more_views(found, known & usable, without)
 
     def _by_priors(self, inputs: Inputs, tools: Tools) -> SparseModel:
-        known = [self.priors[image.name] for image in inputs.images]
-        nowhere = Rigid(np.tile(np.eye(3), (len(known), 1, 1)), np.zeros((len(known), 3)))
-        priors = stacked_priors(known, nowhere)
+        names = [image.name for image in inputs.images]
+        nowhere = Rigid(np.tile(np.eye(3), (len(names), 1, 1)), np.zeros((len(names), 3)))
+        priors = priors_of_views(names, nowhere, {name: self.priors[name] for name in names})
         with disk_errors(tools.scratch), quiet_pycolmap(self.options.seed):
             matches = self._matched(inputs, priors.body_from_cam, tools.scratch, tools.progress)
             found = self._adjusted(inputs, priors, matches)
@@ -91,7 +92,6 @@ class BodySparse(Stage[SparseModel]):
                 f"{registered.sum()} of {len(registered)} views share points with others that agree with the pose "
                 "priors; check cam_from_body (x_C = R x_B + t, metres) and its sigmas, or leave the priors out"
             )
-        names = [image.name for image in inputs.images]
         reason = [
             "" if own >= FEWEST_POINTS else f"not registered, it shares {own} points with other views" for own in number
         ]
@@ -127,18 +127,6 @@ class BodySparse(Stage[SparseModel]):
                 return found
             poses, last = found.body_from_cam, gate <= self.options.max_reprojection_px
             gate = max(gate / GATE_SHRINKS, self.options.max_reprojection_px)
-
-
-def stacked_priors(priors: Sequence[PosePrior | None], otherwise: Rigid) -> PosePriors:
-    """The priors of K views as the estimate takes them; views without one are free, at the poses `otherwise` (K,)."""
-    rotation, center = otherwise.rotation.copy(), otherwise.translation.copy()
-    rotation_sigma, center_sigma = np.full((2, len(priors)), np.inf)
-    for k, prior in enumerate(priors):
-        if prior is not None:
-            pose = prior.cam_from_body.inverse()
-            rotation[k], center[k] = pose.rotation, pose.translation
-            rotation_sigma[k], center_sigma[k] = prior.rotation_sigma_rad, prior.translation_sigma
-    return PosePriors(body_from_cam=Rigid(rotation, center), rotation_sigma=rotation_sigma, center_sigma=center_sigma)
 
 
 def _first_gate(inputs: Inputs, priors: PosePriors) -> float:

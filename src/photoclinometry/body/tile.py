@@ -225,13 +225,13 @@ def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_
     config = {"tile": number, "body": str(Path(body).resolve()), **asdict(options)}
     with claimed_run(tile_folder(body, number), owner_of_site(site), progress) as folder:
         folder.write_config(config)
-        inputs, sparse = read_inputs(folder, site), _sparse(model, tile)
+        inputs, sparse, rays = read_inputs(folder, site), _sparse(model, tile), _rays(model)
         ready = PosedSite(
             site=site,
-            posed=PosedImages(inputs=_masked(inputs, model, tile), sparse=sparse),
+            posed=PosedImages(inputs=_masked(inputs, model, tile, rays), sparse=sparse),
             choices=choose(site, options),
             options=options,
-            depth=_depth(model, tile, sparse),
+            depth=_depth(model, tile, sparse, rays),
         )
         return map_posed(folder, ready, config)
 
@@ -252,11 +252,11 @@ def tile_options(options: BodyOptions) -> RunOptions:
     )
 
 
-def _masked(inputs: Keyed[Inputs], model: BodyModel, tile: Tile) -> Keyed[Inputs]:
+def _masked(inputs: Keyed[Inputs], model: BodyModel, tile: Tile, rays: MeshRays) -> Keyed[Inputs]:
     """The inputs without the pixels of the reference that see ground too obliquely to be mapped from there."""
     limit = model.options.plan.max_emission + MARGIN_DEG
     k, index = tile.reference, int(np.flatnonzero(tile.views == tile.reference)[0])
-    rays, pose = _rays(model), model.posed.sparse.value.body_from_cam[k]
+    pose = model.posed.sparse.value.body_from_cam[k]
     oblique = emission_image(rays, model.site.views[k].camera, pose) > np.radians(limit)
     images = list(inputs.value.images)
     images[index] = replace(images[index], valid=images[index].valid & ~oblique)
@@ -275,10 +275,10 @@ def _sparse(model: BodyModel, tile: Tile) -> Keyed[SparseModel]:
     return Keyed(own, digest(whole, tile.views))
 
 
-def _depth(model: BodyModel, tile: Tile, sparse: Keyed[SparseModel]) -> Keyed[np.ndarray]:
+def _depth(model: BodyModel, tile: Tile, sparse: Keyed[SparseModel], rays: MeshRays) -> Keyed[np.ndarray]:
     """The coarse shape as the tile's reference sees it, in the unit of the tile's sparse model."""
     k, whole = tile.reference, model.posed.sparse.value.body_from_cam
-    depth = depth_image(_rays(model), model.site.views[k].camera, whole[k])
+    depth = depth_image(rays, model.site.views[k].camera, whole[k])
     scale = _spread(sparse.value.body_from_cam) / _spread(whole[tile.views])
     return Keyed(scale * depth, digest(model.shape, model.posed.sparse, tile.views, k))
 

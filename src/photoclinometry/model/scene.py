@@ -193,6 +193,21 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.view)
 
+    @classmethod
+    def of_keypoints(
+        cls, start: np.ndarray, view: np.ndarray, keypoint: np.ndarray, sigma_px: np.ndarray | float
+    ) -> Tracks:
+        """Keypoints alone, without brightness. sigma_px: (N,), or one for all."""
+        count = len(view)
+        return cls(
+            start=start,
+            view=view,
+            keypoint=keypoint,
+            keypoint_sigma=np.full(count, sigma_px),
+            brightness=np.zeros(count),
+            lit=np.zeros(count, bool),
+        )
+
     def __repr__(self) -> str:
         return f"<Tracks: {len(self)} observations of {len(self.start) - 1} landmarks>"
 

@@ -54,13 +54,11 @@ def ground_control(points: Sequence[ControlPoint], views: Views) -> GroundContro
         name=tuple(point.name for point, _ in seen),
         position=np.array([point.position for point, _ in seen]),
         sigma=np.array([point.sigma for point, _ in seen]),
-        tracks=Tracks(
-            start=row_starts(np.array([len(own) for _, own in seen])),
-            view=np.array([index[pixel.view] for pixel in every], np.int32),
-            keypoint=np.array([(pixel.x_px, pixel.y_px) for pixel in every]),
-            keypoint_sigma=np.array([pixel.sigma_px for pixel in every]),
-            brightness=np.zeros(len(every)),
-            lit=np.zeros(len(every), bool),
+        tracks=Tracks.of_keypoints(
+            row_starts(np.array([len(own) for _, own in seen])),
+            np.array([index[pixel.view] for pixel in every], np.int32),
+            np.array([(pixel.x_px, pixel.y_px) for pixel in every]),
+            np.array([pixel.sigma_px for pixel in every]),
         ),
     )
 

@@ -147,15 +147,7 @@ def tie_points_from(posed: PosedImages) -> TiePoints:
     Their keypoints' sigma is the mean reprojection error.
     """
     sparse = posed.sparse.value
-    count = len(sparse.point_view)
-    return TiePoints(
-        position=sparse.points,
-        tracks=Tracks(
-            start=sparse.point_start,
-            view=posed.index[sparse.point_view].astype(np.int32),
-            keypoint=sparse.point_xy,
-            keypoint_sigma=np.full(count, max(MIN_TIE_POINT_SIGMA_PX, sparse.mean_reprojection_px)),
-            brightness=np.zeros(count),
-            lit=np.zeros(count, bool),
-        ),
-    )
+    sigma_px = max(MIN_TIE_POINT_SIGMA_PX, sparse.mean_reprojection_px)
+    view = posed.index[sparse.point_view].astype(np.int32)
+    tracks = Tracks.of_keypoints(sparse.point_start, view, sparse.point_xy, sigma_px)
+    return TiePoints(position=sparse.points, tracks=tracks)

@@ -98,11 +98,15 @@ def estimate_with_priors(
 
 def priors_in_frame(scene: Scene, priors: Mapping[str, PosePrior]) -> PosePriors:
     """The priors as the joint estimate takes them, in the scene's frame; views without one are free."""
-    poses = scene.views.body_from_cam
-    rotation, center = poses.rotation.copy(), poses.translation.copy()
-    rotation_sigma, center_sigma = np.full((2, len(scene.views)), np.inf)
+    return priors_of_views(scene.views.name, scene.views.body_from_cam, priors)
+
+
+def priors_of_views(names: Sequence[str], body_from_cam: Rigid, priors: Mapping[str, PosePrior]) -> PosePriors:
+    """Priors by name as the joint estimate takes them; views without one are free, at the poses (K,)."""
+    rotation, center = body_from_cam.rotation.copy(), body_from_cam.translation.copy()
+    rotation_sigma, center_sigma = np.full((2, len(names)), np.inf)
     for name, prior in priors.items():
-        k, pose = scene.views.name.index(name), prior.cam_from_body.inverse()
+        k, pose = names.index(name), prior.cam_from_body.inverse()
         rotation[k], center[k] = pose.rotation, pose.translation
         rotation_sigma[k], center_sigma[k] = prior.rotation_sigma_rad, prior.translation_sigma
     return PosePriors(body_from_cam=Rigid(rotation, center), rotation_sigma=rotation_sigma, center_sigma=center_sigma)

@@ -126,18 +126,10 @@ def _brightness_off(scene: Scene) -> float:
 def with_dense(scene: Scene, dense: DenseTracks) -> Scene:
     """The scene with the positions and tracks of `dense`, whose pixels must all have had a landmark."""
     index = scene.grid(np.arange(len(scene.landmarks), dtype=float), fill=-1.0).astype(int)
-    count = len(dense.view)
     return replace(
         scene,
         landmarks=replace(scene.landmarks[index[scene.region.cells(dense.pixel)]], position=dense.position),
-        tracks=Tracks(
-            start=dense.start,
-            view=dense.view,
-            keypoint=dense.keypoint,
-            keypoint_sigma=dense.keypoint_sigma,
-            brightness=np.zeros(count),
-            lit=np.zeros(count, bool),
-        ),
+        tracks=Tracks.of_keypoints(dense.start, dense.view, dense.keypoint, dense.keypoint_sigma),
     )
 
 

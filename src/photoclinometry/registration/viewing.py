@@ -121,7 +121,11 @@ def light_and_sight(seen: Sequence[Sighting]) -> np.ndarray:
 
     The former separates albedo from slope, the latter gives depth; both count the same.
     """
-    suns, cameras = np.array([s.to_sun for s in seen]), np.array([s.to_camera for s in seen])
+    return differences(np.array([s.to_sun for s in seen]), np.array([s.to_camera for s in seen]))
+
+
+def differences(suns: np.ndarray, cameras: np.ndarray) -> np.ndarray:
+    """(n, n) as of `light_and_sight`, by unit vectors (n, 3) towards Suns and cameras."""
     return np.hypot(angle_between(suns[:, None], suns[None]), angle_between(cameras[:, None], cameras[None]))
 
 

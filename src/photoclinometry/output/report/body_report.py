@@ -44,10 +44,15 @@ def write_body_report(folder: Path, shape: ShapeModel, gsd: float, step: np.ndar
     """
     with atomic_path(folder) as work:
         work.mkdir()
+        rays = MeshRays(shape.vertices, shape.faces, _spacing(shape))
         sections = [
             ("Summary", "", page.tiles(content.metrics)),
-            ("Six sides", "Orthographic; north is up, 0° E is up in the views of the poles.", _sides(work, shape)),
-            ("What is known where", "Grey: nothing was mapped.", _figures(work, shape, gsd, step)),
+            (
+                "Six sides",
+                "Orthographic; north is up, 0° E is up in the views of the poles.",
+                _sides(work, shape, rays),
+            ),
+            ("What is known where", "Grey: nothing was mapped.", _figures(work, shape, rays, gsd, step)),
             ("Tiles", "Each is the folder of a run, with a report of its own.", page.mapping_table(content.tiles)),
             ("Images", "", page.mapping_table(content.views)),
             ("Stages", "", page.mapping_table(content.stages)),
@@ -62,14 +67,12 @@ def write_body_report(folder: Path, shape: ShapeModel, gsd: float, step: np.ndar
     return Path(folder) / "index.html"
 
 
-def _sides(work: Path, shape: ShapeModel) -> str:
-    rays = MeshRays(shape.vertices, shape.faces, _spacing(shape))
+def _sides(work: Path, shape: ShapeModel, rays: MeshRays) -> str:
     draw_sides(work / "sides.png", rays, shape, "Shaded by its normals")
     return page.figures([("sides.png", "The surface, shaded by the normals at its vertices.")], "grid wide")
 
 
-def _figures(work: Path, shape: ShapeModel, gsd: float, step: np.ndarray) -> str:
-    rays = MeshRays(shape.vertices, shape.faces, _spacing(shape))
+def _figures(work: Path, shape: ShapeModel, rays: MeshRays, gsd: float, step: np.ndarray) -> str:
     none = np.full(len(shape.vertices), np.nan)
     views = none if shape.views is None else np.where(shape.views > 0, shape.views, np.nan)
     tile = none if shape.tile is None else np.where(shape.tile >= 0, shape.tile, np.nan)
