@@ -1,20 +1,20 @@
-"""A small body: sparse model and shape by poor pose priors, the plan, and two tiles that share their cameras."""
+"""A small body: sparse model and shape by poor pose priors, the plan, and the whole command with two tiles."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from photoclinometry.body.cameras import ShareCameras, in_shared_frame
 from photoclinometry.body.options import BodyOptions, PlanOptions
-from photoclinometry.body.run import map_one_tile, owner_of_body, plan_body, tile_stage
+from photoclinometry.body.run import map_body, map_one_tile, owner_of_body, plan_body
+from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.scene import BODY_FIXED
-from photoclinometry.pipeline.run_folder import check_run, open_run
+from photoclinometry.pipeline.records import write_record
+from photoclinometry.pipeline.run_folder import check_run, claimed_run
 from photoclinometry.pipeline.run_owner import owner_of_site
-from photoclinometry.pipeline.stage import Tools
 from photoclinometry.registration.alignment import refine_on_surface
 from photoclinometry.registration.closest_points import MeshSurface
 from photoclinometry.simulate.bodies.truth import read_body_truth
@@ -73,43 +73,60 @@ def sum_of_areas(shape):
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
 
 
-def test_neighbouring_tiles_are_one_surface_by_their_shared_cameras(body, tmp_path):
-    folder, model, truth = body
+@pytest.fixture(scope="module")
+def mapped(body):
+    """The result of the whole command, where the plan has two neighbouring tiles only."""
+    folder, model, _ = body
     site, out = folder / "site" / "site.toml", folder / "body"
     shape, plan = model.shape.value, model.plan.value
     middle = shape.vertices[shape.faces].mean(1)
     first = middle[plan.tile_of_face == 0].mean(0)
     apart = [np.linalg.norm(middle[plan.tile_of_face == n].mean(0) - first) for n in range(len(plan.tiles))]
-    chosen = np.argsort(apart)[:2]
-    for number in chosen:
-        map_one_tile(site, out, OPTIONS, int(number))
-    stages = [tile_stage(out, model, int(number)) for number in chosen]
-    opened = open_run(out)
-    assert all(opened.holds(stage) for stage in stages)
-    tiles = tuple(opened.done(stage) for stage in stages)
-    tools = Tools(progress=lambda *_: None, scratch=tmp_path)
-    cameras = ShareCameras(tiles=tiles, posed=model.posed, priors=model.site.pose_priors).make(tools)
-    assert np.nanmax(cameras.tile_px) < 0.4
-    views = replace(model.posed.views, body_from_cam=cameras.body_from_cam)
-    moved = [in_shared_frame(tile.value, views) for tile in tiles]
-    position, normal = (np.concatenate([getattr(tile, name) for tile in moved]) for name in ("position", "normal"))
+    two = replace(plan, tiles=tuple(plan.tiles[n] for n in np.argsort(apart)[:2]))
+    write_record(out / "stages" / "plan.npz", model.plan.key, two)
+    return map_body(site, out, OPTIONS, workers=2)
+
+
+def test_a_body_is_mapped_by_processes_to_one_closed_surface(body, mapped):
+    folder, _, _ = body
+    written = read_shape_ply(folder / "body" / "body.ply")
+    np.testing.assert_allclose(written.vertices, mapped.shape.vertices, rtol=1e-6)
+    assert is_watertight(written.faces)
+    assert mapped.metrics["tiles_mapped"] == 2
+    assert 0.2 < np.mean(written.views > 0) < 0.95  # elsewhere it is coarse, with few vertices
+    assert mapped.report.is_file()
+
+
+def test_neighbouring_tiles_are_one_surface_by_their_shared_cameras(body, mapped):
+    _, _, truth = body
+    known = mapped.surface.views > 0
+    position, normal = mapped.surface.vertices[known], mapped.surface.normals[known]
     surface = MeshSurface(truth.surface.vertices, truth.surface.faces, closed=True)
     start = Similarity(1.0, np.eye(3), np.zeros(3))
     truth_from_body = refine_on_surface(position, normal, surface, start).similarity
     at = truth_from_body(position)
     off = np.linalg.norm(surface(at)[0] - at, axis=-1) / truth.gsd
-    assert off.mean() < 0.5
+    assert off.mean() < 0.4
+    assert mapped.metrics["step_between_tiles_median_gsd"] < 0.3
+
+
+def test_one_process_coordinates_while_others_map_tiles(body, mapped):
+    folder, _, _ = body
+    site, out = folder / "site" / "site.toml", folder / "body"
+    with claimed_run(out, owner_of_body(read_site(site))):
+        map_one_tile(site, out, OPTIONS, 0)
+        with pytest.raises(RunFolderError, match="has been writing to this folder"):
+            map_body(site, out, OPTIONS)
 
 
 def test_tiles_of_another_plan_are_refused(body):
-    folder, model, _ = body
+    folder, _, _ = body
     site, out = folder / "site" / "site.toml", folder / "body"
     other = replace(OPTIONS, plan=replace(OPTIONS.plan, tile_px=80))
     with pytest.raises(RunFolderError, match=r"plan\.npz: not made yet, or of other options"):
         map_one_tile(site, out, other, 0)
-    count = len(model.plan.value.tiles)
-    with pytest.raises(InputError, match=f"there is no tile {count}: the plan has {count}"):
-        map_one_tile(site, out, OPTIONS, count)
+    with pytest.raises(InputError, match="there is no tile 999: the plan has"):
+        map_one_tile(site, out, OPTIONS, 999)
 
 
 def test_a_folder_of_a_body_is_none_of_phomo_run(body):

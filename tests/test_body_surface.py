@@ -255,6 +255,15 @@ def test_the_merged_surface_is_the_mean_of_its_tiles_weighted_by_their_sigmas(ba
     assert (found.views[inside] == 9).all()
 
 
+def test_heights_that_images_do_not_determine_count_for_nothing(ball):
+    good, none = patch((1, 0, 0), 60, offset=0.03, sigma=0.01), patch((1, 0, 0), 60, offset=-5.0, sigma=np.inf)
+    found = merged(Cloud.of([good, replace(none, albedo_sigma=none.height_sigma)]), ball.vertices, ball.faces)
+    inside = unit(ball.vertices)[:, 0] > np.cos(np.radians(50))
+    assert np.linalg.norm(found.vertices[inside], axis=1) - RADIUS == pytest.approx(0.03, abs=5e-4)
+    assert found.height_sigma[inside] == pytest.approx(0.01, rel=0.01)
+    assert found.albedo_sigma[inside] == pytest.approx(0.02, rel=0.01)
+
+
 def test_where_no_tile_is_nothing_is_claimed(ball):
     found = merged(Cloud.of([patch((1, 0, 0), 60)]), ball.vertices, ball.faces)
     away = unit(ball.vertices)[:, 0] < np.cos(np.radians(70))

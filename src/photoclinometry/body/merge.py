@@ -132,7 +132,7 @@ class Cloud:
         position, number = _joined(tiles, "position"), np.repeat(np.arange(len(tiles)), [len(t.views) for t in tiles])
         gsd = float(np.median([tile.gsd for tile in tiles if len(tile.views)]))
         stated = np.stack([_joined(tiles, f"{name}_sigma") for name in ("height", "normal", "albedo")], -1)
-        height_sigma = np.where(np.isfinite(stated[:, 0]), stated[:, 0], USUAL_SIGMA_GSD * gsd)
+        height_sigma = np.where(np.isnan(stated[:, 0]), USUAL_SIGMA_GSD * gsd, stated[:, 0])
         albedo, normal = _joined(tiles, "albedo"), _joined(tiles, "normal")
         factor = albedo_factors(position, normal, albedo, number, len(tiles), gsd)
         inside = np.maximum(_joined(tiles, "inside"), LEAST_INSIDE)
@@ -270,7 +270,8 @@ def _by_tile(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sigmas (m, 3), the scatter (m,) of tiles' heights, and the tile (m,) of most weight.
 
-    Errors of neighbours in one tile are taken to be common, those of different tiles to be independent.
+    Errors of neighbours in one tile are taken to be common, those of different tiles to be independent. Landmarks of
+    unknown or infinite sigma are left out of the mean of sigmas.
     """
     tile = cloud.tile[near]
     same = (tile[:, :, None] == tile[:, None, :]) & (share[:, :, None] > 0) & (share[:, None, :] > 0)
@@ -278,9 +279,11 @@ def _by_tile(
     first = ~np.tril(same, -1).any(2) & (share > 0)  # one row stands for each tile
     sigmas = []
     for column in range(3):
-        stated = np.where(share > 0, cloud.sigmas[near, column], 0.0)
-        summed = np.einsum("mkl,ml->mk", same, share * stated)
-        sigmas.append(np.sqrt(np.sum(first * summed**2, 1)))
+        stated = cloud.sigmas[near, column]
+        counted = np.where(np.isfinite(stated), share, 0.0)
+        total = counted.sum(1)
+        summed = np.einsum("mkl,ml->mk", same, counted * np.where(counted > 0, stated, 0.0))
+        sigmas.append(np.sqrt(np.sum(first * summed**2, 1)) / np.where(total > 0, total, np.nan))
     of_heights = np.einsum("mkl,ml->mk", same, share * height) / np.where(of_tile > 0, of_tile, 1.0)
     variance = np.sum(first * of_tile * (of_heights - mean[:, None]) ** 2, 1)
     several = first.sum(1) > 1

@@ -18,11 +18,11 @@ from photoclinometry.body.tile import BodyModel, MapTile, TileMap
 from photoclinometry.body.workers import in_processes
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.io.site_images import input_fingerprint
-from photoclinometry.model.errors import InputError, ReconstructionError, RunFolderError
+from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import BODY_FIXED, SHARED
-from photoclinometry.pipeline.run_folder import MARK, RunFolder, check_run, claimed_run, open_run
+from photoclinometry.pipeline.run_folder import RunFolder, claimed_run, joined_run
 from photoclinometry.pipeline.run_owner import Owner, owner_of_site
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs, without_priors
 from photoclinometry.pipeline.stage import Keyed
@@ -86,12 +86,7 @@ def map_one_tile(site_file: Path, out: Path, options: BodyOptions, number: int) 
     such tile.
     """
     site = read_site(site_file)
-    check_run(out, owner_of_body(site))
-    if not (Path(out) / MARK).is_file():
-        raise RunFolderError(
-            f"{out}: no plan was made there; run the command with --plan-only in place of --tile first"
-        )
-    folder = open_run(out)
+    folder = joined_run(out, owner_of_body(site))
     folder.finished_by_others = BEFORE_TILES
     known = Keyed(Inputs(site=without_priors(site), images=[]), input_fingerprint(without_priors(site)))
     model = _model(folder, site, known, options)

@@ -99,7 +99,8 @@ class TileMap:
     albedo: np.ndarray
     """(n,)."""
     height_sigma: np.ndarray
-    """(n,) along the normal [units of B]; NaN where not known, like the other two."""
+    """(n,) along the normal [units of B]; like the other two infinite where the images do not determine it, and NaN
+    where the map states none."""
     normal_sigma: np.ndarray
     """(n,) of the angle [rad]."""
     albedo_sigma: np.ndarray

@@ -35,6 +35,7 @@ __all__ = [
     "adopt_stages",
     "check_run",
     "claimed_run",
+    "joined_run",
     "open_run",
     "peak_memory_gb",
 ]
@@ -42,6 +43,9 @@ __all__ = [
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
+
+PLAN_FIRST = "run the command with --plan-only in place of --tile first"
+"""To do where a part of the work is asked for and what comes before it is not there."""
 
 
 @dataclass
@@ -88,7 +92,7 @@ class RunFolder:
                 self.warned += found.warnings
                 return Keyed(found.value, key)
             if stage.name in self.finished_by_others:
-                raise RunFolderError(f"{file}: not made yet, or of other options; run the command without --tile first")
+                raise RunFolderError(f"{file}: not made yet, or of other options; {PLAN_FIRST}")
             tools = Tools(progress=self.progress, scratch=self.path / "stages" / stage.file_name)
             with collected_warnings() as warned:
                 made = stage.make(tools)
@@ -155,6 +159,18 @@ def check_run(path: Path, owner: Owner, *, overwrite: bool = False) -> None:
         return
     run_lock.check_lock(path)
     must_clear(path, owner, overwrite)
+
+
+def joined_run(path: Path, owner: Owner) -> RunFolder:
+    """The run folder of `owner` at `path`, in which another process may be at work: its lock is not asked for.
+
+    Raises RunFolderError where there is no run of `owner`.
+    """
+    path = Path(path)
+    if not (path / MARK).is_file():
+        raise RunFolderError(f"{path}: no plan was made there; {PLAN_FIRST}")
+    must_clear(path, owner, overwrite=False)
+    return RunFolder(path)
 
 
 def open_run(path: Path, progress: Progress = no_progress) -> RunFolder:

@@ -23,11 +23,11 @@ MARK = "run.json"
 
 PRODUCTS = frozenset(
     (
-        *("config.toml", "evaluation", "held_out.json", "landmarks.ply", "log", "metrics.json", "model", "report"),
-        *("scene.h5", "sparse", "stages"),
+        *("body.ply", "config.toml", "evaluation", "held_out.json", "landmarks.ply", "log", "metrics.json", "model"),
+        *("report", "scene.h5", "sparse", "stages", "tiles"),
     )
 )
-"""Everything that `phomo run`, `refine` and `evaluate` write into a run folder, beside MARK and the lock."""
+"""Everything that `phomo run`, `body`, `refine` and `evaluate` write into their folder, beside MARK and the lock."""
 
 BEGUN = frozenset(("config.toml", "log"))
 """What a run writes before its first stage."""
