@@ -9,6 +9,7 @@ from graphs import BRIGHTNESS_SIGMA, KEYPOINT_SIGMA, graph_of, residuals_of, som
 from jacobians import numerical_jacobian
 from photoclinometry.adjust.covariance.linearised import linearised
 from photoclinometry.adjust.covariance.marginals import ErrorModel, marginals, with_parameters
+from photoclinometry.adjust.covariance.windows import Links, covariances_given_views
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.solve.solver import minimize, parameter_response
 from scenes import synthetic_scene
@@ -254,3 +255,18 @@ def test_general_factors_of_a_landmark_and_a_view_count(small, exact):
         np.testing.assert_allclose(np.diag(found.camera), np.diag(expected)[:views], rtol=1e-3)
     without, _ = dense_covariance(small, graph_of(small))
     assert np.max(np.diag(without)[:views] / np.diag(expected)[:views]) > 1.5, "the ranges matter"
+
+
+def test_a_landmark_of_a_single_brightness_leaves_the_rest_of_its_window_alone():
+    """Normal and albedo have one measurement between the three of them: what is eliminated has no inverse."""
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(4, 8, 6))
+    own = np.einsum("nri,nrj->nij", root, root)
+    row = np.array([25.0, -7.0, 12.0, 140.0, 30.0, -90.0])
+    own[2] = 1e4 * np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) + np.outer(row, row)
+    none = np.zeros(0, int)
+    alone = Links(np.zeros(5, int), none, none, np.zeros(5, int), none, np.zeros((0, 5)))
+    found = covariances_given_views(own, alone, [(0, 4)])
+    for n in (0, 1, 3):
+        np.testing.assert_allclose(found[n], np.linalg.inv(own[n]), rtol=1e-6)
+    np.testing.assert_allclose(found[2, :3, :3], 1e-4 * np.eye(3), atol=1e-8)

@@ -20,17 +20,18 @@ from photoclinometry.adjust.graph.smoothness import Neighbours
 OUTSIDE = 0.2
 """Weight of links that leave a window."""
 
-RIDGE = 1e-10
-"""Relative information added to every coordinate, so that one that is not determined does not stop the rest."""
+RIDGE, MORE_RIDGE = 1e-10, 100.0
+"""Relative information added to every coordinate, so that one that is not determined does not stop the rest; and times
+so much more where rounding needs it."""
 
 _potrf, _potri = get_lapack_funcs(("potrf", "potri"), dtype=np.float64)
 
 _COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", nogil=True)
 
 
-def hold(diagonal: np.ndarray) -> np.ndarray:
+def hold(diagonal: np.ndarray, ridge: float = RIDGE) -> np.ndarray:
     """The diagonal of an information matrix with the ridge; one where there is nothing."""
-    return np.where(diagonal > 0.0, diagonal * (1.0 + RIDGE), 1.0)
+    return np.where(diagonal > 0.0, diagonal * (1.0 + ridge), 1.0)
 
 
 class Links(NamedTuple):
@@ -82,21 +83,29 @@ def _invert_window(ids: np.ndarray, core: int, local: np.ndarray, own: np.ndarra
     inverse = np.empty((count, 3, 3))
     partner, through = np.full((count, most), -1), np.zeros((count, most, 3, 3))
     _eliminate(ids, local, own, links, OUTSIDE, positions, inverse, partner, through)
-    np.einsum("aa->a", positions)[:] = hold(np.diag(positions))
-    factor, failed = _potrf(positions.T, lower=1, overwrite_a=1)
-    covariance, also = _potri(factor, lower=1, overwrite_c=1)
-    assert not failed
-    assert not also
+    covariance = _inverse(positions)
     out = np.empty((core, LANDMARK_SIZE, LANDMARK_SIZE))
-    _substitute(core, covariance.T, inverse, partner, through, out)
+    _substitute(core, covariance, inverse, partner, through, out)
     return out
+
+
+def _inverse(positions: np.ndarray) -> np.ndarray:
+    """Upper triangle of the inverse of an information matrix (3n, 3n), with as much of a ridge as it needs."""
+    diagonal, ridge = np.diag(positions).copy(), RIDGE
+    while ridge < 1.0:
+        np.einsum("aa->a", positions)[:] = hold(diagonal, ridge)
+        factor, failed = _potrf(positions.T, lower=1)
+        if not failed:
+            return _potri(factor, lower=1, overwrite_c=1)[0].T
+        ridge *= MORE_RIDGE
+    raise FloatingPointError("the information of positions is not positive, far beyond rounding")
 
 
 @njit(**_COMPILED)
 def _eliminate(ids, local, own, links, outside, positions, inverse, partner, through):
     """Fills positions (3n, 3n), the information of positions alone; and how normals and albedos follow from them:
     their own covariance, inverse (n, 3, 3), and through (n, m, 3, 3), minus the response to positions `partner`."""
-    response, at_normal = np.empty(through.shape[1:]), np.empty((3, 3))
+    half, at_normal, root = np.empty(through.shape[1:]), np.empty((3, 3)), np.empty((3, 3))
     for a in range(ids.size):
         j = ids[a]
         first = 3 * a
@@ -137,33 +146,42 @@ def _eliminate(ids, local, own, links, outside, positions, inverse, partner, thr
                         positions[first + x, first + y] += outside * v[x] * v[y]
         for x in range(3):
             at_normal[x, x] = at_normal[x, x] * (1.0 + RIDGE) if at_normal[x, x] > 0.0 else 1.0
-        _invert(at_normal, inverse[a])
+        _inverse_factor(at_normal, root)
+        for x in range(3):
+            for y in range(3):
+                inverse[a, x, y] = root[0, x] * root[0, y] + root[1, x] * root[1, y] + root[2, x] * root[2, y]
+        # What is subtracted are squares: with an inverse in between, a direction that nothing determines would leave
+        # the square of its rounding, times 1 / RIDGE.
         for m in range(used):
-            _multiply(inverse[a], through[a, m], response[m])
+            _multiply(root, through[a, m], half[m])
         for m in range(used):
             for l in range(used):
                 b, c = 3 * partner[a, l], 3 * partner[a, m]
                 for x in range(3):
                     for y in range(3):
                         for z in range(3):
-                            positions[b + x, c + y] -= through[a, l, z, x] * response[m, z, y]
+                            positions[b + x, c + y] -= half[l, z, x] * half[m, z, y]
         for m in range(used):
             for x in range(3):
                 for y in range(3):
-                    through[a, m, x, y] = response[m, x, y]
+                    through[a, m, x, y] = (
+                        root[0, x] * half[m, 0, y] + root[1, x] * half[m, 1, y] + root[2, x] * half[m, 2, y]
+                    )
 
 
 @njit(**_COMPILED)
-def _invert(a, out):
-    """out = a^-1, of (3, 3), by cofactors."""
-    for x in range(3):
-        for y in range(3):
-            p, q, r, s = (y + 1) % 3, (y + 2) % 3, (x + 1) % 3, (x + 2) % 3
-            out[x, y] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
-    determinant = a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]
-    for x in range(3):
-        for y in range(3):
-            out[x, y] /= determinant
+def _inverse_factor(a, out):
+    """out = L^-1 of a = L L^T, (3, 3), whose pivots are RIDGE of the diagonal at least."""
+    pivot = np.sqrt(a[0, 0])
+    l10, l20 = a[1, 0] / pivot, a[2, 0] / pivot
+    second = np.sqrt(max(a[1, 1] - l10 * l10, RIDGE * a[1, 1]))
+    l21 = (a[2, 1] - l20 * l10) / second
+    third = np.sqrt(max(a[2, 2] - l20 * l20 - l21 * l21, RIDGE * a[2, 2]))
+    out[:] = 0.0
+    out[0, 0], out[1, 1], out[2, 2] = 1.0 / pivot, 1.0 / second, 1.0 / third
+    out[1, 0] = -l10 / (pivot * second)
+    out[2, 1] = -l21 / (second * third)
+    out[2, 0] = -(l20 / pivot + l21 * out[1, 0]) / third
 
 
 @njit(**_COMPILED)
