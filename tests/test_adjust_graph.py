@@ -22,7 +22,14 @@ from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import Rows, Touch
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import Brightness, Keypoints, ObservationTable
-from photoclinometry.adjust.graph.priors import Exposure, Gauge, LandmarkPriors, PosePriors, ReflectancePrior
+from photoclinometry.adjust.graph.priors import (
+    Exposure,
+    Gauge,
+    KnownPoses,
+    LandmarkPriors,
+    PosePriors,
+    ReflectancePrior,
+)
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import starting_model
 from scenes import synthetic_scene
@@ -170,6 +177,7 @@ def general_groups(scene):
             view=0, body_from_cam=first, rotation_sigma=1e-4, center_sigma=5.0, landmark=7, position=central,
             position_sigma=2.0,
         ),
+        KnownPoses(body_from_cam=scene.views.body_from_cam, covariance=correlated_poses(rng)),
         Exposure(scale_sigma=np.r_[0.01, np.inf, 0.02, 0.01], bias_sigma=np.full(4, 0.001)),
         ControlPoints(
             landmark=np.array([3, 5]), position=scene.landmarks.position[[3, 5]], sigma=rng.uniform(1, 5, (2, 3))
@@ -177,6 +185,12 @@ def general_groups(scene):
         ReflectancePrior(sigma=0.05),
         Ranges(np.array([1, 3]), np.array([2, 4]), np.array([5e5, 6e5]), 3.0),
     ]  # fmt: skip
+
+
+def correlated_poses(rng):
+    """(4, 6, 6): from where a camera looks is hardly known, where it looks well."""
+    root = np.diag([1e-4, 1e-4, 1e-4, 10.0, 10.0, 10.0]) @ rng.normal(size=(4, 6, 6))
+    return root @ np.swapaxes(root, 1, 2)
 
 
 @dataclass(frozen=True)

@@ -221,7 +221,7 @@ def patch(direction, angle_deg, offset=0.0, albedo=0.1, spacing=0.25, sigma=0.02
         normal_sigma=np.full(count, 0.01),
         albedo_sigma=np.full(count, 0.02),
         views=np.full(count, 9),
-        inside=np.ones(count),
+        weight=np.ones(count),
         pixel=np.zeros((count, 2), int),
         ties=NO_TIES,
         gsd=spacing,
@@ -288,7 +288,7 @@ def test_a_thin_wall_keeps_its_two_sides():
                 normal=np.tile([0.0, 0.0, up], (count, 1)),
                 **{name: np.full(count, 0.1) for name in ("albedo", "height_sigma", "normal_sigma", "albedo_sigma")},
                 views=np.full(count, 5),
-                inside=np.ones(count),
+                weight=np.ones(count),
             )
         )
     flat = np.array([[0.0, 0.0, 0.2], [1.0, 0.0, 0.2], [0.0, 1.0, 0.2]])

@@ -14,6 +14,7 @@ from photoclinometry.adjust.graph.observations import Brightness, ImageGradients
 from photoclinometry.adjust.graph.priors import (
     Exposure,
     Gauge,
+    KnownPoses,
     LandmarkPriors,
     PosePriors,
     ReflectancePrior,
@@ -40,6 +41,7 @@ __all__ = [
     "ImageGradients",
     "Iteration",
     "Keypoints",
+    "KnownPoses",
     "LandmarkPriors",
     "Linearization",
     "Noise",

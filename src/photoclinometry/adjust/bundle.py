@@ -6,23 +6,83 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.adjust.covariance.linearised import linearised
+from photoclinometry.adjust.covariance.marginals import marginals
 from photoclinometry.adjust.graph.graph import FactorGraph
+from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
 from photoclinometry.adjust.graph.observations import Keypoints, ObservationTable
-from photoclinometry.adjust.graph.priors import Exposure, PosePriors
+from photoclinometry.adjust.graph.priors import Exposure, LandmarkPriors, PosePriors
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.solve.solver import SolverOptions, minimize
+from photoclinometry.model.geometry import Rigid, skew
 from photoclinometry.model.scene import Landmarks, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
 
 LOSS = 3.0
 """Huber's loss of keypoints turns linear beyond so many standard deviations."""
 
+TO_THE_MINIMUM = SolverOptions(relative_decrease=1e-9, absolute_decrease=1e-3, final_truncation=1e-6)
+"""Poses are to be right to a small part of their covariances, and steps are cheap here."""
 
-def bundle_adjusted(sparse: SparseModel, views: Views, priors: PosePriors, sigma_px: float) -> SparseModel:
+
+def bundle_adjusted(sparse: SparseModel, views: Views, priors: PosePriors, sigma_px: float | np.ndarray) -> SparseModel:
     """The model with poses and points of least squares.
 
-    views: (K,) at the model's poses; priors: that determine the frame; sigma_px: standard deviation of keypoints.
+    views: (K,) at the model's poses; priors: that determine the frame; sigma_px: standard deviation of keypoints, or
+    one (N,) of each.
     """
+    found = minimize(*_problem(sparse, views, priors, sigma_px), TO_THE_MINIMUM).estimate
+    moved = replace(sparse, body_from_cam=found.views.body_from_cam, points=found.landmarks.position)
+    return replace(moved, mean_reprojection_px=float(np.mean(reprojection_px(moved, views))))
+
+
+def pose_covariances(sparse: SparseModel, views: Views, priors: PosePriors, sigma_px: float | np.ndarray) -> np.ndarray:
+    """(K, 6, 6) covariances of a bundle adjustment's poses, as of `KnownPoses`. Given as for `bundle_adjusted`, but the
+    model is the adjusted one."""
+    graph, estimate = _problem(sparse, views, priors, sigma_px)
+    count = len(views)
+    whole = marginals(linearised(graph, estimate)).camera.reshape(count, CAMERA_SIZE, count, CAMERA_SIZE)
+    local = whole[range(count), :6, range(count), :6]
+    pose = views.body_from_cam
+    into = np.swapaxes(pose.rotation, -1, -2)
+    by_local = np.zeros((count, 6, 6))
+    by_local[:, :3, :3] = by_local[:, 3:, 3:] = into
+    by_local[:, 3:, :3] = -into @ skew(pose.translation - estimate.pivot)
+    return by_local @ local @ np.swapaxes(by_local, -1, -2)
+
+
+def resected(
+    points: np.ndarray, point_sigma: float, keypoint: np.ndarray, sigma_px: float, views: Views, priors: PosePriors
+) -> Rigid:
+    """(1,) the pose of one view that sees known points (n, 3) at pixels (n, 2), and has a prior.
+
+    point_sigma: of the points, in units of B, along each axis; sigma_px: of the pixels; views: (1,) at the start.
+    """
+    count = len(points)
+    tracks = Tracks.of_keypoints(np.arange(count + 1), np.zeros(count, np.int32), keypoint, sigma_px)
+    landmarks, free = _landmarks_at(points), np.full(count, np.inf)
+    groups = [
+        Keypoints(
+            name="resected",
+            table=ObservationTable(tracks, 1),
+            landmarks=np.ones(count, bool),
+            sigma=tracks.keypoint_sigma,
+            limit=LOSS,
+        ),
+        LandmarkPriors(
+            landmarks=landmarks, position_sigma=np.full(count, point_sigma), normal_sigma=free, albedo_sigma=free
+        ),
+        priors,
+        Exposure(scale_sigma=np.ones(1), bias_sigma=np.ones(1)),
+    ]
+    start = Estimate(views, landmarks, np.median(points, axis=0))
+    return minimize(FactorGraph(groups), start, TO_THE_MINIMUM).estimate.views.body_from_cam
+
+
+def _problem(
+    sparse: SparseModel, views: Views, priors: PosePriors, sigma_px: float | np.ndarray
+) -> tuple[FactorGraph, Estimate]:
+    """The factors of a bundle adjustment, and its start."""
     points, tracks = len(sparse.points), tracks_of(sparse, sigma_px)
     landmarks = landmarks_of(sparse)
     keypoints = Keypoints(
@@ -34,21 +94,23 @@ def bundle_adjusted(sparse: SparseModel, views: Views, priors: PosePriors, sigma
     )
     held = Exposure(scale_sigma=np.ones(len(views)), bias_sigma=np.ones(len(views)))  # nothing else touches these
     start = Estimate(views, landmarks, np.median(sparse.points, axis=0))
-    found = minimize(FactorGraph([keypoints, priors, held]), start, SolverOptions()).estimate
-    moved = replace(sparse, body_from_cam=found.views.body_from_cam, points=found.landmarks.position)
-    return replace(moved, mean_reprojection_px=float(np.mean(reprojection_px(moved, views))))
+    return FactorGraph([keypoints, priors, held]), start
 
 
-def tracks_of(sparse: SparseModel, sigma_px: float) -> Tracks:
+def tracks_of(sparse: SparseModel, sigma_px: float | np.ndarray) -> Tracks:
     """The keypoints of the model's points, without brightness."""
     return Tracks.of_keypoints(sparse.point_start, sparse.point_view, sparse.point_xy, sigma_px)
 
 
 def landmarks_of(sparse: SparseModel) -> Landmarks:
     """The model's points as landmarks; nothing is known of them but their positions."""
-    count = len(sparse.points)
+    return _landmarks_at(sparse.points)
+
+
+def _landmarks_at(points: np.ndarray) -> Landmarks:
+    count = len(points)
     return Landmarks(
-        position=sparse.points,
+        position=points,
         normal=np.tile([0.0, 0.0, 1.0], (count, 1)),
         albedo=np.ones(count),
         pixel=np.zeros((count, 2), np.int32),

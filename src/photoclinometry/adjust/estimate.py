@@ -18,7 +18,7 @@ from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, estimate
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.layout import morton_order
 from photoclinometry.adjust.graph.observations import ImageGradients
-from photoclinometry.adjust.graph.priors import PosePriors
+from photoclinometry.adjust.graph.priors import KnownPoses, PosePriors
 from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
@@ -86,6 +86,7 @@ def adjust(
     *,
     tie_points: TiePoints | None = None,
     pose_priors: PosePriors | None = None,
+    known_poses: KnownPoses | None = None,
     control: GroundControl | None = None,
     reflectance: Reflectance | None = None,
     gradients: ImageGradients | None = None,
@@ -94,11 +95,13 @@ def adjust(
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
 
     tie_points: sparse landmarks, from structure from motion, that help to hold the poses. pose_priors: of spacecraft
-    navigation. control: ground control points, in the scene's frame. Without both only the gauge is fixed, by the
-    reference view's pose and one landmark. reflectance: as it is known beforehand, of which the scene's is an estimate;
-    left out, the scene's own. gradients: of the images where the scene's brightness was taken, so that it follows the
-    landmarks (`factors.direct`), which then stay on their rays of the reference view, while pose-only tie points hold
-    the poses (`tie_points`); the adjusted scene has the brightness where its landmarks project, by these gradients.
+    navigation. known_poses: of a larger model, in the scene's frame. control: ground control points, in the scene's
+    frame. Without priors and control only the gauge is fixed, by the reference view's pose and one landmark;
+    uncertainties are then those after the best similarity of the map. reflectance: as it is known beforehand, of which
+    the scene's is an estimate; left out, the scene's own. gradients: of the images where the scene's brightness was
+    taken, so that it follows the landmarks (`factors.direct`), which then stay on their rays of the reference view,
+    while pose-only tie points hold the poses (`tie_points`); the adjusted scene has the brightness where its landmarks
+    project, by these gradients.
     They may have a factor; brightness counts times that, and says nothing of Suns, scales, biases and the reflectance's
     parameters then. Uncertainties are those of an estimate without the factor.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
@@ -125,6 +128,7 @@ def adjust(
         scene.reflectance,
         gradients=gradients,
         pose_priors=pose_priors,
+        known_poses=known_poses,
         control=control,
     )
     start = Estimate(scene.views, sorted_scene.landmarks, np.median(scene.landmarks.position, axis=0))

@@ -6,7 +6,7 @@ reference rays         keypoints of direct landmarks: the reference view's ray a
 pose-only tie points   their matches, with positions of their own                        hold the poses
 brightness             of lit landmarks; follows direct ones by the image gradients
 smoothness             neighbours lie in the tangent plane
-sun, exposure, pose prior or gauge, landmark prior, reflectance prior, control point     `graph.priors`
+sun, exposure, pose prior or gauge, known pose, landmark prior, reflectance prior, control point     `graph.priors`
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from photoclinometry.adjust.graph.observations import Brightness, ImageGradients
 from photoclinometry.adjust.graph.priors import (
     Exposure,
     Gauge,
+    KnownPoses,
     LandmarkPriors,
     PosePriors,
     ReflectancePrior,
@@ -85,6 +86,8 @@ class Setup:
     gradients: ImageGradients | None
     pose_priors: PosePriors | None
     """Without them the gauge is fixed."""
+    known_poses: KnownPoses | None
+    """In the frame of the start, which they do not define."""
     control: GroundControl | None
     scale_sigma: np.ndarray
     """(K,) as stated; infinite where free."""
@@ -121,6 +124,7 @@ def setup_of(
     *,
     gradients: ImageGradients | None = None,
     pose_priors: PosePriors | None = None,
+    known_poses: KnownPoses | None = None,
     control: GroundControl | None = None,
 ) -> Setup:
     """scene: at the start, with tie points (`tie_points.with_tie_points`), in the solver's order of landmarks."""
@@ -138,6 +142,7 @@ def setup_of(
         reflectance=reflectance,
         gradients=gradients,
         pose_priors=pose_priors,
+        known_poses=known_poses,
         control=control,
         scale_sigma=scale_sigma,
         bias_sigma=bias_sigma,
@@ -225,6 +230,8 @@ def _priors(setup: Setup) -> list[FactorGroup]:
         groups.append(setup.pose_priors)
     elif setup.control is None:
         groups.append(_gauge(scene, options, members))
+    if setup.known_poses is not None:
+        groups.append(setup.known_poses)
     if setup.control is not None:
         which = np.flatnonzero(members.control)
         groups.append(ControlPoints(landmark=which, position=setup.control.position, sigma=setup.control.sigma))

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.adjust import PosePriors
 from photoclinometry.adjust.bundle import bundle_adjusted, reprojection_px
+from photoclinometry.body.sparse import KEYPOINT_SIGMA_PX, frame_priors
 from photoclinometry.body.tile import TileMap
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.compressed_rows import row_starts
@@ -21,14 +21,11 @@ from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, 
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Tracks, Views
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.sparse_stages import PosedImages, views_from
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 TIE_SIGMA_PX = 0.3
-"""Standard deviation of tie points [px]: dense matches are good to 0.1, and some ten neighbours share their errors."""
-LOOSE_PX = 10.0
-"""How far sparse poses may move where there are no priors [px]: they hold the frame, and nothing else."""
+"""Standard deviation of a tile's tie points in one view [px]. They share their error: together they weigh as one."""
 FIRST_GATE_PX, GATE_PX = 20.0, 1.5
 """Tie points count if their keypoints agree within this [px], before and after the first adjustment."""
 FEWEST_TIES = 12
@@ -62,10 +59,10 @@ class ShareCameras(Stage[SharedCameras]):
     def make(self, tools: Tools) -> SharedCameras:
         views, sparse = self.posed.views, self.posed.sparse.value
         tiles = [tile.value for tile in self.tiles]
-        priors = _priors(self.priors, views, sparse)
+        priors = frame_priors(self.priors, views, sparse)
         for gate in (FIRST_GATE_PX, GATE_PX, GATE_PX):
             model, tile = _with_ties(sparse, tiles, views, gate)
-            found = bundle_adjusted(model, views, priors, TIE_SIGMA_PX)
+            found = bundle_adjusted(model, views, priors, _sigma_px(tile)[model.point_of_observation])
             views = views_from(self.posed.inputs.value.site, found)
         off = reprojection_px(found, views)
         of_tile = tile[found.point_of_observation]
@@ -74,17 +71,10 @@ class ShareCameras(Stage[SharedCameras]):
         return SharedCameras(body_from_cam=found.body_from_cam, tile_px=per_tile)
 
 
-def _priors(known: Mapping[str, PosePrior], views: Views, sparse: SparseModel) -> PosePriors:
-    """Those of navigation; without them the sparse poses, loosely."""
-    if known:
-        return priors_of_views(views.name, sparse.body_from_cam, known)
-    focal = np.array([np.mean(camera.focal_px) for camera in views.cameras])
-    distance = np.linalg.norm(sparse.body_from_cam.translation - sparse.points.mean(0), axis=-1)
-    return PosePriors(
-        body_from_cam=sparse.body_from_cam,
-        rotation_sigma=LOOSE_PX / focal,
-        center_sigma=LOOSE_PX / focal * distance,
-    )
+def _sigma_px(tile: np.ndarray) -> np.ndarray:
+    """(P,) standard deviations of keypoints [px]. tile: (P,) of each point, -1 for sparse ones."""
+    number = np.bincount(tile + 1)[tile + 1]
+    return np.where(tile < 0, KEYPOINT_SIGMA_PX, TIE_SIGMA_PX * np.sqrt(number))
 
 
 def _with_ties(
@@ -153,7 +143,7 @@ def in_shared_frame(tile: TileMap, views: Views) -> TileMap:
 
 def _emptied(tile: TileMap, failure: str) -> TileMap:
     none = slice(0, 0)
-    names = ("position", "normal", "albedo", "height_sigma", "normal_sigma", "albedo_sigma", "views", "inside", "pixel")
+    names = ("position", "normal", "albedo", "height_sigma", "normal_sigma", "albedo_sigma", "views", "weight", "pixel")
     return replace(tile, **{name: getattr(tile, name)[none] for name in names}, failure=tile.failure or failure)
 
 

@@ -38,8 +38,9 @@ FACING = 0.5
 """Least cosine between the normals of a vertex and of a landmark that may determine it: thin necks have two sides."""
 FILL_GSD = 4.0
 """The coarse shape stands in where no landmark is nearer than this [GSD]."""
-LEAST_INSIDE = 0.02
-"""Weight of a landmark at its tile's edge, over that of one in the middle."""
+LEAST_WEIGHT = 1e-3
+"""Least weight of a landmark, over that of one in its tile's middle that is seen from above: it counts where there is
+no better one."""
 UNTRUSTED = 1e-3
 """Weight of a tile that is not to be trusted, over that of others: it counts where there is no other."""
 USUAL_SIGMA_GSD = 0.1
@@ -135,14 +136,14 @@ class Cloud:
         height_sigma = np.where(np.isnan(stated[:, 0]), USUAL_SIGMA_GSD * gsd, stated[:, 0])
         albedo, normal = _joined(tiles, "albedo"), _joined(tiles, "normal")
         factor = albedo_factors(position, normal, albedo, number, len(tiles), gsd)
-        inside = np.maximum(_joined(tiles, "inside"), LEAST_INSIDE)
+        weight = np.maximum(_joined(tiles, "weight"), LEAST_WEIGHT)
         trusted = np.where([bool(tile.distrust) for tile in tiles], UNTRUSTED, 1.0)[number]
         return cls(
             position=position,
             normal=normal,
             albedo=albedo / factor[number],
             height_sigma=height_sigma,
-            weight=trusted * inside * (gsd / height_sigma) ** 2,
+            weight=trusted * weight * (gsd / height_sigma) ** 2,
             sigmas=stated,
             views=_joined(tiles, "views"),
             tile=number,

@@ -20,8 +20,10 @@ from photoclinometry.surface.mesh_rays import MeshRays, SeenByView, sight_of_vie
 
 STEPS = 8
 """Tiles begin at every so many-th part of a tile's width: finer steps hardly cover more."""
-COARSER = 1.35
+COARSER = 1.5
 """Ground is mapped at a resolution up to so many times coarser than the one that enough views have."""
+LEAST_COSINE = 0.05
+"""Of emission, for the resolution of what is seen from the side."""
 FINER, COARSEST = 0.4, 2.2
 """Bounds of the resolution of a tile's views over that of its reference: beyond them images show other detail."""
 SEEN_SHARE = 0.35
@@ -121,6 +123,8 @@ class _Sights:
     """(K, F) bool: seen and lit within the limits."""
     gsd: np.ndarray
     """(K, F)."""
+    resolution: np.ndarray
+    """(K, F) ground sample distance along the line of sight's trace: what is seen obliquely is foreshortened."""
     seen: np.ndarray
     """(F,) int: by how many views, lit or not."""
     area: np.ndarray
@@ -136,7 +140,7 @@ def planned(shape: ClosedMesh, views: Views, number: np.ndarray, options: PlanOp
     often = sights.usable.sum(0)
     wanted = often >= options.min_views
     finest = _resolution_of(sights, options.min_views)
-    fine = sights.usable & (sights.gsd <= COARSER * finest)
+    fine = sights.usable & (sights.resolution <= COARSER * finest)
     tiles, owner = [], np.full(len(wanted), -1)
     left = wanted.copy()
     while left.any():
@@ -181,6 +185,7 @@ def _sights(shape: ClosedMesh, views: Views, options: PlanOptions) -> _Sights:
         pixel=np.array([view.pixel for view in found]),
         usable=np.array([_usable(view, options) for view in found]),
         gsd=np.array([view.gsd for view in found]),
+        resolution=np.array([view.gsd / np.maximum(np.cos(view.emission), LEAST_COSINE) for view in found]),
         seen=np.sum([view.seen for view in found], axis=0),
         area=np.linalg.norm(area, axis=-1),
     )
@@ -192,10 +197,10 @@ def _usable(view: SeenByView, options: PlanOptions) -> np.ndarray:
 
 
 def _resolution_of(sights: _Sights, enough: int) -> np.ndarray:
-    """(F,) the finest ground sample distance that `enough` views have; the coarsest where there are fewer views."""
-    gsd = np.sort(np.where(sights.usable, sights.gsd, np.inf), axis=0)
-    counted = np.clip(sights.usable.sum(0), 1, min(enough, len(gsd))) - 1
-    return np.take_along_axis(gsd, counted[None], 0)[0]
+    """(F,) the finest resolution that `enough` views have; the coarsest where there are fewer views."""
+    sorted_ones = np.sort(np.where(sights.usable, sights.resolution, np.inf), axis=0)
+    counted = np.clip(sights.usable.sum(0), 1, min(enough, len(sorted_ones))) - 1
+    return np.take_along_axis(sorted_ones, counted[None], 0)[0]
 
 
 def _best_region(

@@ -13,6 +13,7 @@ import numpy as np
 from photoclinometry.adjust.bundle import landmarks_of, tracks_of
 from photoclinometry.body.cameras import SharedCameras
 from photoclinometry.body.merge import MergedSurface
+from photoclinometry.body.placement import PlacedViews
 from photoclinometry.body.tile import BodyModel, TileMap
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.evaluate.metrics import spread
@@ -21,6 +22,7 @@ from photoclinometry.io.atomic import write_text
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
 from photoclinometry.matching.triangulation import triangulate_tracks
+from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Region, Scene
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.model.sparse import of_views
@@ -56,6 +58,14 @@ class BodyParts:
     tiles: tuple[Keyed[TileMap], ...]
     cameras: SharedCameras
     surface: MergedSurface
+    placed: PlacedViews
+    psnr_db: np.ndarray
+    """(K,) of renderings, as of `RenderingQuality`."""
+
+    @property
+    def poses(self) -> Rigid:
+        """(K,) of all views: those that the tiles share, and those by the surface."""
+        return self.placed.body_from_cam
 
 
 def shape_model(surface: MergedSurface, unit: str | None) -> ShapeModel:
@@ -77,10 +87,10 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     surface = made.surface
     shape = shape_model(surface, model.unit)
     metrics = _metrics(model, made)
-    rows, views = _tile_rows(model, made), _view_rows(model)
+    rows, views = ([json_numbers(row) for row in each] for each in (_tile_rows(model, made), _view_rows(model, made)))
     with folder.timed("products"):
         write_shape_ply(folder.path / BODY_FILE, shape)
-        write_colmap(folder.path / POSES_FOLDER, _poses(model, made.cameras))
+        write_colmap(folder.path / POSES_FOLDER, _poses(model, made))
     with folder.timed("report"):
         content = BodyContent(
             name=model.site.name,
@@ -105,10 +115,10 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     )
 
 
-def _poses(model: BodyModel, cameras: SharedCameras) -> Scene:
-    """The registered views with the poses that tiles share, and the sparse points, triangulated by these."""
-    whole = replace(model.posed.sparse.value, body_from_cam=cameras.body_from_cam)
-    used = np.flatnonzero(whole.registered)
+def _poses(model: BodyModel, made: BodyParts) -> Scene:
+    """All views that have a pose, and the sparse points, triangulated by the poses that tiles share."""
+    whole = replace(model.posed.sparse.value, body_from_cam=made.poses)
+    used = np.flatnonzero(whole.registered | made.placed.placed)
     sparse = of_views(whole, used)
     views = replace(model.posed.views[used], body_from_cam=sparse.body_from_cam)
     tracks = tracks_of(sparse, 1.0)
@@ -138,6 +148,7 @@ def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
     found = {
         "images": len(registered),
         "images_registered": int(registered.sum()),
+        "images_placed_by_surface": int(made.placed.placed.sum()),
         "sparse_reprojection_px": model.posed.sparse.value.mean_reprojection_px,
         "tiles": len(tiles),
         "tiles_mapped": sum(1 for tile in tiles if not tile.value.failure),
@@ -151,7 +162,9 @@ def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
         "gsd": surface.gsd,
         "height_sigma_median_gsd": float(np.nanmedian(surface.height_sigma) / surface.gsd),
     }
-    return found | (spread(overlap, "step_between_tiles", "gsd") if len(overlap) else {})
+    found |= spread(overlap, "step_between_tiles", "gsd") if len(overlap) else {}
+    known = made.psnr_db[np.isfinite(made.psnr_db)]
+    return found | ({"psnr_mean_db": float(known.mean()), "psnr_min_db": float(known.min())} if len(known) else {})
 
 
 def _tile_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
@@ -175,7 +188,7 @@ def _tile_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
     return rows
 
 
-def _view_rows(model: BodyModel) -> list[dict[str, Any]]:
+def _view_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
     sparse = model.posed.sparse.value
     why = sparse.why_unregistered()
     points = np.bincount(sparse.point_view, minlength=len(sparse.registered))
@@ -188,6 +201,8 @@ def _view_rows(model: BodyModel) -> list[dict[str, Any]]:
             "used": bool(sparse.registered[k]),
             "sparse_points": int(points[k]),
             "tiles": int(used_by[k]),
+            "placed_by_surface": bool(made.placed.placed[k]),
+            "psnr_db": round(float(made.psnr_db[k]), 1),
             "left_out": why.get(k, ""),
         }
         for k, view in enumerate(model.site.views)

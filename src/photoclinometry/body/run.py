@@ -11,9 +11,11 @@ from photoclinometry.body.cameras import ShareCameras
 from photoclinometry.body.coarse_shape import CoarseShape
 from photoclinometry.body.merge import MergeTiles
 from photoclinometry.body.options import BodyOptions
+from photoclinometry.body.placement import PlaceLeftOut
 from photoclinometry.body.plan import PlanTiles
 from photoclinometry.body.products import BodyParts, BodyResult, write_body_products
-from photoclinometry.body.sparse import BodySparse
+from photoclinometry.body.renderings import CompareRenderings
+from photoclinometry.body.sparse import BodySparse, PoseUncertainty
 from photoclinometry.body.tile import BodyModel, MapTile, TileMap
 from photoclinometry.body.workers import in_processes
 from photoclinometry.io.site import Site, read_site
@@ -28,7 +30,7 @@ from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inp
 from photoclinometry.pipeline.stage import Keyed
 from photoclinometry.registration.georeference import MIN_PRIORS
 
-BEFORE_TILES = ("body_sparse", "coarse_shape", "plan")
+BEFORE_TILES = ("body_sparse", "pose_covariances", "coarse_shape", "plan")
 """Stages that the coordinating process makes, and those of single tiles read back."""
 
 
@@ -74,8 +76,17 @@ def map_body(
         tiles = tuple(folder.done(stage) for stage in stages)
         _check_tiles(tiles)
         cameras = folder.done(ShareCameras(tiles=tiles, posed=model.posed, priors=_priors(site, options)))
-        merge = MergeTiles(tiles=tiles, cameras=cameras, posed=model.posed, shape=model.shape)
-        made = BodyParts(tiles=tiles, cameras=cameras.value, surface=folder.done(merge).value)
+        posed, priors = model.posed, _priors(site, options)
+        surface = folder.done(MergeTiles(tiles=tiles, cameras=cameras, posed=posed, shape=model.shape))
+        placed = folder.done(PlaceLeftOut(posed=posed, cameras=cameras, surface=surface, tiles=tiles, priors=priors))
+        renderings = folder.done(CompareRenderings(posed=posed, placed=placed, surface=surface, tiles=tiles))
+        made = BodyParts(
+            tiles=tiles,
+            cameras=cameras.value,
+            surface=surface.value,
+            placed=placed.value,
+            psnr_db=renderings.value.psnr_db,
+        )
         return write_body_products(folder, model, made, _config(site_file, options))
 
 
@@ -116,9 +127,10 @@ def _model(folder: RunFolder, site: Site, inputs: Keyed[Inputs], options: BodyOp
     sparse = folder.done(BodySparse(inputs=inputs, priors=priors, options=options.sfm))
     frame = BODY_FIXED if len(priors) >= MIN_PRIORS else SHARED
     posed = PosedImages(inputs=inputs, sparse=sparse, frame=frame)
+    known = folder.done(PoseUncertainty(posed=posed, priors=priors))
     shape = folder.done(CoarseShape(sparse=sparse))
     plan = folder.done(PlanTiles(posed=posed, shape=shape, options=options.plan))
-    return BodyModel(site=site, posed=posed, shape=shape, plan=plan, options=options)
+    return BodyModel(site=site, posed=posed, known=known, shape=shape, plan=plan, options=options)
 
 
 def _priors(site: Site, options: BodyOptions) -> dict[str, PosePrior]:

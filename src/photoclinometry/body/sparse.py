@@ -10,15 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.adjust import PosePriors
-from photoclinometry.adjust.bundle import bundle_adjusted
+from photoclinometry.adjust.bundle import bundle_adjusted, pose_covariances
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress
+from photoclinometry.model.scene import Views
 from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.pose_priors import priors_of_views
-from photoclinometry.pipeline.sparse_stages import Inputs, views_from
+from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, views_from
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.registration.georeference import MIN_PRIORS
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
@@ -35,6 +36,8 @@ GATE_SHRINKS = 3.0
 """From one bundle adjustment to the next the limit becomes so many times smaller, down to that of the options."""
 KEYPOINT_SIGMA_PX = 0.3
 """Standard deviation of SIFT keypoints [px]."""
+LOOSE_PX = 10.0
+"""How far sparse poses may move where there are no priors [px]: they hold the frame, and nothing else."""
 FEWEST_POINTS = 15
 """A view that sees fewer points of the model counts as not registered: its pose is hardly better than its prior."""
 
@@ -134,3 +137,40 @@ def _first_gate(inputs: Inputs, priors: PosePriors) -> float:
     focal = np.array([np.mean(camera.focal_px) for camera in inputs.cameras])
     distance = np.linalg.norm(priors.body_from_cam.translation, axis=-1)
     return FIRST_GATE * float(np.max(focal * np.hypot(priors.rotation_sigma, priors.center_sigma / distance)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseCovariances:
+    """How well the sparse model knows its poses."""
+
+    covariance: np.ndarray
+    """(K, 6, 6) as of `KnownPoses`, in units of B."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseUncertainty(Stage[PoseCovariances]):
+    """The covariances of the last bundle adjustment of sparse points."""
+
+    name = "pose_covariances"
+    result = PoseCovariances
+    posed: PosedImages
+    priors: Mapping[str, PosePrior]
+    """By name of view."""
+
+    def make(self, tools: Tools) -> PoseCovariances:
+        views, sparse = self.posed.views, self.posed.sparse.value
+        priors = frame_priors(self.priors, views, sparse)
+        return PoseCovariances(covariance=pose_covariances(sparse, views, priors, KEYPOINT_SIGMA_PX))
+
+
+def frame_priors(known: Mapping[str, PosePrior], views: Views, sparse: SparseModel) -> PosePriors:
+    """Pose priors of navigation, by name of view; without them the sparse poses, loosely."""
+    if known:
+        return priors_of_views(views.name, sparse.body_from_cam, known)
+    focal = np.array([np.mean(camera.focal_px) for camera in views.cameras])
+    distance = np.linalg.norm(sparse.body_from_cam.translation - sparse.points.mean(0), axis=-1)
+    return PosePriors(
+        body_from_cam=sparse.body_from_cam,
+        rotation_sigma=LOOSE_PX / focal,
+        center_sigma=LOOSE_PX / focal * distance,
+    )

@@ -9,12 +9,11 @@ from functools import partial
 
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.warning import warn
-from photoclinometry.pipeline.choices import Choices
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.map_stages import FinishedMap, MapStages
-from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.pose_priors import usable_priors
+from photoclinometry.pipeline.posed_site import PosedSite
 from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.run_folder import RunFolder
@@ -40,25 +39,15 @@ class CheckedMap:
         return self.relief is not None and self.relief.is_off()
 
 
-def checked_map(
-    folder: RunFolder,
-    *,
-    posed: PosedImages,
-    used: PosedImages,
-    dense: MatchDensely,
-    choices: Choices,
-    options: RunOptions,
-    pose_priors: Mapping[str, PosePrior],
-) -> CheckedMap:
+def checked_map(folder: RunFolder, posed_site: PosedSite, used: PosedImages, dense: MatchDensely) -> CheckedMap:
     """All stages from dense matching to the finished map.
 
     A map whose relief contradicts the parallax is made a second time with Suns, biases and reflectance held at what is
-    known of them, and the one that is nearer to the parallax is returned. posed: all views; used: those to map with;
-    pose_priors: of the site, by name of view.
+    known of them, and the one that is nearer to the parallax is returned. used: the views to map with.
     """
-    made = partial(_mapped, folder, posed, used, dense, choices, options, pose_priors)
+    made = partial(_mapped, folder, posed_site, used, dense)
     found = made(holds_photometry=False)
-    if choices.reflectance is None or not found.contradicts_parallax:
+    if posed_site.choices.reflectance is None or not found.contradicts_parallax:
         return found
     assert found.relief is not None
     log.info("the relief is %.2f of the parallax's: once more, with photometry held", found.relief.ratio)
@@ -75,28 +64,22 @@ def checked_map(
 
 
 def _mapped(
-    folder: RunFolder,
-    posed: PosedImages,
-    used: PosedImages,
-    dense: MatchDensely,
-    choices: Choices,
-    options: RunOptions,
-    pose_priors: Mapping[str, PosePrior],
-    *,
-    holds_photometry: bool,
+    folder: RunFolder, posed_site: PosedSite, used: PosedImages, dense: MatchDensely, *, holds_photometry: bool
 ) -> CheckedMap:
+    choices, options = posed_site.choices, posed_site.options
     tracks = folder.done(dense)
     scene = folder.done(InitialScene(posed=used, place=dense.place, dense=tracks, reflectance=choices.reflectance))
     matched = tracks.value.position, tracks.value.pixel
-    priors = usable_priors(pose_priors, scene.value) if options.pose_priors else {}
+    priors = usable_priors(posed_site.site.pose_priors, scene.value) if options.pose_priors else {}
     maps = MapStages(
         folder=folder,
         estimate=JointEstimate(
             options=options.adjust,
             reflectance=choices.reflectance,
             tie_points=tie_points_from(used),
-            sparse_views=posed.views,
+            sparse_views=posed_site.posed.views,
             pose_priors=priors,
+            known_views=posed_site.known_views,
             control=choices.control,
             holds_photometry=holds_photometry,
         ),

@@ -17,6 +17,7 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import OWN, Scene, Views
 from photoclinometry.pipeline.control import ground_control, place_by_control
 from photoclinometry.pipeline.pose_priors import estimate_with_priors, place_by_priors
+from photoclinometry.pipeline.posed_site import KnownViews
 from photoclinometry.registration.alignment import align_views
 
 log = logging.getLogger(__name__)
@@ -57,6 +58,8 @@ class JointEstimate:
     """All views of the site, as the sparse stage left them; needed with tie points and pose priors."""
     pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
     """By name of view; none, or enough to determine a frame."""
+    known_views: KnownViews | None = None
+    """In the frame of the sparse stage, of which the map then is."""
     control: tuple[ControlPoint, ...] = ()
     """Ground control points, in the frame of the pose priors where there are such."""
     holds_photometry: bool = False
@@ -119,6 +122,7 @@ class JointEstimate:
             options,
             tie_points=self._tie_points_for(start),
             pose_priors=priors,
+            known_poses=self.known_views.of(start.views.name) if self.known_views and priors is None else None,
             control=ground_control(self.control, start.views) if in_prior_frame(start) else None,
             reflectance=self.reflectance,
             gradients=step.gradients,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from photoclinometry.pipeline.choices import Choices, choose, choose_reflectance
 from photoclinometry.pipeline.dense_stages import MatchDensely
 from photoclinometry.pipeline.map_stages import FinishedMap, PlaceHeldOutViews
 from photoclinometry.pipeline.options import RunOptions
+from photoclinometry.pipeline.posed_site import PosedSite
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
 from photoclinometry.pipeline.run_folder import RunFolder, claimed_run
 from photoclinometry.pipeline.run_owner import owner_of_site
@@ -67,18 +68,6 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
     return map_posed(folder, PosedSite(site=site, posed=posed, choices=choices, options=options), config)
 
 
-@dataclass(frozen=True, kw_only=True)
-class PosedSite:
-    """A site whose views have poses, and how it is to be mapped."""
-
-    site: Site
-    posed: PosedImages
-    choices: Choices
-    options: RunOptions
-    depth: Keyed[np.ndarray] | None = None
-    """As of `MatchDensely`."""
-
-
 def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) -> RunResult:
     """The stages after the sparse one, and what they leave. config: what shaped the map, for its report."""
     site, posed, choices, options = posed_site.site, posed_site.posed, posed_site.choices, posed_site.options
@@ -93,15 +82,7 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
         densify=options.densify,
         depth=posed_site.depth,
     )
-    found = checked_map(
-        folder,
-        posed=posed,
-        used=used,
-        dense=dense,
-        choices=choices,
-        options=options,
-        pose_priors=site.pose_priors,
-    )
+    found = checked_map(folder, posed_site, used, dense)
     brought_in = posed.sparse.value.how_brought_in()
     summary = RunSummary(
         adjustment=found.finished.value.adjustment,

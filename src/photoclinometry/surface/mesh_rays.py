@@ -98,7 +98,7 @@ def sight_of_views(
 
 def depth_image(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> np.ndarray:
     """(height, width) depth of the mesh along the optical axis at each pixel's centre; NaN where a ray misses it."""
-    _, triangle, weight = _through_pixels(rays, camera, body_from_cam)
+    _, triangle, weight = through_pixels(rays, camera, body_from_cam)
     point = np.einsum("nk,nkd->nd", weight, rays.vertices[rays.faces[triangle]])
     depth = (point - body_from_cam.translation) @ body_from_cam.rotation[:, 2]
     return np.where(triangle >= 0, depth, np.nan).reshape(camera.height, camera.width)
@@ -106,13 +106,13 @@ def depth_image(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> np.ndar
 
 def emission_image(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> np.ndarray:
     """(height, width) angle [rad] between each pixel's line of sight and the triangle there; pi / 2 beside the mesh."""
-    direction, triangle, _ = _through_pixels(rays, camera, body_from_cam)
+    direction, triangle, _ = through_pixels(rays, camera, body_from_cam)
     cosine = -np.sum(direction * rays.facet_normals[triangle], -1)
     emission = np.arccos(np.clip(np.where(triangle >= 0, cosine, 0.0), 0.0, 1.0))
     return emission.reshape(camera.height, camera.width)
 
 
-def _through_pixels(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def through_pixels(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unit vectors (n, 3) through the pixels' centres, row by row, and what they meet, as of `first_hit`."""
     pixels = Region(row=0, col=0, height=camera.height, width=camera.width).pixel_centers().reshape(-1, 2)
     direction = unit(camera.ray_in_cam(pixels) @ body_from_cam.rotation.T)

@@ -37,6 +37,33 @@ class PosePriors:
 
 
 @dataclass(frozen=True, kw_only=True)
+class KnownPoses:
+    """Poses of a larger model of other measurements, with their covariances.
+
+    Images tell far better where a camera looks than from where it does: rotation and centre are known together much
+    better than each.
+    """
+
+    body_from_cam: Rigid
+    """(K,)."""
+    covariance: np.ndarray
+    """(K, 6, 6) of rotation vector [rad] and centre [units of B], both about the camera's own axes."""
+    name: str = "known pose"
+
+    def rows(self, estimate: Estimate) -> list[Rows]:
+        pose, known = estimate.views.body_from_cam, self.body_from_cam
+        into = np.swapaxes(known.rotation, -1, -2)
+        turned = so3_log(pose.rotation @ into)
+        moved = pose.translation - known.translation
+        off = np.concatenate([_along(into, turned), _along(into, moved)], axis=1)
+        jacobian = np.zeros((len(off), 6, CAMERA_SIZE))
+        jacobian[:, :3, :3] = jacobian[:, 3:6, 3:6] = into
+        jacobian[:, 3:6, :3] = -into @ skew(pose.translation - estimate.pivot)
+        whiten = np.linalg.inv(np.linalg.cholesky(self.covariance))
+        return [Rows(_along(whiten, off), (Touch("view", np.arange(len(off)), whiten @ jacobian),))]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Gauge:
     """Holds what images alone leave open: the reference view's pose, and one landmark for the scale."""
 
@@ -158,6 +185,11 @@ def position_rows(estimate: Estimate, which: np.ndarray, known: np.ndarray, sigm
     jacobian[:, range(3), range(3)] = 1.0 / sigma
     residual = (estimate.landmarks.position[which] - known) / sigma
     return Rows(residual, (Touch("landmark", which, jacobian),))
+
+
+def _along(axes: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(K, m) products of matrices (K, m, n) and vectors (K, n)."""
+    return np.einsum("kmn,kn->km", axes, vectors)
 
 
 def _tilt(now: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,103 @@
+"""Renderings of closed surfaces, and the poses of images that they give."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.body.placement import at_poses, place_view
+from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, unit
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.reflectance import published
+from photoclinometry.model.scene import Camera, Image, Views
+from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
+from photoclinometry.simulate.trajectory import looking_at
+from photoclinometry.surface.closed_mesh import icosahedron, refine
+from photoclinometry.surface.mesh_rays import MeshRays
+
+pytest.importorskip("embreex")
+
+RADIUS, DISTANCE, FOCAL, SIZE = 10.0, 200.0, 2000.0, 240
+CAMERA = Camera("PINHOLE", SIZE, SIZE, (FOCAL, FOCAL, SIZE / 2, SIZE / 2))
+LAMBERT = published("lunar-lambert", "vesta")
+GSD = DISTANCE / FOCAL
+
+
+def ball(albedo=None):
+    direction, faces = refine(*icosahedron(), 0.02, unit)
+    return ShadedSurface(
+        rays=MeshRays(RADIUS * direction, faces, 0.02 * RADIUS),
+        normals=direction,
+        albedo=np.full(len(direction), 0.2) if albedo is None else albedo(direction),
+        reflectance=LAMBERT,
+    )
+
+
+def spots(direction):
+    """Dark and bright spots of many sizes."""
+    rng, value = np.random.default_rng(0), np.full(len(direction), 0.2)
+    for middle, size in zip(unit(rng.normal(size=(400, 3))), rng.uniform(0.03, 0.12, 400), strict=True):
+        value *= 1.0 + rng.uniform(-0.4, 0.6) * np.exp(-0.5 * (angle_between(direction, middle[None]) / size) ** 2)
+    return value
+
+
+def view_at(pose, sun):
+    return Views(
+        name=("0",),
+        cameras=(CAMERA,),
+        body_from_cam=Rigid(pose.rotation[None], pose.translation[None]),
+        sun=sun[None],
+        scale=np.ones(1),
+        bias=np.zeros(1),
+        sun_measured=sun[None],
+        sun_sigma=np.full(1, 1e-3),
+        sun_common_sigma=np.zeros(1),
+    )
+
+
+POSE = looking_at(DISTANCE * unit(np.array([1.0, 0.2, 0.1])), np.zeros(3), 0.0, (0.0, 0.0, 1.0))
+SUN = unit(np.array([1.0, 0.9, 0.3]))
+
+
+def test_a_rendered_ball_has_the_brightness_of_its_equation():
+    found = rendered_shape(ball(), CAMERA, POSE, SUN)
+    ray = unit(CAMERA.ray_in_cam(np.array([[150.5, 100.5]])) @ POSE.rotation.T)[0]
+    along = -ray @ POSE.translation - np.sqrt((ray @ POSE.translation) ** 2 - DISTANCE**2 + RADIUS**2)
+    normal = unit(POSE.translation + along * ray)
+    expected = 0.2 * LAMBERT(normal @ SUN, -normal @ ray, angle_between(SUN, -ray))
+    assert found[100, 150] == pytest.approx(float(expected), rel=2e-3)
+    assert np.isnan(found[0, 0])
+    assert np.nanmin(found) == 0.0  # beyond the terminator
+
+
+def test_an_image_is_placed_by_a_rendering_from_a_prior_that_is_off_by_many_pixels():
+    surface = ball(spots)
+    image = Image("0", rendered_shape(surface, CAMERA, POSE, SUN).astype(np.float32), np.ones((SIZE, SIZE), bool))
+    image = replace(image, brightness=np.nan_to_num(image.brightness))
+    turn = so3_exp(np.array([0.004, -0.003, 0.01]))
+    off = Rigid(turn @ POSE.rotation, POSE.translation + [0.0, 0.6, -0.8])
+    prior = PosePrior(cam_from_body=off.inverse(), rotation_sigma_rad=5e-3, translation_sigma=1.0)
+    start = at_poses(view_at(POSE, SUN), Rigid(off.rotation[None], off.translation[None]))
+    found = place_view(surface, GSD, image, start, prior)
+    assert found.matches > 50
+    assert found.off_px < 0.3
+    points = RADIUS * unit(POSE.translation + np.random.default_rng(1).normal(size=(50, 3)) * 60.0)
+    placed = at_poses(start, found.pose)
+    true = view_at(POSE, SUN)
+    assert np.abs(start.project(0, points) - true.project(0, points)).max() > 8.0
+    assert np.abs(placed.project(0, points) - true.project(0, points)).max() < 0.3
+
+
+def test_an_image_of_something_else_is_not_placed():
+    rng = np.random.default_rng(2)
+    image = Image("0", rng.uniform(0.1, 1.0, (SIZE, SIZE)).astype(np.float32), np.ones((SIZE, SIZE), bool))
+    prior = PosePrior(cam_from_body=POSE.inverse(), rotation_sigma_rad=2e-3, translation_sigma=1.0)
+    found = place_view(ball(spots), GSD, image, view_at(POSE, SUN), prior)
+    assert not found.is_placed
+
+
+def test_the_sun_turns_with_the_camera():
+    view = view_at(POSE, SUN)
+    turn = so3_exp(np.array([0.1, 0.2, 0.3]))
+    moved = at_poses(view, Rigid((turn @ POSE.rotation)[None], POSE.translation[None]))
+    assert moved.body_from_cam.rotation[0].T @ moved.sun[0] == pytest.approx(POSE.rotation.T @ SUN)
