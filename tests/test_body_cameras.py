@@ -8,7 +8,7 @@ import pytest
 from photoclinometry.adjust import Estimate, KnownPoses, PosePriors
 from photoclinometry.adjust.bundle import bundle_adjusted, landmarks_of, pose_covariances, reprojection_px
 from photoclinometry.body.cameras import ShareCameras, in_shared_frame
-from photoclinometry.body.tile import TiePoints, TileMap
+from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap
 from photoclinometry.io.site import Site, SiteView
 from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, angle_between, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
@@ -179,15 +179,17 @@ def tile_of(true, middle, own_from_body, bend=0.0, count=800, number=0):
     ties = np.arange(0, count, 8)
     start, view, keypoint = seen(position[ties], true)
     return TileMap(
-        position=own_from_body(bent),
-        normal=normal @ own_from_body.rotation.T,
-        albedo=np.full(count, 0.1),
-        height_sigma=np.full(count, 0.02),
-        normal_sigma=np.full(count, 0.01),
-        albedo_sigma=np.full(count, 0.02),
-        views=np.full(count, COUNT),
-        weight=np.ones(count),
-        pixel=pixel,
+        landmarks=TileLandmarks(
+            position=own_from_body(bent),
+            normal=normal @ own_from_body.rotation.T,
+            albedo=np.full(count, 0.1),
+            height_sigma=np.full(count, 0.02),
+            normal_sigma=np.full(count, 0.01),
+            albedo_sigma=np.full(count, 0.02),
+            views=np.full(count, COUNT),
+            weight=np.ones(count),
+            pixel=pixel,
+        ),
         ties=TiePoints(landmark=ties, start=start, view=view, keypoint=keypoint),
         gsd=1.0,
     ), position
@@ -198,8 +200,10 @@ def test_a_tile_moves_as_its_tie_points_do():
     tile, position = tile_of(true, (1.0, 0.1, 0.0), own_from_body, bend=0.05)
     views = views_from(site_of(true), sparse_of(position, true, true))
     moved = in_shared_frame(tile, views)
-    assert np.abs(moved.position - position).max() < 1e-3  # what is off most in the first fit is left out of the second
-    assert moved.height_sigma == pytest.approx(0.02 / 3.0, rel=1e-3)
+    assert (
+        np.abs(moved.landmarks.position - position).max() < 1e-3
+    )  # what is off most in the first fit is left out of the second
+    assert moved.landmarks.height_sigma == pytest.approx(0.02 / 3.0, rel=1e-3)
     assert moved.gsd == pytest.approx(1.0 / 3.0, rel=1e-3)
 
 
@@ -214,22 +218,24 @@ def test_normals_follow_the_displacement_of_a_tile():
     start, view, keypoint = seen(bent, true)
     one = np.ones(len(flat))
     tile = TileMap(
-        position=flat,
-        normal=np.tile([1.0, 0.0, 0.0], (len(flat), 1)),
-        albedo=one,
-        height_sigma=one,
-        normal_sigma=one,
-        albedo_sigma=one,
-        views=one,
-        weight=one,
-        pixel=np.stack([-z, y], -1),
+        landmarks=TileLandmarks(
+            position=flat,
+            normal=np.tile([1.0, 0.0, 0.0], (len(flat), 1)),
+            albedo=one,
+            height_sigma=one,
+            normal_sigma=one,
+            albedo_sigma=one,
+            views=one,
+            weight=one,
+            pixel=np.stack([-z, y], -1),
+        ),
         ties=TiePoints(landmark=ties, start=start, view=view, keypoint=keypoint),
         gsd=0.1,
     )
     moved = in_shared_frame(tile, views_from(site_of(true), sparse_of(flat, true, true)))
-    assert np.abs(moved.position - bent).max() < 1e-6
-    assert np.degrees(angle_between(moved.normal, unit(slope))).max() < 0.05
-    assert np.degrees(angle_between(tile.normal, unit(slope))).max() > 2.0
+    assert np.abs(moved.landmarks.position - bent).max() < 1e-6
+    assert np.degrees(angle_between(moved.landmarks.normal, unit(slope))).max() < 0.05
+    assert np.degrees(angle_between(tile.landmarks.normal, unit(slope))).max() > 2.0
 
 
 def test_tiles_in_frames_of_their_own_agree_once_they_share_cameras(tmp_path):
@@ -251,7 +257,7 @@ def test_tiles_in_frames_of_their_own_agree_once_they_share_cameras(tmp_path):
     cameras = ShareCameras(tiles=tiles, posed=posed, priors=site.pose_priors).make(tools)
     assert cameras.tile_px.max() < 0.05  # priors are off by 2, and weigh as their sigmas say
     views = replace(posed.views, body_from_cam=cameras.body_from_cam)
-    moved = np.concatenate([in_shared_frame(tile, views).position for tile, _ in made])
+    moved = np.concatenate([in_shared_frame(tile, views).landmarks.position for tile, _ in made])
     truth = np.concatenate([position for _, position in made])
     common = align_similarity(moved, truth)
     assert np.linalg.norm(common(moved) - truth, axis=-1).max() < 0.02  # a pixel is 0.1
@@ -262,5 +268,5 @@ def test_a_tile_with_few_tie_points_is_left_out():
     true = true_poses()
     tile, position = tile_of(true, (1.0, 0.1, 0.0), Similarity(1.0, np.eye(3), np.zeros(3)), count=40)
     moved = in_shared_frame(tile, views_from(site_of(true), sparse_of(position, true, true)))
-    assert len(moved.position) == 0
+    assert len(moved.landmarks.position) == 0
     assert "5 tie points" in moved.failure

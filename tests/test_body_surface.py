@@ -9,7 +9,7 @@ from photoclinometry.body.coarse_shape import ClosedMesh, oriented
 from photoclinometry.body.merge import Cloud, albedo_factors, merged
 from photoclinometry.body.options import PlanOptions
 from photoclinometry.body.plan import planned
-from photoclinometry.body.tile import TiePoints, TileMap
+from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera, Views
@@ -214,15 +214,17 @@ def patch(direction, angle_deg, offset=0.0, albedo=0.1, spacing=0.25, sigma=0.02
     near = points[points @ unit(np.array(direction, float)) > np.cos(np.radians(angle_deg))]
     count = len(near)
     return TileMap(
-        position=(RADIUS + offset) * near,
-        normal=near,
-        albedo=np.full(count, albedo),
-        height_sigma=np.full(count, sigma),
-        normal_sigma=np.full(count, 0.01),
-        albedo_sigma=np.full(count, 0.02),
-        views=np.full(count, 9),
-        weight=np.ones(count),
-        pixel=np.zeros((count, 2), int),
+        landmarks=TileLandmarks(
+            position=(RADIUS + offset) * near,
+            normal=near,
+            albedo=np.full(count, albedo),
+            height_sigma=np.full(count, sigma),
+            normal_sigma=np.full(count, 0.01),
+            albedo_sigma=np.full(count, 0.02),
+            views=np.full(count, 9),
+            weight=np.ones(count),
+            pixel=np.zeros((count, 2), int),
+        ),
         ties=NO_TIES,
         gsd=spacing,
     )
@@ -238,8 +240,8 @@ def test_factors_of_albedos_agree_in_the_overlap():
 
 def test_tiles_that_do_not_overlap_keep_their_albedos():
     tiles = [patch((1, 0, 0), 20), patch((-1, 0, 0), 20, albedo=0.2)]
-    joined = [np.concatenate([getattr(t, name) for t in tiles]) for name in ("position", "normal", "albedo")]
-    number = np.repeat([0, 1], [len(t.views) for t in tiles])
+    joined = [np.concatenate([getattr(t.landmarks, name) for t in tiles]) for name in ("position", "normal", "albedo")]
+    number = np.repeat([0, 1], [len(t.landmarks) for t in tiles])
     assert albedo_factors(*joined, number, 2, 0.25) == pytest.approx([1.0, 1.0])
 
 
@@ -257,7 +259,8 @@ def test_the_merged_surface_is_the_mean_of_its_tiles_weighted_by_their_sigmas(ba
 
 def test_heights_that_images_do_not_determine_count_for_nothing(ball):
     good, none = patch((1, 0, 0), 60, offset=0.03, sigma=0.01), patch((1, 0, 0), 60, offset=-5.0, sigma=np.inf)
-    found = merged(Cloud.of([good, replace(none, albedo_sigma=none.height_sigma)]), ball.vertices, ball.faces)
+    unknown = replace(none.landmarks, albedo_sigma=none.landmarks.height_sigma)
+    found = merged(Cloud.of([good, replace(none, landmarks=unknown)]), ball.vertices, ball.faces)
     inside = unit(ball.vertices)[:, 0] > np.cos(np.radians(50))
     assert np.linalg.norm(found.vertices[inside], axis=1) - RADIUS == pytest.approx(0.03, abs=5e-4)
     assert found.height_sigma[inside] == pytest.approx(0.01, rel=0.01)
@@ -277,20 +280,18 @@ def test_where_no_tile_is_nothing_is_claimed(ball):
 def test_a_thin_wall_keeps_its_two_sides():
     """Landmarks of the far side, nearer than a GSD, do not pull a vertex over."""
     x, y = np.mgrid[-5:5.01:0.25, -5:5.01:0.25].reshape(2, -1)
-    side = patch((1, 0, 0), 1)
     tiles = []
     for z, up in ((0.1, 1.0), (-0.1, -1.0)):
         count = len(x)
-        tiles.append(
-            replace(
-                side,
-                position=np.stack([x, y, np.full(count, z)], -1),
-                normal=np.tile([0.0, 0.0, up], (count, 1)),
-                **{name: np.full(count, 0.1) for name in ("albedo", "height_sigma", "normal_sigma", "albedo_sigma")},
-                views=np.full(count, 5),
-                weight=np.ones(count),
-            )
+        side = TileLandmarks(
+            position=np.stack([x, y, np.full(count, z)], -1),
+            normal=np.tile([0.0, 0.0, up], (count, 1)),
+            **{name: np.full(count, 0.1) for name in ("albedo", "height_sigma", "normal_sigma", "albedo_sigma")},
+            views=np.full(count, 5),
+            weight=np.ones(count),
+            pixel=np.zeros((count, 2), int),
         )
+        tiles.append(TileMap(landmarks=side, ties=NO_TIES, gsd=0.25))
     flat = np.array([[0.0, 0.0, 0.2], [1.0, 0.0, 0.2], [0.0, 1.0, 0.2]])
     found = merged(Cloud.of(tiles), flat, np.array([[0, 1, 2]]))
     assert found.vertices[:, 2] == pytest.approx(0.1)

@@ -14,7 +14,7 @@ import numpy as np
 
 from photoclinometry.adjust.bundle import bundle_adjusted, reprojection_px
 from photoclinometry.body.sparse import KEYPOINT_SIGMA_PX, frame_priors
-from photoclinometry.body.tile import TileMap
+from photoclinometry.body.tile_map import TileMap
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, unit
@@ -119,32 +119,26 @@ def in_shared_frame(tile: TileMap, views: Views) -> TileMap:
     A similarity, and then a displacement that is a quadratic function of the place in the reference image. A tile with
     fewer than FEWEST_TIES tie points is left out.
     """
-    ties = tile.ties
+    ties, landmarks = tile.ties, tile.landmarks
     target = _triangulated(ties.start, ties.view, ties.keypoint, views)
     there = np.all(np.isfinite(target), axis=-1)
     if there.sum() < FEWEST_TIES:
-        return _emptied(tile, f"{there.sum()} tie points do not place it among the other tiles")
-    source, target = tile.position[ties.landmark[there]], target[there]
+        return tile.left_out(f"{there.sum()} tie points do not place it among the other tiles")
+    source, target = landmarks.position[ties.landmark[there]], target[there]
     similarity = _robust_similarity(source, target)
-    middle, size = tile.pixel.mean(0), float(np.ptp(tile.pixel, axis=0).max())
-    at_ties, at_all = ((tile.pixel[rows] - middle) / size for rows in (ties.landmark[there], slice(None)))
+    middle, size = landmarks.pixel.mean(0), float(np.ptp(landmarks.pixel, axis=0).max())
+    at_ties, at_all = ((landmarks.pixel[rows] - middle) / size for rows in (ties.landmark[there], slice(None)))
     coefficients = _robust_fit(_quadratic(at_ties), target - similarity(source))
-    position = similarity(tile.position)
-    normal = tile.normal @ similarity.rotation.T
+    position = similarity(landmarks.position)
+    normal = landmarks.normal @ similarity.rotation.T
     moved = position + _quadratic(at_all) @ coefficients
-    return replace(
-        tile,
+    placed = replace(
+        landmarks,
         position=moved,
         normal=_tilted(normal, at_all, position, coefficients),
-        height_sigma=similarity.scale * tile.height_sigma,
-        gsd=similarity.scale * tile.gsd,
+        height_sigma=similarity.scale * landmarks.height_sigma,
     )
-
-
-def _emptied(tile: TileMap, failure: str) -> TileMap:
-    none = slice(0, 0)
-    names = ("position", "normal", "albedo", "height_sigma", "normal_sigma", "albedo_sigma", "views", "weight", "pixel")
-    return replace(tile, **{name: getattr(tile, name)[none] for name in names}, failure=tile.failure or failure)
+    return replace(tile, landmarks=placed, gsd=similarity.scale * tile.gsd)
 
 
 def _robust_similarity(source: np.ndarray, target: np.ndarray) -> Similarity:

@@ -16,7 +16,7 @@ import numpy as np
 
 from photoclinometry.body.cameras import SharedCameras, in_shared_frame
 from photoclinometry.body.coarse_shape import ClosedMesh
-from photoclinometry.body.tile import TileMap
+from photoclinometry.body.tile_map import TileMap
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.warning import warn
@@ -96,7 +96,7 @@ class MergeTiles(Stage[MergedSurface]):
         for number, (before, after) in enumerate(zip(self.tiles, tiles, strict=True)):
             if after.failure and not before.value.failure:
                 warn(log, "tile-unplaced", "tile %d is left out: %s", number, after.failure)
-        if not any(len(tile.views) for tile in tiles):
+        if not any(len(tile.landmarks) for tile in tiles):
             raise ReconstructionError("no tile has enough tie points to be placed among the others")
         cloud = Cloud.of(tiles)
         points, normals = _with_coarse_shape(cloud, self.shape.value)
@@ -130,8 +130,9 @@ class Cloud:
     @classmethod
     def of(cls, tiles: Sequence[TileMap]) -> Cloud:
         """The landmarks of tiles."""
-        position, number = _joined(tiles, "position"), np.repeat(np.arange(len(tiles)), [len(t.views) for t in tiles])
-        gsd = float(np.median([tile.gsd for tile in tiles if len(tile.views)]))
+        position = _joined(tiles, "position")
+        number = np.repeat(np.arange(len(tiles)), [len(tile.landmarks) for tile in tiles])
+        gsd = float(np.median([tile.gsd for tile in tiles if len(tile.landmarks)]))
         stated = np.stack([_joined(tiles, f"{name}_sigma") for name in ("height", "normal", "albedo")], -1)
         height_sigma = np.where(np.isnan(stated[:, 0]), USUAL_SIGMA_GSD * gsd, stated[:, 0])
         albedo, normal = _joined(tiles, "albedo"), _joined(tiles, "normal")
@@ -307,7 +308,7 @@ def _with_coarse_shape(cloud: Cloud, shape: ClosedMesh) -> tuple[np.ndarray, np.
 
 
 def _joined(tiles: Sequence[TileMap], name: str) -> np.ndarray:
-    return np.concatenate([getattr(tile, name) for tile in tiles])
+    return np.concatenate([getattr(tile.landmarks, name) for tile in tiles])
 
 
 def _blocks(count: int) -> Iterator[slice]:

@@ -17,7 +17,7 @@ from photoclinometry.adjust.bundle import resected
 from photoclinometry.body.cameras import SharedCameras
 from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.sparse import FEWEST_POINTS
-from photoclinometry.body.tile import TileMap
+from photoclinometry.body.tile_map import TileMap
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import Reflectance
@@ -107,8 +107,8 @@ class PlaceLeftOut(Stage[PlacedViews]):
 
 def reflectance_of_tiles(tiles: list[TileMap]) -> Reflectance | None:
     """The mean model of the tiles that are to be trusted, by their landmarks; None of geometry alone."""
-    known = [(tile.reflectance, len(tile.views)) for tile in tiles if tile.reflectance and not tile.distrust]
-    known = known or [(tile.reflectance, len(tile.views)) for tile in tiles if tile.reflectance]
+    known = [(tile.reflectance, len(tile.landmarks)) for tile in tiles if tile.reflectance and not tile.distrust]
+    known = known or [(tile.reflectance, len(tile.landmarks)) for tile in tiles if tile.reflectance]
     if not known:
         return None
     values = np.average([model.parameters for model, _ in known], axis=0, weights=[weight for _, weight in known])

@@ -14,7 +14,8 @@ from photoclinometry.adjust.bundle import landmarks_of, tracks_of
 from photoclinometry.body.cameras import SharedCameras
 from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.placement import PlacedViews
-from photoclinometry.body.tile import BodyModel, TileMap
+from photoclinometry.body.tile import BodyModel
+from photoclinometry.body.tile_map import TileMap
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.evaluate.metrics import spread
 from photoclinometry.evaluate.tables import json_numbers
@@ -153,7 +154,7 @@ def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
         "tiles": len(tiles),
         "tiles_mapped": sum(1 for tile in tiles if not tile.value.failure),
         "tiles_untrusted": sum(1 for tile in tiles if tile.value.distrust),
-        "landmarks": sum(len(tile.value.views) for tile in tiles),
+        "landmarks": sum(len(tile.value.landmarks) for tile in tiles),
         "facets": len(surface.faces),
         "mapped_percent": 100.0 * float(area[mapped].sum() / area.sum()),
         "mean_radius": float(np.cbrt(0.75 / np.pi * volume)),
@@ -178,7 +179,7 @@ def _tile_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
                 "region": f"{region.width} x {region.height} at ({region.col}, {region.row})",
                 "views": len(tile.views),
                 "gsd": round(tile.gsd, 4),
-                "landmarks": len(found.value.views),
+                "landmarks": len(found.value.landmarks),
                 "tie_points_px": round(float(made.cameras.tile_px[number]), 3),
                 "albedo_factor": round(float(made.surface.albedo_factor[number]), 4),
                 "used": not found.value.failure,

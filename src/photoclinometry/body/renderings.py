@@ -8,7 +8,7 @@ import numpy as np
 
 from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.placement import PlacedViews, at_poses, reflectance_of_tiles, shaded_surface
-from photoclinometry.body.tile import TileMap
+from photoclinometry.body.tile_map import TileMap
 from photoclinometry.evaluate.metrics import psnr
 from photoclinometry.model.scene import Image
 from photoclinometry.photometry.shape_rendering import rendered_shape

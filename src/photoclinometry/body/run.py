@@ -16,7 +16,8 @@ from photoclinometry.body.plan import PlanTiles
 from photoclinometry.body.products import BodyParts, BodyResult, write_body_products
 from photoclinometry.body.renderings import CompareRenderings
 from photoclinometry.body.sparse import BodySparse, PoseUncertainty
-from photoclinometry.body.tile import BodyModel, MapTile, TileMap
+from photoclinometry.body.tile import BodyModel, MapTile
+from photoclinometry.body.tile_map import TileMap
 from photoclinometry.body.workers import in_processes
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.io.site_images import input_fingerprint

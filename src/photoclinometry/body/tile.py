@@ -12,13 +12,12 @@ from photoclinometry.body.coarse_shape import ClosedMesh
 from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.plan import Plan, Tile
 from photoclinometry.body.sparse import PoseCovariances
+from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap, tile_map
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.model.errors import ReconstructionError
-from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.progress import Progress, no_progress
-from photoclinometry.model.projection import projected_keypoints
-from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import BODY_FIXED, Scene
+from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.model.sparse import SparseModel, normalised, of_views
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.choices import choose
@@ -39,8 +38,6 @@ KNOWN_PX = 2.0
 lines."""
 STEPS = 100
 """Steps of the last estimate at most: of 60 tiles of 5 to 12 views 24 needed more than 30."""
-TIE_STEP_PX = 8
-"""Every so many pixels, down and across, a tile gives a tie point for the cameras that tiles share."""
 MARGIN_DEG = 8.0
 """The coarse shape's slopes are wrong by so much [degrees]: ground is masked only beyond the plan's limit and this."""
 
@@ -80,57 +77,6 @@ def tile_site(model: BodyModel, tile: Tile) -> Site:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TiePoints:
-    """Some landmarks of a tile with their keypoints (compressed rows), by which all tiles share their cameras."""
-
-    landmark: np.ndarray
-    """(m,) int: which of the tile's."""
-    start: np.ndarray
-    """(m + 1,) int64."""
-    view: np.ndarray
-    """(N,) int32, of all views of the body."""
-    keypoint: np.ndarray
-    """(N, 2) [px] where the tile's own poses see the landmarks."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TileMap:
-    """What the body takes from a tile: its n landmarks, in a frame B of the tile's own or in the body's."""
-
-    position: np.ndarray
-    """(n, 3)."""
-    normal: np.ndarray
-    """(n, 3)."""
-    albedo: np.ndarray
-    """(n,)."""
-    height_sigma: np.ndarray
-    """(n,) along the normal [units of B]; like the other two infinite where the images do not determine it, and NaN
-    where the map states none."""
-    normal_sigma: np.ndarray
-    """(n,) of the angle [rad]."""
-    albedo_sigma: np.ndarray
-    """(n,) as a share of the albedo."""
-    views: np.ndarray
-    """(n,) int: in how many images."""
-    weight: np.ndarray
-    """(n,) how much a landmark counts beside those of other tiles, but for its sigma: from 0 at the tile's edge to 1 in
-    its middle, times the squared cosine of emission. Maps are worse at their edges, and where the reference sees the
-    ground obliquely: errors of slopes grow from 5 degrees at 40 degrees of emission to 15 at 75, twice as fast as
-    stated."""
-    pixel: np.ndarray
-    """(n, 2) row and column in the reference image."""
-    ties: TiePoints
-    gsd: float
-    """[units of B]."""
-    reflectance: Reflectance | None = None
-    """As the tile's images have it."""
-    distrust: tuple[str, ...] = ()
-    """Why the tile is not to be trusted; empty where it is."""
-    failure: str = ""
-    """Why there is no map; n is 0 then."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class MapTile(Stage[TileMap]):
     """One tile, mapped in a run folder of its own; what a stopped call has finished there is used again."""
 
@@ -159,77 +105,12 @@ class MapTile(Stage[TileMap]):
             found = map_tile(self.body.value, self.model, self.number, tools.progress)
         except ReconstructionError as error:
             warn(log, "tile-failed", "tile %d is not mapped: %s", self.number, error)
-            return _no_map(tile, str(error))
+            return TileMap(landmarks=TileLandmarks.none(), ties=TiePoints.none(), gsd=tile.gsd, failure=str(error))
         for why in found.distrust:
             warn(log, "tile-untrusted", "tile %d is not to be trusted: %s", self.number, why)
         say_found(f"{len(found.scene.landmarks):,} landmarks")
         number = {view.name: k for k, view in enumerate(self.model.site.views)}
         return tile_map(found.scene, np.array([number[name] for name in found.scene.views.name]), found.distrust)
-
-
-def tile_map(scene: Scene, number: np.ndarray, distrust: tuple[str, ...]) -> TileMap:
-    """What the body takes from a tile's scene. number: (K,) what the scene's views are among all of the body."""
-    landmarks, stated = scene.landmarks, scene.uncertainty
-    row, col = landmarks.pixel.T
-    edge = np.minimum(
-        np.minimum(row - scene.region.row, scene.region.row + scene.region.height - 1 - row),
-        np.minimum(col - scene.region.col, scene.region.col + scene.region.width - 1 - col),
-    )
-    towards = unit(scene.views.body_from_cam.translation[scene.reference] - landmarks.position)
-    facing = np.maximum(np.sum(towards * landmarks.normal, -1), 0.0)
-    unknown = np.full(len(landmarks), np.nan)
-    along = np.einsum("ni,nij,nj->n", landmarks.normal, stated["position"], landmarks.normal) if stated else unknown
-    normal = np.trace(stated["normal"], axis1=1, axis2=2) if "normal" in stated else unknown
-    return TileMap(
-        position=landmarks.position,
-        normal=landmarks.normal,
-        albedo=landmarks.albedo,
-        height_sigma=_root(along),
-        normal_sigma=_root(normal),
-        albedo_sigma=stated["albedo"] / landmarks.albedo if "albedo" in stated else unknown,
-        views=np.diff(scene.tracks.start),
-        weight=np.clip(2.0 * (edge + 1) / min(scene.region.width, scene.region.height), 0.0, 1.0) * facing**2,
-        pixel=landmarks.pixel,
-        ties=_ties(scene, number),
-        gsd=scene.gsd,
-        reflectance=scene.reflectance,
-        distrust=distrust,
-    )
-
-
-def _ties(scene: Scene, number: np.ndarray) -> TiePoints:
-    chosen = np.flatnonzero((scene.landmarks.pixel % TIE_STEP_PX == TIE_STEP_PX // 2).all(-1))
-    tracks, picked = scene.tracks.of_landmarks(chosen)
-    keypoint = projected_keypoints(scene)[picked]
-    return TiePoints(landmark=chosen, start=tracks.start, view=number[tracks.view].astype(np.int32), keypoint=keypoint)
-
-
-def _no_map(tile: Tile, failure: str) -> TileMap:
-    none = np.empty(0)
-    return TileMap(
-        position=np.empty((0, 3)),
-        normal=np.empty((0, 3)),
-        albedo=none,
-        height_sigma=none,
-        normal_sigma=none,
-        albedo_sigma=none,
-        views=np.empty(0, int),
-        weight=none,
-        pixel=np.empty((0, 2), np.int32),
-        ties=TiePoints(
-            landmark=np.empty(0, int),
-            start=np.zeros(1, np.int64),
-            view=np.empty(0, np.int32),
-            keypoint=np.empty((0, 2)),
-        ),
-        gsd=tile.gsd,
-        failure=failure,
-    )
-
-
-def _root(variance: np.ndarray) -> np.ndarray:
-    """Square roots; NaN of what is not known, or negative by rounding."""
-    return np.sqrt(np.where(variance >= 0, variance, np.nan))
 
 
 def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_progress) -> RunResult:
