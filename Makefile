@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo docs test lint types check bench bench-full bench-update clean
+.PHONY: demo demo-body docs test lint types check bench bench-full bench-update clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -16,6 +16,12 @@ demo: $(READY)  ## simulate a small site, map it, and say where the report is
 	$(BIN)/phomo run demo/site/site.toml --out demo/run
 	$(BIN)/phomo evaluate demo/run --truth demo/site/truth.h5
 	@echo report: demo/run/report/index.html
+
+demo-body: $(READY)  ## minutes: simulate a small body, map it as a whole, and say where the report is
+	test -f demo/body-site/site.toml || $(BIN)/phomo simulate --preset bilobed --views 100 --image-size 256 --pose-sigma 0.1 20 --out demo/body-site
+	$(BIN)/phomo body demo/body-site/site.toml --out demo/body --workers 2 --plan.tile-px 96
+	$(BIN)/phomo evaluate demo/body --truth demo/body-site/truth.h5
+	@echo report: demo/body/report/index.html
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -96,5 +96,10 @@ def _say_result(console: Console, found: BodyResult) -> None:
         f"{metrics['tiles_mapped']:.0f} of {metrics['tiles']:.0f} tiles",
         highlight=False,
     )
+    console.print(
+        f"{metrics['images_registered']:.0f} of {metrics['images']:.0f} images share points, "
+        f"{metrics['images_placed_by_surface']:.0f} more are placed by the surface",
+        highlight=False,
+    )
     say_warnings(console, found.warnings)
     print(found.report, flush=True)
