@@ -1,5 +1,6 @@
 """A small body: sparse model and shape by poor pose priors, the plan, and the whole command with two tiles."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -95,6 +96,16 @@ def test_a_body_is_mapped_by_processes_to_one_closed_surface(body, mapped):
     assert mapped.metrics["tiles_mapped"] == 2
     assert 0.2 < np.mean(written.views > 0) < 0.95  # elsewhere it is coarse, with few vertices
     assert mapped.report.is_file()
+    placed = {
+        row["name"]
+        for row in json.loads((folder / "body" / "metrics.json").read_text())["views"]
+        if row["placed_by_surface"]
+    }
+    assert mapped.metrics["images_placed_by_surface"] == len(placed)
+    left_out = {warned.view for warned in mapped.warnings if warned.code == "view-unregistered"}
+    assert not left_out & placed
+    assert len(left_out) + len(placed) == mapped.metrics["images"] - mapped.metrics["images_registered"]
+    assert mapped.metrics["psnr_mean_db"] > 15.0
 
 
 def test_neighbouring_tiles_are_one_surface_by_their_shared_cameras(body, mapped):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -87,7 +87,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     """body.ply, metrics.json and the report."""
     surface = made.surface
     shape = shape_model(surface, model.unit)
-    metrics = _metrics(model, made)
+    metrics, warnings = _metrics(model, made), _still_true(folder.warnings, model, made.placed)
     rows, views = ([json_numbers(row) for row in each] for each in (_tile_rows(model, made), _view_rows(model, made)))
     with folder.timed("products"):
         write_shape_ply(folder.path / BODY_FILE, shape)
@@ -100,20 +100,24 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
             views=views,
             stages=[asdict(cost) for cost in folder.costs if not cost.stage.startswith("tile_")],
             options=config,
-            warnings=[f"{warned.words} [{warned.code}]" for warned in folder.warnings],
+            warnings=[f"{warned.words} [{warned.code}]" for warned in warnings],
         )
         page = write_body_report(folder.path / "report", shape, surface.gsd, surface.step, content)
     document = {
-        "warnings": [warned.as_row() for warned in folder.warnings],
+        "warnings": [warned.as_row() for warned in warnings],
         "metrics": json_numbers(metrics),
         "tiles": rows,
         "views": views,
         "stages": [asdict(cost) for cost in folder.costs],
     }
     write_text(folder.path / "metrics.json", json.dumps(document, indent=2) + "\n")
-    return BodyResult(
-        folder=folder.path, model=model, surface=surface, metrics=metrics, report=page, warnings=folder.warnings
-    )
+    return BodyResult(folder=folder.path, model=model, surface=surface, metrics=metrics, report=page, warnings=warnings)
+
+
+def _still_true(warnings: Sequence[Warned], model: BodyModel, placed: PlacedViews) -> tuple[Warned, ...]:
+    """Without those of views that are left out, where the surface has placed the view."""
+    names = {model.site.views[k].name for k in np.flatnonzero(placed.placed)}
+    return tuple(warned for warned in warnings if warned.code != "view-unregistered" or warned.view not in names)
 
 
 def _poses(model: BodyModel, made: BodyParts) -> Scene:
