@@ -15,6 +15,7 @@ from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.pipeline.records import write_record
 from photoclinometry.pipeline.run_folder import check_run, claimed_run
+from photoclinometry.pipeline.run_mark import MARK, PRODUCTS
 from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.registration.alignment import refine_on_surface
 from photoclinometry.registration.closest_points import MeshSurface
@@ -128,6 +129,13 @@ def test_one_process_coordinates_while_others_map_tiles(body, mapped):
         map_one_tile(site, out, OPTIONS, 0)
         with pytest.raises(RunFolderError, match="has been writing to this folder"):
             map_body(site, out, OPTIONS)
+
+
+def test_all_that_a_body_leaves_is_known_to_be_its_own(body, mapped):
+    """What is not known stops `--overwrite`."""
+    folder, _, _ = body
+    assert mapped.folder == folder / "body"
+    assert {path.name for path in mapped.folder.iterdir()} <= PRODUCTS | {MARK}
 
 
 def test_tiles_of_another_plan_are_refused(body):
