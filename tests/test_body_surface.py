@@ -267,6 +267,21 @@ def test_heights_that_images_do_not_determine_count_for_nothing(ball):
     assert found.albedo_sigma[inside] == pytest.approx(0.02, rel=0.01)
 
 
+def test_albedos_that_images_do_not_determine_count_for_nothing(ball):
+    """Of every second landmark the albedo is any number, with a sigma that says so."""
+    tile = patch((1, 0, 0), 60)
+    dark = np.arange(len(tile.landmarks)) % 2 == 1
+    told = replace(
+        tile.landmarks,
+        albedo=np.where(dark, 90.0, tile.landmarks.albedo),
+        albedo_sigma=np.where(dark, np.where(np.arange(len(dark)) % 4 == 1, np.nan, 40.0), 0.02),
+    )
+    found = merged(Cloud.of([replace(tile, landmarks=told)]), ball.vertices, ball.faces)
+    known = np.isfinite(found.albedo)
+    assert known.sum() > 100
+    assert found.albedo[known] == pytest.approx(0.1)
+
+
 def test_where_no_tile_is_nothing_is_claimed(ball):
     found = merged(Cloud.of([patch((1, 0, 0), 60)]), ball.vertices, ball.faces)
     away = unit(ball.vertices)[:, 0] < np.cos(np.radians(70))

@@ -43,6 +43,9 @@ LEAST_WEIGHT = 1e-3
 no better one."""
 UNTRUSTED = 1e-3
 """Weight of a tile that is not to be trusted, over that of others: it counts where there is no other."""
+MAX_ALBEDO_SIGMA = 0.3
+"""Albedos known worse than this share of themselves, as of ground that is hardly lit, do not count: they may be any
+number."""
 USUAL_SIGMA_GSD = 0.1
 """Standard deviation [GSD] of heights where a tile states none."""
 BLOCK = 50_000
@@ -114,7 +117,7 @@ class Cloud:
     position: np.ndarray
     normal: np.ndarray
     albedo: np.ndarray
-    """Divided by their tile's factor."""
+    """Divided by their tile's factor; NaN where not known."""
     height_sigma: np.ndarray
     """Known of all, with weights by the place in the tile."""
     weight: np.ndarray
@@ -135,7 +138,7 @@ class Cloud:
         gsd = float(np.median([tile.gsd for tile in tiles if len(tile.landmarks)]))
         stated = np.stack([_joined(tiles, f"{name}_sigma") for name in ("height", "normal", "albedo")], -1)
         height_sigma = np.where(np.isnan(stated[:, 0]), USUAL_SIGMA_GSD * gsd, stated[:, 0])
-        albedo, normal = _joined(tiles, "albedo"), _joined(tiles, "normal")
+        albedo, normal = np.concatenate([_known_albedo(tile) for tile in tiles]), _joined(tiles, "normal")
         factor = albedo_factors(position, normal, albedo, number, len(tiles), gsd)
         weight = np.maximum(_joined(tiles, "weight"), LEAST_WEIGHT)
         trusted = np.where([bool(tile.distrust) for tile in tiles], UNTRUSTED, 1.0)[number]
@@ -256,7 +259,7 @@ def _means(cloud: Cloud, tree: Any, at: np.ndarray, outward: np.ndarray) -> _Mea
     height = np.einsum("mkd,mkd->mk", off, between) / np.where(there, rise, 1.0)
     mean = np.sum(share * height, 1)
     own, scatter, tile = _by_tile(cloud, near, share, height, mean)
-    figures = np.column_stack([np.sum(share * cloud.albedo[near], 1), own, scatter])
+    figures = np.column_stack([_mean_albedo(cloud.albedo[near], share), own, scatter])
     return _Means(
         known=known,
         height=mean,
@@ -265,6 +268,21 @@ def _means(cloud: Cloud, tree: Any, at: np.ndarray, outward: np.ndarray) -> _Mea
         views=np.max(np.where(there, cloud.views[near], 0), axis=1),
         tile=tile,
     )
+
+
+def _mean_albedo(albedo: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """(m,) means of albedos (m, k) that are known, NaN without any."""
+    counted = np.where(np.isfinite(albedo), share, 0.0)
+    total = counted.sum(1)
+    return np.sum(counted * np.nan_to_num(albedo), 1) / np.where(total > 0, total, np.nan)
+
+
+def _known_albedo(tile: TileMap) -> np.ndarray:
+    """(n,) albedos of a tile, NaN where its images do not tell them."""
+    albedo, sigma = tile.landmarks.albedo, tile.landmarks.albedo_sigma
+    if not np.isfinite(sigma).any():  # it states none
+        return albedo
+    return np.where((sigma >= 0) & (sigma <= MAX_ALBEDO_SIGMA), albedo, np.nan)
 
 
 def _by_tile(
