@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.body.placement import at_poses, place_view
+from photoclinometry.body.placement import place_view
 from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import published
@@ -49,7 +49,7 @@ def view_at(pose, sun):
         sun=sun[None],
         scale=np.ones(1),
         bias=np.zeros(1),
-        sun_measured=sun[None],
+        sun_measured=(sun @ pose.rotation)[None],
         sun_sigma=np.full(1, 1e-3),
         sun_common_sigma=np.zeros(1),
     )
@@ -77,12 +77,12 @@ def test_an_image_is_placed_by_a_rendering_from_a_prior_that_is_off_by_many_pixe
     turn = so3_exp(np.array([0.004, -0.003, 0.01]))
     off = Rigid(turn @ POSE.rotation, POSE.translation + [0.0, 0.6, -0.8])
     prior = PosePrior(cam_from_body=off.inverse(), rotation_sigma_rad=5e-3, translation_sigma=1.0)
-    start = at_poses(view_at(POSE, SUN), Rigid(off.rotation[None], off.translation[None]))
+    start = view_at(POSE, SUN).at_poses(Rigid(off.rotation[None], off.translation[None]))
     found = place_view(surface, GSD, image, start, prior)
     assert found.matches > 50
     assert found.off_px < 0.3
     points = RADIUS * unit(POSE.translation + np.random.default_rng(1).normal(size=(50, 3)) * 60.0)
-    placed = at_poses(start, found.pose)
+    placed = start.at_poses(found.pose)
     true = view_at(POSE, SUN)
     assert np.abs(start.project(0, points) - true.project(0, points)).max() > 8.0
     assert np.abs(placed.project(0, points) - true.project(0, points)).max() < 0.3
@@ -99,5 +99,5 @@ def test_an_image_of_something_else_is_not_placed():
 def test_the_sun_turns_with_the_camera():
     view = view_at(POSE, SUN)
     turn = so3_exp(np.array([0.1, 0.2, 0.3]))
-    moved = at_poses(view, Rigid((turn @ POSE.rotation)[None], POSE.translation[None]))
+    moved = view.at_poses(Rigid((turn @ POSE.rotation)[None], POSE.translation[None]))
     assert moved.body_from_cam.rotation[0].T @ moved.sun[0] == pytest.approx(POSE.rotation.T @ SUN)

@@ -97,11 +97,9 @@ def test_a_body_is_mapped_by_processes_to_one_closed_surface(body, mapped):
     assert mapped.metrics["tiles_mapped"] == 2
     assert 0.2 < np.mean(written.views > 0) < 0.95  # elsewhere it is coarse, with few vertices
     assert mapped.report.is_file()
-    placed = {
-        row["name"]
-        for row in json.loads((folder / "body" / "metrics.json").read_text())["views"]
-        if row["placed_by_surface"]
-    }
+    document = json.loads((folder / "body" / "metrics.json").read_text())
+    assert max(row["tie_points_px"] for row in document["tiles"]) < 0.4
+    placed = {row["name"] for row in document["views"] if row["placed_by_surface"]}
     assert mapped.metrics["images_placed_by_surface"] == len(placed)
     left_out = {warned.view for warned in mapped.warnings if warned.code == "view-unregistered"}
     assert not left_out & placed
@@ -138,14 +136,14 @@ def test_all_that_a_body_leaves_is_known_to_be_its_own(body, mapped):
     assert {path.name for path in mapped.folder.iterdir()} <= PRODUCTS | {MARK}
 
 
-def test_tiles_of_another_plan_are_refused(body):
+def test_tiles_of_another_plan_are_refused(body, mapped):
     folder, _, _ = body
     site, out = folder / "site" / "site.toml", folder / "body"
     other = replace(OPTIONS, plan=replace(OPTIONS.plan, tile_px=80))
     with pytest.raises(RunFolderError, match=r"plan\.npz: not made yet, or of other options"):
         map_one_tile(site, out, other, 0)
-    with pytest.raises(InputError, match="there is no tile 999: the plan has"):
-        map_one_tile(site, out, OPTIONS, 999)
+    with pytest.raises(InputError, match="there is no tile 2: the plan has 2"):
+        map_one_tile(site, out, OPTIONS, 2)
 
 
 def test_a_folder_of_a_body_is_none_of_phomo_run(body):

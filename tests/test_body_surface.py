@@ -25,11 +25,6 @@ RADIUS, DISTANCE, FOCAL, SIZE = 10.0, 200.0, 1200.0, 160
 CAMERA = Camera("PINHOLE", SIZE, SIZE, (FOCAL, FOCAL, SIZE / 2, SIZE / 2))
 
 
-NO_TIES = TiePoints(
-    landmark=np.empty(0, int), start=np.zeros(1, np.int64), view=np.empty(0, np.int32), keypoint=np.empty((0, 2))
-)
-
-
 @pytest.fixture(scope="module")
 def ball():
     direction, faces = refine(*icosahedron(), 0.06, unit)
@@ -225,7 +220,7 @@ def patch(direction, angle_deg, offset=0.0, albedo=0.1, spacing=0.25, sigma=0.02
             weight=np.ones(count),
             pixel=np.zeros((count, 2), int),
         ),
-        ties=NO_TIES,
+        ties=TiePoints.none(),
         gsd=spacing,
     )
 
@@ -306,7 +301,7 @@ def test_a_thin_wall_keeps_its_two_sides():
             weight=np.ones(count),
             pixel=np.zeros((count, 2), int),
         )
-        tiles.append(TileMap(landmarks=side, ties=NO_TIES, gsd=0.25))
+        tiles.append(TileMap(landmarks=side, ties=TiePoints.none(), gsd=0.25))
     flat = np.array([[0.0, 0.0, 0.2], [1.0, 0.0, 0.2], [0.0, 1.0, 0.2]])
     found = merged(Cloud.of(tiles), flat, np.array([[0, 1, 2]]))
     assert found.vertices[:, 2] == pytest.approx(0.1)

@@ -8,13 +8,14 @@ import numpy as np
 
 from photoclinometry.adjust.covariance.linearised import linearised
 from photoclinometry.adjust.covariance.marginals import marginals
+from photoclinometry.adjust.graph.general import FactorGroup
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
 from photoclinometry.adjust.graph.observations import Keypoints, ObservationTable
-from photoclinometry.adjust.graph.priors import Exposure, LandmarkPriors, PosePriors
+from photoclinometry.adjust.graph.priors import Exposure, LandmarkPriors, PosePriors, pose_along_axes
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.solve.solver import SolverOptions, minimize
-from photoclinometry.model.geometry import Rigid, skew
+from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Landmarks, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
 
@@ -31,7 +32,8 @@ def bundle_adjusted(sparse: SparseModel, views: Views, priors: PosePriors, sigma
     views: (K,) at the model's poses; priors: that determine the frame; sigma_px: standard deviation of keypoints, or
     one (N,) of each.
     """
-    found = minimize(*_problem(sparse, views, priors, sigma_px), TO_THE_MINIMUM).estimate
+    problem = _problem(sparse.points, tracks_of(sparse, sigma_px), views, priors)
+    found = minimize(*problem, TO_THE_MINIMUM).estimate
     moved = replace(sparse, body_from_cam=found.views.body_from_cam, points=found.landmarks.position)
     return replace(moved, mean_reprojection_px=float(np.mean(reprojection_px(moved, views))))
 
@@ -39,15 +41,12 @@ def bundle_adjusted(sparse: SparseModel, views: Views, priors: PosePriors, sigma
 def pose_covariances(sparse: SparseModel, views: Views, priors: PosePriors, sigma_px: float | np.ndarray) -> np.ndarray:
     """(K, 6, 6) covariances of a bundle adjustment's poses, as of `KnownPoses`. Given as for `bundle_adjusted`, but the
     model is the adjusted one."""
-    graph, estimate = _problem(sparse, views, priors, sigma_px)
+    graph, estimate = _problem(sparse.points, tracks_of(sparse, sigma_px), views, priors)
     count = len(views)
     whole = marginals(linearised(graph, estimate)).camera.reshape(count, CAMERA_SIZE, count, CAMERA_SIZE)
     local = whole[range(count), :6, range(count), :6]
     pose = views.body_from_cam
-    into = np.swapaxes(pose.rotation, -1, -2)
-    by_local = np.zeros((count, 6, 6))
-    by_local[:, :3, :3] = by_local[:, 3:, 3:] = into
-    by_local[:, 3:, :3] = -into @ skew(pose.translation - estimate.pivot)
+    by_local = pose_along_axes(np.swapaxes(pose.rotation, -1, -2), pose.translation - estimate.pivot)
     return by_local @ local @ np.swapaxes(by_local, -1, -2)
 
 
@@ -60,41 +59,28 @@ def resected(
     """
     count = len(points)
     tracks = Tracks.of_keypoints(np.arange(count + 1), np.zeros(count, np.int32), keypoint, sigma_px)
-    landmarks, free = _landmarks_at(points), np.full(count, np.inf)
-    groups = [
-        Keypoints(
-            name="resected",
-            table=ObservationTable(tracks, 1),
-            landmarks=np.ones(count, bool),
-            sigma=tracks.keypoint_sigma,
-            limit=LOSS,
-        ),
-        LandmarkPriors(
-            landmarks=landmarks, position_sigma=np.full(count, point_sigma), normal_sigma=free, albedo_sigma=free
-        ),
-        priors,
-        Exposure(scale_sigma=np.ones(1), bias_sigma=np.ones(1)),
-    ]
-    start = Estimate(views, landmarks, np.median(points, axis=0))
-    return minimize(FactorGraph(groups), start, TO_THE_MINIMUM).estimate.views.body_from_cam
+    free = np.full(count, np.inf)
+    known = LandmarkPriors(
+        landmarks=_landmarks_at(points),
+        position_sigma=np.full(count, point_sigma),
+        normal_sigma=free,
+        albedo_sigma=free,
+    )
+    return minimize(*_problem(points, tracks, views, known, priors), TO_THE_MINIMUM).estimate.views.body_from_cam
 
 
-def _problem(
-    sparse: SparseModel, views: Views, priors: PosePriors, sigma_px: float | np.ndarray
-) -> tuple[FactorGraph, Estimate]:
-    """The factors of a bundle adjustment, and its start."""
-    points, tracks = len(sparse.points), tracks_of(sparse, sigma_px)
-    landmarks = landmarks_of(sparse)
+def _problem(points: np.ndarray, tracks: Tracks, views: Views, *known: FactorGroup) -> tuple[FactorGraph, Estimate]:
+    """The factors of a bundle adjustment, and its start: keypoints of points (P, 3), and what else is known."""
     keypoints = Keypoints(
         name="sparse",
         table=ObservationTable(tracks, len(views)),
-        landmarks=np.ones(points, bool),
+        landmarks=np.ones(len(points), bool),
         sigma=tracks.keypoint_sigma,
         limit=LOSS,
     )
     held = Exposure(scale_sigma=np.ones(len(views)), bias_sigma=np.ones(len(views)))  # nothing else touches these
-    start = Estimate(views, landmarks, np.median(sparse.points, axis=0))
-    return FactorGraph([keypoints, priors, held]), start
+    start = Estimate(views, _landmarks_at(points), np.median(points, axis=0))
+    return FactorGraph([keypoints, *known, held]), start
 
 
 def tracks_of(sparse: SparseModel, sigma_px: float | np.ndarray) -> Tracks:

@@ -7,7 +7,6 @@ surface that the matches show, and from the prior.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -15,33 +14,27 @@ import numpy as np
 
 from photoclinometry.adjust.bundle import resected
 from photoclinometry.body.cameras import SharedCameras
-from photoclinometry.body.merge import MergedSurface
-from photoclinometry.body.sparse import FEWEST_POINTS
-from photoclinometry.body.tile_map import TileMap
+from photoclinometry.body.finished_surface import FinishedSurface
+from photoclinometry.body.sparse import FEWEST_POINTS, first_gate
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Views
 from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
 from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
-from photoclinometry.sfm.keypoints import sift_keypoints
+from photoclinometry.sfm.keypoints import mutual_matches, sift_keypoints
 from photoclinometry.sfm.pictures import brightness_picture
 from photoclinometry.surface.mesh_rays import MeshRays
 
-log = logging.getLogger(__name__)
-
-GATE_SIGMAS = 3.0
-"""Matches are sought within so many standard deviations of the pose prior ..."""
 NEXT_GATE_PX = 4.0
-"""... and, once a pose was found, within so many pixels."""
+"""Matches are sought within so many pixels, once a pose was found; before that as far as the pose prior may be off."""
 ALIKE_PX = 3.0
 """Matches whose shift differs from the median by more than this [px], or by a quarter of the gate, are wrong ones."""
 KEYPOINTS = 2000
 """Of the rendering and of the image, at most."""
 MAX_RATIO = 0.8
-"""Of the distance of the nearest descriptor to that of the second nearest (Lowe 2004, sec. 7.1)."""
+"""Of the distance of the nearest descriptor to that of the second nearest."""
 SURFACE_SIGMA_GSD, KEYPOINT_SIGMA_PX = 0.5, 0.5
 """Standard deviations of the surface [GSD] and of keypoints of a rendering [px]."""
 MAX_OFF_PX = 1.0
@@ -70,8 +63,7 @@ class PlaceLeftOut(Stage[PlacedViews]):
     result = PlacedViews
     posed: PosedImages
     cameras: Keyed[SharedCameras]
-    surface: Keyed[MergedSurface]
-    tiles: tuple[Keyed[TileMap], ...]
+    surface: FinishedSurface
     priors: Mapping[str, PosePrior]
     """By name of view."""
 
@@ -80,17 +72,16 @@ class PlaceLeftOut(Stage[PlacedViews]):
         count = len(self.posed.views)
         rotation, center = poses.rotation.copy(), poses.translation.copy()
         placed, matches, off = np.zeros(count, bool), np.zeros(count, int), np.full(count, np.nan)
-        reflectance = reflectance_of_tiles([tile.value for tile in self.tiles])
         left = [
             k for k, image in enumerate(inputs.images)
             if not self.posed.sparse.value.registered[k] and image.name not in inputs.unusable
             and image.name in self.priors
         ]  # fmt: skip
-        if reflectance is not None and left:
-            shaded = shaded_surface(self.surface.value, reflectance)
+        shaded = self.surface.shaded if left else None
+        if shaded is not None:
             for done, k in enumerate(left):
                 image, view = inputs.images[k], self._view(k)
-                found = place_view(shaded, self.surface.value.gsd, image, view, self.priors[image.name])
+                found = place_view(shaded, self.surface.merged.value.gsd, image, view, self.priors[image.name])
                 tools.progress("placement", done + 1, len(left))
                 matches[k], off[k] = found.matches, found.off_px
                 if found.is_placed:
@@ -102,27 +93,7 @@ class PlaceLeftOut(Stage[PlacedViews]):
         """(1,) at its pose prior."""
         views = self.posed.views[[k]]
         pose = self.priors[views.name[0]].cam_from_body.inverse()
-        return at_poses(views, Rigid(pose.rotation[None], pose.translation[None]))
-
-
-def reflectance_of_tiles(tiles: list[TileMap]) -> Reflectance | None:
-    """The mean model of the tiles that are to be trusted, by their landmarks; None of geometry alone."""
-    known = [(tile.reflectance, len(tile.landmarks)) for tile in tiles if tile.reflectance and not tile.distrust]
-    known = known or [(tile.reflectance, len(tile.landmarks)) for tile in tiles if tile.reflectance]
-    if not known:
-        return None
-    values = np.average([model.parameters for model, _ in known], axis=0, weights=[weight for _, weight in known])
-    return known[0][0].with_parameters(values)
-
-
-def shaded_surface(surface: MergedSurface, reflectance: Reflectance) -> ShadedSurface:
-    """The merged surface, ready to be rendered."""
-    return ShadedSurface(
-        rays=MeshRays(surface.vertices, surface.faces, surface.gsd),
-        normals=surface.normals,
-        albedo=surface.albedo,
-        reflectance=reflectance,
-    )
+        return views.at_poses(Rigid(pose.rotation[None], pose.translation[None]))
 
 
 @dataclass(frozen=True)
@@ -145,9 +116,7 @@ def place_view(surface: ShadedSurface, gsd: float, image: Image, view: Views, pr
     """The pose of one view (1,) that starts at its prior. gsd: of the surface [units of B]."""
     priors = priors_of_views(view.name, view.body_from_cam, {view.name[0]: prior})
     camera, nothing = view.cameras[0], Placement(view.body_from_cam, 0, np.nan)
-    distance = np.linalg.norm(view.body_from_cam.translation)
-    sigma = np.hypot(priors.rotation_sigma[0], priors.center_sigma[0] / distance) * np.mean(camera.focal_px)
-    for gate in (GATE_SIGMAS * sigma, NEXT_GATE_PX, NEXT_GATE_PX):
+    for gate in (first_gate(view.cameras, priors), NEXT_GATE_PX, NEXT_GATE_PX):
         rendering = rendered_shape(surface, camera, view.body_from_cam[0], view.sun[0])
         there, seen = _matches(rendering, image, max(gate, NEXT_GATE_PX))
         points = _ground(surface.rays, view, there)
@@ -155,7 +124,7 @@ def place_view(surface: ShadedSurface, gsd: float, image: Image, view: Views, pr
         if len(points) < FEWEST_POINTS:
             return replace(nothing, matches=len(points))
         pose = resected(points, SURFACE_SIGMA_GSD * gsd, seen, KEYPOINT_SIGMA_PX, view, priors)
-        view = at_poses(view, pose)
+        view = view.at_poses(pose)
     off = np.linalg.norm(view.project(0, points) - seen, axis=-1)
     return Placement(view.body_from_cam, len(points), float(np.median(off)))
 
@@ -167,19 +136,12 @@ def _matches(rendering: np.ndarray, image: Image, gate_px: float) -> tuple[np.nd
         sift_keypoints(brightness_picture(each), each.valid, KEYPOINTS) for each in (drawn, image)
     )
     (a, by_a), (b, by_b) = of_rendering, of_image
-    if len(a) < 2 or len(b) < 2:
-        return np.empty((0, 2)), np.empty((0, 2))
     apart = np.linalg.norm(a[:, None, :2] - b[None, :, :2], axis=-1)
     by_a, by_b = by_a.astype(np.float32), by_b.astype(np.float32)
     square = np.sum(by_a**2, -1)[:, None] + np.sum(by_b**2, -1) - 2.0 * by_a @ by_b.T
     unlike = np.where(apart <= gate_px, np.maximum(square, 0.0), np.inf)
-    nearest = np.argmin(unlike, axis=1)
-    rows = np.arange(len(a))
-    best = unlike[rows, nearest]
-    mutual = np.argmin(unlike, axis=0)[nearest] == rows
-    second = np.partition(unlike, 1, axis=1)[:, 1]
-    kept = np.isfinite(best) & mutual & (best <= MAX_RATIO**2 * second)
-    there, seen = a[kept, :2].astype(float), b[nearest[kept], :2].astype(float)
+    of_a, of_b = mutual_matches(unlike, MAX_RATIO)
+    there, seen = a[of_a, :2].astype(float), b[of_b, :2].astype(float)
     if not len(there):
         return there, seen
     shift = seen - there
@@ -192,12 +154,5 @@ def _ground(rays: MeshRays, view: Views, pixels: np.ndarray) -> np.ndarray:
     pose = view.body_from_cam[0]
     direction = unit(view.cameras[0].ray_in_cam(pixels) @ pose.rotation.T)
     triangle, weight = rays.first_hit(np.broadcast_to(pose.translation, direction.shape), direction)
-    point = np.einsum("nk,nkd->nd", weight, rays.vertices[rays.faces[triangle]])
+    point = rays.interpolated(rays.vertices, triangle, weight)
     return np.where((triangle >= 0)[:, None], point, np.nan)
-
-
-def at_poses(views: Views, poses: Rigid) -> Views:
-    """The views (K,) at other poses (K,); their Suns turn with the cameras."""
-    turn = poses.rotation @ np.swapaxes(views.body_from_cam.rotation, 1, 2)
-    turned = {name: np.einsum("kij,kj->ki", turn, getattr(views, name)) for name in ("sun", "sun_measured")}
-    return replace(views, body_from_cam=poses, **turned)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.body.merge import MergedSurface
-from photoclinometry.body.placement import PlacedViews, at_poses, reflectance_of_tiles, shaded_surface
-from photoclinometry.body.tile_map import TileMap
+from photoclinometry.body.finished_surface import FinishedSurface
+from photoclinometry.body.placement import PlacedViews
 from photoclinometry.evaluate.metrics import psnr
 from photoclinometry.model.scene import Image
 from photoclinometry.photometry.shape_rendering import rendered_shape
@@ -32,16 +31,14 @@ class CompareRenderings(Stage[RenderingQuality]):
     result = RenderingQuality
     posed: PosedImages
     placed: Keyed[PlacedViews]
-    surface: Keyed[MergedSurface]
-    tiles: tuple[Keyed[TileMap], ...]
+    surface: FinishedSurface
 
     def make(self, tools: Tools) -> RenderingQuality:
         inputs, found = self.posed.inputs.value, np.full(len(self.posed.views), np.nan)
-        reflectance = reflectance_of_tiles([tile.value for tile in self.tiles])
-        if reflectance is None:
+        surface = self.surface.shaded
+        if surface is None:
             return RenderingQuality(psnr_db=found)
-        surface = shaded_surface(self.surface.value, reflectance)
-        views = at_poses(self.posed.views, self.placed.value.body_from_cam)
+        views = self.posed.views.at_poses(self.placed.value.body_from_cam)
         which = np.flatnonzero(self.posed.sparse.value.registered | self.placed.value.placed)
         for done, k in enumerate(which):
             drawn = rendered_shape(surface, views.cameras[k], views.body_from_cam[k], views.sun[k])

@@ -9,6 +9,7 @@ from typing import Any
 
 from photoclinometry.body.cameras import ShareCameras
 from photoclinometry.body.coarse_shape import CoarseShape
+from photoclinometry.body.finished_surface import FinishedSurface
 from photoclinometry.body.merge import MergeTiles
 from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.placement import PlaceLeftOut
@@ -76,15 +77,16 @@ def map_body(
         in_processes(workers, map_one_tile, [(site_file, out, options, number) for number in missing], progress)
         tiles = tuple(folder.done(stage) for stage in stages)
         _check_tiles(tiles)
-        cameras = folder.done(ShareCameras(tiles=tiles, posed=model.posed, priors=_priors(site, options)))
         posed, priors = model.posed, _priors(site, options)
-        surface = folder.done(MergeTiles(tiles=tiles, cameras=cameras, posed=posed, shape=model.shape))
-        placed = folder.done(PlaceLeftOut(posed=posed, cameras=cameras, surface=surface, tiles=tiles, priors=priors))
-        renderings = folder.done(CompareRenderings(posed=posed, placed=placed, surface=surface, tiles=tiles))
+        cameras = folder.done(ShareCameras(tiles=tiles, posed=posed, priors=priors))
+        merged = folder.done(MergeTiles(tiles=tiles, cameras=cameras, posed=posed, shape=model.shape))
+        surface = FinishedSurface(merged=merged, tiles=tiles)
+        placed = folder.done(PlaceLeftOut(posed=posed, cameras=cameras, surface=surface, priors=priors))
+        renderings = folder.done(CompareRenderings(posed=posed, placed=placed, surface=surface))
         made = BodyParts(
             tiles=tiles,
             cameras=cameras.value,
-            surface=surface.value,
+            surface=merged.value,
             placed=placed.value,
             psnr_db=renderings.value.psnr_db,
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress
-from photoclinometry.model.scene import Views
+from photoclinometry.model.scene import Camera, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.pose_priors import priors_of_views
@@ -117,7 +117,7 @@ class BodySparse(Stage[SparseModel]):
     def _adjusted(self, inputs: Inputs, priors: PosePriors, matches: VerifiedMatches) -> SparseModel:
         """Triangulated and adjusted, again and again, as poses improve."""
         poses, used = priors.body_from_cam, np.ones(len(inputs.images), bool)
-        gate, last = _first_gate(inputs, priors), False
+        gate, last = first_gate(inputs.cameras, priors), False
         while True:
             found = matches.triangulated(inputs.cameras, poses, used, gate)
             views = views_from(inputs.site, found)
@@ -132,9 +132,9 @@ class BodySparse(Stage[SparseModel]):
             gate = max(gate / GATE_SHRINKS, self.options.max_reprojection_px)
 
 
-def _first_gate(inputs: Inputs, priors: PosePriors) -> float:
+def first_gate(cameras: Sequence[Camera], priors: PosePriors) -> float:
     """How near observations are to projections by the priors [px]."""
-    focal = np.array([np.mean(camera.focal_px) for camera in inputs.cameras])
+    focal = np.array([np.mean(camera.focal_px) for camera in cameras])
     distance = np.linalg.norm(priors.body_from_cam.translation, axis=-1)
     return FIRST_GATE * float(np.max(focal * np.hypot(priors.rotation_sigma, priors.center_sigma / distance)))
 

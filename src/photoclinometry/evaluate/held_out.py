@@ -112,13 +112,7 @@ def resect_views(scene: Scene, views: Views, index: np.ndarray, images: Sequence
 def held_out_views(views: Views, resected: Resected) -> Views:
     """The held-out views (H,) in the frame of the map, under their measured Suns."""
     chosen = views[resected.index]
-    return replace(
-        chosen,
-        body_from_cam=resected.body_from_cam,
-        sun=np.einsum("kij,kj->ki", resected.body_from_cam.rotation, chosen.sun_measured),
-        scale=resected.scale,
-        bias=resected.bias,
-    )
+    return replace(chosen.at_poses(resected.body_from_cam), scale=resected.scale, bias=resected.bias)
 
 
 def views_in_frame_of(scene: Scene, views: Views) -> Views:

@@ -127,6 +127,11 @@ class Views:
         depth = np.median(self.body_from_cam[view].inverse()(points)[..., 2])
         return float(depth / np.mean(self.cameras[view].focal_px))
 
+    def at_poses(self, body_from_cam: Rigid) -> Views:
+        """The views at other poses (K,), under their measured Suns."""
+        sun = np.einsum("kij,kj->ki", body_from_cam.rotation, self.sun_measured)
+        return replace(self, body_from_cam=body_from_cam, sun=sun)
+
     def __getitem__(self, index: np.ndarray | list[int] | slice) -> Views:
         """The views at `index`, in that order."""
         chosen = np.arange(len(self))[index]

@@ -23,7 +23,7 @@ class ShadedSurface:
     normals: np.ndarray
     """(V, 3) of its vertices."""
     albedo: np.ndarray
-    """(V,); NaN where not known: the median stands in."""
+    """(V,)."""
     reflectance: Reflectance
 
 
@@ -38,8 +38,7 @@ def rendered_shape(surface: ShadedSurface, camera: Camera, body_from_cam: Rigid,
         height=RAYS * camera.height,
         params=tuple(RAYS * value for value in camera.params),
     )
-    direction, triangle, weight = through_pixels(surface.rays, fine, body_from_cam)
-    del direction
+    _, triangle, weight = through_pixels(surface.rays, fine, body_from_cam)
     hit = triangle >= 0
     value = np.zeros(len(triangle))
     value[hit] = _brightness(surface, triangle[hit], weight[hit], body_from_cam.translation, sun)
@@ -53,10 +52,9 @@ def _brightness(
 ) -> np.ndarray:
     """(n,) at places in triangles (n,), given by weights (n, 3) of their corners."""
     rays = surface.rays
-    corner = rays.faces[triangle]
-    point = np.einsum("nk,nkd->nd", weight, rays.vertices[corner])
-    normal = unit(np.einsum("nk,nkd->nd", weight, surface.normals[corner]))
-    albedo = np.where(np.isfinite(surface.albedo), surface.albedo, np.nanmedian(surface.albedo))
-    value = np.sum(weight * albedo[corner], -1) * surface.reflectance(*photometric_angles(sun, center, point, normal))
+    point = rays.interpolated(rays.vertices, triangle, weight)
+    normal = unit(rays.interpolated(surface.normals, triangle, weight))
+    albedo = rays.interpolated(surface.albedo[:, None], triangle, weight)[:, 0]
+    value = albedo * surface.reflectance(*photometric_angles(sun, center, point, normal))
     dark = rays.blocked(triangle, point, np.broadcast_to(sun, point.shape))
     return np.where(dark, 0.0, value)

@@ -12,6 +12,24 @@ BORDER_PX = 5
 """Window around each pixel in which all must be valid: a descriptor uses pixels around its keypoint [px]."""
 
 
+def mutual_matches(unlike: np.ndarray, max_ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (k,) and columns (k,) that are each other's nearest, by Lowe's ratio test (2004, sec. 7.1).
+
+    unlike: (n, m) squared distances of descriptors, infinite where two cannot match.
+    """
+    count, others = unlike.shape
+    if count == 0 or others < 2:
+        return np.empty(0, int), np.empty(0, int)
+    nearest, rows = unlike.argmin(1), np.arange(count)
+    mutual = unlike.argmin(0)[nearest] == rows
+    best = unlike[rows, nearest]
+    others_alone = unlike.copy()
+    others_alone[rows, nearest] = np.inf
+    second = others_alone.min(1)
+    found = np.flatnonzero(mutual & (best < max_ratio**2 * second))
+    return found, nearest[found]
+
+
 def sift_keypoints(picture: np.ndarray, valid: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """At most `count` SIFT keypoints, those of the strongest contrast, and their descriptors.
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.sfm.keypoints import mutual_matches
+
 PREVIEWED = 512
 """Largest keypoints of each view that are compared: enough to rank the pairs, a tenth of the default number."""
 
@@ -52,12 +54,4 @@ def _preview(keypoints: np.ndarray, descriptors: np.ndarray) -> np.ndarray:
 
 
 def _matches(a: np.ndarray, b: np.ndarray, max_ratio: float) -> int:
-    if len(a) == 0 or len(b) < 2:
-        return 0
-    cosine = a @ b.T
-    nearest, one_by_one = cosine.argmax(1), np.arange(len(a))
-    mutual = cosine.argmax(0)[nearest] == one_by_one
-    best = cosine[one_by_one, nearest]
-    cosine[one_by_one, nearest] = -1.0
-    second = cosine.max(1)
-    return int(np.count_nonzero(mutual & (1.0 - best < max_ratio**2 * (1.0 - second))))
+    return len(mutual_matches(1.0 - a @ b.T, max_ratio)[0])

@@ -46,6 +46,10 @@ class MeshRays:
         u, v = found["u"].astype(float), found["v"].astype(float)
         return found["primID"], np.stack([1.0 - u - v, u, v], -1)
 
+    def interpolated(self, values: np.ndarray, triangles: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """(n, d) values (V, d) of vertices, at places in triangles (n,) given by weights (n, 3) of their corners."""
+        return np.einsum("nk,nkd->nd", weights, values[self.faces[triangles]])
+
     def blocked(self, triangles: np.ndarray, points: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(n,) bool: something stands between points (n, 3) on triangles (n,) and where unit vectors (n, 3) point."""
         start = (points + _SHADOW_OFFSET * self.spacing * self.facet_normals[triangles]).astype(np.float32)
@@ -99,7 +103,7 @@ def sight_of_views(
 def depth_image(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> np.ndarray:
     """(height, width) depth of the mesh along the optical axis at each pixel's centre; NaN where a ray misses it."""
     _, triangle, weight = through_pixels(rays, camera, body_from_cam)
-    point = np.einsum("nk,nkd->nd", weight, rays.vertices[rays.faces[triangle]])
+    point = rays.interpolated(rays.vertices, triangle, weight)
     depth = (point - body_from_cam.translation) @ body_from_cam.rotation[:, 2]
     return np.where(triangle >= 0, depth, np.nan).reshape(camera.height, camera.width)
 

@@ -6,6 +6,7 @@ Each is Gaussian about a given value. An infinite standard deviation leaves a va
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -57,10 +58,14 @@ class KnownPoses:
         moved = pose.translation - known.translation
         off = np.concatenate([_along(into, turned), _along(into, moved)], axis=1)
         jacobian = np.zeros((len(off), 6, CAMERA_SIZE))
-        jacobian[:, :3, :3] = jacobian[:, 3:6, 3:6] = into
-        jacobian[:, 3:6, :3] = -into @ skew(pose.translation - estimate.pivot)
-        whiten = np.linalg.inv(np.linalg.cholesky(self.covariance))
+        jacobian[..., :6] = pose_along_axes(into, pose.translation - estimate.pivot)
+        whiten = self._whiten
         return [Rows(_along(whiten, off), (Touch("view", np.arange(len(off)), whiten @ jacobian),))]
+
+    @cached_property
+    def _whiten(self) -> np.ndarray:
+        """(K, 6, 6)."""
+        return np.linalg.inv(np.linalg.cholesky(self.covariance))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,6 +190,17 @@ def position_rows(estimate: Estimate, which: np.ndarray, known: np.ndarray, sigm
     jacobian[:, range(3), range(3)] = 1.0 / sigma
     residual = (estimate.landmarks.position[which] - known) / sigma
     return Rows(residual, (Touch("landmark", which, jacobian),))
+
+
+def pose_along_axes(axes: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """(K, 6, 6) derivatives of rotation vectors and centres along axes (K, 3, 3) by orbit and shift of the cameras.
+
+    arm: (K, 3) from the pivot to the centres.
+    """
+    out = np.zeros((len(arm), 6, 6))
+    out[:, :3, :3] = out[:, 3:, 3:] = axes
+    out[:, 3:, :3] = -axes @ skew(arm)
+    return out
 
 
 def _along(axes: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -69,10 +69,10 @@ def draw_sides(
         for panel, (name, towards) in zip(axes.flat, SIDES, strict=True):
             side = seen_from(rays, np.array(towards))
             if values is None or colours is None:
-                picture = _shaded(side, shape, normals)
+                picture = _shaded(rays, side, normals)
                 panel.imshow(picture, cmap="gray", vmin=0.0, vmax=1.0)
             else:
-                drawn = _of_vertices(side, shape, values[:, None])[:, 0].reshape(PIXELS, PIXELS)
+                drawn = _of_vertices(rays, side, values[:, None])[:, 0].reshape(PIXELS, PIXELS)
                 panel.imshow(drawn, cmap=colour_map(cmap), norm=colours)
             bare(panel, name)
         figure.suptitle(title, fontsize=11)
@@ -82,14 +82,14 @@ def draw_sides(
         return save(figure, path)
 
 
-def _shaded(side: Side, shape: ShapeModel, normals: np.ndarray) -> np.ndarray:
+def _shaded(rays: MeshRays, side: Side, normals: np.ndarray) -> np.ndarray:
     """(PIXELS, PIXELS) brightness from 0 to 1 by Lambert's law; NaN beside the body."""
     light = unit(np.array(LIGHT)) @ side.axes
-    cosine = unit(_of_vertices(side, shape, normals)) @ light
+    cosine = unit(_of_vertices(rays, side, normals)) @ light
     return (AMBIENT + (1.0 - AMBIENT) * np.maximum(cosine, 0.0)).reshape(PIXELS, PIXELS)
 
 
-def _of_vertices(side: Side, shape: ShapeModel, values: np.ndarray) -> np.ndarray:
+def _of_vertices(rays: MeshRays, side: Side, values: np.ndarray) -> np.ndarray:
     """(n, d) values (V, d) of vertices where the rays meet the body; NaN beside it."""
-    found = np.einsum("nk,nkd->nd", side.weight, values[shape.faces[side.triangle]])
+    found = rays.interpolated(values, side.triangle, side.weight)
     return np.where((side.triangle >= 0)[:, None], found, np.nan)

@@ -62,12 +62,12 @@ class BodyRaycaster:
         hit = triangle >= 0
         hits = Hits(hit, np.zeros(n), np.zeros((n, 3)), np.zeros(n), np.zeros(n, bool))
         triangle, weight, ray = triangle[hit], weight[hit], ray[hit]
-        corner = surface.faces[triangle]
-        distance = np.sum((_mixed(surface.vertices, corner, weight) - origin) * ray, -1)
+        mixed = self.rays.interpolated
+        distance = np.sum((mixed(surface.vertices, triangle, weight) - origin) * ray, -1)
         normal = self._shading_normals(triangle, weight, ray)
         hits.distance[hit] = distance / length[hit]
         hits.normal[hit] = normal
-        hits.albedo[hit] = _mixed(surface.albedo[:, None], corner, weight)[:, 0]
+        hits.albedo[hit] = mixed(surface.albedo[:, None], triangle, weight)[:, 0]
         lit = normal @ sun > 0
         points = origin + distance[lit, None] * ray[lit]
         lit[lit] = ~self.rays.blocked(triangle[lit], points, np.broadcast_to(sun, points.shape))
@@ -77,13 +77,8 @@ class BodyRaycaster:
     def _shading_normals(self, triangle: np.ndarray, weight: np.ndarray, ray: np.ndarray) -> np.ndarray:
         """(n, 3) interpolated unit normals, or the triangles' where these face away from the rays (n, 3)."""
         corner = self.surface.faces[triangle]
-        normal = unit(_mixed(self.surface.normals, corner, weight))
+        normal = unit(self.rays.interpolated(self.surface.normals, triangle, weight))
         away = np.sum(normal * ray, -1) >= 0
         a, b, c = (self.surface.vertices[corner[away, k]] for k in range(3))
         normal[away] = unit(np.cross(b - a, c - a))
         return normal
-
-
-def _mixed(values: np.ndarray, corner: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(n, d) values (V, d) at the corners (n, 3) by their weights (n, 3)."""
-    return np.einsum("nk,nkd->nd", weight, values[corner])
