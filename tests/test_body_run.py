@@ -1,13 +1,16 @@
 """A small body: sparse model and shape by poor pose priors, the plan, and the whole command with two tiles."""
 
 import json
+import shlex
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from photoclinometry.body import run as library
 from photoclinometry.body.options import BodyOptions, PlanOptions
 from photoclinometry.body.run import map_body, map_one_tile, owner_of_body, plan_body
+from photoclinometry.cli import main
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError, RunFolderError
@@ -68,6 +71,21 @@ def test_the_plan_covers_most_of_the_body(body):
     assert sum(tile.new_area for tile in plan.tiles) == pytest.approx(
         plan.area["planned"] * sum_of_areas(model.shape.value), rel=0.02
     )
+
+
+def test_commands_of_tiles_are_printed_one_a_line(body, capsys, monkeypatch):
+    folder, model, _ = body
+    site, out = str(folder / "site" / "site.toml"), str(folder / "body")
+    main(["body", site, "--out", out, "--plan.tile-px", "64", "--workers", "3", "--print-tasks"])
+    lines = capsys.readouterr().out.splitlines()
+    called = []
+    monkeypatch.setattr(library, "map_one_tile", lambda *given: called.append(given))
+    for line in lines:
+        program, *words = shlex.split(line)
+        assert program == "phomo"
+        main(words)
+    assert called == [(folder / "site" / "site.toml", folder / "body", OPTIONS, n) for n in range(len(called))]
+    assert len(called) == len(model.plan.value.tiles)
 
 
 def sum_of_areas(shape):

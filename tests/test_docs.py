@@ -30,7 +30,7 @@ def name_of(path: Path) -> str:
 def commands_of(page: Path) -> list[str]:
     """Lines of code blocks that call `phomo`, continued lines joined, comments taken off."""
     lines = "\n".join(block for _, block in code_blocks(page)).replace("\\\n", " ").splitlines()
-    return [line.split(" #")[0].strip() for line in lines if line.startswith("phomo ")]
+    return [re.split(r" [#>|]", line)[0].strip() for line in lines if line.startswith("phomo ")]
 
 
 def phomo_commands() -> dict:

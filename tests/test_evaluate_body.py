@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import photoclinometry as pcm
 from photoclinometry.evaluate.body import align_body, compare_body
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, so3_exp, unit
@@ -142,3 +143,10 @@ def test_vertices_without_albedo_do_not_count(ball):
     figures = compare_body(replace(found, albedo=albedo), ball)
     assert figures["albedo_mean_percent"] == pytest.approx(0.0, abs=0.5)
     assert "albedo_mean_percent" not in compare_body(replace(found, albedo=np.full(len(albedo), np.nan)), ball)
+
+
+@pytest.mark.parametrize("other", ["reference", "cameras", "site"])
+def test_what_a_body_is_not_compared_with_is_refused(tmp_path, other):
+    (tmp_path / "body.ply").write_text("")
+    with pytest.raises(InputError, match="holds a whole body: give --truth alone"):
+        pcm.evaluate(tmp_path, truth=tmp_path / "truth.h5", **{other: tmp_path})

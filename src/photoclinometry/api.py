@@ -274,8 +274,8 @@ def evaluate(
         InputError: Files are missing or damaged, do not belong together, or both truth and reference are given.
     """
     if isinstance(scene, (str, Path)) and is_body(Path(scene)):
-        if truth is None:
-            raise InputError(f"{scene} holds a whole body: give --truth, the truth.h5 of its simulation")
+        if truth is None or reference is not None or cameras is not None or site is not None:
+            raise InputError(f"{scene} holds a whole body: give --truth alone, the truth.h5 of its simulation")
         return evaluate_body(Path(scene), Path(truth))
     if truth is not None and reference is not None:
         raise InputError("truth and reference are both given; compare with one at a time")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from photoclinometry.body.cameras import ShareCameras
+from photoclinometry.body.cluster import on_cluster
 from photoclinometry.body.coarse_shape import CoarseShape
 from photoclinometry.body.finished_surface import FinishedSurface
 from photoclinometry.body.merge import MergeTiles
@@ -32,6 +34,9 @@ from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inp
 from photoclinometry.pipeline.stage import Keyed
 from photoclinometry.registration.georeference import MIN_PRIORS
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 BEFORE_TILES = ("body_sparse", "pose_covariances", "coarse_shape", "plan")
 """Stages that the coordinating process makes, and those of single tiles read back."""
 
@@ -54,6 +59,18 @@ def plan_body(
         return _prepared(folder, site_file, site, options)
 
 
+def tiles_to_map(
+    site_file: Path, out: Path, options: BodyOptions, progress: Progress = no_progress, *, overwrite: bool = False
+) -> list[int]:
+    """Numbers of the tiles of a body's plan that the folder does not hold yet. The plan is made if need be.
+
+    Raises as `plan_body`.
+    """
+    site, out = read_site(site_file), out.resolve()
+    with claimed_run(out, owner_of_body(site), progress, overwrite=overwrite) as folder:
+        return _missing(folder, _tile_stages(out, _prepared(folder, site_file, site, options)))
+
+
 def map_body(
     site_file: Path,
     out: Path,
@@ -61,20 +78,22 @@ def map_body(
     progress: Progress = no_progress,
     *,
     workers: int = 1,
+    scheduler: str | Client | None = None,
     overwrite: bool = False,
 ) -> BodyResult:
     """Maps a body: from `site.toml` and images to one closed surface in the folder `out`.
 
-    A folder that holds part of the same map is gone on with. workers: processes that map tiles. overwrite: what the
-    folder holds of another site is removed first. Raises as `plan_body`, and ReconstructionError where no tile is
-    mapped.
+    A folder that holds part of the same map is gone on with. workers: processes of this machine that map tiles, unless
+    a Dask scheduler is given, by its address or by a client: its workers then map them. overwrite: what the folder
+    holds of another site is removed first. Raises as `plan_body` and `on_cluster`, and ReconstructionError where no
+    tile is mapped.
     """
-    site = read_site(site_file)
+    site, out = read_site(site_file), out.resolve()
+    run_tasks = partial(in_processes, workers) if scheduler is None else partial(on_cluster, scheduler)
     with claimed_run(out, owner_of_body(site), progress, overwrite=overwrite) as folder:
         model = _prepared(folder, site_file, site, options)
-        stages = [tile_stage(out, model, number) for number in range(len(model.plan.value.tiles))]
-        missing = [stage.number for stage in stages if not folder.holds(stage)]
-        in_processes(workers, map_one_tile, [(site_file, out, options, number) for number in missing], progress)
+        stages = _tile_stages(out, model)
+        run_tasks(map_one_tile, [(site_file.resolve(), out, options, n) for n in _missing(folder, stages)], progress)
         tiles = tuple(folder.done(stage) for stage in stages)
         _check_tiles(tiles)
         posed, priors = model.posed, _priors(site, options)
@@ -107,12 +126,17 @@ def map_one_tile(site_file: Path, out: Path, options: BodyOptions, number: int) 
     count = len(model.plan.value.tiles)
     if not 0 <= number < count:
         raise InputError(f"there is no tile {number}: the plan has {count}, from 0 to {count - 1}")
-    folder.done(tile_stage(out, model, number))
+    folder.done(_tile_stages(out, model)[number])
 
 
-def tile_stage(out: Path, model: BodyModel, number: int) -> MapTile:
-    """The stage that maps a tile."""
-    return MapTile(number=number, model=model, body=Keyed(Path(out), "body"))
+def _tile_stages(out: Path, model: BodyModel) -> list[MapTile]:
+    """The stages that map the tiles of a plan."""
+    return [MapTile(number=n, model=model, body=Keyed(out, "body")) for n in range(len(model.plan.value.tiles))]
+
+
+def _missing(folder: RunFolder, stages: Sequence[MapTile]) -> list[int]:
+    """Numbers of the tiles that the folder does not hold."""
+    return [stage.number for stage in stages if not folder.holds(stage)]
 
 
 def _prepared(folder: RunFolder, site_file: Path, site: Site, options: BodyOptions) -> BodyModel:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -25,8 +27,11 @@ def body(
     overwrite: bool = False,
     plan_only: bool = False,
     tile: int | None = None,
+    print_tasks: bool = False,
     workers: Annotated[int, tyro.conf.arg(metavar="INT")] = 1,
+    scheduler: str | None = None,
     options: Annotated[BodyOptions, tyro.conf.arg(name="")] = BodyOptions(),  # noqa: B008
+    words: tyro.conf.Suppress[tuple[str, ...]] = (),
 ) -> None:
     """Map a whole body: one sparse model, a coarse shape, a plan of overlapping tiles, their maps, one closed surface.
 
@@ -34,14 +39,15 @@ def body(
 
     Args:
         site: site.toml, which names the images, the camera and a Sun direction per image; or the folder with it.
-        out: Folder for the map; new, empty, or that of an earlier call for the same site. Default: body/ beside
-            site.toml.
+        out: Folder for the map; new, empty, or that of an earlier call for the same site. Default: body/ by site.toml.
         overwrite: Remove what the folder holds of another site; without it, such a folder is refused.
         plan_only: End with the plan: tiles, coverage and resolution, before anything costly is computed.
-        tile: Map this tile alone, of a plan that --plan-only made with the same options: for job schedulers. The same
-            command without it then finds the tiles done.
+        tile: Map this tile of the plan alone. The same command without it then finds the tile done.
+        print_tasks: Make the plan, and print the command of each tile that is not mapped yet, one a line.
         workers: Processes that map tiles, one thread each.
+        scheduler: Address of a Dask scheduler whose workers map the tiles (needs the extra `cluster`).
         options: How the body is mapped.
+        words: The command's own words, as typed.
     """
     from rich.console import Console
 
@@ -53,6 +59,8 @@ def body(
 
     if workers < 1:
         raise InputError(f"--workers is {workers}; give a whole number, 1 or more")
+    if sum((plan_only, print_tasks, tile is not None)) > 1:
+        raise InputError("--plan-only, --print-tasks and --tile do one part of the work each: give one of them")
     site = site_file(site)
     described = read_site(site)
     out = out or site.parent / "body"
@@ -68,8 +76,32 @@ def body(
             _say_plan(console, model)
             print(out, flush=True)
             return
-        found = library.map_body(site, out, options, progress, workers=workers, overwrite=overwrite)
+        if print_tasks:
+            for number in library.tiles_to_map(site, out, options, progress, overwrite=overwrite):
+                print(shlex.join(["phomo", "body", *_of_every_task(words), "--tile", str(number)]), flush=True)
+            return
+        found = library.map_body(
+            site, out, options, progress, workers=workers, scheduler=scheduler, overwrite=overwrite
+        )
     _say_result(console, found)
+
+
+def prepared(words: Sequence[str]) -> Callable[..., Any]:
+    """`body` that knows how it was called."""
+    from photoclinometry.cli.arguments import with_defaults
+
+    return with_defaults(body, "words", tuple(words))
+
+
+def _of_every_task(words: Sequence[str]) -> Iterator[str]:
+    """A command's words without those that the commands of single tiles do not have."""
+    of_the_last = ""
+    for word in words:
+        name = word.partition("=")[0].replace("_", "-")
+        is_value = of_the_last in ("--workers", "--scheduler")
+        of_the_last = "" if is_value else word.replace("_", "-")
+        if not is_value and name not in ("--print-tasks", "--overwrite", "--workers", "--scheduler"):
+            yield word
 
 
 def _say_plan(console: Console, model: BodyModel) -> None:

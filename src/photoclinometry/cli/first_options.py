@@ -17,7 +17,6 @@ FIRST = {
         "plan.max_views",
         "plan.min_views",
         "run.reflectance",
-        "run.densify.min_views",
     ),
     "refine": (
         "reflectance",

@@ -1,0 +1,217 @@
+"""Maps clean sites with faults put into them, and tables which faults spoil a map, and whether it says so.
+
+    python benchmarks/faults.py --out faults                              twelve faults on six simulated sites
+    python benchmarks/faults.py --out faults --vesta SITE_FOLDER --draws 3    and on a site of real images
+
+A fault is silent where the relief of the map is more than OFF beside that of the clean map, or its surface more than
+WORSE times as far from the truth, and no warning was given that the clean map lacks. Results are kept in
+OUT/results.jsonl, so that a stopped call goes on; OUT/table.md has the table.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import tyro
+
+from image_faults import FAULTS, Images, read_images, write_images
+from photoclinometry import api as pcm
+from photoclinometry.io.site import RegionRequest, Site, read_site, write_site
+from photoclinometry.matching.densify import DensifyOptions
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.scene import Scene
+from photoclinometry.pipeline.relief_check import relief_by_parallax
+from photoclinometry.simulate.options import SimulationOptions
+from photoclinometry.simulate.site import simulate_site
+
+OFF = 0.05
+"""Share of relief."""
+WORSE = 1.5
+"""Times the surface's distance from the truth."""
+SIZE = {"views": 10, "image_size": 320, "region_size": 96, "reflectance": "hapke"}
+SITES = {
+    "moderate": SimulationOptions(**SIZE, seed=11),
+    "strong": SimulationOptions(**SIZE, seed=12, lighting="strong"),
+    "ceres": SimulationOptions(**SIZE, seed=13, preset="ahuna"),
+    "crater": SimulationOptions(**SIZE, seed=14, preset="cornelia", lighting="strong"),
+    "uncalibrated": SimulationOptions(**SIZE, seed=15, brightness="dn"),
+    "few": SimulationOptions(**(SIZE | {"views": 6}), seed=16),
+}
+VESTA_REGION_PX = 220
+CLEAN = "clean"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What one map was like."""
+
+    site: str
+    fault: str
+    draw: int
+    relief: float | None = None
+    """Over that of the clean map; None where there is no map."""
+    surface_gsd: float | None = None
+    """Mean distance of the surface from the truth [GSD]; None without truth."""
+    normals_deg: float | None = None
+    psnr_db: float | None = None
+    warnings: tuple[str, ...] = ()
+    """Their codes, and after a colon the view's name."""
+    trusted: bool = False
+    error: str = ""
+    """Why there is no map."""
+
+    @property
+    def key(self) -> tuple[str, str, int]:
+        return self.site, self.fault, self.draw
+
+
+def main(
+    out: Path, vesta: Path | None = None, draws: int = 1, only_sites: str = "", only_faults: tuple[str, ...] = ()
+) -> None:
+    """Map sites with faults.
+
+    Args:
+        out: Folder for sites, results and table.
+        vesta: Folder of a site of real images, such as four of Vesta; the region is its middle.
+        draws: How often each fault is drawn on the real site; on simulated ones once.
+        only_sites: Only the site of this name.
+        only_faults: Only these faults.
+    """
+    out = out.resolve()
+    file = out / "results.jsonl"
+    known = _read(file)
+    for name in [*SITES, *(["vesta"] if vesta else [])]:
+        if only_sites in ("", name):
+            folder = _simulated(out, name) if name in SITES else vesta
+            assert folder is not None
+            for fault in (CLEAN, *(only_faults or FAULTS)):
+                for draw in range(draws if name == "vesta" and fault != CLEAN else 1):
+                    if (name, fault, draw) not in known:
+                        outcome = spoiled_map(name, folder.resolve(), fault, draw, out)
+                        known[outcome.key] = outcome
+                        with file.open("a", encoding="utf-8") as stream:
+                            stream.write(json.dumps(asdict(outcome)) + "\n")
+                        (out / "table.md").write_text(table(list(known.values())), encoding="utf-8")
+                        print(_row(outcome, known), flush=True)
+
+
+def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Outcome:
+    """The map of a site with a fault, beside that of the clean site."""
+    run, spoiled = out / "runs" / name / f"{fault}-{draw}", out / "spoiled" / name
+    site_file = folder / "site.toml"
+    if fault != CLEAN:
+        images = read_images(read_site(site_file))
+        images = FAULTS[fault](images, np.random.default_rng([draw, *map(ord, fault)]))
+        site_file = _written(images, read_site(site_file), spoiled, _clean_map(out, name))
+    elif name not in SITES:
+        images = read_images(read_site(site_file))
+        site_file = _written(images, read_site(site_file), spoiled, None)
+    try:
+        result = pcm.run(site_file, run, densify=DensifyOptions(min_views=3 if name == "vesta" else 4), overwrite=True)
+    except ReconstructionError as error:
+        return Outcome(site=name, fault=fault, draw=draw, error=str(error))
+    scene, figures = result.scene, {}
+    truth = folder / "truth.h5"
+    if truth.is_file():
+        figures = pcm.evaluate(scene, truth=truth, site=folder / "site.toml").metrics
+    clean = scene if fault == CLEAN else _clean_map(out, name)
+    relief = relief_by_parallax(scene, clean.landmarks.position, clean.landmarks.pixel)
+    outcome = Outcome(
+        site=name,
+        fault=fault,
+        draw=draw,
+        relief=None if relief is None else relief.ratio,
+        surface_gsd=figures.get("surface_distance_mean_gsd"),
+        normals_deg=figures.get("normal_error_mean_deg"),
+        psnr_db=result.metrics["psnr_mean_db"],
+        warnings=tuple(sorted(f"{each.code}:{each.view}" if each.view else each.code for each in result.warnings)),
+        trusted=result.trusted,
+    )
+    if fault != CLEAN:
+        shutil.rmtree(run)
+    shutil.rmtree(spoiled, ignore_errors=True)
+    return outcome
+
+
+def table(outcomes: list[Outcome]) -> str:
+    """Markdown, a row per map."""
+    known = {outcome.key: outcome for outcome in outcomes}
+    head = ["site", "fault", "relief", "surface [GSD]", "normals [deg]", "PSNR [dB]", "warnings", "verdict"]
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return "\n".join([*lines, *(_row(outcome, known) for outcome in outcomes)]) + "\n"
+
+
+def verdict(outcome: Outcome, clean: Outcome) -> str:
+    """Whether a fault mattered, and whether the map says so."""
+    if outcome.error:
+        return "no map"
+    spoilt = outcome.relief is None or abs(outcome.relief - 1.0) > OFF
+    if outcome.surface_gsd is not None and clean.surface_gsd is not None:
+        spoilt |= outcome.surface_gsd > WORSE * clean.surface_gsd
+    warned = bool(set(outcome.warnings) - set(clean.warnings)) or (clean.trusted and not outcome.trusted)
+    if outcome.fault == CLEAN:
+        return "false alarm" if outcome.warnings else "sound"
+    return {(True, True): "warned", (True, False): "SILENT", (False, True): "harmless, warned"}.get(
+        (spoilt, warned), "harmless"
+    )
+
+
+def _row(outcome: Outcome, known: dict[tuple[str, str, int], Outcome]) -> str:
+    cells = [outcome.site, outcome.fault + (f" {outcome.draw}" if outcome.draw else "")]
+    cells += [
+        "–" if value is None else f"{value:.{digits}f}"
+        for value, digits in (
+            (outcome.relief, 3),
+            (outcome.surface_gsd, 3),
+            (outcome.normals_deg, 2),
+            (outcome.psnr_db, 1),
+        )
+    ]
+    cells.append(", ".join(outcome.warnings) + ("" if outcome.trusted or outcome.error else "; not trusted"))
+    cells.append(verdict(outcome, known[outcome.site, CLEAN, 0]))
+    return "| " + " | ".join(cells) + " |"
+
+
+def _clean_map(out: Path, name: str) -> Scene:
+    return pcm.read_scene(out / "runs" / name / f"{CLEAN}-0")
+
+
+def _simulated(out: Path, name: str) -> Path:
+    folder = out / name
+    if not (folder / "site.toml").is_file():
+        simulate_site(SITES[name], folder)
+    return folder
+
+
+def _written(images: Images, clean: Site, folder: Path, mapped: Scene | None) -> Path:
+    """The spoiled site's site.toml; its region is that of the clean map, or the middle of its first image."""
+    shutil.rmtree(folder, ignore_errors=True)
+    write_images(images, clean, folder)
+    if mapped is None:
+        request = RegionRequest(reference=clean.views[0].name, size_px=(VESTA_REGION_PX, VESTA_REGION_PX))
+    else:
+        region = mapped.region
+        request = RegionRequest(
+            reference=mapped.views.name[mapped.reference],
+            center_px=(region.col + region.width / 2.0, region.row + region.height / 2.0),
+            size_px=(region.width, region.height),
+            stride=region.stride,
+        )
+    site_file = folder / "site.toml"
+    write_site(site_file, replace(images.site, region=request, path=site_file))
+    return site_file
+
+
+def _read(file: Path) -> dict[tuple[str, str, int], Outcome]:
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    found = [Outcome(**{**row, "warnings": tuple(row["warnings"])}) for row in map(json.loads, lines)]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    return {outcome.key: outcome for outcome in found}
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
