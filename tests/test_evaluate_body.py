@@ -5,6 +5,8 @@ import pytest
 
 import photoclinometry as pcm
 from photoclinometry.evaluate.body import align_body, compare_body
+from photoclinometry.io.meshes.obj import write_obj
+from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, so3_exp, unit
 from photoclinometry.model.scene import Camera
@@ -145,8 +147,39 @@ def test_vertices_without_albedo_do_not_count(ball):
     assert "albedo_mean_percent" not in compare_body(replace(found, albedo=np.full(len(albedo), np.nan)), ball)
 
 
-@pytest.mark.parametrize("other", ["reference", "cameras", "site"])
+@pytest.mark.parametrize("other", ["cameras", "site"])
 def test_what_a_body_is_not_compared_with_is_refused(tmp_path, other):
     (tmp_path / "body.ply").write_text("")
-    with pytest.raises(InputError, match="holds a whole body: give --truth alone"):
+    with pytest.raises(InputError, match="cameras, a site and the map of a place say nothing of it"):
         pcm.evaluate(tmp_path, truth=tmp_path / "truth.h5", **{other: tmp_path})
+
+
+@pytest.mark.parametrize("given", [{}, {"truth": "truth.h5", "reference": "shape.obj"}])
+def test_a_body_is_compared_with_one_thing(tmp_path, given):
+    (tmp_path / "body.ply").write_text("")
+    with pytest.raises(InputError, match=r"give --truth \(truth.h5 of its simulation\) or --reference \(a mesh\)"):
+        pcm.evaluate(tmp_path, **given)
+
+
+def test_a_body_beside_a_published_shape_in_kilometres(tmp_path, egg):
+    """The figures are those by which the shape was changed: moved, turned, and with a wave of 2 m along its normals."""
+    shape = same(egg)
+    move = Similarity(1.0, so3_exp(np.array([0.0, 0.01, 0.0])), np.array([1.0, -0.5, 0.3]))
+    wave = 2.0 * np.sin(shape.vertices[:, :1] / 4.0)
+    changed = replace(shape, vertices=shape.vertices + wave * shape.normals, unit="m").moved(move, "m")
+    write_shape_ply(tmp_path / "body.ply", changed)
+    write_obj(tmp_path / "shape.obj", 1e-3 * shape.vertices, shape.faces, normal=shape.normals)
+    found = pcm.evaluate(tmp_path, reference=tmp_path / "shape.obj", unit="km").metrics
+    assert found["distance_rms_km"] == pytest.approx(2e-3 / np.sqrt(2.0), rel=0.15)
+    assert found["distance_back_rms_km"] == pytest.approx(2e-3 / np.sqrt(2.0), rel=0.15)
+    assert found["rotation_deg"] == pytest.approx(np.degrees(0.01), rel=0.2)
+    assert found["shift_km"] == pytest.approx(1e-3 * np.linalg.norm([1.0, 0.5, 0.3]), rel=0.3)
+    assert abs(found["scale_percent"]) < 0.1
+    assert abs(found["volume_percent"]) < 0.5
+
+
+def test_a_shape_in_the_frame_of_its_images_is_not_compared_with_a_published_one(tmp_path, egg):
+    write_shape_ply(tmp_path / "body.ply", same(egg))
+    write_obj(tmp_path / "shape.obj", egg.surface.vertices, egg.surface.faces, normal=egg.surface.normals)
+    with pytest.raises(InputError, match="frame of its images alone"):
+        pcm.evaluate(tmp_path, reference=tmp_path / "shape.obj")

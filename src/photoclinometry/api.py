@@ -260,7 +260,7 @@ def evaluate(
         scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene by itself.
         truth: truth.h5 of a simulated site: compares surface, normals, albedos, poses, Suns and keypoints.
         reference: Another map of the place: a scene, the folder of another run or its scene.h5, a PLY file (mesh or
-            points), or a GeoTIFF of heights (needs the extra `geo`).
+            points), or a GeoTIFF of heights (needs the extra `geo`). Of a whole body: a mesh (PLY, OBJ).
         cameras: COLMAP model folder with poses in the frame of the reference map. Its views, matched by name, give the
             first alignment; a scene brings its own. Without any, the map must be in the reference's frame.
         unit: Unit of length of the reference map, for the names of the figures.
@@ -274,9 +274,9 @@ def evaluate(
         InputError: Files are missing or damaged, do not belong together, or both truth and reference are given.
     """
     if isinstance(scene, (str, Path)) and is_body(Path(scene)):
-        if truth is None or reference is not None or cameras is not None or site is not None:
-            raise InputError(f"{scene} holds a whole body: give --truth alone, the truth.h5 of its simulation")
-        return evaluate_body(Path(scene), Path(truth))
+        if cameras is not None or site is not None or isinstance(reference, Scene):
+            raise InputError(f"{scene} holds a whole body: cameras, a site and the map of a place say nothing of it")
+        return evaluate_body(Path(scene), truth=truth, reference=reference, unit=unit)
     if truth is not None and reference is not None:
         raise InputError("truth and reference are both given; compare with one at a time")
     if cameras is not None and reference is None:

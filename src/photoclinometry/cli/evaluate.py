@@ -31,7 +31,8 @@ def evaluate(
         run: Folder of a finished run.
         truth: truth.h5 of a simulated site: compares surface, normals, albedos, poses, Suns and keypoints.
         reference: Another map of the place, to compare surface, normals and albedos with: a PLY file (mesh or
-            points), a GeoTIFF of heights (needs the extra `geo`), another run's folder, or its scene.h5.
+            points), a GeoTIFF of heights (needs the extra `geo`), another run's folder, or its scene.h5. Of a whole
+            body: a mesh (PLY, OBJ).
         cameras: COLMAP model folder with poses in the frame of the reference map. Its views, matched by name,
             give the first alignment; another run brings its own. Without any the run must be in the map's frame.
         unit: Length unit of the reference map, for the names of the figures.

@@ -1,4 +1,4 @@
-"""The evaluation of a body's folder: its surface and poses against the truth of a simulated body."""
+"""The evaluation of a body's folder: against the truth of a simulated body, or another shape model."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.evaluate.body import align_body, compare_body
+from photoclinometry.evaluate.body_reference import compare_shapes
 from photoclinometry.evaluate.evaluation import Evaluation
 from photoclinometry.evaluate.metrics import spread
+from photoclinometry.io.ground import Mesh, read_ground
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.io.models.colmap import read_colmap
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.registration.alignment import transform_poses
 from photoclinometry.simulate.bodies.truth import BodyTruth, read_body_truth
 
@@ -26,13 +30,30 @@ def is_body(folder: Path) -> bool:
     return (Path(folder) / BODY_FILE).is_file()
 
 
-def evaluate_body(folder: Path, truth_file: Path) -> Evaluation:
-    """The figures of `compare_body` after the alignment of `align_body`, and how far projections are off by the poses.
+def evaluate_body(
+    folder: Path, *, truth: str | Path | None = None, reference: str | Path | None = None, unit: str = "m"
+) -> Evaluation:
+    """The figures of a body's folder against the truth of its simulation, or a mesh (PLY, OBJ) in lengths of `unit`.
 
-    Raises InputError for files that are missing, damaged, or do not belong together.
+    Raises InputError for files that are missing, damaged, or do not belong together, and where none or both are given.
     """
-    folder, truth = Path(folder), read_body_truth(truth_file)
+    if (truth is None) == (reference is None):
+        raise InputError(
+            f"{folder} holds a whole body: give --truth (truth.h5 of its simulation) or --reference (a mesh)"
+        )
     shape = read_shape_ply(folder / BODY_FILE)
+    if truth is not None:
+        return _by_truth(shape, folder, read_body_truth(Path(truth)))
+    assert reference is not None
+    mesh = read_ground(reference)
+    if not isinstance(mesh, Mesh):
+        raise InputError(f"{reference}: is a map; a body is compared with a mesh (PLY, OBJ)")
+    known = ShapeModel(mesh.vertices, mesh.faces).with_used_vertices()
+    return Evaluation(name=folder.name, metrics=compare_shapes(shape, known, unit), unit=unit)
+
+
+def _by_truth(shape: ShapeModel, folder: Path, truth: BodyTruth) -> Evaluation:
+    """The figures of `compare_body` after the alignment of `align_body`, and errors of projections by the poses."""
     names, _, poses, _ = read_colmap(folder / POSES_FOLDER)
     truth_from_body = align_body(shape, truth, poses, names)
     metrics = compare_body(shape.moved(truth_from_body), truth)
