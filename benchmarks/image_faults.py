@@ -37,17 +37,23 @@ class Images:
 
     site: Site
     pixels: tuple[np.ndarray, ...]
-    """(height, width) each, float."""
+    """(height, width) each, float; NaN where nothing was measured, as where the detector was saturated."""
     top: float
     """The largest value that the files can hold, or that any image has."""
 
     def changed(self, change: Callable[[np.ndarray], np.ndarray]) -> Images:
         """With every image changed."""
-        return replace(self, pixels=tuple(change(each) for each in self.pixels))
+        return replace(self, pixels=tuple(self._measured(each, change) for each in self.pixels))
 
     def with_one(self, k: int, change: Callable[[np.ndarray], np.ndarray]) -> Images:
         """With image k changed."""
-        return replace(self, pixels=tuple(change(each) if n == k else each for n, each in enumerate(self.pixels)))
+        each = self._measured(self.pixels[k], change)
+        return replace(self, pixels=(*self.pixels[:k], each, *self.pixels[k + 1 :]))
+
+    def _measured(self, pixels: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """An image changed where it was measured. What was not counts as saturated for its neighbours."""
+        there = np.isfinite(pixels)
+        return np.where(there, change(np.where(there, pixels, self.top)), np.nan)
 
     def with_views(self, change: Callable[[int, SiteView], SiteView]) -> Images:
         """With what is known of the views changed."""
@@ -194,7 +200,7 @@ def read_images(site: Site) -> Images:
     """A site's images. Those of 8 or 16 bits can hold what their type can, others what the brightest has."""
     raw = [_read(view.image) for view in site.views]
     integer = np.issubdtype(raw[0].dtype, np.integer)
-    top = float(np.iinfo(raw[0].dtype).max) if integer else float(max(each.max() for each in raw))
+    top = float(np.iinfo(raw[0].dtype).max) if integer else float(max(np.nanmax(each) for each in raw))
     return Images(site=site, pixels=tuple(each.astype(float) for each in raw), top=top)
 
 

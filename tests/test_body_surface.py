@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from photoclinometry.body.coarse_shape import ClosedMesh, oriented
-from photoclinometry.body.merge import Cloud, albedo_factors, merged
+from photoclinometry.body.merge import Cloud, merged
 from photoclinometry.body.options import PlanOptions
+from photoclinometry.body.overlap import Overlap, overlap_of, shared_images, sigma_factors
 from photoclinometry.body.plan import planned
 from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap
 from photoclinometry.model.errors import ReconstructionError
@@ -235,9 +236,48 @@ def test_factors_of_albedos_agree_in_the_overlap():
 
 def test_tiles_that_do_not_overlap_keep_their_albedos():
     tiles = [patch((1, 0, 0), 20), patch((-1, 0, 0), 20, albedo=0.2)]
-    joined = [np.concatenate([getattr(t.landmarks, name) for t in tiles]) for name in ("position", "normal", "albedo")]
-    number = np.repeat([0, 1], [len(t.landmarks) for t in tiles])
-    assert albedo_factors(*joined, number, 2, 0.25) == pytest.approx([1.0, 1.0])
+    cloud = Cloud.of(tiles)
+    assert cloud.factor == pytest.approx([1.0, 1.0])
+    assert cloud.sigma_factor == pytest.approx([1.0, 1.0, 1.0])
+
+
+def two_maps(rng, shared, stated_over_true):
+    """Sigma factors of two maps of flat ground whose errors have `shared` of their variance in common."""
+    y, x = np.mgrid[:40, :40].reshape(2, -1)
+    count, sigma = len(x), np.array([0.1, 0.02, 0.01])
+
+    def errors(size):
+        own, common = rng.normal(size=(2, count, size)), rng.normal(size=(1, count, size))
+        return np.sqrt(shared) * common + np.sqrt(1.0 - shared) * own
+
+    position = np.tile(np.stack([x, y, np.zeros(count)], -1).astype(float), (2, 1))
+    position[:, 2] += sigma[0] * errors(1).reshape(-1)
+    tilt = sigma[1] / np.sqrt(2.0) * errors(2).reshape(-1, 2)
+    normal = unit(np.column_stack([tilt, np.ones(2 * count)]))
+    albedo = 0.1 * (1.0 + sigma[2] * errors(1).reshape(-1))
+    overlap = Overlap(first=np.arange(count), second=count + np.arange(count))
+    stated = np.tile(stated_over_true * sigma, (2 * count, 1))
+    return sigma_factors(overlap, position, normal, albedo, stated, np.full(count, shared))
+
+
+@pytest.mark.parametrize("shared", [0.0, 0.6])
+def test_sigmas_grow_to_the_errors_that_overlapping_tiles_show(shared):
+    rng = np.random.default_rng(0)
+    assert two_maps(rng, shared, 0.4) == pytest.approx(np.full(3, 2.5), rel=0.08)
+    assert (two_maps(rng, shared, 1.5) == 1.0).all()  # too large ones stay
+
+
+def test_errors_of_tiles_are_correlated_by_the_images_that_both_have():
+    views = [np.array([0, 1, 2, 3]), np.array([2, 3, 4, 5]), np.array([7]), np.empty(0, int)]
+    expected = np.array([[1.0, 0.5, 0, 0], [0.5, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 0, 1.0]])
+    assert shared_images(views) == pytest.approx(expected)
+
+
+def test_pairs_of_landmarks_are_of_two_tiles_at_one_place_that_face_alike():
+    up, down = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
+    position = np.array([[0, 0, 0], [0.5, 0, 0], [0.6, 0, 0], [0.1, 0, 0], [3.0, 0, 0]])
+    found = overlap_of(position, np.array([up, up, up, down, up]), np.array([0, 0, 1, 1, 1]), 1.0)
+    assert {*zip(found.first.tolist(), found.second.tolist(), strict=True)} == {(0, 2), (1, 2)}
 
 
 def test_the_merged_surface_is_the_mean_of_its_tiles_weighted_by_their_sigmas(ball):
@@ -247,7 +287,9 @@ def test_the_merged_surface_is_the_mean_of_its_tiles_weighted_by_their_sigmas(ba
     height = np.linalg.norm(found.vertices[inside], axis=1) - RADIUS
     assert height == pytest.approx(0.03 * 0.8 - 0.05 * 0.2, abs=5e-4)  # weights 4 to 1
     assert found.step[inside] == pytest.approx(np.sqrt(0.8 * 0.2) * 0.08, rel=0.05)
-    assert found.height_sigma[inside] == pytest.approx(np.hypot(0.8 * 0.01, 0.2 * 0.02), rel=0.05)
+    stated = np.hypot(0.8 * 0.01, 0.2 * 0.02)
+    assert found.height_sigma[inside] == pytest.approx(found.sigma_factor[0] * stated, rel=0.05)
+    assert found.sigma_factor[0] == pytest.approx(0.08 / np.hypot(0.01, 0.02) / np.sqrt(0.455), rel=0.01)
     assert (found.tile[inside] == 0).all()
     assert (found.views[inside] == 9).all()
 

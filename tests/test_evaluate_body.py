@@ -147,6 +147,23 @@ def test_vertices_without_albedo_do_not_count(ball):
     assert "albedo_mean_percent" not in compare_body(replace(found, albedo=np.full(len(albedo), np.nan)), ball)
 
 
+@pytest.mark.parametrize(("over_true", "within"), [(1.0, 68.3), (0.5, 38.3)])
+def test_stated_sigmas_are_judged_by_the_errors(ball, over_true, within):
+    rng, found = np.random.default_rng(0), same(ball)
+    count, height, albedo = len(found.vertices), 0.1 * GSD, 0.05
+    sigma = {"height": np.full(count, over_true * height), "albedo": np.full(count, over_true * albedo)}
+    noisy = replace(
+        found,
+        vertices=found.vertices + height * rng.normal(size=(count, 1)) * found.normals,
+        albedo=found.albedo * (1.0 + albedo * rng.normal(size=count)),
+        sigma=sigma,
+    )
+    figures = compare_body(noisy, ball, mean_over_gsd=0.0)
+    for name in sigma:
+        assert figures[f"{name}_sigma_within_68_percent"] == pytest.approx(within, abs=3.0)
+        assert figures[f"{name}_sigma_nees"] == pytest.approx(over_true**-2, rel=0.1)
+
+
 @pytest.mark.parametrize("other", ["cameras", "site"])
 def test_what_a_body_is_not_compared_with_is_refused(tmp_path, other):
     (tmp_path / "body.ply").write_text("")

@@ -16,6 +16,7 @@ import numpy as np
 
 from photoclinometry.body.cameras import SharedCameras, in_shared_frame
 from photoclinometry.body.coarse_shape import ClosedMesh
+from photoclinometry.body.overlap import FACING, albedo_factors, overlap_of, shared_images, sigma_factors
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import unit
@@ -34,8 +35,6 @@ WIDTH_GSD = 0.6
 surface keeps what the maps resolve."""
 NEIGHBOURS = 24
 """At most so many landmarks determine a vertex: two to three tiles have about as many in reach."""
-FACING = 0.5
-"""Least cosine between the normals of a vertex and of a landmark that may determine it: thin necks have two sides."""
 FILL_GSD = 4.0
 """The coarse shape stands in where no landmark is nearer than this [GSD]."""
 LEAST_WEIGHT = 1e-3
@@ -48,7 +47,7 @@ MAX_ALBEDO_SIGMA = 0.3
 number."""
 USUAL_SIGMA_GSD = 0.1
 """Standard deviation [GSD] of heights where a tile states none."""
-BLOCK = 50_000
+BLOCK = 10_000
 """Vertices at a time: bounds the memory to some tens of megabytes."""
 
 
@@ -80,6 +79,9 @@ class MergedSurface:
     """Median ground sample distance of the tiles [units of B]."""
     albedo_factor: np.ndarray
     """(T,) by which each tile's albedos were divided, so that they agree where tiles overlap."""
+    sigma_factor: np.ndarray
+    """(3,) by which the tiles' sigmas of height, normal and albedo were multiplied, by how far overlapping tiles
+    disagree."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,12 +125,16 @@ class Cloud:
     weight: np.ndarray
     """Of a landmark in a mean, but for its distance."""
     sigmas: np.ndarray
-    """(n, 3) stated standard deviations of height, normal and albedo."""
+    """(n, 3) standard deviations of height, normal and albedo: as stated, times `sigma_factor`."""
     views: np.ndarray
     tile: np.ndarray
     gsd: float
     factor: np.ndarray
-    """(T,)."""
+    """(T,) of the tiles' albedos."""
+    sigma_factor: np.ndarray
+    """(3,) of the stated standard deviations."""
+    correlation: np.ndarray
+    """(T, T) of the tiles' errors."""
 
     @classmethod
     def of(cls, tiles: Sequence[TileMap]) -> Cloud:
@@ -139,7 +145,11 @@ class Cloud:
         stated = np.stack([_joined(tiles, f"{name}_sigma") for name in ("height", "normal", "albedo")], -1)
         height_sigma = np.where(np.isnan(stated[:, 0]), USUAL_SIGMA_GSD * gsd, stated[:, 0])
         albedo, normal = np.concatenate([_known_albedo(tile) for tile in tiles]), _joined(tiles, "normal")
-        factor = albedo_factors(position, normal, albedo, number, len(tiles), gsd)
+        overlap = overlap_of(position, normal, number, gsd)
+        factor = albedo_factors(overlap, albedo, number, len(tiles))
+        correlation = shared_images([np.unique(tile.ties.view) for tile in tiles])
+        of_pairs = correlation[number[overlap.first], number[overlap.second]]
+        sigma_factor = sigma_factors(overlap, position, normal, albedo / factor[number], stated, of_pairs)
         weight = np.maximum(_joined(tiles, "weight"), LEAST_WEIGHT)
         trusted = np.where([bool(tile.distrust) for tile in tiles], UNTRUSTED, 1.0)[number]
         return cls(
@@ -148,46 +158,14 @@ class Cloud:
             albedo=albedo / factor[number],
             height_sigma=height_sigma,
             weight=trusted * weight * (gsd / height_sigma) ** 2,
-            sigmas=stated,
+            sigmas=stated * sigma_factor,
             views=_joined(tiles, "views"),
             tile=number,
             gsd=gsd,
             factor=factor,
+            sigma_factor=sigma_factor,
+            correlation=correlation,
         )
-
-
-def albedo_factors(
-    position: np.ndarray, normal: np.ndarray, albedo: np.ndarray, tile: np.ndarray, count: int, gsd: float
-) -> np.ndarray:
-    """(count,) factors of the tiles' albedos, one in the geometric mean, by which they differ where they overlap.
-
-    A tile's factor follows from its own reflectance parameters, which its images determine by a per cent or so.
-    """
-    from scipy.spatial import KDTree
-
-    distance, near = KDTree(position).query(position, 9, distance_upper_bound=gsd)
-    first, column = np.nonzero(np.isfinite(distance))
-    second = np.asarray(near)[first, column]
-    pair = (tile[first] < tile[second]) & (np.sum(normal[first] * normal[second], -1) > FACING)
-    pair &= (albedo[first] > 0) & (albedo[second] > 0)
-    first, second = first[pair], second[pair]
-    ratio = np.log(albedo[first] / albedo[second])
-    key = tile[first] * count + tile[second]
-    rows, right, weight = [], [], []
-    for each in np.unique(key):
-        own = key == each
-        a, b = divmod(int(each), count)
-        row = np.zeros(count)
-        row[a], row[b] = 1.0, -1.0
-        rows.append(row)
-        right.append(np.median(ratio[own]))
-        weight.append(np.sqrt(own.sum()))
-    rows.append(np.ones(count))  # the mean is one
-    right.append(0.0)
-    weight.append(1.0)
-    by = np.array(weight)
-    log_factor = np.linalg.lstsq(np.array(rows) * by[:, None], np.array(right) * by, rcond=None)[0]
-    return np.exp(log_factor)
 
 
 def merged(cloud: Cloud, vertices: np.ndarray, faces: np.ndarray) -> MergedSurface:
@@ -220,6 +198,7 @@ def merged(cloud: Cloud, vertices: np.ndarray, faces: np.ndarray) -> MergedSurfa
         step=figures[:, 4],
         gsd=cloud.gsd,
         albedo_factor=cloud.factor,
+        sigma_factor=cloud.sigma_factor,
     )
 
 
@@ -258,8 +237,8 @@ def _means(cloud: Cloud, tree: Any, at: np.ndarray, outward: np.ndarray) -> _Mea
     rise = np.einsum("mkd,md->mk", between, outward)
     height = np.einsum("mkd,mkd->mk", off, between) / np.where(there, rise, 1.0)
     mean = np.sum(share * height, 1)
-    own, scatter, tile = _by_tile(cloud, near, share, height, mean)
-    figures = np.column_stack([_mean_albedo(cloud.albedo[near], share), own, scatter])
+    scatter, tile = _by_tile(cloud, near, share, height, mean)
+    figures = np.column_stack([_mean_albedo(cloud.albedo[near], share), _sigmas(cloud, near, share), scatter])
     return _Means(
         known=known,
         height=mean,
@@ -285,34 +264,37 @@ def _known_albedo(tile: TileMap) -> np.ndarray:
     return np.where((sigma >= 0) & (sigma <= MAX_ALBEDO_SIGMA), albedo, np.nan)
 
 
+def _sigmas(cloud: Cloud, near: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """(m, 3) standard deviations of means of landmarks (m, k).
+
+    Errors of neighbours in one tile are taken to be common, those of two tiles to be correlated by the images that both
+    have. Landmarks of unknown or infinite sigma are left out.
+    """
+    correlation = cloud.correlation[cloud.tile[near][:, :, None], cloud.tile[near][:, None, :]]
+    found = []
+    for column in range(3):
+        stated = cloud.sigmas[near, column]
+        counted = np.where(np.isfinite(stated), share, 0.0)
+        part = counted * np.where(counted > 0, stated, 0.0)
+        total = counted.sum(1)
+        variance = np.einsum("mk,mkl,ml->m", part, correlation, part)
+        found.append(np.sqrt(variance) / np.where(total > 0, total, np.nan))
+    return np.stack(found, -1)
+
+
 def _by_tile(
     cloud: Cloud, near: np.ndarray, share: np.ndarray, height: np.ndarray, mean: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sigmas (m, 3), the scatter (m,) of tiles' heights, and the tile (m,) of most weight.
-
-    Errors of neighbours in one tile are taken to be common, those of different tiles to be independent. Landmarks of
-    unknown or infinite sigma are left out of the mean of sigmas.
-    """
+) -> tuple[np.ndarray, np.ndarray]:
+    """The scatter (m,) of tiles' heights, and the tile (m,) of most weight."""
     tile = cloud.tile[near]
     same = (tile[:, :, None] == tile[:, None, :]) & (share[:, :, None] > 0) & (share[:, None, :] > 0)
     of_tile = np.einsum("mkl,ml->mk", same, share)
     first = ~np.tril(same, -1).any(2) & (share > 0)  # one row stands for each tile
-    sigmas = []
-    for column in range(3):
-        stated = cloud.sigmas[near, column]
-        counted = np.where(np.isfinite(stated), share, 0.0)
-        total = counted.sum(1)
-        summed = np.einsum("mkl,ml->mk", same, counted * np.where(counted > 0, stated, 0.0))
-        sigmas.append(np.sqrt(np.sum(first * summed**2, 1)) / np.where(total > 0, total, np.nan))
     of_heights = np.einsum("mkl,ml->mk", same, share * height) / np.where(of_tile > 0, of_tile, 1.0)
     variance = np.sum(first * of_tile * (of_heights - mean[:, None]) ** 2, 1)
     several = first.sum(1) > 1
     most = np.argmax(np.where(first, of_tile, -1.0), axis=1)
-    return (
-        np.stack(sigmas, -1),
-        np.where(several, np.sqrt(variance), np.nan),
-        np.take_along_axis(tile, most[:, None], 1)[:, 0],
-    )
+    return np.where(several, np.sqrt(variance), np.nan), np.take_along_axis(tile, most[:, None], 1)[:, 0]
 
 
 def _with_coarse_shape(cloud: Cloud, shape: ClosedMesh) -> tuple[np.ndarray, np.ndarray]:

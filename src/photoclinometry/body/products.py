@@ -167,6 +167,8 @@ def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
         "gsd": surface.gsd,
         "height_sigma_median_gsd": float(np.nanmedian(surface.height_sigma) / surface.gsd),
     }
+    names = ("height", "normal", "albedo")
+    found |= {f"{name}_sigma_factor": float(f) for name, f in zip(names, surface.sigma_factor, strict=True)}
     found |= spread(overlap, "step_between_tiles", "gsd") if len(overlap) else {}
     known = made.psnr_db[np.isfinite(made.psnr_db)]
     return found | ({"psnr_mean_db": float(known.mean()), "psnr_min_db": float(known.min())} if len(known) else {})

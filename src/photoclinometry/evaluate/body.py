@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from photoclinometry.evaluate.metrics import spread
+from photoclinometry.evaluate.metrics import calibration, spread
+from photoclinometry.evaluate.sigma_calibration import tangent_error
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, Similarity, angle_between, unit
 from photoclinometry.model.shape_model import ShapeModel
@@ -63,9 +64,10 @@ def compare_body(
     `distance_..._gsd` from the mesh to the truth, `distance_back_..._gsd` from the well seen truth to the mesh;
     `completeness_percent`: share of the truth's well seen area that has the mesh within 1 GSD; `seen_percent`: share of
     the whole area that is well seen (FEWEST_VIEWS, LARGEST_EMISSION_DEG); `normal_..._deg` and `albedo_..._percent` at
-    the mesh's vertices within 1 GSD of well seen truth, albedos after their common factor; `volume_percent`: how much
-    the mesh is too large. mean_over_gsd: resolution at which normals and albedos of the truth are compared; 0 compares
-    those of its vertices. seed: of the samples. Raises InputError for meshes without faces.
+    the mesh's vertices within 1 GSD of well seen truth, albedos after their common factor; `..._sigma_...`: the same
+    errors, and those of heights, over the mesh's standard deviations (`metrics.calibration`); `volume_percent`: how
+    much the mesh is too large. mean_over_gsd: resolution at which normals, albedos and sigmas are compared; 0 compares
+    with the truth's vertices. seed: of the samples. Raises InputError for meshes without faces.
     """
     if len(found.faces) == 0 or not np.isfinite(found.vertices).all():
         raise InputError("the mesh to compare has no faces, or vertices that are not finite")
@@ -114,20 +116,29 @@ def _at_vertices(
     near &= KDTree(seen).query(foot)[0] <= max(truth.gsd, 1.5 * spacing)
     if not near.any():
         return {}
-    normal, albedo = mean_around(truth, truth_mesh, foot[near], mean_over_gsd * truth.gsd)
-    own = normals_of(found)[chosen[near]]
+    rows = chosen[near]
+    place, normal, albedo = mean_around(truth, truth_mesh, foot[near], mean_over_gsd * truth.gsd)
+    own = normals_of(found)[rows]
+    errors = {"height": np.sum((at[near] - place) * own, -1), "normal": tangent_error(own, normal)}
     figures = spread(np.degrees(angle_between(own, normal)), "normal", "deg")
-    known = None if found.albedo is None else np.asarray(found.albedo, float)[chosen[near]] / albedo
+    known = None if found.albedo is None else np.asarray(found.albedo, float)[rows] / albedo
     if known is not None and np.isfinite(known).any():
+        errors["albedo"] = known / np.nanmedian(known) - 1.0
         ratio = known[np.isfinite(known)]  # where nothing was mapped no albedo is known
         figures |= spread(100.0 * (ratio / np.median(ratio) - 1.0), "albedo", "percent")
+    for name, stated in found.sigma.items():
+        if name in errors:
+            sigma = np.asarray(stated, float)[rows] / (np.sqrt(2.0) if name == "normal" else 1.0)  # of each axis
+            figures |= calibration(errors[name], sigma, f"{name}_sigma")
     return figures
 
 
 def mean_around(
     truth: BodyTruth, truth_mesh: MeshSurface, points: np.ndarray, width: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """The truth's normal (n, 3) and albedo (n,) around points (n, 3) of its surface: Gaussian means of `width` [m].
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The truth's place (n, 3), normal (n, 3) and albedo (n,) around points (n, 3) of its surface.
+
+    Gaussian means of `width` [m].
 
     Ground that faces away from the nearest vertex takes no part, such as the other side of a thin edge.
     """
@@ -137,8 +148,10 @@ def mean_around(
     weight = np.exp(-0.5 * (distance / width) ** 2) if width > 0 else np.zeros(distance.shape)
     weight[:, 0] = np.maximum(weight[:, 0], _NEAREST_WEIGHT)
     weight *= np.sum(normals * normals[:, :1], -1) > 0
-    albedo = np.sum(weight * surface.albedo[near], -1) / weight.sum(-1)
-    return unit(np.sum(weight[..., None] * normals, 1)), albedo
+    weight /= weight.sum(-1, keepdims=True)
+    place = np.einsum("nk,nkd->nd", weight, surface.vertices[near])
+    albedo = np.sum(weight * surface.albedo[near], -1)
+    return place, unit(np.einsum("nk,nkd->nd", weight, normals)), albedo
 
 
 def normals_of(shape: ShapeModel) -> np.ndarray:
