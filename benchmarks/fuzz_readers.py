@@ -29,7 +29,7 @@ from photoclinometry.io.archives.pvl import parse_pvl
 from photoclinometry.io.control_points_csv import read_control_points
 from photoclinometry.io.ground import read_ground
 from photoclinometry.io.held_out import read_held_out
-from photoclinometry.io.images import read_image
+from photoclinometry.io.images import read_image, read_mask
 from photoclinometry.io.meshes.obj import read_obj
 from photoclinometry.io.models.colmap import read_colmap
 from photoclinometry.io.models.sumfile import read_sumfile
@@ -51,6 +51,10 @@ def _sound(holds: Any, what: str) -> None:
 def _image(image: Image) -> None:
     _sound(image.brightness.shape == image.valid.shape and image.valid.dtype == bool, "without a mask")
     _sound(np.isfinite(image.brightness).all(), "brightness is not finite")
+
+
+def _mask(mask: np.ndarray) -> None:
+    _sound(mask.ndim == 2 and mask.dtype == bool, "not a mask")
 
 
 def read_product_wholly(path: Path) -> None:
@@ -213,6 +217,7 @@ _BESIDE = (".img", ".fit", ".lbl")
 READERS = {
     "image": Reader(read=lambda p: _image(read_image(p)), make=made.make_images, alone=True, share=3.0,
                     real=("vesta-opnav022/images/*.png",)),
+    "mask": Reader(read=lambda p: _mask(read_mask(p)), make=made.make_images, alone=True),
     "cube": Reader(read=read_product_wholly, make=made.make_cubes, alone=True, real=("formats/**/*.cub",)),
     "pds3": Reader(read=read_product_wholly, make=made.make_pds3, real=_ARCHIVES[1:4], beside=_BESIDE),
     "pds4": Reader(read=read_product_wholly, make=made.make_pds4, real=_ARCHIVES[4:], beside=_BESIDE),

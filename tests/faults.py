@@ -292,6 +292,7 @@ def keys() -> Iterator[Fault]:
     yield row(
         "focal lengths and centre swapped", PARAMS, "[32, 32, 640, 1e6]", "params", "far outside", "fx, fy, cx, cy"
     )
+    yield row("a negative border", PARAMS, f"{PARAMS}\nborder_px = [0, 0, 0, -1]", "border_px: expected", "0 or more")
     yield row("a number too large", "[640.0,", f"[{10**400},", "camera: params", "4 finite numbers")
     yield row("an image without width", "width = 64", "width = 0", f"camera: width: {whole} 0")
     yield row("half a pixel of width", "width = 64", "width = 64.5", f"camera: width: {whole} 64.5")

@@ -77,6 +77,19 @@ def read_image(path: Path | str, *, linear: bool = False, remedy: str = "") -> I
     return Image(str(path), np.where(valid, brightness, np.float32(0)), valid)
 
 
+def read_mask(path: Path | str) -> np.ndarray:
+    """(h, w) bool: where a PNG or TIFF is not 0. Raises ImageError."""
+    path = Path(path)
+    data = read_image_bytes(path, "mask")
+    if data.startswith(_PNG):
+        _check_png(path, data)
+    elif data[:4] in _TIFF:
+        _check_tiff(path, data)
+    else:
+        raise ImageError(f"{path}: is not a PNG or TIFF image; save the mask as PNG, 0 where pixels are not to be used")
+    return _read_raster(path, data)[0] > 0
+
+
 def write_fits(path: Path | str, array: np.ndarray) -> None:
     """A 2-D array as a FITS file with checksums; floats are stored as float32. Same array, same bytes.
 

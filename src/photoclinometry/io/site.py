@@ -17,6 +17,7 @@ import numpy as np
 from photoclinometry.io import site_display
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.bodies import check_outside, read_body
+from photoclinometry.io.masks import ALL_USED, Masking, read_masking
 from photoclinometry.io.table import Table
 from photoclinometry.io.toml_file import read_toml
 from photoclinometry.model.errors import InputError, SiteError
@@ -39,6 +40,9 @@ _ROUNDING = 1e-15
 _FARTHEST_PRINCIPAL = 10.0
 """Principal points farther outside than this many image widths are parameters in the wrong order."""
 
+_MaskedCamera = tuple[Camera, Masking]
+"""A camera, and what of all its images is not used."""
+
 
 @dataclass(frozen=True)
 class SiteView:
@@ -53,6 +57,8 @@ class SiteView:
     sun_sigma_rad: float = DEFAULT_SUN_SIGMA_RAD
     """Standard deviation of `sun` about each tangent axis; see `Site.sun_sigmas`."""
     pose_prior: PosePrior | None = None
+    masking: Masking = ALL_USED
+    """Those of its camera included."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +132,7 @@ def read_site(path: Path | str) -> Site:
     brightness = table.choice("brightness", ("iof", "dn"))
     linear = table.boolean("linear", False)
     common = table.number_from_zero("sun_common_sigma_deg", None)
-    default, cameras = _read_cameras(table)
+    default, cameras = _read_cameras(table, path.parent)
     views = tuple(_read_view(path, entry, default, cameras) for entry in table.tables("views"))
     if not views:
         _check_views(table, views)
@@ -145,25 +151,26 @@ def write_site(path: Path | str, site: Site) -> None:
     write_text(path, tomli_w.dumps(site_document(site)))
 
 
-def _read_cameras(table: Table) -> tuple[Camera | None, dict[str, Camera]]:
+def _read_cameras(table: Table, folder: Path) -> tuple[_MaskedCamera | None, dict[str, _MaskedCamera]]:
     """The camera of the views without the key `camera` (None if there are several), and the cameras by name."""
     single = table.table("camera", None)
     several = table.table("cameras", None)
     if (single is None) == (several is None):
         raise table.error("camera", "write either one [camera] or one [cameras.NAME] for each camera")
     if single is not None:
-        return _read_camera(single), {}
-    named = {name: _read_camera(several.table(name)) for name in several.content}
+        return _read_camera(single, folder), {}
+    named = {name: _read_camera(several.table(name), folder) for name in several.content}
     several.finish()
     if not named:
         raise table.error("cameras", "holds no camera; write [cameras.NAME] for each")
     return (next(iter(named.values())) if len(named) == 1 else None), named
 
 
-def _read_camera(table: Table) -> Camera:
+def _read_camera(table: Table, folder: Path) -> _MaskedCamera:
     model = table.choice("model", tuple(CAMERA_PARAMETERS), "undistort the images to one of these first")
     width, height = table.positive_integer("width"), table.positive_integer("height")
     params = tuple(table.numbers("params", CAMERA_PARAMETERS[model]).tolist())
+    masking = read_masking(table, folder)
     table.finish()
     try:
         camera = Camera(model, width, height, params)
@@ -172,7 +179,7 @@ def _read_camera(table: Table) -> Camera:
     misplaced = misplaced_principal_point(camera)
     if misplaced:
         raise table.error("params", misplaced)
-    return camera
+    return camera, masking
 
 
 def misplaced_principal_point(camera: Camera) -> str | None:
@@ -184,22 +191,24 @@ def misplaced_principal_point(camera: Camera) -> str | None:
     return f"the principal point {center.tolist()} is far outside {width} x {height} pixels; the order is {order}"
 
 
-def _read_view(path: Path, table: Table, default: Camera | None, cameras: dict[str, Camera]) -> SiteView:
+def _read_view(path: Path, table: Table, default: _MaskedCamera | None, cameras: dict[str, _MaskedCamera]) -> SiteView:
     name = table.text("image")
     table.where += f" ({name})"
     chosen = table.text("camera", None)
     if chosen is not None and chosen not in cameras:
         known = ", ".join(cameras) or "none are named; leave the key out"
         raise table.error("camera", f"there is no [cameras.{chosen}] (known: {known})")
-    camera = default if chosen is None else cameras[chosen]
-    if camera is None:
+    masked = default if chosen is None else cameras[chosen]
+    if masked is None:
         raise table.error("camera", f"is missing; name one of {', '.join(cameras)}")
+    camera, of_camera = masked
+    masking = of_camera.joined(read_masking(table, path.parent))
     sun = _read_sun(table)
     sigma_deg = table.positive_number("sun_sigma_deg", None)
     sigma = DEFAULT_SUN_SIGMA_RAD if sigma_deg is None else float(np.deg2rad(sigma_deg))
     prior = _read_prior(table.table("cam_from_body", None))
     table.finish()
-    return SiteView(name, path.parent / name, camera, sun, sigma, prior)
+    return SiteView(name, path.parent / name, camera, sun, sigma, prior, masking)
 
 
 def _read_sun(table: Table) -> np.ndarray:
@@ -320,6 +329,7 @@ def site_document(site: Site) -> dict[str, Any]:
         entry["sun_sigma_deg"] = float(np.rad2deg(view.sun_sigma_rad))
         if view.pose_prior is not None:
             entry["cam_from_body"] = _prior_dict(view.pose_prior)
+        entry |= view.masking.document(site.path.parent)
         document["views"].append(entry)
     return document
 

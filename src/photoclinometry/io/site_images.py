@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
 
 from photoclinometry.io.exposure import off_body_mask, why_it_shows_nothing
 from photoclinometry.io.images import read_image
@@ -57,8 +60,13 @@ def load_plausible_images(site: Site, progress: Progress | None = None) -> tuple
 
 
 def read_view_image(site: Site, view: SiteView) -> Image:
-    """The image of a view, sky included, named after its file. Raises ImageError."""
-    return read_image(view.image, linear=site.linear, remedy="write linear = true in site.toml")
+    """The image of a view, sky included, named after its file; `valid` is False where it is masked.
+
+    Raises ImageError.
+    """
+    image = read_image(view.image, linear=site.linear, remedy="write linear = true in site.toml")
+    valid = image.valid & view.masking.usable(image.valid.shape)
+    return Image(image.name, np.where(valid, image.brightness, np.float32(0)), valid)
 
 
 def input_fingerprint(site: Site) -> str:
@@ -71,17 +79,22 @@ def input_fingerprint(site: Site) -> str:
     digest = hashlib.sha256(tomli_w.dumps(site_document(site)).encode())
     for of_image in image_digests(site):
         digest.update(of_image)
+    for mask in dict.fromkeys(mask for view in site.views for mask in view.masking.files):
+        digest.update(_digest(mask))
     return digest.hexdigest()
 
 
 def image_digests(site: Site) -> Iterator[bytes]:
     """SHA-256 of each view's image file. Raises ImageError."""
-    for view in site.views:
-        try:
-            with open(view.image, "rb") as stream:
-                yield hashlib.file_digest(stream, "sha256").digest()
-        except OSError as error:
-            raise ImageError(f"{view.image}: cannot be read: {error.strerror}; check the path") from error
+    return (_digest(view.image) for view in site.views)
+
+
+def _digest(file: Path) -> bytes:
+    try:
+        with open(file, "rb") as stream:
+            return hashlib.file_digest(stream, "sha256").digest()
+    except OSError as error:
+        raise ImageError(f"{file}: cannot be read: {error.strerror}; check the path") from error
 
 
 def _check_image(view: SiteView, image: Image) -> None:
@@ -93,7 +106,7 @@ def _check_image(view: SiteView, image: Image) -> None:
             f"{view.camera.width} x {view.camera.height}; correct the camera or the image"
         )
     if not image.valid.any():
-        raise ImageError(f"{view.image}: has no valid pixel (all NaN, blank or saturated); remove this view")
+        raise ImageError(f"{view.image}: has no valid pixel (all NaN, blank, saturated or masked); remove this view")
     nothing = why_it_shows_nothing(image)
     if nothing:
         raise ImageError(f"{view.image}: {nothing}; remove this view")

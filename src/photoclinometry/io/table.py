@@ -64,6 +64,14 @@ class Table:
             raise self.error(key, f"is empty or not printable: {value!r}")
         return value
 
+    def texts(self, key: str) -> tuple[str, ...]:
+        """One text that is not blank, or a list of such."""
+        value = self._get(key, _REQUIRED, "text in quotes, or a list of such")
+        values = value if isinstance(value, list) else [value]
+        if not values or not all(isinstance(each, str) and each.strip() and "\0" not in each for each in values):
+            raise self._wrong_type(key, "text in quotes, or a list of such")
+        return tuple(values)
+
     def choice(self, key: str, known: tuple[str, ...], remedy: str = "") -> str:
         """One of the texts `known`."""
         value = self.text(key)
@@ -130,6 +138,13 @@ class Table:
         values = self.numbers(key, count)
         if (values < 1).any() or (values >= _INT32_END).any() or (values != np.round(values)).any():
             raise self._wrong_type(key, f"a list of {count} positive whole numbers")
+        return values.astype(np.int64)
+
+    def integers_from_zero(self, key: str, count: int) -> np.ndarray:
+        """(count,) int64."""
+        values = self.numbers(key, count)
+        if (values < 0).any() or (values >= _INT32_END).any() or (values != np.round(values)).any():
+            raise self._wrong_type(key, f"a list of {count} whole numbers of 0 or more")
         return values.astype(np.int64)
 
     def table(self, key: str, default: Any = _REQUIRED) -> Any:
