@@ -9,6 +9,7 @@ import pytest
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.model.reflectance import published
+from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.inconsistent_views import find_inconsistent_views, inconsistent_views
 from scenes import synthetic_images, synthetic_scene
 from test_sun_check import sparse_of
@@ -84,6 +85,15 @@ def test_of_few_views_none_is_left_out(scene, caplog, count):
     with caplog.at_level(logging.WARNING):
         assert inconsistent_views(turned(only(scene, count), 1, 90)) == []
     assert f"{count} views do not tell which is wrong" in caplog.text
+
+
+@pytest.mark.parametrize("degrees", [0, 90])
+def test_few_views_do_not_say_that_the_suns_as_a_whole_are_wrong(degrees):
+    """The ground from three others is off by itself: sound views are up to 35 degrees beside it. Such a map is made."""
+    four = only(synthetic_scene(size=20, views=8, brightness_noise=0.01, seed=5), 4)
+    with collected_warnings() as warnings:
+        assert inconsistent_views(turned(four, 1, degrees)) == []
+    assert [warned.code for warned in warnings] == (["sun-undecided"] if degrees else [])
 
 
 def test_of_six_views_the_wrong_one_is_left_out(scene):
