@@ -81,6 +81,7 @@ RUN = "run site/site.toml --out map"
 BODY = "body site/site.toml"
 MAPPED = "run mapped/site.toml --out mapped/run"
 RENDER = "render mapped/run --out a.png"
+FIGURE = "figure mapped/run --out a.pdf"
 EVALUATE = "evaluate mapped/run"
 EXPORT = "export mapped/run --out out"
 REFINE = "refine model --out out"
@@ -396,6 +397,8 @@ def options() -> Iterator[Fault]:
     yield row("a misspelt command", "rnu site/site.toml", "there is no command 'rnu'; did you mean `phomo run`?")
     yield row("a command unlike any", "zzz", "there is no command 'zzz'; commands: ingest, views, simulate, run")
     typed = rows("options", form=BOX)
+    yield typed("an unknown layer", f"{FIGURE} --layers colour", "Invalid choice ... 'colour' for argument '--layers'")
+    yield row("a resolution of a figure", f"{FIGURE} --dpi 5", "--dpi is 5; give 50 to 2400")
     yield typed("a misspelt option", f"{RUN} --sfm.max-feature 5", "Unrecognized options ... --sfm.max-features INT")
     yield typed("a misspelt option of the command", "run site --oout b", "Unrecognized options ... --out")
     yield typed("an option of another command", "info site --out b", "Unrecognized options ... phomo info --help")
@@ -638,6 +641,39 @@ def others() -> Iterator[Fault]:
     yield row(
         "a rendering of geometry alone", RENDER, "scene 'bumps' holds geometry alone ... run again with", geometry_alone
     )
+    yield row("a figure of another format", "figure mapped/run --out a.jpg", "a.jpg: cannot write .jpg; use .pdf")
+    yield row("a figure of no run", "figure none --out a.pdf", f"none: no such folder; {finished}")
+    yield row(
+        "a figure of a folder without a map",
+        "figure site --out a.pdf",
+        f"site: the folder holds ...; {finished}",
+    )
+    yield row(
+        "a layer of uncertainties that were not computed",
+        f"{FIGURE} --layers height-sigma",
+        "scene 'bumps' has no layer 'height-sigma': it states no uncertainty of the height",
+    )
+    yield row("albedos of geometry alone", FIGURE, "... no layer 'albedo': it holds geometry alone", geometry_alone)
+    yield row(
+        "a profile beside the map",
+        f"{FIGURE} --profile 0 0 5 0",
+        "the profile from (0.0, 0.0) to (5.0, 0.0) misses the map",
+    )
+    yield row(
+        "a profile of no length", f"{FIGURE} --profile 9 9 9 9", "profile from ...: give two different places as x"
+    )
+    yield row(
+        "maps too narrow",
+        f"{FIGURE} --width-mm 60 --across 3",
+        "3 maps side by side are 4 mm wide each in a figure of 60 mm, 15 are the least",
+    )
+    yield row(
+        "a figure higher than a page",
+        f"{FIGURE} --across 1 --columns 2",
+        "the figure would be ... mm high, a page has 240",
+    )
+    yield row("no view for a Sun's arrow", f"{FIGURE} --view 7", "no view '7' in scene 'bumps'; nearest: images/00")
+    yield row("a figure below a file", f"figure mapped/run --out {PHOTO}/a.pdf", f"{PHOTO}/a.pdf: cannot be written")
     fixed = "scene 'bumps' cannot be exported as"
     yield row(
         "SUMFILEs without a frame",
@@ -829,6 +865,7 @@ def disks() -> Iterator[Fault]:
     yield row("full at an export", f"{EXPORT} --products csv", f"... out/landmarks.csv: {large}", disk=300)
     yield row("full at a page", "view mapped/run --no-browser", f"mapped/run/report/viewer.html: {large}", disk=300)
     yield row("full at a rendering", "render mapped/run --out a.fits", f"a.fits: {large}", disk=300)
+    yield row("full at a figure", FIGURE, f"a.pdf: {large}", disk=300)
     yield row(
         "full at an evaluation", f"{EVALUATE} --no-images", f"mapped/run/evaluation/evaluation.json: {large}", disk=300
     )

@@ -45,6 +45,7 @@ COMMANDS = (
     "evaluate",
     "info",
     "view",
+    "figure",
     "export",
     "fetch",
     "study",

@@ -23,7 +23,7 @@ from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_re
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.scene import Region
-from photoclinometry.output.report.draw import region_extent
+from photoclinometry.output.figures.draw import region_extent
 from photoclinometry.photometry.render import landmark_brightness, landmark_faces, render_reference, render_view
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.pipeline.run_folder import adopt_stages

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).parents[1] / "reference" / "cli"
-ORDER = ["simulate", "info", "run", "view", "evaluate", "render", "export"]
+ORDER = ["simulate", "info", "run", "view", "evaluate", "render", "figure", "export"]
 ORDER += ["ingest", "views", "refine", "fetch", "study"]
 
 

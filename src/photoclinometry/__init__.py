@@ -24,6 +24,10 @@ if TYPE_CHECKING:
         choose_views,
         evaluate,
         export,
+        figure,
+        plot,
+        plot_profile,
+        plot_residuals,
         read_scene,
         read_site,
         reflectance,
@@ -39,6 +43,7 @@ if TYPE_CHECKING:
     from photoclinometry.model.reflectance import Reflectance
     from photoclinometry.model.scene import Camera, Image, Scene
     from photoclinometry.output.export import ExportOptions
+    from photoclinometry.output.figures.options import FigureOptions
     from photoclinometry.pipeline.presets import preset
     from photoclinometry.pipeline.products import RunResult
     from photoclinometry.pipeline.run import RunOptions
@@ -53,6 +58,7 @@ __all__ = [
     "Camera",
     "Evaluation",
     "ExportOptions",
+    "FigureOptions",
     "Image",
     "InputError",
     "PhotoclinometryError",
@@ -69,6 +75,10 @@ __all__ = [
     "choose_views",
     "evaluate",
     "export",
+    "figure",
+    "plot",
+    "plot_profile",
+    "plot_residuals",
     "preset",
     "read_scene",
     "read_site",
@@ -86,6 +96,7 @@ _MODULE = {
     "Camera": "model.scene",
     "Evaluation": "evaluate.evaluation",
     "ExportOptions": "output.export",
+    "FigureOptions": "output.figures.options",
     "Image": "model.scene",
     "InputError": "model.errors",
     "PhotoclinometryError": "model.errors",

@@ -31,6 +31,7 @@ from photoclinometry.model.progress import Progress
 from photoclinometry.model.reflectance import MODELS, Reflectance, starting_model
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.output.export import ExportOptions, export_scene
+from photoclinometry.output.figures.options import FigureOptions
 from photoclinometry.photometry.render import render_reference, render_view
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import RunOptions
@@ -282,10 +283,7 @@ def evaluate(
     if cameras is not None and reference is None:
         raise InputError("cameras align a map with another one: give the reference too")
     folder = _folder(scene)
-    if isinstance(scene, RunResult):
-        scene = scene.scene
-    elif not isinstance(scene, Scene):
-        scene = read_scene(scene)
+    scene = _scene(scene)
     pictures, held_out = _images(scene, folder, site) if images else (None, None)
     return evaluate_map(
         scene,
@@ -324,6 +322,123 @@ def export(
     if products:
         changes["products"] = (products,) if isinstance(products, str) else tuple(products)
     return export_scene(scene, Path(out), changed(options or ExportOptions(), changes))["files"]
+
+
+def plot(
+    scene: RunResult | Scene | str | Path,
+    layer: str,
+    *,
+    ax: Any = None,
+    view: str | None = None,
+    clim: tuple[float, float] | None = None,
+    marks: bool = True,
+) -> Any:
+    """Draw a layer of a map on matplotlib's axes, with colour bar, scale bar and arrows.
+
+    The axes count pixels of the reference image. Places without a landmark stay blank.
+
+    Args:
+        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
+        layer: "albedo", "relief" (shaded), "height", "slope", "normals", "height-sigma", "normal-sigma",
+            "albedo-sigma", "views" or "residual".
+        ax: The axes to draw on. Default: those of a new figure of matplotlib.pyplot.
+        view: Name of the view whose Sun an arrow shows, and which lights the shaded relief.
+        clim: Ends of the colour scale, in the layer's unit. Default: by percentiles.
+        marks: Draw the scale bar, and the arrows to the north (in the body-fixed frame) and to the Sun.
+
+    Returns:
+        The axes.
+
+    Raises:
+        InputError: There is no such layer or view, or the scene does not hold what the layer shows.
+    """
+    from photoclinometry.output.figures.maps import plot_layer
+
+    scene = _scene(scene)
+    index = None if view is None else view_index(scene, view)
+    return plot_layer(ax or _new_axes(), scene, layer, view=index, clim=clim, marks=marks)
+
+
+def plot_profile(
+    scene: RunResult | Scene | str | Path,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    *,
+    layer: str = "height",
+    ax: Any = None,
+) -> Any:
+    """Draw a layer along a line of a map, with a band of one standard deviation.
+
+    Args:
+        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
+        start: One end (x, y) in pixels of the reference image, as the axes of `plot` count them.
+        end: The other end.
+        layer: As of `plot`, but for "normals".
+        ax: The axes to draw on. Default: those of a new figure of matplotlib.pyplot.
+
+    Returns:
+        The axes: distances along the map's mean plane in metres, or in GSD, and values in the layer's unit.
+
+    Raises:
+        InputError: There is no such layer, the ends are one place, or the line misses the map.
+    """
+    from photoclinometry.output.figures import profile
+
+    return profile.plot_profile(ax or _new_axes(), _scene(scene), start, end, name=layer)
+
+
+def plot_residuals(
+    scene: RunResult | Scene | str | Path,
+    *,
+    view: str | None = None,
+    kind: Literal["brightness", "keypoint"] = "brightness",
+    ax: Any = None,
+) -> Any:
+    """Draw how far measurements are from what a map predicts: of all views, or of one view as a map.
+
+    Args:
+        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
+        view: Name of the view to draw as a map. Default: all views beside each other; boxes hold the middle half of
+            their residuals, lines end at the 5th and the 95th percentile.
+        kind: "brightness", predicted minus measured in per cent of the view's mean, or "keypoint", distances in pixels.
+        ax: The axes to draw on. Default: those of a new figure of matplotlib.pyplot.
+
+    Returns:
+        The axes.
+
+    Raises:
+        InputError: There is no such view or kind, or the scene has no reflectance model to predict brightness with.
+    """
+    from photoclinometry.output.figures import residuals
+
+    scene = _scene(scene)
+    index = None if view is None else view_index(scene, view)
+    return residuals.plot_residuals(ax or _new_axes(), scene, view=index, kind=kind)
+
+
+def figure(
+    scene: RunResult | Scene | str | Path, out: str | Path, *, options: FigureOptions | None = None, **changes: Any
+) -> Path:
+    """Write a figure for publication: lettered maps and a profile, at the width of a journal's columns.
+
+    Args:
+        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
+        out: The file; .pdf, .svg or .png. Text of PDF and SVG files is text, in fonts that lie in the file.
+        options: Layers, profile, size and resolution.
+        **changes: Fields of `FigureOptions`, such as layers=("albedo", "height"), dpi=600.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        InputError: An option is wrong, the scene lacks a layer, the figure does not fit a page, or `out` cannot be
+            written.
+    """
+    from photoclinometry.output.figures.journal import write_figure
+
+    scene, chosen = _scene(scene), changed(options or FigureOptions(), changes)
+    write_figure(Path(out), scene, chosen, None if chosen.view is None else view_index(scene, chosen.view))
+    return Path(out)
 
 
 def reflectance_models() -> tuple[str, ...]:
@@ -387,6 +502,20 @@ def _sun_direction(
     if not 0.0 < elevation_deg <= 90.0:
         raise InputError(f"Sun's elevation {elevation_deg} degrees: must be above 0 and at most 90 for light to fall")
     return sun_from_angles(local_frame(scene), np.deg2rad(azimuth_deg), np.deg2rad(elevation_deg))
+
+
+def _scene(scene: RunResult | Scene | str | Path) -> Scene:
+    """The map of a result, of a run folder, or of a scene.h5; a scene itself. Raises InputError."""
+    if isinstance(scene, RunResult):
+        return scene.scene
+    return scene if isinstance(scene, Scene) else read_scene(scene)
+
+
+def _new_axes() -> Any:
+    """Axes of a new figure, which a notebook and `matplotlib.pyplot.show` show."""
+    import matplotlib.pyplot as plt
+
+    return plt.subplots(layout="constrained")[1]
 
 
 def _folder(scene: RunResult | Scene | str | Path) -> Path | None:

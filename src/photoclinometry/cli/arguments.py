@@ -29,6 +29,7 @@ COMMANDS = (
     "evaluate",
     "info",
     "view",
+    "figure",
     "export",
     "fetch",
     "study",

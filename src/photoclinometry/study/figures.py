@@ -12,18 +12,20 @@ from photoclinometry.evaluate.compare import Comparison
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.scene import Scene
-from photoclinometry.output.report.draw import (
+from photoclinometry.output.figures.draw import (
     add_bar,
     bare,
     colour_map,
     limits,
     panels,
     save,
+    set_missing,
     show_map,
     style,
     symmetric_limits,
 )
-from photoclinometry.output.report.maps import draw_relit, normal_colours
+from photoclinometry.output.figures.maps import normal_colours
+from photoclinometry.output.report.maps import draw_relit
 from photoclinometry.study.record import Record
 
 if TYPE_CHECKING:
@@ -37,7 +39,7 @@ _WHOLE_ROW = 0.9
 """Share of landmarks in a row from which a scan along it is shown."""
 CELL_FIGURES = (
     ("errors.png", "Fig. 8: errors of albedo, normals and surface against truth."),
-    ("map.png", "Fig. 9: albedo, normals (red: right, green: up, blue: out of the ground), photometric error."),
+    ("map.png", "Fig. 9: albedo, normals (bright: facing up, orange: right, blue: left), photometric error."),
     ("relit.png", "Fig. 13: the map under other Suns."),
 )
 
@@ -65,6 +67,7 @@ def draw_errors(path: Path, found: Comparison) -> Path:
     with style():
         aspect = scene.region.height / scene.region.width
         figure, axes = panels(1, len(shown), 3.2, aspect, (1.65, 0.0), (0.6, 1.0, 0.5, 0.3))
+        set_missing(axes)
         for panel, (title, unit, values, cmap, clim) in zip(axes[0], shown, strict=True):
             clim = limits(values, high=_ERROR_PERCENT, zero=True) if clim is None else clim
             show_map(panel, values, scene.region, title, label=unit, cmap=cmap, clim=clim)
@@ -77,6 +80,7 @@ def draw_map(path: Path, scene: Scene) -> Path:
     with style():
         aspect = scene.region.height / scene.region.width
         figure, axes = panels(1, 3, 3.2, aspect, (1.65, 0.0), (0.6, 1.0, 0.5, 0.3))
+        set_missing(axes)
         label = "normal albedo" if scene.brightness == "iof" else "relative albedo"
         show_map(axes[0, 0], scene.grid(scene.landmarks.albedo), scene.region, "Albedo", label=label)
         show_map(axes[0, 1], normal_colours(scene), scene.region, "Normals")

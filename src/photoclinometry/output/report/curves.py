@@ -10,7 +10,7 @@ import numpy as np
 
 from photoclinometry.evaluate.metrics import psnr
 from photoclinometry.model.scene import Image, Scene
-from photoclinometry.output.report.draw import (
+from photoclinometry.output.figures.draw import (
     add_bar,
     bare,
     colour_map,

@@ -105,7 +105,7 @@ def _map_sections(work: Path, scene: Scene, images: Sequence[Image], content: Re
     """Maps of the landmarks, of their errors where these are known, and of their uncertainties, drawn into `work`."""
     name = scene.views.name[scene.reference]
     reference = next((image for image in images if image.name == name), None)
-    maps = page.figures(draw_maps(work, scene, reference, scene.unit))
+    maps = page.figures(draw_maps(work, scene, reference))
     sections = [("Map", "On the pixels of the reference image.", maps)]
     found = draw_values(work, scene, content.errors, "difference")
     if found:

@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.shape_model import ShapeModel
-from photoclinometry.output.report.draw import bare, colour_map, limits, panels, save, style
+from photoclinometry.output.figures.draw import bare, colour_map, limits, panels, save, style
 from photoclinometry.surface.closed_mesh import vertex_normals
 from photoclinometry.surface.mesh_rays import MeshRays
 

@@ -18,10 +18,12 @@ from matplotlib.figure import Figure
 from photoclinometry.model.scene import Region
 
 MISSING = (0.66, 0.71, 0.77)
-"""Colour of pixels without a value: a bluish grey, which is not mistaken for a brightness."""
+"""What the report shows behind pixels without a value: a bluish grey, which is not mistaken for a brightness."""
+_NOTHING = (0.0, 0.0, 0.0, 0.0)
+"""Colour of pixels without a value: none, so that the axes' own is seen."""
 DPI = 130
 """Resolution of figures [px/inch]."""
-_ASPECT = (0.3, 2.0)
+ASPECT = (0.3, 2.0)
 """Range of a panel's height over its width; maps beyond it are drawn with margins."""
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -49,7 +51,7 @@ def panels(
     engines draw everything twice. Draw inside `style()`.
     """
     left, right, bottom, top = margin
-    height = width * float(np.clip(aspect, *_ASPECT))
+    height = width * float(np.clip(aspect, *ASPECT))
     full_width = left + right + cols * width + (cols - 1) * gap[0]
     full_height = bottom + top + rows * height + (rows - 1) * gap[1]
     figure = Figure(figsize=(full_width, full_height))
@@ -63,7 +65,14 @@ def panels(
 def one_panel(aspect: float) -> tuple[Figure, Axes]:
     """A figure for one map (height / width = aspect) with its colour bar."""
     figure, axes = panels(1, 1, 4.3, aspect, (0.0, 0.0), (0.6, 1.0, 0.5, 0.3))
+    set_missing(axes)
     return figure, axes[0, 0]
+
+
+def set_missing(axes: np.ndarray) -> None:
+    """Maps on these axes (rows, cols) show MISSING where there is no value."""
+    for panel in axes.flat:
+        panel.set_facecolor(MISSING)
 
 
 def style() -> AbstractContextManager[None]:
@@ -72,8 +81,14 @@ def style() -> AbstractContextManager[None]:
 
 
 def colour_map(name: str) -> Colormap:
-    """A matplotlib colour map that shows missing values in MISSING."""
-    return matplotlib.colormaps[name].with_extremes(bad=MISSING)
+    """A matplotlib colour map that leaves missing values blank."""
+    return matplotlib.colormaps[name].with_extremes(bad=_NOTHING)
+
+
+def transparent(colours: np.ndarray) -> np.ndarray:
+    """Colours (h, w, 3), NaN where there is no value, as (h, w, 4) that are blank there."""
+    there = np.isfinite(colours).all(-1, keepdims=True)
+    return np.concatenate([np.where(there, colours, 0.0), there.astype(float)], -1)
 
 
 def limits(values: np.ndarray, low: float = 1.0, high: float = 99.0, *, zero: bool = False) -> tuple[float, float]:
@@ -109,16 +124,21 @@ def show_map(
     cmap: str = "gray",
     clim: tuple[float, float] | None = None,
 ) -> None:
-    """A map (h, w) on the region's grid with its colour bar, or an RGB image (h, w, 3) without one."""
+    """A map (h, w) on the region's grid with its colour bar, or an image (h, w, 4) of colours without one."""
     axes.set_title(title)
     axes.set_xlabel("reference column [px]")
     axes.set_ylabel("reference row [px]")
     if values.ndim == 3:
-        axes.imshow(values, extent=region_extent(region))
+        axes.imshow(values, extent=region_extent(region), interpolation="nearest")
         return
     low, high = limits(values) if clim is None else clim
     drawn = axes.imshow(
-        np.ma.masked_invalid(values), cmap=colour_map(cmap), vmin=low, vmax=high, extent=region_extent(region)
+        np.ma.masked_invalid(values),
+        cmap=colour_map(cmap),
+        vmin=low,
+        vmax=high,
+        extent=region_extent(region),
+        interpolation="nearest",
     )
     add_bar(axes, drawn, values, label)
 
@@ -134,8 +154,9 @@ def add_bar(axes: Axes, drawn: Any, values: np.ndarray, label: str) -> None:
 
 
 def bare(axes: Axes, title: str = "") -> Axes:
-    """Axes without ticks and frame, for pictures."""
+    """Axes without ticks and frame, for pictures of the report."""
     axes.set_title(title)
+    axes.set_facecolor(MISSING)
     axes.set_xticks([])
     axes.set_yticks([])
     for spine in axes.spines.values():
