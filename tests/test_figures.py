@@ -20,7 +20,7 @@ from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.output.figures.draw import colour_map, limits
 from photoclinometry.output.figures.layers import LAYERS, slope_deg, slope_sigma_deg
 from photoclinometry.output.figures.maps import contour_levels, normal_colours
-from photoclinometry.output.figures.marks import ground_per_column, north_in_image, scale_bar, sun_in_image
+from photoclinometry.output.figures.marks import ground_per_pixel, north_in_image, scale_bar, sun_in_image
 from photoclinometry.output.figures.profile import profile
 from photoclinometry.output.figures.residuals import residuals
 from photoclinometry.registration.alignment import transform_scene
@@ -131,14 +131,14 @@ def test_normals_differ_in_lightness_and_in_blue_against_yellow(scene):
 
 def test_the_scale_bar_is_as_long_as_it_says(scene):
     """The mean distance of neighbouring columns of landmarks along the mean plane, and the bar's own words."""
-    across = scene.grid(local_frame(scene).inverse()(scene.landmarks.position))[..., 0]
-    measured = np.nanmean(across[:, -1] - across[:, 0]) / 39
-    assert ground_per_column(scene) == pytest.approx(measured, rel=0.01)
+    across, along, _ = np.moveaxis(scene.grid(local_frame(scene).inverse()(scene.landmarks.position)), -1, 0)
+    measured = np.nanmean(across[:, -1] - across[:, 0]) / 39, np.nanmean(along[0] - along[-1]) / 39
+    np.testing.assert_allclose(ground_per_pixel(scene), measured, rtol=0.01)
     for shown, unit_length in ((scene, scene.gsd), (placed(scene, 0.0, 0.0), 1.0)):
         pixels, words = scale_bar(shown)
         length, name = words.split()
         assert name == ("GSD" if shown is scene else "m")
-        assert pixels * ground_per_column(shown) == pytest.approx(float(length) * unit_length)
+        assert pixels * ground_per_pixel(shown)[0] == pytest.approx(float(length) * unit_length)
         assert 0.1 * 40 < pixels < 0.4 * 40
 
 

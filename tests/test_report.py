@@ -107,7 +107,7 @@ def test_geometry_alone_has_no_photometric_figures(tmp_path):
     path = write_report(tmp_path / "report", scene, synthetic_images(scene))
     page = Page(path.read_text(encoding="utf-8"))
     maps = {"reference.png", "height.png", "normals.png", "slope.png", "views_per_landmark.png"}
-    assert maps | {"viewer.html"} == page.files
+    assert maps | {"viewer.html", "overview.png"} == page.files
 
 
 def test_report_is_written_without_images(tmp_path):

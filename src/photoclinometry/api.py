@@ -342,7 +342,8 @@ def plot(
         layer: "albedo", "relief" (shaded), "height", "slope", "normals", "height-sigma", "normal-sigma",
             "albedo-sigma", "views" or "residual".
         ax: The axes to draw on. Default: those of a new figure of matplotlib.pyplot.
-        view: Name of the view whose Sun an arrow shows, and which lights the shaded relief.
+        view: Name of the view whose Sun an arrow shows, and which lights the relief of "relief" and "height". Default:
+            no arrow, and light from the upper left.
         clim: Ends of the colour scale, in the layer's unit. Default: by percentiles.
         marks: Draw the scale bar, and the arrows to the north (in the body-fixed frame) and to the Sun.
 

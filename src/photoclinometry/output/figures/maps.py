@@ -36,7 +36,7 @@ def plot_layer(
 ) -> Axes:
     """Draws a layer of `LAYERS` on axes, in pixels of the reference image; returns the axes.
 
-    Places without a landmark stay blank. view: whose Sun is shown by an arrow, and lights the shaded relief. clim: the
+    Places without a landmark stay blank. view: whose Sun is shown by an arrow, and lights the relief. clim: the
     ends of the colour scale. marks: also draw the scale bar and the arrows. Raises InputError for a layer that there is
     not.
     """
@@ -48,7 +48,7 @@ def plot_layer(
         values = scene.grid(shade(scene, view) if name == "relief" else layer.values(scene))
         low, high = layer_limits(layer, values) if clim is None else clim
         if name == "height":
-            _show_height(axes, scene, layer, values, (low, high))
+            _show_height(axes, scene, layer, values, (low, high), view)
         else:
             show_map(
                 axes, values, scene.region, layer.title, label=layer.label(scene), cmap=layer.cmap, clim=(low, high)
@@ -78,11 +78,16 @@ def _facing_colours(right: np.ndarray, up: np.ndarray) -> np.ndarray:
     return np.clip(0.5 + right[..., None] * _RIGHT_COLOUR + up[..., None] * _UP_COLOUR, 0.0, 1.0)
 
 
-def hillshaded(scene: Scene, values: np.ndarray, cmap: str, clim: tuple[float, float]) -> np.ndarray:
-    """Colours (h, w, 4) of values (h, w) by a colour map, darker where the hillshade is; transparent where NaN."""
+def hillshaded(
+    scene: Scene, values: np.ndarray, cmap: str, clim: tuple[float, float], view: int | None = None
+) -> np.ndarray:
+    """Colours (h, w, 4) of values (h, w) by a colour map, darker where the hillshade is; transparent where NaN.
+
+    view: whose Sun lights the relief; by default the light comes from the upper left.
+    """
     low, high = clim
     dark, by_shade, brightest = _HILLSHADE_MIX
-    lit = scene.grid(shade(scene))
+    lit = scene.grid(shade(scene, view))
     colour = colour_map(cmap)(np.clip((values - low) / (high - low), 0.0, 1.0))[..., :3]
     mixed = colour * np.clip(dark + by_shade * lit / np.nanmedian(lit), 0.0, brightest)[..., None]
     return transparent(np.where(np.isfinite(values)[..., None], np.clip(mixed, 0.0, 1.0), np.nan))
@@ -94,8 +99,10 @@ def contour_levels(clim: tuple[float, float]) -> np.ndarray:
     return levels[(levels > clim[0]) & (levels < clim[1])]
 
 
-def _show_height(axes: Axes, scene: Scene, layer: Layer, values: np.ndarray, clim: tuple[float, float]) -> None:
-    show_map(axes, hillshaded(scene, values, layer.cmap, clim), scene.region, layer.title)
+def _show_height(
+    axes: Axes, scene: Scene, layer: Layer, values: np.ndarray, clim: tuple[float, float], view: int | None
+) -> None:
+    show_map(axes, hillshaded(scene, values, layer.cmap, clim, view), scene.region, layer.title)
     levels, label = contour_levels(clim), layer.label(scene)
     if len(levels) > 1 and min(values.shape) > 1:
         left, right, bottom, top = region_extent(scene.region)

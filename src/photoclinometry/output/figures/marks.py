@@ -38,7 +38,7 @@ def scale_bar(scene: Scene) -> tuple[float, str]:
     Metres, kilometres, or GSD where metres are not known. It is true along the rows of the image, on the mean plane.
     """
     factor, unit_name = length_unit(scene)
-    per_pixel = ground_per_column(scene) * factor
+    per_pixel = float(ground_per_pixel(scene)[0]) * factor
     longest = _BAR_SHARE * scene.region.width * per_pixel
     power = 10.0 ** math.floor(math.log10(longest))
     length = power * max(step for step in _STEPS if step * power <= longest)
@@ -47,17 +47,21 @@ def scale_bar(scene: Scene) -> tuple[float, str]:
     return length / per_pixel, f"{length:g} {unit_name}"
 
 
-def ground_per_column(scene: Scene) -> float:
-    """Length in B on the mean plane between neighbouring columns of the reference image, in the middle of the map."""
+def ground_per_pixel(scene: Scene) -> np.ndarray:
+    """(2,) lengths in B on the mean plane of a step to the next column and to the next row of the reference image.
+
+    In the middle of the map.
+    """
     frame = local_frame(scene)
     region, camera = scene.region, scene.views.cameras[scene.reference]
     pose = scene.views.body_from_cam[scene.reference]
     middle = np.array([region.col + 0.5 * region.width, region.row + 0.5 * region.height])
-    rays = camera.ray_in_cam(middle + [[-0.5, 0.0], [0.5, 0.0]]) @ pose.rotation.T
+    ends = np.array([[[-0.5, 0.0], [0.5, 0.0]], [[0.0, -0.5], [0.0, 0.5]]])
+    rays = camera.ray_in_cam(middle + ends) @ pose.rotation.T
     up = frame.rotation[:, 2]
     distance = (frame.translation - pose.translation) @ up / (rays @ up)
-    left, right = distance[:, None] * rays
-    return float(np.linalg.norm(right - left))
+    point = distance[..., None] * rays
+    return np.linalg.norm(point[:, 1] - point[:, 0], axis=-1)
 
 
 def north_in_image(scene: Scene) -> np.ndarray | None:

@@ -31,8 +31,8 @@ class FigureOptions(Ranged):
     profile_layer: LayerName = "height"
     """The layer that the profile shows."""
     view: str | None = None
-    """Name of the view whose Sun is shown by an arrow, and lights the shaded relief. By default there is no arrow, and
-    light comes from the upper left."""
+    """Name of the view whose Sun is shown by an arrow, and lights the relief. By default there is no arrow, and light
+    comes from the upper left."""
     columns: Literal[1, 2] | None = None
     """Columns of a journal that the figure is as wide as: 90 or 190 mm. By default one for a single map, else two."""
     width_mm: Annotated[float | None, Range(least=30, most=1000)] = None

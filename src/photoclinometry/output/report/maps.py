@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.patches import Rectangle
 
 from photoclinometry.evaluate.tables import split_unit, words
-from photoclinometry.model.scene import Image, Region, Scene
+from photoclinometry.model.scene import BODY_FIXED, Image, Region, Scene
 from photoclinometry.output.figures.draw import (
     bare,
     colour_map,
@@ -23,6 +24,7 @@ from photoclinometry.output.figures.draw import (
 )
 from photoclinometry.output.figures.layers import LAYERS, SHORT_TAIL_PERCENT, STEEP_PERCENT
 from photoclinometry.output.figures.maps import plot_layer
+from photoclinometry.output.report.weak_places import WeakPlace
 from photoclinometry.photometry.render import render_reference
 from photoclinometry.surface.relief import local_frame, sun_from_angles
 
@@ -59,6 +61,23 @@ def draw_layer(path: Path, scene: Scene, name: str) -> Path:
         figure, axes = one_panel(scene.region.height / scene.region.width)
         plot_layer(axes, scene, name)
         return save(figure, path)
+
+
+def draw_overview(path: Path, scene: Scene, places: Sequence[WeakPlace]) -> str:
+    """Heights under the Sun of the reference view, with the worst places numbered; returns the caption."""
+    with style():
+        figure, axes = one_panel(scene.region.height / scene.region.width)
+        plot_layer(axes, scene, "height", view=scene.reference)
+        for count, place in enumerate(places, 1):
+            for color, width in (("white", 2.6), ("black", 1.2)):
+                axes.add_patch(Rectangle(place.corner, *place.size, fill=False, edgecolor=color, linewidth=width))
+            box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.78, "pad": 1.0}
+            middle = np.array(place.corner) + 0.5 * np.array(place.size)
+            axes.annotate(str(count), tuple(middle), ha="center", va="center", weight="bold", bbox=box)
+        save(figure, path)
+    north = "; N is north" if scene.frame == BODY_FIXED else "; north is not known"
+    numbered = " Squares: the worst places." if places else ""
+    return f"Heights, lit by the Sun of the reference image {scene.views.name[scene.reference]}{north}.{numbered}"
 
 
 def draw_landmark_values(path: Path, scene: Scene, name: str, values: np.ndarray) -> Path:

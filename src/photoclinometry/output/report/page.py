@@ -7,20 +7,21 @@ from html import escape
 from typing import Any
 
 from photoclinometry.evaluate.tables import metric_rows, number, split_unit, words
+from photoclinometry.output.report.first_screen import STYLE as FIRST_SCREEN
 
 STYLE = """
 :root { --ink: #1c2430; --soft: #5b6675; --line: #dfe3e8; --back: #f6f7f9; --accent: #1f4e79; }
 * { box-sizing: border-box; }
 body { margin: 0; color: var(--ink); background: var(--back);
        font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
-header { background: var(--ink); color: white; padding: 26px 0 22px; }
+header { background: var(--ink); color: white; padding: 16px 0 14px; }
 header h1 { margin: 0; font-size: 26px; font-weight: 600; }
 header p { margin: 4px 0 0; color: #b9c3d0; }
 nav { position: sticky; top: 0; z-index: 1; background: white; border-bottom: 1px solid var(--line); }
 nav a { display: inline-block; padding: 10px 14px 10px 0; color: var(--accent); text-decoration: none; }
 nav a:hover { text-decoration: underline; }
 .wrap { max-width: 1240px; margin: 0 auto; padding: 0 24px; }
-section { padding: 22px 0 6px; }
+section { padding: 16px 0 6px; }
 h2 { font-size: 19px; font-weight: 600; margin: 0 0 12px; }
 h2 + p { margin-top: -6px; color: var(--soft); }
 .tiles { display: grid; grid-template-columns: repeat(auto-fill, minmax(165px, 1fr)); gap: 12px; }
@@ -168,7 +169,7 @@ def page(title: str, subtitle: str, sections: Sequence[tuple[str, str, str]], fo
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(title)}</title>'
-        f"<style>{STYLE}</style></head><body>"
+        f"<style>{STYLE}{FIRST_SCREEN}</style></head><body>"
         f'<header><div class="wrap"><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></div></header>'
         f'<nav><div class="wrap">{links}</div></nav>'
         f'<main class="wrap">{banner}{body}</main><footer class="wrap">{escape(footer)}</footer></body></html>\n'

@@ -20,7 +20,9 @@ from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.report import page
 from photoclinometry.output.report.curves import CONVERGENCE, draw_convergence, draw_renderings
-from photoclinometry.output.report.maps import draw_maps, draw_relit, draw_values
+from photoclinometry.output.report.first_screen import first_screen
+from photoclinometry.output.report.maps import draw_maps, draw_overview, draw_relit, draw_values
+from photoclinometry.output.report.overview import overview
 from photoclinometry.output.viewer import write_viewer
 from photoclinometry.output.viewer.page import NAME as VIEWER
 
@@ -54,9 +56,9 @@ class ReportContent:
     options: Mapping[str, Any] | None = None
     """Of the run, nested as they are."""
     warnings: Sequence[str] = ()
-    """What the run warned of: a banner on top."""
+    """What the run warned of: on top."""
     distrust: Sequence[str] = ()
-    """Why the map is not to be trusted: a red banner on top."""
+    """Why the map is not to be trusted: on top, in red."""
 
 
 def write_report(
@@ -74,9 +76,7 @@ def write_report(
     with atomic_path(folder) as work:
         work.mkdir()
         write_viewer(work / VIEWER, scene, images)
-        sections = [
-            ("Summary", "", page.tiles(metrics) + page.link(VIEWER, "Move the Sun over the map, and measure on it"))
-        ]
+        sections = [_summary(work, scene, rows, metrics, content)]
         sections += _map_sections(work, scene, images, content)
         if scene.reflectance is not None:
             sections += _rendering_sections(work, scene, images, rows)
@@ -93,12 +93,21 @@ def write_report(
             _subtitle(scene),
             sections,
             f"Written by photoclinometry {__version__}.",
-            page.banners(content.distrust, content.warnings),
         )
         (work / "index.html").write_text(html, encoding="utf-8")
         (work / "summary.json").write_text(json.dumps(json_numbers(metrics), indent=2) + "\n", encoding="utf-8")
     log.info("report: %s", folder / "index.html")
     return folder / "index.html"
+
+
+def _summary(
+    work: Path, scene: Scene, rows: Sequence[Mapping[str, Any]], metrics: Mapping[str, float], content: ReportContent
+) -> Section:
+    """The first screen, with its map drawn into `work`."""
+    found = overview(scene, metrics, rows, content.warnings, content.distrust)
+    caption = draw_overview(work / "overview.png", scene, found.places)
+    link = page.link(VIEWER, "Move the Sun over the map, and measure on it")
+    return "Summary", "", first_screen(found, "overview.png", caption) + link
 
 
 def _map_sections(work: Path, scene: Scene, images: Sequence[Image], content: ReportContent) -> list[Section]:
