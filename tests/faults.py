@@ -665,7 +665,7 @@ def others() -> Iterator[Fault]:
     yield row(
         "maps too narrow",
         f"{FIGURE} --width-mm 60 --across 3",
-        "3 maps side by side are 4 mm wide each in a figure of 60 mm, 15 are the least",
+        "3 maps side by side are 7 mm wide each in a figure of 60 mm, 15 are the least",
     )
     yield row(
         "a figure higher than a page",

@@ -99,8 +99,8 @@ def test_contours_are_where_the_heights_are(scene, ax):
     (contours,) = ax.collections
     levels = contour_levels((-2.0, 2.0))
     spacing, points = levels[1] - levels[0], 0
-    label = next(child for child in ax.child_axes).get_ylabel()
-    assert label == f"height [GSD], contours every {spacing:.3g} GSD"
+    assert ax.get_title() == f"Height, contours {spacing:.3g} GSD"
+    assert ax.child_axes[0].get_ylabel() == "height [GSD]"
     middle = (scene.region.col + 20.0, scene.region.row + 20.0)
     for level, path in zip(levels, contours.get_paths(), strict=True):
         for x, y in path.vertices[:: max(1, len(path.vertices) // 20)]:
@@ -283,7 +283,7 @@ def test_a_pdf_has_its_size_its_fonts_and_its_text(run, tmp_path):
     streams = [found[1] for found in re.finditer(rb"stream\r?\n(.*?)\r?\nendstream", data, re.DOTALL)]
     page = b"".join(_inflated(stream) for stream in streams)
     text = b"".join(re.findall(rb"\((.*?)\)", page)).replace(b"\0", b"")  # of the operators TJ and Tj, without kerning
-    for words in (b"Albedo", b"Height", b"normal albedo", b"distance"):
+    for words in (b"Albedo", b"Height, contours", b"normal albedo", b"distance"):
         assert words in text
     again = tmp_path / "again.pdf"
     assert phomo("figure", run, "--out", again, "--layers", "albedo", "height", *PROFILE, "--width-mm", 150) == 0
@@ -312,7 +312,7 @@ def test_an_svg_has_its_size_its_fonts_its_text_and_the_maps_values(run, scene, 
     picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     assert "scale(1 -1)" in element.attrib["transform"]
     picture, side = picture[::-1], len(picture)
-    assert side == pytest.approx((90 - 1.0 - 15.5) * 254 / 25.4, abs=2)
+    assert side == pytest.approx((90 - 1.0 - 12.5) / 1.065 * 254 / 25.4, abs=2)
     middles = ((np.arange(40) + 0.5) * side / 40).astype(int)
     albedo = scene.grid(scene.landmarks.albedo)
     low, high = limits(albedo)

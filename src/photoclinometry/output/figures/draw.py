@@ -25,6 +25,8 @@ DPI = 130
 """Resolution of figures [px/inch]."""
 ASPECT = (0.3, 2.0)
 """Range of a panel's height over its width; maps beyond it are drawn with margins."""
+BAR_PLACE = (1.03, 0.0, 0.035, 1.0)
+"""Left, bottom, width and height of a colour bar in sizes of its map."""
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
@@ -149,7 +151,7 @@ def add_bar(axes: Axes, drawn: Any, values: np.ndarray, label: str) -> None:
     low, high = drawn.get_clim()
     under, over = (finite < low).any(), (finite > high).any()
     extend = "both" if under and over else "min" if under else "max" if over else "neither"
-    place = axes.inset_axes((1.03, 0.0, 0.035, 1.0))
+    place = axes.inset_axes(BAR_PLACE)
     axes.figure.colorbar(drawn, cax=place, label=label, extend=extend, extendfrac=0.03)
 
 

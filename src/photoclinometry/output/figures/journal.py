@@ -16,7 +16,7 @@ from photoclinometry import __version__
 from photoclinometry.io.atomic import write_bytes
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Scene
-from photoclinometry.output.figures.draw import ASPECT, STYLE, panels
+from photoclinometry.output.figures.draw import ASPECT, BAR_PLACE, STYLE, panels
 from photoclinometry.output.figures.layers import find_layer
 from photoclinometry.output.figures.maps import plot_layer
 from photoclinometry.output.figures.options import COLUMN_MM, FigureOptions
@@ -30,9 +30,11 @@ PAGE_HEIGHT_MM = 240.0
 """Greatest height of a figure: that of a journal's page."""
 _LEAST_PANEL_MM = 15.0
 """Narrower maps leave no room for a scale bar."""
-_LEFT_MM, _RIGHT_MM, _TOP_MM, _BOTTOM_MM = 1.0, 15.5, 5.5, 1.5
-"""Margins around the maps. The right one holds a colour bar with its label, and is the gap between maps, too."""
-_PROFILE_MM, _PROFILE_LEFT_MM, _PROFILE_BELOW_MM, _PROFILE_ABOVE_MM = 32.0, 13.0, 9.5, 8.0
+_LEFT_MM, _TOP_MM, _BOTTOM_MM = 1.0, 5.5, 1.5
+"""Margins around the maps."""
+_BAR_SHARE, _LABEL_MM = BAR_PLACE[0] + BAR_PLACE[2] - 1.0, 12.5
+"""Right margin, which is the gap between maps, too: a colour bar, as a share of the map's width, and its label."""
+_PROFILE_MM, _PROFILE_LEFT_MM, _PROFILE_RIGHT_MM, _PROFILE_BELOW_MM, _PROFILE_ABOVE_MM = 32.0, 13.0, 3.5, 9.5, 8.0
 """Height of a profile, and its margins: numbers and label to the left, those below, and the gap to the maps above."""
 _ACROSS = 3
 """Most maps side by side in two columns, unless asked for."""
@@ -114,14 +116,16 @@ def width_mm(options: FigureOptions) -> float:
 def _layout(scene: Scene, options: FigureOptions) -> tuple[Figure, list[Axes], Axes | None]:
     """The figure, the axes of its maps, and those of the profile below them. Raises InputError."""
     full, grown = width_mm(options), _grown(options)
-    left, right, top, bottom = (grown * side for side in (_LEFT_MM, _RIGHT_MM, _TOP_MM, _BOTTOM_MM))
+    left, top, bottom = (grown * side for side in (_LEFT_MM, _TOP_MM, _BOTTOM_MM))
     count = len(options.layers)
     across = min(count, options.across or (1 if full <= COLUMN_MM[1] else _ACROSS))
     down = -(-count // across) if count else 0
     with_curve = 0.0
     if options.profile is not None:
         with_curve = grown * (_PROFILE_BELOW_MM + (_PROFILE_ABOVE_MM if count else _TOP_MM)) + _PROFILE_MM
-    width = full - left - right if not count else (full - left - across * right) / across
+    each = (full - left) / max(across, 1)
+    width = (each - grown * _LABEL_MM) / (1.0 + _BAR_SHARE)
+    right = each - width
     if width < _LEAST_PANEL_MM:
         raise InputError(
             f"{across} maps side by side are {width:.0f} mm wide each in a figure of {full:g} mm, {_LEAST_PANEL_MM:g} "
@@ -146,7 +150,7 @@ def _layout(scene: Scene, options: FigureOptions) -> tuple[Figure, list[Axes], A
     if options.profile is None:
         return figure, axes, None
     x, y = grown * _PROFILE_LEFT_MM / full, grown * _PROFILE_BELOW_MM / height
-    return figure, axes, figure.add_axes((x, y, 1.0 - x - 0.02, _PROFILE_MM / height))
+    return figure, axes, figure.add_axes((x, y, 1.0 - x - _PROFILE_RIGHT_MM / full, _PROFILE_MM / height))
 
 
 def _grown(options: FigureOptions) -> float:

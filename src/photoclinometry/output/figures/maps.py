@@ -6,6 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.font_manager import FontProperties
+from matplotlib.offsetbox import AnchoredOffsetbox, DrawingArea, HPacker, OffsetImage, TextArea, VPacker
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
 from photoclinometry.model.scene import Scene
@@ -21,8 +24,8 @@ _UP_COLOUR = np.array([0.42, 0.42, 0.42])
 _RIGHT_COLOUR = np.array([0.42, -0.11, -0.52])
 """Change of red, green and blue of ground that faces up in the image, and of ground that faces right: lightness, and
 orange against blue at the same lightness. These are told apart by people who confuse red with green."""
-_KEY = 41
-"""Width and height of the key of normals [px]."""
+_KEY_PX, _KEY_PT = 81, 22.0
+"""Width and height of the disc of colours of normals, in pixels and on paper [points]."""
 
 
 def plot_layer(
@@ -53,6 +56,8 @@ def plot_layer(
             show_map(
                 axes, values, scene.region, layer.title, label=layer.label(scene), cmap=layer.cmap, clim=(low, high)
             )
+    if name == "views":
+        axes.child_axes[-1].yaxis.set_major_locator(MaxNLocator(integer=True))
     if marks:
         add_marks(axes, scene, view)
     return axes
@@ -103,30 +108,34 @@ def _show_height(
     axes: Axes, scene: Scene, layer: Layer, values: np.ndarray, clim: tuple[float, float], view: int | None
 ) -> None:
     show_map(axes, hillshaded(scene, values, layer.cmap, clim, view), scene.region, layer.title)
-    levels, label = contour_levels(clim), layer.label(scene)
+    levels = contour_levels(clim)
     if len(levels) > 1 and min(values.shape) > 1:
         left, right, bottom, top = region_extent(scene.region)
         rows, cols = values.shape
         x = left + (np.arange(cols) + 0.5) * (right - left) / cols
         y = top + (np.arange(rows) + 0.5) * (bottom - top) / rows
         axes.contour(x, y, np.ma.masked_invalid(values), levels, colors="black", linewidths=0.5, alpha=0.7)
-        label += f", contours every {levels[1] - levels[0]:.3g} {length_unit(scene)[1]}"
-    add_bar(axes, ScalarMappable(Normalize(*clim), colour_map(layer.cmap)), values, label)
+        axes.set_title(f"{layer.title}, contours {levels[1] - levels[0]:.3g} {length_unit(scene)[1]}")
+    add_bar(axes, ScalarMappable(Normalize(*clim), colour_map(layer.cmap)), values, layer.label(scene))
 
 
 def _add_key(axes: Axes) -> None:
-    """The colours of normals by the direction that the ground faces, beside the map."""
-    key = axes.inset_axes((1.04, 0.36, 0.16, 0.28))
-    right, up = np.meshgrid(np.linspace(-1.0, 1.0, _KEY), np.linspace(1.0, -1.0, _KEY))
+    """The colours of normals by the direction that the ground faces, to the right of the map."""
+    right, up = np.meshgrid(np.linspace(-1.0, 1.0, _KEY_PX), np.linspace(1.0, -1.0, _KEY_PX))
     inside = (np.hypot(right, up) <= 1.0)[..., None]
-    key.imshow(transparent(np.where(inside, _facing_colours(right, up), np.nan)), interpolation="nearest")
-    key.set_anchor("W")
-    key.set_axis_off()
-    key.set_title("facing", fontsize="small", pad=9.0)
-    middle, end = 0.5 * (_KEY - 1), _KEY - 0.5
-    for x, y, words, across, along in (
-        (middle, -0.5, "up", "center", "bottom"),
-        (middle, end, "down", "center", "top"),
-        (end, middle, " right", "left", "center"),
-    ):
-        key.text(x, y, words, ha=across, va=along, fontsize="x-small")
+    colours = transparent(np.where(inside, _facing_colours(right, up), np.nan))
+    disc = OffsetImage(colours, zoom=_KEY_PT / _KEY_PX, interpolation="nearest")
+    row = HPacker(children=[_sideways("left", 90.0), disc, _sideways("right", 270.0)], align="center", pad=0.0, sep=1.0)
+    words = [TextArea(text, textprops={"size": "x-small"}) for text in ("facing", "up", "down")]
+    key = VPacker(children=[*words[:2], row, words[2]], align="center", pad=0.0, sep=1.0)
+    place = {"bbox_to_anchor": (1.02, 0.5), "bbox_transform": axes.transAxes}
+    axes.add_artist(AnchoredOffsetbox("center left", child=key, pad=0.0, borderpad=0.0, frameon=False, **place))
+
+
+def _sideways(words: str, rotation: float) -> DrawingArea:
+    """A word that is read upwards or downwards."""
+    size = FontProperties(size="x-small").get_size_in_points()
+    box = DrawingArea(1.2 * size, _KEY_PT)
+    middle = (0.6 * size, 0.5 * _KEY_PT)
+    box.add_artist(Text(*middle, words, rotation=rotation, ha="center", va="center", fontsize=size))
+    return box

@@ -82,7 +82,7 @@ def plot_profile(axes: Axes, scene: Scene, start: Pixel, end: Pixel, *, name: st
     placed = scene.frame == BODY_FIXED and name == "height"
     if drawn.sigma is not None:
         low, high = drawn.value - drawn.sigma, drawn.value + drawn.sigma
-        label = "± one standard deviation" + (", with that of the map's place on the body" if placed else "")
+        label = "± 1 σ" + (", with the map's place on the body" if placed else "")
         axes.fill_between(drawn.distance, low, high, color=_CURVE, alpha=_BAND_ALPHA, linewidth=0.0, label=label)
     axes.plot(drawn.distance, drawn.value, color=_CURVE, linewidth=1.0)
     far = float(np.nanmax(drawn.distance))
