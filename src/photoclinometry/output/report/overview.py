@@ -36,7 +36,7 @@ and how much worse held-out views may be: twice the error."""
 _SIGMAS = (
     ("height", "gsd", "Heights", "one sigma of a landmark above the mean plane"),
     ("normal", "deg", "Normals", "one sigma over both axes, at one landmark"),
-    ("albedo", "percent", "Albedos", "one sigma; errors of the reflectance model come on top"),
+    ("albedo", "percent", "Albedos", "one sigma between places; the level of all errs with the model"),
 )
 _PLACED = "one sigma, with that of the map's place on the body"
 _TRUE_ERRORS = (
