@@ -49,6 +49,7 @@ COMMANDS = (
     "export",
     "fetch",
     "study",
+    "rivals",
 )
 
 

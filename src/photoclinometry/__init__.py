@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from photoclinometry.pipeline.products import RunResult
     from photoclinometry.pipeline.run import RunOptions
     from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
+    from photoclinometry.rivals.compare import RivalComparison, RivalOptions, compare_rivals
     from photoclinometry.simulate.options import SimulationOptions
 
 __version__ = "0.1.0"
@@ -64,6 +65,8 @@ __all__ = [
     "PhotoclinometryError",
     "ReconstructionError",
     "Reflectance",
+    "RivalComparison",
+    "RivalOptions",
     "RunOptions",
     "RunResult",
     "Scene",
@@ -73,6 +76,7 @@ __all__ = [
     "ViewLimits",
     "adjust",
     "choose_views",
+    "compare_rivals",
     "evaluate",
     "export",
     "figure",
@@ -102,6 +106,8 @@ _MODULE = {
     "PhotoclinometryError": "model.errors",
     "ReconstructionError": "model.errors",
     "Reflectance": "model.reflectance",
+    "RivalComparison": "rivals.compare",
+    "RivalOptions": "rivals.compare",
     "RunOptions": "pipeline.run",
     "RunResult": "pipeline.products",
     "Scene": "model.scene",
@@ -109,6 +115,7 @@ _MODULE = {
     "Site": "io.site",
     "ViewChoice": "registration.view_choice",
     "ViewLimits": "registration.view_choice",
+    "compare_rivals": "rivals.compare",
     "preset": "pipeline.presets",
 }
 """Where each public name is defined; those not listed are functions of `api`."""

@@ -33,6 +33,7 @@ COMMANDS = (
     "export",
     "fetch",
     "study",
+    "rivals",
 )
 """Each is the function of its name in the module of `cli` of that name."""
 ABOUT = """Poses, dense landmarks, normals and albedo of small bodies, from spacecraft images.

@@ -1,0 +1,1 @@
+"""Other published methods on the images, poses and views of a finished run."""
