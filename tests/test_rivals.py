@@ -118,7 +118,7 @@ def test_a_run_of_geometry_alone_has_nothing_to_compare(mapped, tmp_path):
 
 @pytest.mark.parametrize("methods", [("spk",), ()])
 def test_a_method_that_there_is_not_is_refused(mapped, methods):
-    with pytest.raises(pcm.InputError, match="known: spc, mvs"):
+    with pytest.raises(pcm.InputError, match="known: spc, mvs, splat"):
         pcm.compare_rivals(mapped.run, methods=methods)
 
 

@@ -7,13 +7,13 @@ from typing import Annotated
 
 import tyro
 
-from photoclinometry.rivals.compare import Method, RivalOptions
+from photoclinometry.rivals.compare import METHODS, Method, RivalOptions
 
 
 def rivals(
     run: Path,
     /,
-    methods: tuple[Method, ...] = ("spc", "mvs"),
+    methods: tuple[Method, ...] = METHODS,
     hold_out: tuple[str, ...] = (),
     truth: Path | None = None,
     reference: Path | None = None,
@@ -30,6 +30,7 @@ def rivals(
     Args:
         run: Folder of a finished run with a reflectance model.
         methods: spc: classic stereophotoclinometry. mvs: geometry alone, textured with the mean brightness.
+            splat: Gaussian splatting. splat-reflectance: Gaussian splatting with a reflectance model.
         hold_out: Which of the views that the run held out are to be predicted. Default: all of them.
         truth: truth.h5 of a simulated site: compares surface, normals and albedos.
         reference: Another map of the place, to compare surface, normals and albedos with; as for `phomo evaluate`.

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io import run_files
@@ -21,6 +21,8 @@ from photoclinometry.rivals.mvs import run_mvs
 from photoclinometry.rivals.outcome import Outcome, costed, rendered_map
 from photoclinometry.rivals.problem import Problem, read_problem
 from photoclinometry.rivals.spc import SpcOptions, run_spc
+from photoclinometry.rivals.splat import SplatOptions, run_splat
+from photoclinometry.rivals.splat_reflectance import run_splat_reflectance
 from photoclinometry.rivals.table import comparison_table
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study.summary import Table
@@ -32,7 +34,8 @@ OURS = "phomo"
 NOT_THE_MAP = ("products", "report", "held_out")
 """Stages of a run whose time is not counted: no rival writes a report, or places views."""
 
-Method = Literal["spc", "mvs"]
+Method = Literal["spc", "mvs", "splat", "splat-reflectance"]
+METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +43,7 @@ class RivalOptions:
     """What the rivals do."""
 
     spc: SpcOptions = field(default_factory=SpcOptions)
+    splat: SplatOptions = field(default_factory=SplatOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +65,7 @@ class RivalComparison:
 def compare_rivals(
     run: str | Path,
     *,
-    methods: Sequence[Method] = ("spc", "mvs"),
+    methods: Sequence[Method] = METHODS,
     predict: Sequence[str] = (),
     truth: str | Path | None = None,
     reference: str | Path | None = None,
@@ -75,7 +79,8 @@ def compare_rivals(
 
     Args:
         run: Folder of a finished run with a reflectance model.
-        methods: "spc" (classic stereophotoclinometry) and "mvs" (geometry alone).
+        methods: "spc" (classic stereophotoclinometry), "mvs" (geometry alone), "splat" (Gaussian splatting) and
+            "splat-reflectance" (Gaussian splatting with a reflectance model).
         predict: Which of the views that the run held out are to be predicted. Default: all of them.
         truth: truth.h5 of a simulated site, to compare surface, normals and albedos with.
         reference: Another map to compare with, as for `evaluate`.
@@ -104,6 +109,8 @@ def compare_rivals(
     makers: dict[str, Callable[[], Outcome]] = {
         "spc": lambda: run_spc(problem, options.spc, say),
         "mvs": lambda: run_mvs(problem, run, folder / "mvs", given, say),
+        "splat": lambda: run_splat(problem, options.splat, say),
+        "splat-reflectance": lambda: run_splat_reflectance(problem, options.splat, say),
     }
     _check(methods, makers)
     outcomes = [_own(problem, run)]

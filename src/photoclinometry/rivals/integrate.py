@@ -1,4 +1,4 @@
-"""Heights from slopes: the least-squares surface that has given normals and passes near control heights."""
+"""Heights from slopes, the least-squares surface of given normals near control heights; and slopes from heights."""
 
 from __future__ import annotations
 
@@ -71,3 +71,14 @@ def integrate_normals(
     heights = np.full(there.shape, np.nan)
     heights[there] = found
     return heights
+
+
+def surface_normals(position: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """Unit normals (h, w, 3) of a grid of points (h, w, 3), towards a camera at `center`; NaN next to holes.
+
+    From central differences, one-sided at the edges.
+    """
+    down, across = np.gradient(position, axis=(0, 1))
+    normal = np.cross(across, down)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return np.where(np.sum(normal * (center - position), -1, keepdims=True) < 0, -normal, normal)

@@ -36,7 +36,7 @@ from photoclinometry.photometry.predict import brightness_residuals, reflectance
 from photoclinometry.photometry.render import landmark_brightness
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 from photoclinometry.rivals.correlate import correlation_shifts
-from photoclinometry.rivals.integrate import integrate_normals
+from photoclinometry.rivals.integrate import integrate_normals, surface_normals
 from photoclinometry.rivals.outcome import Outcome, rendered_map
 from photoclinometry.rivals.problem import Problem
 from photoclinometry.surface.depth_fit import landmark_depth
@@ -62,7 +62,7 @@ class SpcOptions(Ranged):
     iterations: Annotated[int, Range(least=1, most=1000)] = 20
     """Iterations at most."""
     window: Annotated[int, Range(least=5, most=201)] = 17
-    """Cells across a window that is correlated; windows overlap by half."""
+    """Cells across a window that is correlated, odd (even ones count as one more); windows overlap by half."""
     normal_sigma: Annotated[float, Range(above=0)] = 0.03
     """Standard deviation of a slope from brightness [rad], against that of control heights."""
     control_sigma: Annotated[float, Range(above=0)] = 0.2
@@ -139,17 +139,6 @@ def _with_depth(scene: Scene, depth: np.ndarray) -> Scene:
     known = np.array(np.isfinite(normal).all(-1))
     normal = np.where(known[:, None], normal, scene.landmarks.normal)
     return replace(scene, landmarks=replace(scene.landmarks, position=position, normal=normal))
-
-
-def surface_normals(position: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """Unit normals (h, w, 3) of a grid of points (h, w, 3), towards a camera at `center`; NaN next to holes.
-
-    From central differences, one-sided at the edges.
-    """
-    down, across = np.gradient(position, axis=(0, 1))
-    normal = np.cross(across, down)
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    return np.where(np.sum(normal * (center - position), -1, keepdims=True) < 0, -normal, normal)
 
 
 def _seen_everywhere(scene: Scene) -> Scene:
