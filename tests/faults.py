@@ -549,6 +549,12 @@ def others() -> Iterator[Fault]:
     yield row("scene.h5 is cut short", "info mapped/run", f"{scene}: is not a scene ... truncated", cut(scene, 5000))
     yield row("a folder without a map", "evaluate photos", f"photos: the folder holds no scene.h5; {finished}")
     yield row("a folder without a map to view", "view photos", f"photos: the folder holds no scene.h5; {finished}")
+    yield row("rivals of a folder without a map", "rivals photos", f"photos: the folder holds no scene.h5; {finished}")
+    yield row(
+        "a view to predict that there is not",
+        "rivals mapped/run --hold-out none.fits",
+        "--hold-out (predict=): none.fits: there is no such view, so that it cannot be predicted; it held out none",
+    )
     yield row("a folder that is not there", "evaluate none", f"none: no such folder; {finished}")
     yield row(
         "no truth", f"{EVALUATE} --truth none.h5", "none.h5: there is no such truth file; `phomo simulate` writes one"

@@ -13,6 +13,7 @@ from photoclinometry.io.options import write_options
 from photoclinometry.io.run_files import read_config
 from photoclinometry.model.scene import Image
 from photoclinometry.pipeline.options import RelightOptions, RunOptions
+from photoclinometry.pipeline.run_mark import MARK, PRODUCTS
 from photoclinometry.rivals.measure import common_masks, exposed, image_figures
 from photoclinometry.rivals.mvs import options_from
 from photoclinometry.rivals.outcome import Outcome, costed, rendered_map
@@ -139,6 +140,7 @@ def test_the_command_compares_spc_and_geometry_alone_with_the_run(mapped, tmp_pa
         assert figures["normal_error_mean_deg"] < 6
     assert "| spc |" in (run / "rivals" / "rivals.md").read_text()
     assert (run / "rivals" / "rivals.png").stat().st_size > 10_000
+    assert {path.name for path in run.iterdir()} <= PRODUCTS | {MARK, "lock"}
 
 
 @pytest.mark.slow
