@@ -14,6 +14,7 @@ from photoclinometry.io.run_files import read_config
 from photoclinometry.model.scene import Image
 from photoclinometry.pipeline.options import RelightOptions, RunOptions
 from photoclinometry.pipeline.run_mark import MARK, PRODUCTS
+from photoclinometry.rivals.compare import run_cost
 from photoclinometry.rivals.measure import common_masks, exposed, image_figures
 from photoclinometry.rivals.mvs import options_from
 from photoclinometry.rivals.outcome import Outcome, costed, rendered_map
@@ -93,6 +94,16 @@ def test_a_cost_is_that_of_the_method_alone():
     found = costed(method)
     assert found.cpu_s >= 0
     assert found.peak_memory_gb is None or found.peak_memory_gb > 0.2
+
+
+def test_the_cost_of_a_run_is_that_of_its_stages_and_unknown_where_one_was_not_made():
+    def stage(name, resumed, cpu_s):
+        return {"stage": name, "resumed": resumed, "cpu_s": cpu_s, "peak_memory_gb": 0.1 * cpu_s}
+
+    made = [stage("sparse", False, 2.0), stage("dense", False, 3.0), stage("dense", True, 0.5)]
+    assert run_cost([*made, stage("report", False, 9.0)]) == {"cpu_s": 5.5, "peak_memory_gb": pytest.approx(0.3)}
+    assert run_cost([*made, stage("relighting_1", True, 0.1)]) == {}
+    assert run_cost([]) == {}
 
 
 def test_options_of_a_run_come_back_as_they_were(tmp_path):

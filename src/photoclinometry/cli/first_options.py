@@ -53,6 +53,11 @@ FIRST = {
         "image_size",
         "region_size",
     ),
+    "rivals": (
+        "spc.poses",
+        "splat.iterations",
+        "splat.degree",
+    ),
     "export": (
         "products",
         "transform",

@@ -140,13 +140,19 @@ def _check(methods: Sequence[str], known: Mapping[str, Any]) -> None:
 def _own(problem: Problem, run: Path) -> Outcome:
     """The run's own map, with what its stages took; without that where they were read back from an earlier run."""
     rendered, covered = rendered_map(problem, problem.scene)
-    stages = [s for s in run_files.read_metrics(run).get("stages", ()) if s["stage"] not in NOT_THE_MAP]
     found = Outcome(name=OURS, rendered=rendered, covered=covered, knows_light=True, scene=problem.scene)
-    if not stages or any(stage["resumed"] for stage in stages):
-        return found
-    memory = [stage["peak_memory_gb"] for stage in stages]
+    return replace(found, **run_cost(run_files.read_metrics(run).get("stages", ())))
+
+
+def run_cost(stages: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """CPU seconds and peak memory of a run's stages; nothing where one was read back that the run had not made."""
+    counted = [stage for stage in stages if stage["stage"] not in NOT_THE_MAP]
+    made = {stage["stage"] for stage in counted if not stage["resumed"]}
+    if not made or any(stage["stage"] not in made for stage in counted):
+        return {}
+    memory = [stage["peak_memory_gb"] for stage in counted]
     peak = None if None in memory else max(memory)
-    return replace(found, cpu_s=sum(stage["cpu_s"] for stage in stages), peak_memory_gb=peak)
+    return {"cpu_s": sum(stage["cpu_s"] for stage in counted), "peak_memory_gb": peak}
 
 
 def _views(problem: Problem) -> str:
