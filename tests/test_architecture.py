@@ -38,3 +38,9 @@ def test_imports_point_up_the_table(package):
     allowed = set(order[: order.index(package) + 1])
     for file in (SOURCE / package).rglob("*.py"):
         assert imported_packages(file) <= allowed, file
+
+
+def test_only_its_command_imports_the_rivals():
+    """The rest of the package does not depend on methods that it is compared with."""
+    users = {file.relative_to(SOURCE) for file in SOURCE.rglob("*.py") if "rivals" in imported_packages(file)}
+    assert {path for path in users if path.parts[0] != "rivals"} == {Path("cli/rivals.py"), Path("__init__.py")}
