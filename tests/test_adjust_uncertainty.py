@@ -9,6 +9,8 @@ from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
 from photoclinometry.adjust.covariance.marginals import Marginals
 from photoclinometry.adjust.covariance.uncertainty import error_model, scene_uncertainty
 from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.noise import local_noise
+from photoclinometry.adjust.stated import uncertainty_at
 from photoclinometry.evaluate.sigma_calibration import sigma_metrics
 from photoclinometry.evaluate.sigmas import size
 from photoclinometry.model.geometry import so3_log
@@ -33,6 +35,17 @@ def test_stated_sigmas_are_those_of_the_errors(adjusted):
     assert metrics["normal_sigma_nees"] == pytest.approx(1.0, abs=0.5)
     assert 0.2 < metrics["rotation_sigma_nees"] < 2.5
     assert 0.2 < metrics["center_sigma_nees"] < 2.5
+
+
+def test_uncertainties_at_the_minimum_are_those_that_the_estimate_states():
+    """One statement, but for the misfits from place to place, which are the fit's."""
+    found = adjust(start_of(synthetic_scene(size=16, views=8, keypoint_noise_px=0.3, brightness_noise=0.01)), HELD)
+    at, noise = uncertainty_at(found.scene, HELD, noise=found.noise)
+    local = local_noise(found.scene, found.lit, noise.brightness_sigma, np.ones(256, bool))
+    for name in ("position", "normal"):
+        expected = local**0.5 * size(at[name])
+        np.testing.assert_allclose(size(found.scene.uncertainty[name]), expected, rtol=0.02)
+    np.testing.assert_allclose(found.scene.uncertainty["sun"], at["sun"], rtol=0.02)
 
 
 def test_landmarks_of_fewer_views_are_less_certain_and_keep_their_places(adjusted):

@@ -13,24 +13,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance.resolution import unresolved_relief
-from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, estimate_uncertainty, with_local_errors
+from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS
 from photoclinometry.adjust.graph.graph import FactorGraph
-from photoclinometry.adjust.graph.layout import morton_order
 from photoclinometry.adjust.graph.observations import ImageGradients
 from photoclinometry.adjust.graph.priors import KnownPoses, PosePriors
-from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
 from photoclinometry.adjust.measured_noise import gate, measured_noise, starting_noise
-from photoclinometry.adjust.noise import Noise, local_noise
+from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
-from photoclinometry.adjust.solve.solver import Iteration, Solution, minimize, parameter_response
-from photoclinometry.adjust.tie_points import GroundControl, TiePoints, with_tie_points
+from photoclinometry.adjust.solve.solver import Iteration, minimize
+from photoclinometry.adjust.stated import Fit, in_solver_order, stated_uncertainty
+from photoclinometry.adjust.tie_points import GroundControl, TiePoints
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Scene, Tracks
+from photoclinometry.model.scene import Scene
 
 log = logging.getLogger(__name__)
 
@@ -67,19 +65,6 @@ class Adjustment:
     """By name of ground control point, its (3,) estimated position in B."""
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """What the last reweighting iteration left, in the solver's order."""
-
-    scene: Scene
-    """As estimated, with tie points."""
-    smoothness: Smoothness
-    solution: Solution
-    lit: np.ndarray
-    noise: Noise
-    history: tuple[Iteration, ...]
-
-
 def adjust(
     scene: Scene,
     options: AdjustOptions | None = None,
@@ -114,43 +99,28 @@ def adjust(
             f"{len(scene.landmarks)} landmarks in {len(scene.views)} views: a joint estimate needs {FEWEST_LANDMARKS} "
             f"landmarks and {FEWEST_VIEWS} views at least; map a larger region, or ground that more views see"
         )
-    order = morton_order(scene.landmarks.pixel)
-    tracks, picked = scene.tracks.of_landmarks(order)
-    if gradients is not None:
-        tracks, gradients = _without_smooth_errors(tracks, gradients.of(picked))
-    sorted_scene = replace(scene, landmarks=scene.landmarks[order], tracks=tracks)
-    sorted_scene, gradients, members = with_tie_points(sorted_scene, gradients, tie_points, control)
-    del tracks  # a copy of a hundred megabytes at full size
+    given = in_solver_order(scene, gradients, tie_points, control)
     setup = setup_of(
-        sorted_scene,
-        members,
+        given.scene,
+        given.members,
         options,
         scene.reflectance,
-        gradients=gradients,
+        gradients=given.gradients,
         pose_priors=pose_priors,
         known_poses=known_poses,
         control=control,
     )
-    start = Estimate(scene.views, sorted_scene.landmarks, np.median(scene.landmarks.position, axis=0))
+    start = Estimate(scene.views, given.scene.landmarks, np.median(scene.landmarks.position, axis=0))
     if scene.reflectance is not None and setup.estimates_reflectance:
-        given = reflectance or scene.reflectance
-        setup = replace(setup, reflectance=given)
-        start = replace(start, parameters=given.relative_change(scene.reflectance))
+        known = reflectance or scene.reflectance
+        setup = replace(setup, reflectance=known)
+        start = replace(start, parameters=known.relative_change(scene.reflectance))
     fit = _reweighted(setup, start, progress)
-    uncertainty, parameter_sigma = _uncertainty(setup, fit) if options.uncertainty else ({}, None)
-    return _in_the_order_of(scene, order, picked, setup, fit, uncertainty, parameter_sigma)
+    uncertainty, parameter_sigma = stated_uncertainty(setup, fit) if options.uncertainty else ({}, None)
+    return _in_the_order_of(scene, given.order, given.picked, setup, fit, uncertainty, parameter_sigma)
 
 
-def _without_smooth_errors(tracks: Tracks, gradients: ImageGradients) -> tuple[Tracks, ImageGradients]:
-    """Brightness and its gradients times the gradients' `factor`."""
-    factor = gradients.factor
-    if factor is None:
-        return tracks, gradients
-    gradients = gradients._replace(gradient=gradients.gradient * factor[:, None])
-    return replace(tracks, brightness=tracks.brightness * factor), gradients
-
-
-def _reweighted(setup: Setup, estimate: Estimate, progress: Callable[[Iteration], None] | None) -> _Fit:
+def _reweighted(setup: Setup, estimate: Estimate, progress: Callable[[Iteration], None] | None) -> Fit:
     """Minimises, measures the noise, and minimises again, until neither noise nor gates change."""
     options, members, scene = setup.options, setup.members, setup.scene
     limit = scene.spacing * np.where(members.of_map, LONGEST_STEP, LONGEST_TIE_POINT_STEP)
@@ -176,7 +146,7 @@ def _reweighted(setup: Setup, estimate: Estimate, progress: Callable[[Iteration]
         lit, noise = new_lit, new_noise
     assert graph is not None
     assert solution is not None
-    return _Fit(_scene_at(setup, graph, estimate), graph.smoothness, solution, lit, noise, tuple(history))
+    return Fit(_scene_at(setup, graph, estimate), graph.smoothness, solution, lit, noise, tuple(history))
 
 
 def _scene_at(setup: Setup, graph: FactorGraph, estimate: Estimate) -> Scene:
@@ -190,71 +160,12 @@ def _scene_at(setup: Setup, graph: FactorGraph, estimate: Estimate) -> Scene:
     return replace(scene, tracks=replace(scene.tracks, brightness=brightness))
 
 
-def _uncertainty(setup: Setup, fit: _Fit) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-    """`Scene.uncertainty` in the solver's order, and the standard deviations of the reflectance parameters.
-
-    Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
-    fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Where it was taken
-    from images, heights lack what these do not resolve (`unresolved_relief`).
-    """
-    surface = None
-    if setup.without_smooth_errors:
-        surface = fit.smoothness
-        setup, fit = _with_smooth_errors(setup, fit)
-    estimate, noise, response, sigma = fit.solution.estimate, fit.noise, None, None
-    stated = replace(noise, view_prior_factor=1.0)
-    if len(estimate.parameters):
-        graph = FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness))
-        response = parameter_response(graph, fit.solution, setup.options.solver)
-        assert setup.reflectance is not None
-        sigma = np.abs(setup.reflectance.parameter_scale) * np.sqrt(np.diag(response.covariance))
-        del graph
-    setup.table.release()
-    seen = replace(stated, brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor)
-    graph = FactorGraph(factor_groups(setup, fit.lit, seen, fit.smoothness))
-    found = estimate_uncertainty(
-        graph,
-        estimate,
-        keypoint_correlation=setup.correlation(seen.keypoint_correlation_px),
-        brightness_correlation=setup.correlation(seen.brightness_correlation_px),
-        members=setup.members,
-        own_frame=not setup.fixes_frame,
-        response=response,
-        surface=surface,
-    )
-    if found and setup.reflectance is not None:
-        on_map = replace(fit.scene, landmarks=estimate.landmarks[: setup.members.count])
-        local = local_noise(fit.scene, fit.lit, fit.noise.brightness_sigma, setup.members.of_map)
-        relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
-        found = with_local_errors(found, local, relief)
-    return found, sigma
-
-
-def _with_smooth_errors(setup: Setup, fit: _Fit) -> tuple[Setup, _Fit]:
-    """The same solution with smooth errors as errors of brightness.
-
-    What they are is known from the surface, no better than that. Nothing is held for their sake, and smoothness does
-    not count with the bend, which is of the same brightness.
-    """
-    assert setup.gradients is not None
-    plain = replace(setup, gradients=setup.gradients._replace(factor=None))
-    tracks = fit.scene.tracks
-    scene = replace(fit.scene, tracks=replace(tracks, brightness=tracks.brightness / setup.gradients.factor))
-    noise = measured_noise(plain, scene, fit.lit, replace(fit.noise, view_prior_factor=1.0))
-    estimate = fit.solution.estimate
-    if scene.reflectance is not None and plain.estimates_reflectance:
-        estimate = replace(estimate, parameters=np.zeros(len(scene.reflectance.parameters)))
-    smoothness = smoothness_group(plain, estimate.landmarks, noise)
-    solution = replace(fit.solution, estimate=estimate)
-    return plain, replace(fit, scene=scene, noise=noise, smoothness=smoothness, solution=solution)
-
-
 def _in_the_order_of(
     scene: Scene,
     order: np.ndarray,
     picked: np.ndarray,
     setup: Setup,
-    fit: _Fit,
+    fit: Fit,
     uncertainty: dict[str, np.ndarray],
     parameter_sigma: np.ndarray | None,
 ) -> Adjustment:

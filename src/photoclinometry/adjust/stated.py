@@ -1,0 +1,184 @@
+"""The uncertainties that an estimate states: after its last reweighting iteration, or at a scene that is given.
+
+Both are one statement. A map that is planned has the uncertainties that a run of its views would state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.adjust.covariance.resolution import unresolved_relief
+from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, estimate_uncertainty, with_local_errors
+from photoclinometry.adjust.graph.graph import FactorGraph
+from photoclinometry.adjust.graph.layout import morton_order
+from photoclinometry.adjust.graph.observations import ImageGradients
+from photoclinometry.adjust.graph.priors import PosePriors
+from photoclinometry.adjust.graph.smoothness import Smoothness
+from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
+from photoclinometry.adjust.measured_noise import gate, measured_noise, starting_noise
+from photoclinometry.adjust.noise import Noise, local_noise
+from photoclinometry.adjust.options import AdjustOptions
+from photoclinometry.adjust.solve.solver import Iteration, Solution, parameter_response
+from photoclinometry.adjust.tie_points import GroundControl, Members, TiePoints, with_tie_points
+from photoclinometry.model.scene import Scene, Tracks
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What the last reweighting iteration left, in the solver's order."""
+
+    scene: Scene
+    """As estimated, with tie points."""
+    smoothness: Smoothness
+    solution: Solution
+    lit: np.ndarray
+    noise: Noise
+    history: tuple[Iteration, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sorted:
+    """A scene in the solver's order of landmarks, with tie points."""
+
+    scene: Scene
+    gradients: ImageGradients | None
+    members: Members
+    order: np.ndarray
+    """(J,) the given scene's landmarks in the solver's order."""
+    picked: np.ndarray
+    """(N,) likewise of its observations."""
+
+
+def in_solver_order(
+    scene: Scene,
+    gradients: ImageGradients | None,
+    tie_points: TiePoints | None = None,
+    control: GroundControl | None = None,
+) -> Sorted:
+    """A scene as the solver takes it: brightness and gradients times the gradients' factor, tie points at the end."""
+    order = morton_order(scene.landmarks.pixel)
+    tracks, picked = scene.tracks.of_landmarks(order)
+    if gradients is not None:
+        tracks, gradients = _without_smooth_errors(tracks, gradients.of(picked))
+    own = replace(scene, landmarks=scene.landmarks[order], tracks=tracks)
+    joined, gradients, members = with_tie_points(own, gradients, tie_points, control)
+    return Sorted(scene=joined, gradients=gradients, members=members, order=order, picked=picked)
+
+
+def _without_smooth_errors(tracks: Tracks, gradients: ImageGradients) -> tuple[Tracks, ImageGradients]:
+    """Brightness and its gradients times the gradients' `factor`."""
+    factor = gradients.factor
+    if factor is None:
+        return tracks, gradients
+    gradients = gradients._replace(gradient=gradients.gradient * factor[:, None])
+    return replace(tracks, brightness=tracks.brightness * factor), gradients
+
+
+def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """`Scene.uncertainty` in the solver's order, and the standard deviations of the reflectance parameters.
+
+    Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
+    fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Where it was taken
+    from images, heights lack what these do not resolve (`unresolved_relief`).
+    """
+    surface = None
+    if setup.without_smooth_errors:
+        surface = fit.smoothness
+        setup, fit = _with_smooth_errors(setup, fit)
+    found, sigma = _covariances(setup, fit, surface)
+    if found and setup.reflectance is not None:
+        on_map = replace(fit.scene, landmarks=fit.solution.estimate.landmarks[: setup.members.count])
+        local = local_noise(fit.scene, fit.lit, fit.noise.brightness_sigma, setup.members.of_map)
+        relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
+        found = with_local_errors(found, local, relief)
+    return found, sigma
+
+
+def uncertainty_at(
+    scene: Scene,
+    options: AdjustOptions,
+    *,
+    noise: Noise | None = None,
+    tie_points: TiePoints | None = None,
+    pose_priors: PosePriors | None = None,
+    gradients: ImageGradients | None = None,
+    bent: bool = False,
+) -> tuple[dict[str, np.ndarray], Noise]:
+    """The uncertainties (`Scene.uncertainty`) that an estimate with its minimum at a scene would state, and the noise.
+
+    Nothing is minimised. noise: of the measurements; left out, it is measured from the scene's residuals. Errors from
+    place to place and unresolved relief are not in it: both are of a fit. tie_points, pose_priors, gradients: as of
+    `adjust`; gradients without a factor. bent: positions are held by the smoothness of an estimate from whose
+    brightness smooth errors were taken out. Raises ReconstructionError where no brightness counts.
+    """
+    given = in_solver_order(scene, gradients, tie_points)
+    setup = setup_of(
+        given.scene, given.members, options, scene.reflectance, gradients=given.gradients, pose_priors=pose_priors
+    )
+    parameters = np.zeros(len(scene.reflectance.parameters) if scene.reflectance and setup.estimates_reflectance else 0)
+    pivot = np.median(scene.landmarks.position, axis=0)
+    estimate = Estimate(scene.views, given.scene.landmarks, pivot, parameters)
+    lit = gate(given.scene, estimate, options)
+    noise = noise or measured_noise(setup, given.scene, lit, starting_noise(setup, lit))
+    smoothness = smoothness_group(setup, estimate.landmarks, noise)
+    surface = smoothness_group(_bent(setup), estimate.landmarks, noise) if bent else None
+    solution = Solution(estimate, True, "given", (), None)
+    assert smoothness is not None
+    fit = Fit(given.scene, smoothness, solution, lit, noise, ())
+    found, _ = _covariances(setup, fit, surface)
+    back = np.argsort(given.order)
+    return {name: value[back] if name in OF_LANDMARKS else value for name, value in found.items()}, noise
+
+
+def _bent(setup: Setup) -> Setup:
+    """The setup as one whose brightness has lost its smooth errors."""
+    assert setup.gradients is not None
+    return replace(setup, gradients=setup.gradients._replace(factor=np.ones(len(setup.table.tracks))))
+
+
+def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """As `stated_uncertainty`, with the same noise at every landmark. surface: holds positions, if not the fit's."""
+    estimate, noise, response, sigma = fit.solution.estimate, fit.noise, None, None
+    stated = replace(noise, view_prior_factor=1.0)
+    if len(estimate.parameters):
+        graph = FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness))
+        response = parameter_response(graph, fit.solution, setup.options.solver)
+        assert setup.reflectance is not None
+        sigma = np.abs(setup.reflectance.parameter_scale) * np.sqrt(np.diag(response.covariance))
+        del graph
+    setup.table.release()
+    seen = replace(stated, brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor)
+    graph = FactorGraph(factor_groups(setup, fit.lit, seen, fit.smoothness))
+    found = estimate_uncertainty(
+        graph,
+        estimate,
+        keypoint_correlation=setup.correlation(seen.keypoint_correlation_px),
+        brightness_correlation=setup.correlation(seen.brightness_correlation_px),
+        members=setup.members,
+        own_frame=not setup.fixes_frame,
+        response=response,
+        surface=surface,
+    )
+    return found, sigma
+
+
+def _with_smooth_errors(setup: Setup, fit: Fit) -> tuple[Setup, Fit]:
+    """The same solution with smooth errors as errors of brightness.
+
+    What they are is known from the surface, no better than that. Nothing is held for their sake, and smoothness does
+    not count with the bend, which is of the same brightness.
+    """
+    assert setup.gradients is not None
+    plain = replace(setup, gradients=setup.gradients._replace(factor=None))
+    tracks = fit.scene.tracks
+    scene = replace(fit.scene, tracks=replace(tracks, brightness=tracks.brightness / setup.gradients.factor))
+    noise = measured_noise(plain, scene, fit.lit, replace(fit.noise, view_prior_factor=1.0))
+    estimate = fit.solution.estimate
+    if scene.reflectance is not None and plain.estimates_reflectance:
+        estimate = replace(estimate, parameters=np.zeros(len(scene.reflectance.parameters)))
+    smoothness = smoothness_group(plain, estimate.landmarks, noise)
+    solution = replace(fit.solution, estimate=estimate)
+    return plain, replace(fit, scene=scene, noise=noise, smoothness=smoothness, solution=solution)
