@@ -348,6 +348,7 @@ def options() -> Iterator[Fault]:
     )
     yield row("tiles of a body", f"{BODY} --plan.tile-px 8", "--plan.tile-px is 8; give a whole number, 32 to 4096")
     yield row("of an export", f"{EXPORT} --unit-m 0", "--unit-m is 0; give above 0")
+    yield row("of a plan", "plan priors --slope-deg 90", "--slope-deg is 90; give above 0, up to 35")
     yield row(
         "of a choice of views", f"{VIEWS} 10 5 --max-emission 120", "--max-emission is 120; give above 0, up to 90"
     )
@@ -395,7 +396,7 @@ def options() -> Iterator[Fault]:
         put("gcp.csv", CONTROL + "a,images/0.fits,1,nan,0,0,0,1\n"),
     )
     yield row("a misspelt command", "rnu site/site.toml", "there is no command 'rnu'; did you mean `phomo run`?")
-    yield row("a command unlike any", "zzz", "there is no command 'zzz'; commands: ingest, views, simulate, run")
+    yield row("a command unlike any", "zzz", "there is no command 'zzz'; commands: ingest, views, plan, simulate, run")
     typed = rows("options", form=BOX)
     yield typed("an unknown layer", f"{FIGURE} --layers colour", "Invalid choice ... 'colour' for argument '--layers'")
     yield row("a resolution of a figure", f"{FIGURE} --dpi 5", "--dpi is 5; give 50 to 2400")
@@ -418,7 +419,7 @@ def options() -> Iterator[Fault]:
         "a required option is missing", "export mapped/run", "Required options ... phomo export: ... --out PATH"
     )
     yield typed("no site", "run", "Required options ... phomo run: ... PATH")
-    yield typed("no command", "", "Missing subcommand ... ingest, views, simulate, run")
+    yield typed("no command", "", "Missing subcommand ... ingest, views, plan, simulate, run")
 
 
 def folders() -> Iterator[Fault]:
@@ -751,6 +752,14 @@ def others() -> Iterator[Fault]:
     )
     yield row(
         "views of a site without poses", "views site --at 10 5", "site/site.toml: none of its 4 views has a pose prior"
+    )
+    yield row(
+        "a plan of a site without poses", "plan site", "site/site.toml: none of its 4 views has a pose (cam_from_body)"
+    )
+    yield row(
+        "a plan of a place that nobody sees",
+        "plan priors --radii-m 250 --at -170 5",
+        "priors/site.toml: 0 of 3 views see the place, a map needs 3 ... beyond the limb",
     )
     yield row("a latitude beyond the pole", f"{VIEWS} 10 95", "10 95 is not a longitude and a latitude: give degrees")
     yield row("a radius of zero for views", "views priors --at 10 5 --radii-m 0", "radii 0: give one of a sphere")

@@ -38,6 +38,7 @@ def fails(monkeypatch):
 COMMANDS = (
     "ingest",
     "views",
+    "plan",
     "run",
     "refine",
     "simulate",

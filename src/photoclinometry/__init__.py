@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         evaluate,
         export,
         figure,
+        plan,
         plot,
         plot_profile,
         plot_residuals,
@@ -47,6 +48,8 @@ if TYPE_CHECKING:
     from photoclinometry.pipeline.presets import preset
     from photoclinometry.pipeline.products import RunResult
     from photoclinometry.pipeline.run import RunOptions
+    from photoclinometry.plan.options import PlanOptions
+    from photoclinometry.plan.run import Plan
     from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
     from photoclinometry.rivals.compare import RivalComparison, RivalOptions, compare_rivals
     from photoclinometry.simulate.options import SimulationOptions
@@ -63,6 +66,8 @@ __all__ = [
     "Image",
     "InputError",
     "PhotoclinometryError",
+    "Plan",
+    "PlanOptions",
     "ReconstructionError",
     "Reflectance",
     "RivalComparison",
@@ -80,6 +85,7 @@ __all__ = [
     "evaluate",
     "export",
     "figure",
+    "plan",
     "plot",
     "plot_profile",
     "plot_residuals",
@@ -105,6 +111,8 @@ _MODULE = {
     "InputError": "model.errors",
     "PhotoclinometryError": "model.errors",
     "ReconstructionError": "model.errors",
+    "Plan": "plan.run",
+    "PlanOptions": "plan.options",
     "Reflectance": "model.reflectance",
     "RivalComparison": "rivals.compare",
     "RivalOptions": "rivals.compare",
@@ -136,7 +144,7 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """This package, in which the functions `adjust`, `evaluate` and `simulate` go before the subpackages of that name.
+    """This package, in which the functions `adjust`, `evaluate`, `plan` and `simulate` go before subpackages so named.
 
     Importing a subpackage sets it as an attribute of its parent, which would hide the function. The subpackages are
     reached by `from photoclinometry.adjust import ...`.

@@ -36,6 +36,9 @@ from photoclinometry.photometry.render import render_reference, render_view
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.pipeline.run import run as _run
+from photoclinometry.plan.options import PlanOptions
+from photoclinometry.plan.products import check_folder, write_plan
+from photoclinometry.plan.run import Plan, plan_site, read_views
 from photoclinometry.registration import view_choice
 from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
 from photoclinometry.simulate.options import SimulationOptions
@@ -90,6 +93,41 @@ def choose_views(
     found = view_choice.choose_views(read, lon_deg, lat_deg, radii_m, changed(limits or ViewLimits(), changes))
     if out is not None:
         view_choice.write_chosen_site(Path(out), read, found)
+    return found
+
+
+def plan(
+    site: str | Path,
+    *,
+    out: str | Path | None = None,
+    options: PlanOptions | None = None,
+    candidates: bool = True,
+    progress: Progress | None = None,
+    **changes: Any,
+) -> Plan:
+    """Say what a map from given views would have, before images are taken, and what one more image would add.
+
+    Args:
+        site: A site.toml with pose priors, or a table of poses and Suns (.csv). Images are not opened.
+        out: Folder for plan.json and pictures, new, empty or of an earlier plan; none by default.
+        options: The place, what is assumed of the ground, and the candidates.
+        candidates: Try candidates for one more image.
+        progress: Called as progress(what, done, total); total is 0 where it is not known.
+        **changes: Fields of `PlanOptions`, such as at=(240.0, -9.0), slope_deg=10.0.
+
+    Returns:
+        Sigmas of heights, normals and albedos (`sigmas`), light and resolution (`light`), and the candidates, best
+        first (`gains`).
+
+    Raises:
+        InputError: There are no poses, too few views see the place, or they make no map of it.
+    """
+    if out is not None:
+        check_folder(Path(out))
+    chosen = changed(options or PlanOptions(), changes)
+    found = plan_site(read_views(site), chosen, with_candidates=candidates, progress=progress)
+    if out is not None:
+        write_plan(Path(out), found)
     return found
 
 

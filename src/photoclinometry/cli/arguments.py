@@ -21,6 +21,7 @@ from photoclinometry.model.ranges import OptionError, described
 COMMANDS = (
     "ingest",
     "views",
+    "plan",
     "simulate",
     "run",
     "body",

@@ -28,6 +28,16 @@ FIRST = {
         "min_observations",
         "adjust.uncertainty",
     ),
+    "plan": (
+        "at",
+        "radii_m",
+        "point",
+        "slope_deg",
+        "ground",
+        "min_views",
+        "candidates.table",
+        "candidates.sun_azimuths",
+    ),
     "simulate": (
         "out",
         "overwrite",

@@ -33,7 +33,7 @@ class Place:
     """A point of a body's reference ellipsoid."""
 
     lon_deg: float
-    """Eastward, as it was given."""
+    """Eastward, as it was given; NaN of a place that no ellipsoid has."""
     lat_deg: float
     """Planetocentric."""
     position: np.ndarray
@@ -41,7 +41,14 @@ class Place:
     normal: np.ndarray
     """(3,) unit vector, outwards, of the ellipsoid."""
     semi_axes_m: tuple[float, float, float]
-    """Of the ellipsoid, along x, y, z."""
+    """Of the ellipsoid, along x, y, z; zero where none is known."""
+
+
+def plane_at(point: np.ndarray, normal: np.ndarray) -> Place:
+    """A point (3,) on a plane, of a body whose size is not known. Raises InputError for the zero vector as a normal."""
+    if not np.any(normal):
+        raise InputError("the normal of the plane is the zero vector; give one that points upwards")
+    return Place(lon_deg=math.nan, lat_deg=math.nan, position=point, normal=unit(normal), semi_axes_m=(0.0, 0.0, 0.0))
 
 
 def place_at(lon_deg: float, lat_deg: float, semi_axes_m: tuple[float, float, float]) -> Place:

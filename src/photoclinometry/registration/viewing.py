@@ -144,6 +144,8 @@ def _inside(view: SiteView, pixel: tuple[float, float]) -> bool:
 
 def _check_outside(view: SiteView, center: np.ndarray, place: Place) -> None:
     axes = np.array(place.semi_axes_m)
+    if not axes.all():
+        return
     size = " x ".join(f"{axis:g}" for axis in axes)
     if np.linalg.norm(center / axes) <= 1.0:
         raise InputError(

@@ -76,7 +76,7 @@ def named_preset(name: str) -> Preset:
     return PRESETS[name]
 
 
-def _background(
+def background(
     grid: Grid,
     rng: np.random.Generator,
     *,
@@ -102,7 +102,7 @@ def _background(
     return relief, log_albedo
 
 
-def _young_landforms(
+def young_landforms(
     relief: np.ndarray,
     log_albedo: np.ndarray,
     grid: Grid,
@@ -152,10 +152,10 @@ def _paint(
 def _fresh_crater(
     grid: Grid, rng: np.random.Generator, diameter: float, longest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    relief, log_albedo = _background(grid, rng, slope_deg=3.5, longest=longest, largest_crater=0.8 * diameter)
+    relief, log_albedo = background(grid, rng, slope_deg=3.5, longest=longest, largest_crater=0.8 * diameter)
     crater, survives = features.large_crater(grid, rng, CraterShape(diameter=diameter, depth=0.19, gullies=0.0025))
     relief = relief * survives + crater
-    _young_landforms(relief, log_albedo, grid, rng, 0.05 * diameter, diameter)
+    young_landforms(relief, log_albedo, grid, rng, 0.05 * diameter, diameter)
     _paint(relief, log_albedo, grid, rng, _near(grid, (0.0, 0.0), 0.5 * diameter, 0.9, 2.2), 0.2 * diameter)
     return relief, log_albedo
 
@@ -169,20 +169,20 @@ def _demo(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]
 
 
 def _ahuna(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    relief, log_albedo = _background(grid, rng, slope_deg=3.5, longest=60e3, largest_crater=20e3)
+    relief, log_albedo = background(grid, rng, slope_deg=3.5, longest=60e3, largest_crater=20e3)
     shape = CraterShape(diameter=17e3, center=(17e3, 9e3), depth=0.14, floor=0.35, gullies=0.003, rim_softness=0.06)
     crater, survives = features.large_crater(grid, rng, shape)
     relief = relief * survives + crater
     mountain, survives = features.dome(grid, rng, height=4e3, base=18e3)
     relief = relief * survives + mountain
-    _young_landforms(relief, log_albedo, grid, rng, 1.5e3, 15e3)
+    young_landforms(relief, log_albedo, grid, rng, 1.5e3, 15e3)
     near = np.maximum(_near(grid, (0.0, 0.0), 9e3, 0.9, 1.6), _near(grid, (17e3, 9e3), 8.5e3, 0.9, 1.5))
     _paint(relief, log_albedo, grid, rng, near, 4e3, contrast=0.8)
     return relief, log_albedo
 
 
 def _ikapati(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    relief, log_albedo = _background(grid, rng, slope_deg=3.5, longest=90e3, largest_crater=40e3)
+    relief, log_albedo = background(grid, rng, slope_deg=3.5, longest=90e3, largest_crater=40e3)
     center = (13e3, -8e3)
     shape = CraterShape(diameter=50e3, center=center, depth=0.085, floor=0.5, gullies=0.0015, terraces=0.005, peak=0.02)
     crater, survives = features.large_crater(grid, rng, shape)
@@ -199,7 +199,7 @@ def _ikapati(grid: Grid, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarr
             within=floor,
             undulation=undulation,
         )
-    _young_landforms(relief, log_albedo, grid, rng, 2.5e3, 25e3)
+    young_landforms(relief, log_albedo, grid, rng, 2.5e3, 25e3)
     _paint(relief, log_albedo, grid, rng, _near(grid, center, 25e3, 0.9, 1.6), 6e3, contrast=0.8)
     return relief, log_albedo
 

@@ -1,0 +1,203 @@
+"""What one more image would bring: the drop of the mean sigmas, by the information of its brightness and its rays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.adjust import TiePoints
+from photoclinometry.model.compressed_rows import row_starts
+from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.projection import projected_keypoints
+from photoclinometry.model.scene import Scene, Tracks, Views, join_views
+from photoclinometry.plan.exposures import cropped_views
+from photoclinometry.plan.forecast import KINDS, Forecast, stated_at
+from photoclinometry.plan.options import CandidateOptions
+from photoclinometry.plan.place import PlannedViews, views_in
+from photoclinometry.plan.table import read_table
+from photoclinometry.simulate.trajectory import looking_at
+
+MAP_PX, TIE_POINTS = 32, 300
+"""Candidates are compared on the middle of the map, a square of so many pixels, with so many of the tie points at most:
+ratios of sigmas change little with the size of a map, and there are many candidates."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One more view, whole, and where it and its Sun are as seen from the place."""
+
+    name: str
+    view: Views
+    """(1,) in the local frame."""
+    tries: str
+    """"Sun", "camera" or "table": what is varied."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """What a candidate brings."""
+
+    candidate: Candidate
+    drop_percent: dict[str, float]
+    """By kind: by how much the mean sigma falls [%]; empty where the image shows nothing of the map."""
+    angles: dict[str, float]
+    """As of `view_angles`."""
+
+
+def view_angles(views: Views, k: int) -> dict[str, float]:
+    """Directions of a view and its Sun from the place [deg]; azimuths clockwise from north. And the resolution [m]."""
+    camera, sun = unit(views.body_from_cam.translation[k]), views.sun[k]
+    return {
+        "emission_deg": _zenith(camera),
+        "camera_azimuth_deg": _azimuth(camera),
+        "incidence_deg": _zenith(sun),
+        "sun_azimuth_deg": _azimuth(sun),
+        "phase_deg": float(np.degrees(np.arccos(np.clip(camera @ sun, -1.0, 1.0)))),
+        "gsd_m": views.gsd(k, np.zeros((1, 3))),
+    }
+
+
+def _zenith(direction: np.ndarray) -> float:
+    return float(np.degrees(np.arctan2(np.hypot(direction[0], direction[1]), direction[2])))
+
+
+def _azimuth(direction: np.ndarray) -> float:
+    return float(np.degrees(np.arctan2(direction[0], direction[1])) % 360.0)
+
+
+def candidates(planned: PlannedViews, options: CandidateOptions) -> list[Candidate]:
+    """Those of the table, or directions of Suns, then of cameras; raises InputError for a table that is wrong."""
+    if options.table is not None:
+        site = read_table(options.table)
+        views = views_in(planned.body_from_local, list(site.views), site)
+        return [Candidate(name=name, view=views[[k]], tries="table") for k, name in enumerate(views.name)]
+    like = planned.views[[planned.reference]]
+    found = [
+        Candidate(
+            name=f"Sun {azimuth:.0f}/{elevation:g}", view=_under(like, _direction(azimuth, 90 - elevation)), tries="Sun"
+        )
+        for elevation in options.sun_elevations_deg
+        for azimuth in _around(options.sun_azimuths)
+    ]
+    return found + [
+        Candidate(
+            name=f"camera {azimuth:.0f}/{emission:g}", view=_from(like, _direction(azimuth, emission)), tries="camera"
+        )
+        for emission in options.emissions_deg
+        for azimuth in _around(options.view_azimuths if emission > 0.0 else min(1, options.view_azimuths))
+    ]
+
+
+def _around(count: int) -> np.ndarray:
+    return 360.0 * np.arange(count) / max(count, 1)
+
+
+def _direction(azimuth_deg: float, zenith_deg: float) -> np.ndarray:
+    azimuth, zenith = np.radians(azimuth_deg), np.radians(zenith_deg)
+    return np.array([np.sin(zenith) * np.sin(azimuth), np.sin(zenith) * np.cos(azimuth), np.cos(zenith)])
+
+
+def _under(like: Views, sun: np.ndarray) -> Views:
+    """A view under another Sun."""
+    return replace(like, sun=sun[None], sun_measured=(sun @ like.body_from_cam.rotation[0])[None])
+
+
+def _from(like: Views, direction: np.ndarray) -> Views:
+    """A view from elsewhere, as far away, under the same Sun."""
+    far = float(np.linalg.norm(like.body_from_cam.translation[0]))
+    pose = looking_at(far * direction, np.zeros(3), 0.0)
+    moved = replace(like, body_from_cam=Rigid(pose.rotation[None], pose.translation[None]))
+    return replace(moved, sun_measured=(like.sun[0] @ pose.rotation)[None])
+
+
+def gains(found: Forecast, tried: Sequence[Candidate], progress: Progress = no_progress) -> list[Gain]:
+    """What each candidate brings, in the given order. Both sigmas, without it and with it, are of one information."""
+    _, noise = stated_at(found, found.scene, found.images, found.tie_points)
+    found = _middle(found)
+    base, _ = stated_at(found, found.scene, found.images, found.tie_points, noise=noise)
+    before = {kind: known_mean(base[kind]) for kind in KINDS}
+    out = []
+    for done, candidate in enumerate(tried):
+        progress("candidates", done, len(tried))
+        drop: dict[str, float] = {}
+        joined = _joined(found, candidate.view)
+        if joined is not None:
+            scene, tie_points = joined
+            last = len(scene.views) - 1
+            images = (*found.images, found.ground.image(scene.views, last))
+            after, _ = stated_at(found, scene, images, tie_points, noise=noise, fitted=last)
+            drop = {kind: 100.0 * (1.0 - known_mean(after[kind]) / before[kind]) for kind in KINDS}
+        out.append(Gain(candidate=candidate, drop_percent=drop, angles=view_angles(candidate.view, 0)))
+    return out
+
+
+def known_mean(sigma: np.ndarray) -> float:
+    """The mean of what was measured; landmarks that are not have infinite sigmas."""
+    return float(np.mean(sigma[np.isfinite(sigma)]))
+
+
+def ranked(found: Sequence[Gain], kind: str) -> list[Gain]:
+    """Best first; those that show nothing of the map are left out."""
+    return sorted((gain for gain in found if gain.drop_percent), key=lambda gain: -gain.drop_percent[kind])
+
+
+def _middle(found: Forecast) -> Forecast:
+    """The middle of the map and some of the tie points."""
+    scene, points = found.scene, found.tie_points
+    corner = np.array([scene.region.row, scene.region.col]) + 0.5 * (scene.region.width - MAP_PX)
+    offset = scene.landmarks.pixel - corner
+    chosen = np.flatnonzero(np.all((offset >= 0) & (offset < MAP_PX), axis=1))
+    tracks, _ = scene.tracks.of_landmarks(chosen)
+    cut = replace(scene, landmarks=scene.landmarks[chosen], tracks=tracks, uncertainty={})
+    if points is not None and len(points.position) > TIE_POINTS:
+        some = np.linspace(0, len(points.position) - 1, TIE_POINTS).astype(int)
+        points = TiePoints(position=points.position[some], tracks=points.tracks.of_landmarks(some)[0])
+    return replace(found, adjustment=replace(found.adjustment, scene=cut), tie_points=points)
+
+
+def _joined(found: Forecast, whole: Views) -> tuple[Scene, TiePoints | None] | None:
+    """The map with one more view, and the tie points likewise; None where its image does not show the map."""
+    scene = found.scene
+    half_side = 0.5 * scene.region.width * scene.gsd
+    cut, shows = cropped_views(_exposed_like(scene, whole), half_side)
+    if not shows[0]:
+        return None
+    views = join_views(scene.views, cut)
+    other = scene.tracks.view != scene.reference
+    sigma = float(np.median(scene.tracks.keypoint_sigma[other]))
+    tracks = _with_view(scene.tracks, views, scene.landmarks.position, views, sigma)
+    tie_points = found.tie_points
+    if tie_points is not None:
+        uncut = join_views(scene.views, whole)
+        known = float(tie_points.tracks.keypoint_sigma[0])
+        extended = _with_view(tie_points.tracks, uncut, tie_points.position, views, known)
+        tie_points = TiePoints(position=tie_points.position, tracks=extended)
+    joined = replace(scene, views=views, tracks=tracks, uncertainty={})
+    return replace(joined, tracks=replace(tracks, keypoint=projected_keypoints(joined))), tie_points
+
+
+def _exposed_like(scene: Scene, view: Views) -> Views:
+    """The view with the mean scale and bias of the scene's."""
+    return replace(view, scale=np.full(1, scene.views.scale.mean()), bias=np.full(1, scene.views.bias.mean()))
+
+
+def _with_view(tracks: Tracks, seeing: Views, position: np.ndarray, views: Views, sigma: float) -> Tracks:
+    """The tracks of points (J, 3) with those observations of the last view that `seeing` has within its image.
+
+    views: in whose pixels keypoints are.
+    """
+    last = len(views) - 1
+    camera, pixel = seeing.cameras[last], seeing.project(last, position)
+    depth = seeing.body_from_cam[last].inverse()(position)[:, 2]
+    seen = np.flatnonzero((depth > 0) & np.all((pixel > 0) & (pixel < (camera.width, camera.height)), axis=1))
+    landmark = np.concatenate([tracks.landmark, seen])
+    order = np.argsort(landmark, kind="stable")
+    new = Tracks.of_keypoints(
+        np.zeros(1, np.int64), np.full(len(seen), last, np.int32), views.project(last, position[seen]), sigma
+    )
+    names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
+    joined = {name: np.concatenate([getattr(tracks, name), getattr(new, name)])[order] for name in names}
+    return Tracks(start=row_starts(np.bincount(landmark, minlength=len(position))), **joined)
