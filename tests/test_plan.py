@@ -207,6 +207,12 @@ def test_a_plan_states_sigmas_that_its_map_keeps(planned):
     assert planned.light["lit_views_per_landmark_mean"] > 6.0
 
 
+def test_three_views_show_no_noise(table):
+    """Three brightnesses are fitted by a normal and an albedo: sigmas of nothing are refused."""
+    with pytest.raises(InputError, match=r"lit in 3\.0 views each.*plan with four views or more"):
+        plan_site(vesta(table, slice(0, 3)), options(min_views=3), with_candidates=False)
+
+
 def test_rougher_ground_has_larger_sigmas_of_normals(planned, table):
     rough = plan_site(vesta(table), options(slope_deg=25.0), with_candidates=False)
     assert rough.sigmas["normal_sigma_mean_deg"] > 1.2 * planned.sigmas["normal_sigma_mean_deg"]

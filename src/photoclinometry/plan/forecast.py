@@ -47,6 +47,10 @@ log = logging.getLogger(__name__)
 KINDS = {"height": "height_sigma_gsd", "normal": "normal_sigma_deg", "albedo": "albedo_sigma_percent"}
 """The sigmas of a plan, as `landmark_sigmas` names them."""
 
+LEAST_LIT = 3.5
+"""Mean number of lit views per landmark: three brightnesses are fitted exactly by a normal and an albedo, so that a run
+measures no noise and states sigmas of nothing."""
+
 TIE_POINT_RELIEF = 0.02
 """Standard deviation of the tie points' heights, as a share of the reference image's width on the ground: relief over
 an image is some hundredths of its width."""
@@ -159,6 +163,12 @@ def forecast(
             f"these views make no map of the place: {error}. Ask for fewer views of a landmark (--min-views), or add "
             "views of like light"
         ) from error
+    lit = np.count_nonzero(adjustment.lit) / len(adjustment.scene.landmarks)
+    if lit < LEAST_LIT:
+        raise InputError(
+            f"landmarks are lit in {lit:.1f} views each: a normal and an albedo fit three brightnesses exactly, so "
+            "that their noise does not show; plan with four views or more"
+        )
     if not set(KINDS.values()) <= set(landmark_sigmas(adjustment.scene)):
         raise InputError("these views do not determine a map of the place: add views from other directions")
     return Forecast(
