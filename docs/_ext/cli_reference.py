@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).parents[1] / "reference" / "cli"
-ORDER = ["simulate", "info", "run", "view", "evaluate", "render", "figure", "export"]
-ORDER += ["ingest", "views", "refine", "fetch", "study", "rivals"]
+ORDER = ["simulate", "info", "run", "body", "view", "evaluate", "render", "figure", "export"]
+ORDER += ["ingest", "views", "plan", "refine", "fetch", "study", "rivals"]
 
 
 def commands() -> dict[str, Callable[..., Any]]:

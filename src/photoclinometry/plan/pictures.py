@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from photoclinometry.output.report.draw import add_bar, colour_map, limits, panels, save, show_map, style
+from photoclinometry.output.figures.draw import add_bar, colour_map, limits, panels, save, set_missing, show_map, style
 from photoclinometry.plan.candidates import Gain, view_angles
 from photoclinometry.plan.run import Plan
 
@@ -46,6 +46,7 @@ def draw_sigmas(path: Path, plan: Plan) -> Path:
     count = np.bincount(scene.tracks.landmark, plan.forecast.adjustment.lit, len(scene.landmarks))
     with style():
         figure, axes = panels(2, 2, 3.0, 1.0, (1.5, 0.75), (0.6, 0.9, 0.5, 0.3))
+        set_missing(axes)
         for place, (kind, sigma) in zip(axes.ravel(), plan.forecast.sigmas().items(), strict=False):
             title, unit = TITLES[kind]
             values = scene.grid(np.where(np.isfinite(sigma), sigma, np.nan))

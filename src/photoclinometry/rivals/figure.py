@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.evaluate.metrics import psnr
 from photoclinometry.model.scene import Image
-from photoclinometry.output.report.draw import add_bar, bare, colour_map, limits, panels, save, style
+from photoclinometry.output.figures.draw import add_bar, bare, colour_map, limits, panels, save, style
 from photoclinometry.rivals.measure import exposed
 from photoclinometry.rivals.outcome import Outcome
 from photoclinometry.rivals.problem import Problem
