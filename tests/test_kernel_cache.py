@@ -15,9 +15,10 @@ COMPILED = sorted(path for path in PACKAGE.rglob("*.py") if "@njit" in path.read
 def test_imports_of_every_form_are_found(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "PACKAGE", tmp_path)
     (tmp_path / "b").mkdir()
-    files = {"a.py": "", "c.py": "", "b/__init__.py": "", "b/d.py": "", "b/e.py": ""}
+    files = {"a.py": "", "c.py": "", "types.py": "", "b/__init__.py": "", "b/d.py": "", "b/e.py": ""}
     user = (
         "from photoclinometry.a import x\nfrom photoclinometry.b import (\n    d,\n    y,\n)\n"
+        "if TYPE_CHECKING:\n    from photoclinometry.types import z\n\n    from photoclinometry.b.e import w\n\n"
         "def f():\n    import photoclinometry.c\n"
     )
     for name, text in {**files, "user.py": user}.items():
@@ -31,6 +32,11 @@ def test_a_file_that_compiles_functions_of_others_is_stamped_with_them(file):
     others = set(reached(file))
     if others & set(COMPILED) != {file}:
         assert PACKAGE / "model" / "kernel_cache.py" in others, "import photoclinometry.model.kernel_cache there"
+
+
+@pytest.mark.parametrize("file", COMPILED, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_a_change_of_the_public_interface_compiles_nothing_anew(file):
+    assert not {PACKAGE / "api.py", PACKAGE / "pipeline" / "run.py"} & set(reached(file))
 
 
 PROGRAM = """

@@ -20,13 +20,15 @@ PACKAGE = Path(__file__).parents[1]
 _IMPORT = re.compile(
     r"^\s*(?:from|import)\s+photoclinometry([\w.]*)(?:\s+import\s+(?:\(([^)]*)\)|(.*)))?", re.MULTILINE
 )
+_FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+.*\n|[ \t]*\n)*", re.MULTILINE)
+"""What only type checkers import, such as all of the package in its `__init__.py`."""
 
 
 @cache
 def imported(file: Path) -> frozenset[Path]:
-    """Files of the package that a file of it imports."""
+    """Files of the package that a file of it imports when it runs."""
     found = set()
-    for dotted, several, one in _IMPORT.findall(file.read_text(encoding="utf-8")):
+    for dotted, several, one in _IMPORT.findall(_FOR_TYPES.sub("", file.read_text(encoding="utf-8"))):
         parts = dotted.split(".")[1:]
         packages = [PACKAGE.joinpath(*parts[:i], "__init__") for i in range(len(parts) + 1)]
         base = PACKAGE.joinpath(*parts)
