@@ -136,6 +136,19 @@ def larger():
     return scene, at, frame, marginals(at, frame=frame)
 
 
+@pytest.mark.parametrize("size", [1.0, 10.0])
+def test_covariances_are_those_in_the_map_frame_and_the_part_of_the_frame(larger, size):
+    """The priors alone determine the frame, the images all else: the two are independent."""
+    scene, _, frame, own = larger
+    at = held_by_gauge(scene, size)
+    found = marginals(at, frame=frame, keeps_frame=True)
+    np.testing.assert_allclose(found.landmark, marginals(at).landmark)
+    assert found.of_frame is not None
+    sizes = [np.einsum("jaa->ja", each) for each in (found.landmark, found.of_frame, own.landmark)]
+    np.testing.assert_allclose(sizes[0][:, :3], (sizes[1] + sizes[2])[:, :3], rtol=4e-2)  # the gauge's landmark: 3 %
+    assert np.median(sizes[1][:, 0] / sizes[2][:, 0]) > 3.0, "the frame matters"
+
+
 def test_the_map_frame_does_not_depend_on_what_holds_the_map(larger):
     """The gauge ten times as loose: other sigmas in the priors' frame, in the map's the same within 2 %, which is what
     the landmarks' own errors do to the frame."""

@@ -7,7 +7,7 @@ import pytest
 
 from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
 from photoclinometry.adjust.covariance.marginals import Marginals
-from photoclinometry.adjust.covariance.uncertainty import error_model, scene_uncertainty
+from photoclinometry.adjust.covariance.uncertainty import error_model, scene_uncertainty, with_local_errors
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.noise import local_noise
 from photoclinometry.adjust.stated import uncertainty_at
@@ -134,3 +134,23 @@ def test_an_error_that_n_share_has_a_nth_of_the_variance_it_is_weighed_with():
 def test_keypoints_of_landmarks_that_brightness_holds_add_no_error():
     """They count as if good to many pixels, and are good to a tenth."""
     assert error_model(2.0, 1.0, np.zeros(0), direct=np.array([True, False])).keypoint.tolist() == [0.0, 0.25]
+
+
+def test_noise_from_place_to_place_does_not_multiply_errors_of_the_frame():
+    """A map known to 0.1 within, whose place is known to 3: twice the noise, and relief of 0.2 that images lack."""
+    count = 4
+    own, common = (np.tile(size**2 * np.eye(3), (count, 1, 1)) for size in (0.1, 3.0))
+    own[3] = np.diag([np.inf, np.inf, np.inf])
+    stated = {"position": own + common, "normal": np.tile(np.diag([4.0, 1.0]), (count, 1, 1)), "albedo": np.ones(count)}
+    relief = np.tile(np.diag([0.0, 0.0, 0.04]), (count, 1, 1))
+    found = with_local_errors(stated, np.full(count, 4.0), relief, {"position": common})
+    np.testing.assert_allclose(found["position"][:3], np.tile(np.diag([9.04, 9.04, 9.08]), (3, 1, 1)))
+    assert np.isinf(np.diag(found["position"][3])).all()
+    np.testing.assert_allclose(found["normal"], 4.0 * stated["normal"])
+    np.testing.assert_allclose(found["albedo"], 2.0)
+
+
+def test_a_part_that_is_larger_than_the_whole_leaves_nothing():
+    whole, part = np.eye(3)[None], np.diag([2.0, 0.5, 0.5])[None]
+    found = with_local_errors({"position": whole}, np.array([9.0]), np.zeros((1, 3, 3)), {"position": part})
+    np.testing.assert_allclose(found["position"][0], np.diag([2.0, 5.0, 5.0]))

@@ -88,12 +88,12 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     if setup.without_smooth_errors:
         surface = fit.smoothness
         setup, fit = _with_smooth_errors(setup, fit)
-    found, sigma = _covariances(setup, fit, surface)
+    found, of_frame, sigma = _covariances(setup, fit, surface)
     if found and setup.reflectance is not None:
         on_map = replace(fit.scene, landmarks=fit.solution.estimate.landmarks[: setup.members.count])
         local = local_noise(fit.scene, fit.lit, fit.noise.brightness_sigma, setup.members.of_map)
         relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
-        found = with_local_errors(found, local, relief)
+        found = with_local_errors(found, local, relief, of_frame)
     return found, sigma
 
 
@@ -128,7 +128,7 @@ def uncertainty_at(
     solution = Solution(estimate, True, "given", (), None)
     assert smoothness is not None
     fit = Fit(given.scene, smoothness, solution, lit, noise, ())
-    found, _ = _covariances(setup, fit, surface)
+    found, _, _ = _covariances(setup, fit, surface)
     back = np.argsort(given.order)
     return {name: value[back] if name in OF_LANDMARKS else value for name, value in found.items()}, noise
 
@@ -139,8 +139,13 @@ def _bent(setup: Setup) -> Setup:
     return replace(setup, gradients=setup.gradients._replace(factor=np.ones(len(setup.table.tracks))))
 
 
-def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-    """As `stated_uncertainty`, with the same noise at every landmark. surface: holds positions, if not the fit's."""
+def _covariances(
+    setup: Setup, fit: Fit, surface: Smoothness | None
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray | None]:
+    """As `stated_uncertainty`, with the same noise at every landmark, and between the two what of it is the frame's.
+
+    surface: holds positions, if not the fit's.
+    """
     estimate, noise, response, sigma = fit.solution.estimate, fit.noise, None, None
     stated = replace(noise, view_prior_factor=1.0)
     if len(estimate.parameters):
@@ -152,7 +157,7 @@ def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[di
     setup.table.release()
     seen = replace(stated, brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor)
     graph = FactorGraph(factor_groups(setup, fit.lit, seen, fit.smoothness))
-    found = estimate_uncertainty(
+    found, of_frame = estimate_uncertainty(
         graph,
         estimate,
         keypoint_correlation=setup.correlation(seen.keypoint_correlation_px),
@@ -162,7 +167,7 @@ def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[di
         response=response,
         surface=surface,
     )
-    return found, sigma
+    return found, of_frame, sigma
 
 
 def _with_smooth_errors(setup: Setup, fit: Fit) -> tuple[Setup, Fit]:

@@ -16,7 +16,7 @@ that neighbours share (`noise.py`), and smoothness holds of no ground. `ErrorMod
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -77,6 +77,8 @@ class Marginals:
     """(10 K, 10 K) of all views together."""
     landmark: np.ndarray
     """(J, 6, 6)."""
+    of_frame: np.ndarray | None = None
+    """(J, 6, 6) the part of these that errors of the frame make; None where the frame was not asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +95,7 @@ def marginals(
     errors: ErrorModel | None = None,
     *,
     frame: np.ndarray | None = None,
+    keeps_frame: bool = False,
     surface: Surface | None = None,
     exact: int = EXACT,
     patch: int | None = None,
@@ -112,7 +115,12 @@ def marginals(
     )
     reduced = _reduce(at, patches, frame)
     camera = _inverse(reduced.information)
-    if frame is not None:
+    of_frame = None
+    if frame is not None and keeps_frame:
+        similarity = reduced.frame_by_camera @ camera @ reduced.frame_by_camera.T
+        move = landmark_moves(at, 0, count)
+        of_frame = move @ similarity @ np.swapaxes(move, 1, 2)
+    elif frame is not None:
         kept = np.eye(len(camera)) - camera_moves(at) @ reduced.frame_by_camera
         camera = kept @ camera @ kept.T
     landmark = _given_views(at, reduced.own, errors, windows)
@@ -122,7 +130,7 @@ def marginals(
     _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     unmeasured = np.diag(reduced.information) == 0.0
     camera[unmeasured, unmeasured] = np.inf
-    return Marginals(camera=camera, landmark=landmark)
+    return Marginals(camera=camera, landmark=landmark, of_frame=of_frame)
 
 
 def with_parameters(
@@ -141,7 +149,8 @@ def with_parameters(
         moved = of_landmarks[frame, :3].reshape(len(own), -1)
         similarity = np.linalg.solve(own.T @ own, own.T @ moved)
         of_cameras, of_landmarks = of_cameras - camera_moves(at) @ similarity, of_landmarks - basis @ similarity
-    return Marginals(
+    return replace(
+        given,
         camera=given.camera + of_cameras @ response.covariance @ of_cameras.T,
         landmark=given.landmark + of_landmarks @ response.covariance @ np.swapaxes(of_landmarks, 1, 2),
     )

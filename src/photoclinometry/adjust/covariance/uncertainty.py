@@ -12,6 +12,7 @@ origin, orientation and size mean nothing. Otherwise they are in the frame of th
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -54,8 +55,10 @@ def estimate_uncertainty(
     own_frame: bool,
     response: ParameterResponse | None = None,
     surface: Smoothness | None = None,
-) -> dict[str, np.ndarray]:
-    """`Scene.uncertainty` of an estimate, of the map's landmarks.
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """`Scene.uncertainty` of an estimate, of the map's landmarks, and the part of it that errors of the frame make.
+
+    That part is empty where errors are those in the map's own frame.
 
     keypoint_correlation, brightness_correlation: sides of the squares of landmarks that share an error; own_frame: only
     the gauge is known of the frame. response: of reflectance parameters that were estimated along; without it they
@@ -67,20 +70,21 @@ def estimate_uncertainty(
     errors = error_model(
         keypoint_correlation, brightness_correlation, at.smooth_residual, members.direct, photometric=photometric
     )
-    frame = None
-    if own_frame:
-        frame = mapped
-        at = loosely_held(at)
+    at = loosely_held(at) if own_frame else at
+    held = _surface(at, errors, surface, estimate)
     try:
-        found = marginals(at, errors, frame=frame, surface=_surface(at, errors, surface, estimate))
+        found = marginals(at, errors, frame=mapped, keeps_frame=not own_frame, surface=held)
     except np.linalg.LinAlgError:
         warn(log, "no-uncertainty", "no uncertainties: the measurements do not determine all views")
-        return {}
+        return {}, {}
     if response is not None:
-        found = with_parameters(found, at, response, frame)
+        found = with_parameters(found, at, response, mapped if own_frame else None)
     uncertainty = scene_uncertainty(found, estimate.views, estimate.pivot, mapped)
     estimated = uncertainty if photometric else ("position", "rotation", "center")
-    return {name: uncertainty[name] for name in estimated}
+    of_frame = {}
+    if found.of_frame is not None:
+        of_frame = {"position": found.of_frame[mapped, :3, :3], "normal": found.of_frame[mapped, 3:5, 3:5]}
+    return {name: uncertainty[name] for name in estimated}, of_frame
 
 
 def _surface(at: Linearised, errors: ErrorModel, smoothness: Smoothness | None, estimate: Estimate) -> Surface | None:
@@ -129,20 +133,34 @@ def error_model(
 
 
 def with_local_errors(
-    uncertainty: dict[str, np.ndarray], noise: np.ndarray, relief: np.ndarray
+    uncertainty: Mapping[str, np.ndarray], noise: np.ndarray, relief: np.ndarray, of_frame: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """`Scene.uncertainty` with what is known from place to place.
 
-    noise: (J,) factors on the variances of landmarks (`local_noise`); relief: (J, 3, 3) covariances of positions that
-    are added (`unresolved_relief`).
+    noise: (J,) factors on the variances of landmarks (`local_noise`), but for what all have in common: of_frame, the
+    part that errors of the frame make, by name; relief: (J, 3, 3) covariances of positions that are added
+    (`unresolved_relief`).
     """
     found = dict(uncertainty)
-    for name, factor in (("position", noise[:, None, None]), ("normal", noise[:, None, None]), ("albedo", noise**0.5)):
+    for name in ("position", "normal"):
         if name in found:
-            found[name] = factor * found[name]
+            common = of_frame.get(name, np.zeros(found[name].shape[1:]))
+            found[name] = common + noise[:, None, None] * _beyond(found[name], common)
+    if "albedo" in found:
+        found["albedo"] = noise**0.5 * found["albedo"]
     if "position" in found:
         found["position"] = found["position"] + relief
     return found
+
+
+def _beyond(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Covariances (n, d, d) less a part of them; not negative in any direction, and infinite where the whole is."""
+    known = np.isfinite(whole).all((1, 2))
+    left = whole.copy()
+    left[known] = (whole - part)[known]
+    value, vector = np.linalg.eigh(left[known])
+    left[known] = (vector * np.maximum(value, 0.0)[:, None, :]) @ np.swapaxes(vector, 1, 2)
+    return left
 
 
 def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped: np.ndarray) -> dict[str, np.ndarray]:
