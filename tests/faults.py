@@ -343,9 +343,7 @@ def options() -> Iterator[Fault]:
     yield row("of a simulation", "simulate --out out --detector.bits 99", "--detector.bits is 99; give a whole")
     yield row("of an ingestion", f"{INGEST} --position-sigma nan", "--position-sigma is nan; give")
     yield row("workers of a body", f"{BODY} --workers 0", "--workers is 0; give a whole number, 1 or more")
-    yield row(
-        "parts of a body", f"{BODY} --plan-only --tile 3", "--tile do one part of the work each: give one of them"
-    )
+    yield row("parts of a body", f"{BODY} --plan-only --tile 3", "--plan-only, --print-tasks and --tile do one part")
     yield row("tiles of a body", f"{BODY} --plan.tile-px 8", "--plan.tile-px is 8; give a whole number, 32 to 4096")
     yield row("of an export", f"{EXPORT} --unit-m 0", "--unit-m is 0; give above 0")
     yield row("of a plan", "plan priors --slope-deg 90", "--slope-deg is 90; give above 0, up to 35")

@@ -15,6 +15,7 @@ from photoclinometry.io.json_file import write_json
 from photoclinometry.io.reference import read_reference
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.ranges import Ranged
 from photoclinometry.rivals.figure import draw_comparison
 from photoclinometry.rivals.measure import common_masks, image_figures, map_figures
 from photoclinometry.rivals.mvs import run_mvs
@@ -39,7 +40,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RivalOptions:
+class RivalOptions(Ranged):
     """What the rivals do."""
 
     spc: SpcOptions = field(default_factory=SpcOptions)
