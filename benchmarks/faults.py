@@ -78,7 +78,7 @@ def main(
 
     Args:
         out: Folder for sites, results and table.
-        vesta: Folder of a site of real images, such as four of Vesta; the region is its middle.
+        vesta: Folder of a site of real images, such as four of Vesta.
         draws: How often each fault is drawn on the real site; on simulated ones once.
         only_sites: Only the site of this name.
         only_faults: Only these faults.
@@ -190,11 +190,11 @@ def _simulated(out: Path, name: str) -> Path:
 
 
 def _written(images: Images, clean: Site, folder: Path, mapped: Scene | None) -> Path:
-    """The spoiled site's site.toml; its region is that of the clean map, or the middle of its first image."""
+    """The spoiled site's site.toml. Its region is that of the clean map; of the clean site it is chosen by the run."""
     shutil.rmtree(folder, ignore_errors=True)
     write_images(images, clean, folder)
     if mapped is None:
-        request = RegionRequest(reference=clean.views[0].name, size_px=(VESTA_REGION_PX, VESTA_REGION_PX))
+        request = RegionRequest(size_px=(VESTA_REGION_PX, VESTA_REGION_PX))
     else:
         region = mapped.region
         request = RegionRequest(
