@@ -104,14 +104,13 @@ def main(
 def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Outcome:
     """The map of a site with a fault, beside that of the clean site."""
     run, spoiled = out / "runs" / name / f"{fault}-{draw}", out / "spoiled" / name
-    site_file = folder / "site.toml"
-    if fault != CLEAN:
-        images = read_images(read_site(site_file))
-        images = FAULTS[fault](images, np.random.default_rng([draw, *map(ord, fault)]))
-        site_file = _written(images, read_site(site_file), spoiled, _clean_map(out, name))
-    elif name not in SITES:
-        images = read_images(read_site(site_file))
-        site_file = _written(images, read_site(site_file), spoiled, None)
+    site_file, mapped = folder / "site.toml", None if fault == CLEAN else _clean_map(out, name)
+    if fault != CLEAN or name not in SITES:
+        site = read_site(site_file)
+        images = read_images(site)
+        if fault != CLEAN:
+            images = FAULTS[fault](images, np.random.default_rng([draw, *map(ord, fault)]))
+        site_file = _written(images, site, spoiled, mapped)
     try:
         result = pcm.run(site_file, run, densify=DensifyOptions(min_views=3 if name == "vesta" else 4), overwrite=True)
     except ReconstructionError as error:
@@ -120,7 +119,7 @@ def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Ou
     truth = folder / "truth.h5"
     if truth.is_file():
         figures = pcm.evaluate(scene, truth=truth, site=folder / "site.toml").metrics
-    clean = scene if fault == CLEAN else _clean_map(out, name)
+    clean = scene if mapped is None else mapped
     relief = relief_by_parallax(scene, clean.landmarks.position, clean.landmarks.pixel)
     outcome = Outcome(
         site=name,

@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.adjust import TiePoints
 from photoclinometry.model.compressed_rows import row_starts
-from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.scene import Scene, Tracks, Views, join_views
@@ -55,7 +55,7 @@ def view_angles(views: Views, k: int) -> dict[str, float]:
         "camera_azimuth_deg": _azimuth(camera),
         "incidence_deg": _zenith(sun),
         "sun_azimuth_deg": _azimuth(sun),
-        "phase_deg": float(np.degrees(np.arccos(np.clip(camera @ sun, -1.0, 1.0)))),
+        "phase_deg": float(np.degrees(angle_between(camera, sun))),
         "gsd_m": views.gsd(k, np.zeros((1, 3))),
     }
 

@@ -16,7 +16,7 @@ from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Views
 from photoclinometry.plan.options import PlanOptions
-from photoclinometry.registration.place import SEMI_AXES_M, Place, place_at, plane_at, semi_axes
+from photoclinometry.registration.place import SEMI_AXES_M, Place, lon_lat_deg, place_at, plane_at, semi_axes
 from photoclinometry.registration.view_choice import REGION_PX, reference_view
 from photoclinometry.registration.viewing import Sighting, sighting
 
@@ -158,7 +158,7 @@ def _looked_at(site: Site, posed: list[SiteView], axes: tuple[float, float, floa
         raise InputError(
             f"{site.path}: the middle of {view.name} misses the body's ellipsoid; give the place (--at LON LAT)"
         )
-    lon, lat = _lon_lat(pose.translation + found * ray)
+    lon, lat = lon_lat_deg(pose.translation + found * ray)
     return place_at(lon, lat, axes)
 
 
@@ -169,12 +169,6 @@ def _first_hit(origin: np.ndarray, ray: np.ndarray) -> float | None:
         return None
     distance = float((-b - math.sqrt(b * b - a * c)) / a)
     return distance if distance > 0.0 else None
-
-
-def _lon_lat(point: np.ndarray) -> tuple[float, float]:
-    """Longitude, eastward, and planetocentric latitude of a point (3,) [degrees]."""
-    x, y, z = point
-    return math.degrees(math.atan2(y, x)), math.degrees(math.atan2(z, math.hypot(x, y)))
 
 
 def _seen(posed: list[SiteView], place: Place) -> tuple[list[Sighting], dict[str, str]]:

@@ -51,6 +51,12 @@ def plane_at(point: np.ndarray, normal: np.ndarray) -> Place:
     return Place(lon_deg=math.nan, lat_deg=math.nan, position=point, normal=unit(normal), semi_axes_m=(0.0, 0.0, 0.0))
 
 
+def lon_lat_deg(point: np.ndarray) -> tuple[float, float]:
+    """Longitude, eastward, from -180 to 180, and planetocentric latitude of a body-fixed point (3,) [degrees]."""
+    x, y, z = point
+    return math.degrees(math.atan2(y, x)), math.degrees(math.atan2(z, math.hypot(x, y)))
+
+
 def place_at(lon_deg: float, lat_deg: float, semi_axes_m: tuple[float, float, float]) -> Place:
     """The point of an ellipsoid in a direction from its centre: longitude eastward, planetocentric latitude [degrees].
 

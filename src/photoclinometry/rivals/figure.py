@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.evaluate.metrics import psnr
 from photoclinometry.model.scene import Image
-from photoclinometry.output.figures.draw import add_bar, bare, colour_map, limits, panels, save, style
+from photoclinometry.output.figures.draw import add_bar, bare, colour_map, limits, panels, save, style, symmetric_limits
 from photoclinometry.rivals.measure import exposed
 from photoclinometry.rivals.outcome import Outcome
 from photoclinometry.rivals.problem import Problem
@@ -49,7 +49,7 @@ def _draw_view(
     brightness, peak = image.brightness.astype(float), float(image.brightness[image.valid].max())
     pictures = [exposed(outcome, k, image, mask) for outcome in outcomes]
     low, high = limits(np.where(mask, brightness, np.nan), 0.5, 99.5)
-    most = limits(np.abs(np.stack(pictures) - brightness)[:, mask], high=DIFFERENCE_PERCENT, zero=True)[1]
+    under, over = symmetric_limits((np.stack(pictures) - brightness)[:, mask], DIFFERENCE_PERCENT)
     what = "used" if k < problem.train else "held out"
     shown: list[tuple[str, np.ndarray, np.ndarray | None]] = [(f"{Path(image.name).name}, {what}", brightness, None)]
     for outcome, picture in zip(outcomes, pictures, strict=True):
@@ -64,7 +64,7 @@ def _draw_view(
             bare(axes[1, column]).axis("off")
             continue
         seen = np.ma.masked_invalid(np.where(mask, off, np.nan)[box])
-        difference = bare(axes[1, column]).imshow(seen, cmap=colour_map("RdBu_r"), vmin=-most, vmax=most)
+        difference = bare(axes[1, column]).imshow(seen, cmap=colour_map("RdBu_r"), vmin=under, vmax=over)
     axes[1, 0].text(0.98, 0.5, "prediction\nminus image", transform=axes[1, 0].transAxes, ha="right", va="center")
     unit = "I/F" if problem.scene.brightness == "iof" else "DN"
     add_bar(axes[0, -1], grey, brightness[mask], unit)

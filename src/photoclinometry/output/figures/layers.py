@@ -98,9 +98,8 @@ def slope_sigma_deg(scene: Scene) -> np.ndarray | None:
     return np.degrees(sigma_along(scene.uncertainty["normal"], direction))
 
 
-def _height_sigma(scene: Scene) -> np.ndarray | None:
-    found = landmark_sigmas(scene).get("height_sigma_gsd")
-    return None if found is None else found * scene.gsd * length_unit(scene)[0]
+def _height_sigma(scene: Scene) -> np.ndarray:
+    return landmark_sigmas(scene)["height_sigma_gsd"] * scene.gsd * length_unit(scene)[0]
 
 
 def _albedo_sigma(scene: Scene) -> np.ndarray | None:
@@ -161,7 +160,7 @@ _ALL = (
         label=_of_length("height"),
         cmap="viridis",
         from_zero=None,
-        sigma=_height_sigma,
+        sigma=lambda scene: _height_sigma(scene) if "height_sigma_gsd" in landmark_sigmas(scene) else None,
     ),
     Layer(
         name="slope",
@@ -184,7 +183,7 @@ _ALL = (
         name="height-sigma",
         title="Uncertainty of heights",
         about="One standard deviation of heights above the mean plane.",
-        values=lambda scene: landmark_sigmas(scene)["height_sigma_gsd"] * scene.gsd * length_unit(scene)[0],
+        values=_height_sigma,
         label=_of_length("sigma of the height"),
         lacks=_not_stated("height"),
     ),

@@ -21,6 +21,7 @@ from photoclinometry.output.figures.draw import (
     save,
     show_map,
     style,
+    symmetric_limits,
 )
 from photoclinometry.output.figures.layers import LAYERS, SHORT_TAIL_PERCENT, STEEP_PERCENT
 from photoclinometry.output.figures.maps import plot_layer
@@ -86,10 +87,10 @@ def draw_landmark_values(path: Path, scene: Scene, name: str, values: np.ndarray
     signed = np.nanmin(values, initial=0.0) < 0
     grid = scene.grid(values)
     if signed:
-        top = limits(np.abs(grid), high=STEEP_PERCENT, zero=True)[1]
-        return draw_one(path, grid, scene.region, words(quantity).capitalize(), unit, "RdBu_r", (-top, top))
-    clim = limits(grid, high=STEEP_PERCENT, zero=True)
-    return draw_one(path, grid, scene.region, words(quantity).capitalize(), unit, "magma", clim)
+        cmap, clim = "RdBu_r", symmetric_limits(grid, STEEP_PERCENT)
+    else:
+        cmap, clim = "magma", limits(grid, high=STEEP_PERCENT, zero=True)
+    return draw_one(path, grid, scene.region, words(quantity).capitalize(), unit, cmap, clim)
 
 
 def draw_relit(path: Path, scene: Scene) -> Path:

@@ -15,6 +15,7 @@ from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.figures.layers import LAYERS, length_unit
 from photoclinometry.output.figures.marks import ground_per_pixel
 from photoclinometry.output.report.weak_places import WeakPlace, weak_places
+from photoclinometry.registration.place import lon_lat_deg
 from photoclinometry.surface.relief import local_frame
 
 SOUND, CARE, WRONG = "Sound", "Usable with care", "Do not trust"
@@ -151,8 +152,7 @@ def _where(scene: Scene) -> str:
     body = (scene.body or "unknown body").capitalize()
     if scene.frame != BODY_FIXED:
         return f"{body}, at an unknown place: images alone tell neither scale nor place"
-    x, y, z = local_frame(scene).translation
-    lon, lat = np.degrees([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+    lon, lat = lon_lat_deg(local_frame(scene).translation)
     return f"{body}, {lon % 360.0:.2f}° E, {abs(lat):.2f}° {'N' if lat >= 0 else 'S'}"
 
 
