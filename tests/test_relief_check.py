@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.warning import collected_warnings
-from photoclinometry.pipeline import checked_map
+from photoclinometry.pipeline import checked_map, relief_check
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
 from photoclinometry.pipeline.moved_suns import warn_of_suns
@@ -68,6 +69,22 @@ def test_relief_that_contradicts_parallax_is_warned_of_and_far_off_not_trusted()
             warn_of_relief(check)
     assert [warning.code for warning in warned] == ["relief-contradicts"]
     assert "0.90" in warned[0].words
+
+
+@pytest.mark.parametrize(("ratio", "sigma"), [(1.0, 0.05), (0.95, 0.02), (0.78, 0.076), (1.3, 0.1), (0.5, 0.001)])
+def test_evidence_is_the_ratio_of_the_densities_of_both_kinds_of_map(ratio, sigma):
+    spoiled, sound = (
+        norm.pdf(ratio, loc=1.0, scale=np.hypot(sigma, spread)) for spread in (relief_check.SPOILED, relief_check.SOUND)
+    )
+    found = ReliefCheck(ratio, sigma).evidence
+    assert found == pytest.approx(spoiled / sound) if sound > 0.0 else found > 1e100
+
+
+def test_a_relief_is_wrong_where_parallax_says_so_and_not_where_it_says_little():
+    assert ReliefCheck(0.78, 0.076).is_off(relief_check.FAR_OFF), "2.9 standard deviations"
+    assert not ReliefCheck(0.78, 0.15).is_off()
+    assert not ReliefCheck(0.97, 0.001).is_off(), "certain, and small"
+    assert not ReliefCheck(0.9, 0.01).is_off(relief_check.FAR_OFF)
 
 
 def test_suns_that_move_alike_or_alone_are_named(scene):

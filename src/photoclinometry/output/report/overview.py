@@ -29,6 +29,9 @@ LITTLE_LIGHT_DEG = 10.0
 apart ground of 5 degrees slope changes against level ground by 0.17 x 0.09 = 1.5 %, about what maps do not explain."""
 ROUGH_NORMAL_DEG, ROUGH_HEIGHT_GSD = 5.0, 0.5
 """Medians of stated sigmas beyond those of any sound simulated site: these have 1 to 2 degrees, and 0.1 GSD."""
+UNCHECKED_RELIEF = 0.1
+"""Standard deviation of relief over parallax beyond which a relief that is a fifth too low would pass as sound. Maps of
+100 x 100 landmarks have 0.01 to 0.05."""
 SPARSE_PERCENT = 80.0
 """Share of the lit region below which a map is full of holes."""
 POOR_PSNR_DB, WORSE_BY_DB = 30.0, 6.0
@@ -180,6 +183,10 @@ def _quality(scene: Scene, metrics: Mapping[str, Any]) -> list[Fact]:
     if "completeness_percent" in metrics:
         meaning = "of the lit pixels of the region carry a landmark"
         found.append(Fact(name="Completeness", value=f"{metrics['completeness_percent']:.1f} %", meaning=meaning))
+    if "relief_over_parallax" in metrics:
+        value = f"{metrics['relief_over_parallax']:.2f} ± {metrics['relief_over_parallax_sigma']:.2f}"
+        meaning = "heights by brightness over heights by parallax alone; 1 if they agree"
+        found.append(Fact(name="Relief, checked", value=value, meaning=meaning))
     for key, title, meaning in _TRUE_ERRORS:
         if key in metrics:
             found.append(
@@ -210,6 +217,9 @@ def _care(scene: Scene, metrics: Mapping[str, Any]) -> list[str]:
         found.append(f"normals are uncertain: {digits(metrics['normal_sigma_median_deg'])}° in the median")
     if scene.frame != BODY_FIXED and metrics.get("height_sigma_median_gsd", 0.0) > ROUGH_HEIGHT_GSD:
         found.append(f"heights are uncertain: {digits(metrics['height_sigma_median_gsd'])} GSD in the median")
+    unsure = metrics.get("relief_over_parallax_sigma", 0.0)
+    if unsure > UNCHECKED_RELIEF:
+        found.append(f"parallax checks the relief to {100.0 * unsure:.0f} % only: it may be too high or too low")
     if metrics.get("completeness_percent", 100.0) < SPARSE_PERCENT:
         found.append(f"{100.0 - metrics['completeness_percent']:.0f} % of the lit region are not mapped")
     quality, held_out = metrics.get("psnr_mean_db"), metrics.get("psnr_held_out_mean_db")
