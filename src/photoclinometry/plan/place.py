@@ -18,7 +18,7 @@ from photoclinometry.model.scene import Views
 from photoclinometry.plan.options import PlanOptions
 from photoclinometry.registration.place import SEMI_AXES_M, Place, lon_lat_deg, place_at, plane_at, semi_axes
 from photoclinometry.registration.view_choice import REGION_PX, reference_view
-from photoclinometry.registration.viewing import Sighting, sighting
+from photoclinometry.registration.viewing import Sighting, sighting, unseen_where
 
 _PARALLEL = 1e-6
 """Sine of the angle between the normal and the axis z below which north is the axis y."""
@@ -177,12 +177,9 @@ def _seen(posed: list[SiteView], place: Place) -> tuple[list[Sighting], dict[str
     not_seen: dict[str, str] = {}
     for view in posed:
         found = sighting(view, place)
-        if found is None:
-            not_seen[view.name] = "the place lies behind the camera"
-        elif found.emission_deg >= 90.0:
-            not_seen[view.name] = "the place lies beyond the limb"
-        elif not (0 <= found.pixel[0] <= view.camera.width and 0 <= found.pixel[1] <= view.camera.height):
-            not_seen[view.name] = f"the place lies beside the image, at pixel {found.pixel[0]:.0f} {found.pixel[1]:.0f}"
+        hidden = unseen_where(view, found)
+        if found is None or hidden:
+            not_seen[view.name] = f"the place lies {hidden}"
         elif found.incidence_deg >= 90.0:
             not_seen[view.name] = f"it is night there (incidence {found.incidence_deg:.0f} degrees)"
         else:

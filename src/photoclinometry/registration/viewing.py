@@ -13,6 +13,10 @@ from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.registration.place import Place
 
 
+BEYOND_LIMB = "beyond the limb"
+"""Of a place on the other side of the body."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sighting:
     """One view's sight of a place. Angles are those at the place, against the normal of the reference ellipsoid."""
@@ -71,12 +75,11 @@ def sightings(site: Site, place: Place) -> Sightings:
     beyond = outside = 0
     for view in views:
         found = sighting(view, place)
-        if found is None:
-            outside += 1
-        elif found.emission_deg >= 90.0:
-            beyond += 1
-        elif _inside(view, found.pixel):
+        hidden = unseen_where(view, found)
+        if found is not None and not hidden:
             seen.append(found)
+        elif hidden == BEYOND_LIMB:
+            beyond += 1
         else:
             outside += 1
     return Sightings(
@@ -116,6 +119,17 @@ def sighting(view: SiteView, place: Place) -> Sighting | None:
     )
 
 
+def unseen_where(view: SiteView, found: Sighting | None) -> str:
+    """Where a place lies that a view does not see, by the view's sight of it; empty if the view sees it."""
+    if found is None:
+        return "behind the camera"
+    if found.emission_deg >= 90.0:
+        return BEYOND_LIMB
+    x, y = found.pixel
+    inside = 0.0 <= x <= view.camera.width and 0.0 <= y <= view.camera.height
+    return "" if inside else f"beside the image, at pixel {x:.0f} {y:.0f}"
+
+
 def light_and_sight(seen: Sequence[Sighting]) -> np.ndarray:
     """(n, n) how different views are [rad]: the angle between their Suns and that between their cameras, squares added.
 
@@ -136,10 +150,6 @@ def _sun(view: SiteView, pose: Rigid) -> np.ndarray:
 
 def _degrees(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(angle_between(a, b)))
-
-
-def _inside(view: SiteView, pixel: tuple[float, float]) -> bool:
-    return 0.0 <= pixel[0] <= view.camera.width and 0.0 <= pixel[1] <= view.camera.height
 
 
 def _check_outside(view: SiteView, center: np.ndarray, place: Place) -> None:
