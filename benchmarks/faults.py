@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 import tyro
 
+import photoclinometry as pcm
 from image_faults import FAULTS, Images, read_images, write_images
-from photoclinometry import api as pcm
 from photoclinometry.io.site import RegionRequest, Site, read_site, write_site
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.model.errors import ReconstructionError

@@ -147,7 +147,7 @@ def test_a_site_is_simulated_and_read(tmp_path):
 def test_run_takes_strings_and_fields_of_its_options(monkeypatch, tmp_path):
     """Fields given by name replace those of the options; everything arrives at the pipeline as it expects it."""
     given = []
-    monkeypatch.setattr("photoclinometry.api._run", lambda *arguments: given.extend(arguments))
+    monkeypatch.setattr("photoclinometry.api.maps._run", lambda *arguments: given.extend(arguments))
     options = pcm.RunOptions(matcher="flow", hold_out=("a",))
     pcm.run(str(tmp_path / "site.toml"), str(tmp_path / "run"), options=options, reflectance="mcewen")
     assert given[:2] == [tmp_path / "site.toml", tmp_path / "run"]

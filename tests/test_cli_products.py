@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import tyro
 
-from photoclinometry.api import view_index
+from photoclinometry.api.given import view_index
 from photoclinometry.cli.evaluate import evaluate
 from photoclinometry.cli.info import info
 from photoclinometry.cli.render import render

@@ -36,7 +36,7 @@ def test_a_file_that_compiles_functions_of_others_is_stamped_with_them(file):
 
 @pytest.mark.parametrize("file", COMPILED, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_change_of_the_public_interface_compiles_nothing_anew(file):
-    assert not {PACKAGE / "api.py", PACKAGE / "pipeline" / "run.py"} & set(reached(file))
+    assert not {PACKAGE / "api" / "maps.py", PACKAGE / "pipeline" / "run.py"} & set(reached(file))
 
 
 PROGRAM = """

@@ -19,25 +19,21 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from photoclinometry.adjust import Adjustment, AdjustOptions
-    from photoclinometry.api import (
+    from photoclinometry.api.maps import (
         adjust,
         choose_views,
         evaluate,
         export,
-        figure,
         plan,
-        plot,
-        plot_profile,
-        plot_residuals,
         read_scene,
         read_site,
         reflectance,
         reflectance_models,
-        render,
         run,
         simulate,
         write_scene,
     )
+    from photoclinometry.api.pictures import figure, plot, plot_profile, plot_residuals, render
     from photoclinometry.evaluate.evaluation import Evaluation
     from photoclinometry.io.site import Site
     from photoclinometry.model.errors import InputError, PhotoclinometryError, ReconstructionError
@@ -124,9 +120,14 @@ _MODULE = {
     "ViewChoice": "registration.view_choice",
     "ViewLimits": "registration.view_choice",
     "compare_rivals": "rivals.compare",
+    "figure": "api.pictures",
+    "plot": "api.pictures",
+    "plot_profile": "api.pictures",
+    "plot_residuals": "api.pictures",
     "preset": "pipeline.presets",
+    "render": "api.pictures",
 }
-"""Where each public name is defined; those not listed are functions of `api`."""
+"""Where each public name is defined; those not listed are in `api.maps`."""
 
 
 if not TYPE_CHECKING:  # checkers would take any name for one of this package
@@ -134,7 +135,7 @@ if not TYPE_CHECKING:  # checkers would take any name for one of this package
     def __getattr__(name: str) -> Any:
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        value = getattr(import_module(f"{__name__}.{_MODULE.get(name, 'api')}"), name)
+        value = getattr(import_module(f"{__name__}.{_MODULE.get(name, 'api.maps')}"), name)
         globals()[name] = value
         return value
 

@@ -12,7 +12,6 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.registration.place import Place
 
-
 BEYOND_LIMB = "beyond the limb"
 """Of a place on the other side of the body."""
 

@@ -1,21 +1,15 @@
-"""The functions of `import photoclinometry`: each reads what it is given by path, calls the library, and returns.
-
-Paths are strings or `Path`. Optional arguments go by keyword. Options are given as an object (`options=`), field by
-field (`reflectance="mcewen"`), or both: single fields then replace those of the object.
-"""
+"""Maps: the functions of `import photoclinometry` that read, make, judge and export them."""
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
-
-import numpy as np
+from typing import Any
 
 from photoclinometry.adjust import Adjustment, AdjustOptions, Iteration
 from photoclinometry.adjust import adjust as _adjust
+from photoclinometry.api.given import given_folder, given_scene, scene_at
 from photoclinometry.evaluate.body_folder import evaluate_body, is_body
 from photoclinometry.evaluate.evaluation import Evaluation, evaluate_map
 from photoclinometry.io import run_files, scene_file
@@ -31,8 +25,6 @@ from photoclinometry.model.progress import Progress
 from photoclinometry.model.reflectance import MODELS, Reflectance, starting_model
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.output.export import ExportOptions, export_scene
-from photoclinometry.output.figures.options import FigureOptions
-from photoclinometry.photometry.render import render_reference, render_view
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.pipeline.run import run as _run
@@ -44,7 +36,6 @@ from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
-from photoclinometry.surface.relief import local_frame, sun_from_angles
 
 
 def read_site(path: str | Path) -> Site:
@@ -203,8 +194,7 @@ def read_scene(path: str | Path) -> Scene:
     Raises:
         InputError: There is no finished run, or the file is damaged or of another version.
     """
-    path = Path(path)
-    return scene_file.read_scene(path) if path.suffix in (".h5", ".hdf5") else run_files.read_run(path)
+    return scene_at(Path(path))
 
 
 def write_scene(path: str | Path, scene: Scene) -> None:
@@ -247,42 +237,6 @@ def adjust(
     return _adjust(scene, changed(options or AdjustOptions(), changes), progress=progress)
 
 
-def render(
-    scene: Scene,
-    *,
-    view: str | None = None,
-    sun: Sequence[float] | np.ndarray | None = None,
-    sun_azimuth_deg: float | None = None,
-    sun_elevation_deg: float | None = None,
-    geometry: Literal["camera", "reference"] = "camera",
-    cast_shadows: bool = False,
-) -> Image:
-    """Render a map as a camera sees it, under its own Sun or any other.
-
-    Args:
-        scene: The map.
-        view: Name of the view whose camera, Sun, scale and bias to use. Default: the reference view.
-        sun: Direction (3,) towards the Sun in the body-fixed frame, of any length.
-        sun_azimuth_deg: Sun's azimuth, clockwise from up in the reference image, along the map's mean plane.
-        sun_elevation_deg: Sun's elevation above the map's mean plane; goes with the azimuth.
-        geometry: "camera" draws the view's whole image; "reference" the map's own grid of reference pixels.
-        cast_shadows: Also darken what lies in the shadow of other ground of the map.
-
-    Returns:
-        Brightness in the unit of the scene's images; `valid` is where the map is.
-
-    Raises:
-        InputError: There is no such view, the Sun is not a direction, or the scene has no reflectance model.
-    """
-    index = view_index(scene, view)
-    towards = _sun_direction(scene, sun, sun_azimuth_deg, sun_elevation_deg)
-    draw = {"camera": render_view, "reference": render_reference}.get(geometry)
-    if draw is None:
-        raise InputError(f'geometry {geometry!r}: must be "camera" or "reference"')
-    brightness, there = draw(scene, index, towards, cast_shadows=cast_shadows)
-    return Image(scene.views.name[index], brightness.astype(np.float32), there)
-
-
 def evaluate(
     scene: RunResult | Scene | str | Path,
     *,
@@ -320,8 +274,8 @@ def evaluate(
         raise InputError("truth and reference are both given; compare with one at a time")
     if cameras is not None and reference is None:
         raise InputError("cameras align a map with another one: give the reference too")
-    folder = _folder(scene)
-    scene = _scene(scene)
+    folder = given_folder(scene)
+    scene = given_scene(scene)
     pictures, held_out = _images(scene, folder, site) if images else (None, None)
     return evaluate_map(
         scene,
@@ -362,124 +316,6 @@ def export(
     return export_scene(scene, Path(out), changed(options or ExportOptions(), changes))["files"]
 
 
-def plot(
-    scene: RunResult | Scene | str | Path,
-    layer: str,
-    *,
-    ax: Any = None,
-    view: str | None = None,
-    clim: tuple[float, float] | None = None,
-    marks: bool = True,
-) -> Any:
-    """Draw a layer of a map on matplotlib's axes, with colour bar, scale bar and arrows.
-
-    The axes count pixels of the reference image. Places without a landmark stay blank.
-
-    Args:
-        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
-        layer: "albedo", "relief" (shaded), "height", "slope", "normals", "height-sigma", "normal-sigma",
-            "albedo-sigma", "views" or "residual".
-        ax: The axes to draw on. Default: those of a new figure of matplotlib.pyplot.
-        view: Name of the view whose Sun an arrow shows, and which lights the relief of "relief" and "height". Default:
-            no arrow, and light from the upper left.
-        clim: Ends of the colour scale, in the layer's unit. Default: by percentiles.
-        marks: Draw the scale bar, and the arrows to the north (in the body-fixed frame) and to the Sun.
-
-    Returns:
-        The axes.
-
-    Raises:
-        InputError: There is no such layer or view, or the scene does not hold what the layer shows.
-    """
-    from photoclinometry.output.figures.maps import plot_layer
-
-    scene = _scene(scene)
-    index = None if view is None else view_index(scene, view)
-    return plot_layer(ax or _new_axes(), scene, layer, view=index, clim=clim, marks=marks)
-
-
-def plot_profile(
-    scene: RunResult | Scene | str | Path,
-    start: tuple[float, float],
-    end: tuple[float, float],
-    *,
-    layer: str = "height",
-    ax: Any = None,
-) -> Any:
-    """Draw a layer along a line of a map, with a band of one standard deviation.
-
-    Args:
-        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
-        start: One end (x, y) in pixels of the reference image, as the axes of `plot` count them.
-        end: The other end.
-        layer: As of `plot`, but for "normals".
-        ax: The axes to draw on. Default: those of a new figure of matplotlib.pyplot.
-
-    Returns:
-        The axes: distances along the map's mean plane in metres, or in GSD, and values in the layer's unit.
-
-    Raises:
-        InputError: There is no such layer, the ends are one place, or the line misses the map.
-    """
-    from photoclinometry.output.figures import profile
-
-    return profile.plot_profile(ax or _new_axes(), _scene(scene), start, end, name=layer)
-
-
-def plot_residuals(
-    scene: RunResult | Scene | str | Path,
-    *,
-    view: str | None = None,
-    kind: Literal["brightness", "keypoint"] = "brightness",
-    ax: Any = None,
-) -> Any:
-    """Draw how far measurements are from what a map predicts: of all views, or of one view as a map.
-
-    Args:
-        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
-        view: Name of the view to draw as a map. Default: all views beside each other; boxes hold the middle half of
-            their residuals, lines end at the 5th and the 95th percentile.
-        kind: "brightness", predicted minus measured in per cent of the view's mean, or "keypoint", distances in pixels.
-        ax: The axes to draw on. Default: those of a new figure of matplotlib.pyplot.
-
-    Returns:
-        The axes.
-
-    Raises:
-        InputError: There is no such view or kind, or the scene has no reflectance model to predict brightness with.
-    """
-    from photoclinometry.output.figures import residuals
-
-    scene = _scene(scene)
-    index = None if view is None else view_index(scene, view)
-    return residuals.plot_residuals(ax or _new_axes(), scene, view=index, kind=kind)
-
-
-def figure(
-    scene: RunResult | Scene | str | Path, out: str | Path, *, options: FigureOptions | None = None, **changes: Any
-) -> Path:
-    """Write a figure for publication: lettered maps and a profile, at the width of a journal's columns.
-
-    Args:
-        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
-        out: The file; .pdf, .svg or .png. Text of PDF and SVG files is text, in fonts that lie in the file.
-        options: Layers, profile, size and resolution.
-        **changes: Fields of `FigureOptions`, such as layers=("albedo", "height"), dpi=600.
-
-    Returns:
-        The path of the file.
-
-    Raises:
-        InputError: An option is wrong, the scene lacks a layer, the figure does not fit a page, or `out` cannot be
-            written.
-    """
-    from photoclinometry.output.figures.journal import write_figure
-
-    scene, chosen = _scene(scene), changed(options or FigureOptions(), changes)
-    write_figure(Path(out), scene, chosen, None if chosen.view is None else view_index(scene, chosen.view))
-    return Path(out)
-
-
 def reflectance_models() -> tuple[str, ...]:
     """Name the reflectance models.
 
@@ -504,65 +340,6 @@ def reflectance(name: str, *, body: str | None = None) -> Reflectance:
         InputError: There is no such model, or it has parameters without published or neutral values.
     """
     return starting_model(name, body)
-
-
-def view_index(scene: Scene, name: str | None) -> int:
-    """Index of a view by its name, its file name, or its file name without suffix; None is the reference.
-
-    Raises InputError that names the nearest.
-    """
-    if name is None:
-        return scene.reference
-    names = scene.views.name
-    for candidates in (names, [Path(n).name for n in names], [Path(n).stem for n in names]):
-        if list(candidates).count(name) == 1:
-            return list(candidates).index(name)
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.0)
-    raise InputError(f"no view {name!r} in scene {scene.name!r}; nearest: {', '.join(near)}")
-
-
-def _sun_direction(
-    scene: Scene, sun: Sequence[float] | np.ndarray | None, azimuth_deg: float | None, elevation_deg: float | None
-) -> np.ndarray | None:
-    """The Sun asked for as a vector (3,) in B; None for the view's own. Raises InputError."""
-    if (azimuth_deg is None) != (elevation_deg is None):
-        raise InputError("the Sun's azimuth and elevation go together: give both or none")
-    if sun is not None and azimuth_deg is not None:
-        raise InputError("the Sun is given twice: give its direction, or azimuth and elevation")
-    if sun is not None:
-        direction = np.asarray(sun, float)
-        if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
-            raise InputError(f"Sun {direction.tolist()} is not a direction; give three numbers, not all zero")
-        return direction
-    if azimuth_deg is None or elevation_deg is None:
-        return None
-    if not np.isfinite(azimuth_deg):
-        raise InputError(f"Sun's azimuth {azimuth_deg} degrees: must be a finite number")
-    if not 0.0 < elevation_deg <= 90.0:
-        raise InputError(f"Sun's elevation {elevation_deg} degrees: must be above 0 and at most 90 for light to fall")
-    return sun_from_angles(local_frame(scene), np.deg2rad(azimuth_deg), np.deg2rad(elevation_deg))
-
-
-def _scene(scene: RunResult | Scene | str | Path) -> Scene:
-    """The map of a result, of a run folder, or of a scene.h5; a scene itself. Raises InputError."""
-    if isinstance(scene, RunResult):
-        return scene.scene
-    return scene if isinstance(scene, Scene) else read_scene(scene)
-
-
-def _new_axes() -> Any:
-    """Axes of a new figure, which a notebook and `matplotlib.pyplot.show` show."""
-    import matplotlib.pyplot as plt
-
-    return plt.subplots(layout="constrained")[1]
-
-
-def _folder(scene: RunResult | Scene | str | Path) -> Path | None:
-    """The run folder of a map; None of a scene by itself."""
-    if isinstance(scene, Scene):
-        return None
-    path = scene.folder if isinstance(scene, RunResult) else Path(scene)
-    return path.parent if path.is_file() else path
 
 
 def _images(scene: Scene, folder: Path | None, site: str | Path | None) -> tuple[list[Image] | None, Views | None]:
