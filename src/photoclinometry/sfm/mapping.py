@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.database import DATABASE
 from photoclinometry.sfm.options import SfmOptions
+from photoclinometry.sfm.reversal import right_way_round
 
 LOSS_PX = 0.3
 """Scale of the last bundle adjustment's soft-L1 loss: the keypoints' precision. Shadow edges, which move with the Sun,
@@ -98,9 +100,7 @@ def map_views(cameras: list[Camera], work_dir: Path, options: SfmOptions, progre
         models = pycolmap.incremental_mapping(
             database, images, out, _incremental_options(cameras, options), next_image_callback=one_more
         )
-    for model in models.values():
-        _adjust_robustly(model, options)
-    return list(models.values())
+    return [right_way_round(model, partial(_adjust_robustly, options=options)) for model in models.values()]
 
 
 def _adjust_robustly(model: Any, options: SfmOptions) -> None:
