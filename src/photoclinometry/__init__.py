@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         evaluate,
         export,
         plan,
+        rank_reflectance,
         read_scene,
         read_site,
         reflectance,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     )
     from photoclinometry.api.pictures import figure, plot, plot_profile, plot_residuals, render
     from photoclinometry.evaluate.evaluation import Evaluation
+    from photoclinometry.evaluate.model_ranking import ModelRanking, RankingOptions
     from photoclinometry.io.site import Site
     from photoclinometry.model.errors import InputError, PhotoclinometryError, ReconstructionError
     from photoclinometry.model.reflectance import Reflectance
@@ -61,9 +63,11 @@ __all__ = [
     "FigureOptions",
     "Image",
     "InputError",
+    "ModelRanking",
     "PhotoclinometryError",
     "Plan",
     "PlanOptions",
+    "RankingOptions",
     "ReconstructionError",
     "Reflectance",
     "RivalComparison",
@@ -86,6 +90,7 @@ __all__ = [
     "plot_profile",
     "plot_residuals",
     "preset",
+    "rank_reflectance",
     "read_scene",
     "read_site",
     "reflectance",
@@ -105,10 +110,12 @@ _MODULE = {
     "FigureOptions": "output.figures.options",
     "Image": "model.scene",
     "InputError": "model.errors",
+    "ModelRanking": "evaluate.model_ranking",
     "PhotoclinometryError": "model.errors",
     "ReconstructionError": "model.errors",
     "Plan": "plan.run",
     "PlanOptions": "plan.options",
+    "RankingOptions": "evaluate.model_ranking",
     "Reflectance": "model.reflectance",
     "RivalComparison": "rivals.compare",
     "RivalOptions": "rivals.compare",

@@ -12,6 +12,7 @@ from photoclinometry.adjust import adjust as _adjust
 from photoclinometry.api.given import given_folder, given_scene, scene_at
 from photoclinometry.evaluate.body_folder import evaluate_body, is_body
 from photoclinometry.evaluate.evaluation import Evaluation, evaluate_map
+from photoclinometry.evaluate.model_ranking import ModelRanking, RankingOptions, rank_models
 from photoclinometry.io import run_files, scene_file
 from photoclinometry.io import site as site_file
 from photoclinometry.io.held_out import NAME as HELD_OUT_FILE
@@ -21,7 +22,7 @@ from photoclinometry.io.reference import Reference, read_reference, scene_as_ref
 from photoclinometry.io.site import Site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.option_fields import changed
-from photoclinometry.model.progress import Progress
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import MODELS, Reflectance, starting_model
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.output.export import ExportOptions, export_scene
@@ -285,6 +286,33 @@ def evaluate(
         reference=None if reference is None else _reference(reference, cameras),
         unit=unit,
     )
+
+
+def rank_reflectance(
+    scene: RunResult | Scene | str | Path,
+    *,
+    options: RankingOptions | None = None,
+    progress: Progress | None = None,
+    **changes: Any,
+) -> ModelRanking:
+    """Rank reflectance models by how well they predict images that they were not fitted to.
+
+    Each model is fitted to most of the views, with normals and albedos of its own, and predicts the others.
+
+    Args:
+        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
+        options: Which models, and how they are compared.
+        progress: Called with the name of the task, how many models are done, and of how many.
+        **changes: Fields of `RankingOptions`, such as models=("hapke", "lunar-lambert"), landmarks=500.
+
+    Returns:
+        The models, the best first, with their parameters, their errors by view, and every prediction.
+
+    Raises:
+        InputError: The map has no reflectance model (its brightness was not used), too few views or lit landmarks, or
+            there is no such model.
+    """
+    return rank_models(given_scene(scene), changed(options or RankingOptions(), changes), progress or no_progress)
 
 
 def export(

@@ -124,7 +124,7 @@ def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_
         ready = PosedSite(
             site=site,
             posed=PosedImages(inputs=_masked(inputs, model, tile, rays), sparse=sparse),
-            choices=choose(site, options),
+            choices=replace(choose(site, options), candidates=()),  # all tiles have one model
             options=options,
             depth=_depth(model, tile, sparse, rays),
             known_views=_known(model, tile, sparse),

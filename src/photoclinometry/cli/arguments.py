@@ -28,6 +28,7 @@ COMMANDS = (
     "refine",
     "render",
     "evaluate",
+    "photometry",
     "info",
     "view",
     "figure",

@@ -29,6 +29,7 @@ NAMES = {
     "initialise": "first scene",
     "first_estimate": "first estimate",
     "relighting": "relighting",
+    "reflectance": "reflectance",
     "last_estimate": "last estimate",
     "held_out": "views held out",
     "refine": "estimate",

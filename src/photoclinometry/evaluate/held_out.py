@@ -20,7 +20,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
 from photoclinometry.model.scene import Camera, Image, Scene, Views
 from photoclinometry.model.warning import warn
-from photoclinometry.photometry.initialize import predicted_ratio, sample_brightness
+from photoclinometry.photometry.initialize import exposure_is_free, predicted_ratio, sample_brightness
 from photoclinometry.registration.alignment import align_views, transform_poses
 from photoclinometry.surface.depth_fit import landmark_depth
 
@@ -215,7 +215,7 @@ def _exposure(
     of it is lit.
     """
     model = scene.reflectance
-    if model is None or (scene.brightness == "iof" and model.predicts_absolute_brightness):
+    if model is None or not exposure_is_free(scene.brightness, model):
         return 1.0, 0.0
     sun = pose.rotation @ views.sun_measured[k]
     alone = replace(views[[k]], body_from_cam=Rigid(pose.rotation[None], pose.translation[None]), sun=sun[None])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Image, Tracks, Views
+from photoclinometry.model.scene import Image, Scene, Tracks, Views
 from photoclinometry.photometry.predict import shading
 from photoclinometry.surface.sampling import as_coarse, sample_image
 
@@ -176,6 +177,30 @@ def initial_albedo(
     albedo = unshaded.mean_by_landmark(scale)
     known = np.isfinite(albedo)
     return np.where(known, albedo, np.median(albedo[known])), scale, known
+
+
+def exposure_is_free(brightness: str, reflectance: Reflectance) -> bool:
+    """Whether nothing but a view's own brightness tells its exposure. brightness: "iof" or "dn"."""
+    return brightness == "dn" or not reflectance.predicts_absolute_brightness
+
+
+def with_model(scene: Scene, reflectance: Reflectance) -> Scene:
+    """The scene with a reflectance model, and the first albedos and scales by it; biases are zero.
+
+    Raises ValueError where no observation is usable.
+    """
+    landmarks, views = scene.landmarks, scene.views
+    views = replace(views, scale=np.ones(len(views)), bias=np.zeros(len(views)))
+    free = exposure_is_free(scene.brightness, reflectance)
+    albedo, scale, _ = initial_albedo(
+        landmarks.position, landmarks.normal, scene.tracks, views, reflectance, scene.reference, free
+    )
+    return replace(
+        scene,
+        reflectance=reflectance,
+        views=replace(views, scale=scale),
+        landmarks=replace(landmarks, albedo=albedo),
+    )
 
 
 def _relative_scales(unshaded: _Unshaded, reference: int) -> np.ndarray:

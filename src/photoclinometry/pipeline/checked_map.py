@@ -12,6 +12,7 @@ from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.map_stages import FinishedMap, MapStages
+from photoclinometry.pipeline.model_choice import ChooseModel
 from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.posed_site import PosedSite
 from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax
@@ -93,7 +94,11 @@ def _mapped(
     del tracks, scene  # of all maps, the latest two are held in memory
     relit = maps.relight(first)
     del first
-    finished = maps.last_estimate(relit)
+    model = choices.reflectance
+    if model is not None and choices.candidates and not holds_photometry:
+        stage = ChooseModel(relit=relit.start, known=model, candidates=choices.candidates)
+        model = folder.done(stage).value.reflectance
+    finished = maps.last_estimate(relit, model)
     return CheckedMap(
         finished=finished,
         iterations=(*relit.figures, finished.value.figures),

@@ -18,7 +18,14 @@ from photoclinometry.io.site import Site
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
 from photoclinometry.model.control import ControlPoint
-from photoclinometry.model.reflectance import Reflectance, has_published, published, starting_model
+from photoclinometry.model.reflectance import (
+    MODELS,
+    Reflectance,
+    has_published,
+    has_values,
+    published,
+    starting_model,
+)
 from photoclinometry.pipeline.control import check_control
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.stage import Keyed, digest
@@ -32,6 +39,8 @@ class Choices:
 
     reflectance: Reflectance | None
     """None of geometry alone."""
+    candidates: tuple[str, ...]
+    """Names of models of which the last estimate takes the best; none where the model is given."""
     matcher: Keyed[Matcher]
     """Of the first map."""
     relit_matcher: Keyed[Matcher]
@@ -54,6 +63,7 @@ def choose(site: Site, options: RunOptions) -> Choices:
     log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
     return Choices(
         reflectance=reflectance,
+        candidates=candidate_models(reflectance, site) if options.reflectance == "auto" and reflectance else (),
         matcher=keyed_matcher(name, options),
         relit_matcher=keyed_matcher(matcher_entry(name).relit_with or name, options),
         held_out=held_out_mask([view.name for view in site.views], options.hold_out, reference),
@@ -71,6 +81,20 @@ def choose_reflectance(name: str, body: str | None) -> Reflectance | None:
     chosen = "lunar-lambert" if has_published("lunar-lambert", body) else "mcewen"
     log.info("reflectance: %s", chosen)
     return published(chosen, body)
+
+
+def candidate_models(first: Reflectance, site: Site) -> tuple[str, ...]:
+    """Names of the models that may turn out better for a site than the one to begin with, and its own.
+
+    They are those with values for the body. Of calibrated images they predict the brightness itself, if the first
+    does: a model without a phase function has relative albedos.
+    """
+    absolute = site.brightness == "iof" and first.predicts_absolute_brightness
+    return tuple(
+        name
+        for name, model in MODELS.items()
+        if has_values(name, site.body) and (model.predicts_absolute_brightness or not absolute)
+    )
 
 
 def keyed_matcher(name: str, options: RunOptions) -> Keyed[Matcher]:

@@ -13,6 +13,7 @@ from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import (
+    exposure_is_free,
     initial_albedo,
     landmark_spacing_px,
     normals_from_neighbours,
@@ -136,7 +137,7 @@ class InitialScene(Stage[Scene]):
         position, reflectance = self.dense.value.position, self.reflectance
         if reflectance is None:
             return np.ones(len(normal)), views
-        free = self.posed.inputs.value.site.brightness == "dn" or not reflectance.predicts_absolute_brightness
+        free = exposure_is_free(self.posed.inputs.value.site.brightness, reflectance)
         albedo, scale, _ = initial_albedo(position, normal, tracks, views, reflectance, own, free)
         return albedo, replace(views, scale=scale)
 

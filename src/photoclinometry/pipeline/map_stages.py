@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -11,7 +11,9 @@ from photoclinometry.adjust import Adjustment
 from photoclinometry.evaluate.held_out import Resected, resect_views, views_in_frame_of
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.interface import Matcher
+from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
+from photoclinometry.photometry.initialize import with_model
 from photoclinometry.pipeline.direct_refinement import refine_directly
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step, in_prior_frame
 from photoclinometry.pipeline.options import RelightOptions
@@ -114,6 +116,7 @@ class LastEstimate(Stage[FinishedMap]):
     name = "last_estimate"
     result = FinishedMap
     estimate: JointEstimate
+    """Its reflectance may be another one than that of `start`."""
     start: Keyed[Iterate]
     before: Keyed[Iterate] | None
     """The map that `start` was matched with; None of the first."""
@@ -127,10 +130,13 @@ class LastEstimate(Stage[FinishedMap]):
 
     def make(self, tools: Tools) -> FinishedMap:
         start, estimate = self.start.value, partial(self.estimate, progress=tools.progress)
+        scene, model = start.scene, self.estimate.reflectance
+        if scene.reflectance is not None and model is not None and model.name != scene.reflectance.name:
+            scene = with_model(scene, model)
         if self.direct:
-            found = refine_directly(start.scene, self.posed.registered_images, estimate)
+            found = refine_directly(scene, self.posed.registered_images, estimate)
         else:
-            found = estimate(start.scene, Step())
+            found = estimate(scene, Step())
         landmarks = f"{len(found.scene.landmarks):,} landmarks in {len(found.scene.views)} views"
         say_found(landmarks if found.converged else f"{landmarks}, not converged")
         if self.before is None:
@@ -212,11 +218,15 @@ class MapStages:
             latest = self.folder.done(self._iteration_after(before))
         return Relit(start=latest, before=before, figures=tuple(figures))
 
-    def last_estimate(self, relit: Relit) -> Keyed[FinishedMap]:
-        """The estimate of the finished map."""
+    def last_estimate(self, relit: Relit, reflectance: Reflectance | None) -> Keyed[FinishedMap]:
+        """The estimate of the finished map, with a reflectance model of its own."""
         direct = self.options.direct and relit.before is not None
         stage = LastEstimate(
-            estimate=self.estimate, start=relit.start, before=relit.before, posed=self.posed, direct=direct
+            estimate=replace(self.estimate, reflectance=reflectance),
+            start=relit.start,
+            before=relit.before,
+            posed=self.posed,
+            direct=direct,
         )
         return self.folder.done(stage)
 

@@ -39,8 +39,8 @@ class RunOptions(Ranged):
     """Everything that shapes a run. Every field has a default that suits most sites."""
 
     reflectance: ModelChoice = "auto"
-    """Reflectance model. auto: lunar-lambert where the body has published coefficients, else mcewen. none: geometry
-    alone (dense structure from motion)."""
+    """Reflectance model. auto: lunar-lambert where the body has published coefficients, else mcewen; before the last
+    estimate, the one that best predicts views kept out. none: geometry alone (dense structure from motion)."""
     match_rounds: Annotated[int, Range(least=1, most=100)] = 2
     """Matching passes before the first map: after a pre-warp by the sparse surface, then by the dense one."""
     matcher: str = "relight"

@@ -49,6 +49,14 @@ def sun_offsets(views: Views) -> tuple[np.ndarray, np.ndarray]:
     return both[: len(residual)].reshape(-1, 2), both[len(residual) :]
 
 
+def common_turn(views: Views) -> np.ndarray:
+    """The rotation vector (3,) in C by which measured Suns have to be turned to lie where the estimate has them, as far
+    as all have it in common [rad]; zero where they have no common error."""
+    if not views.sun_common_sigma.any():
+        return np.zeros(3)
+    return -float(np.max(views.sun_common_sigma)) * sun_offsets(views)[1]
+
+
 def _alone(views: Views) -> tuple[np.ndarray, np.ndarray]:
     """Residuals (K, 2) and Jacobians (K, 2, 5) over each view's own sigma, see `factors.sun_direction`."""
     rows = [

@@ -25,6 +25,7 @@ from photoclinometry.model.reflectance.models import MODELS, ModelChoice, ModelN
 from photoclinometry.model.reflectance.reflectance import (
     Reflectance,
     has_published,
+    has_values,
     published,
     starting_model,
 )
@@ -42,6 +43,7 @@ __all__ = [
     "Reflectance",
     "angles_at",
     "has_published",
+    "has_values",
     "model_named",
     "of_factors",
     "phase_angle",

@@ -189,14 +189,48 @@ _INSIDE = 1e-6
 """Distance from w = 0, where nothing is scattered, w = 1, where derivatives are infinite, b = 1 and h = 0."""
 
 PARAMETERS = (
-    Parameter(name="w", unit="-", about="single-scattering albedo", lower=_INSIDE, upper=1.0 - _INSIDE),
-    Parameter(name="theta", unit="rad", about="mean slope theta-bar", lower=0.0, upper=math.radians(89.0)),
-    Parameter(name="b", unit="-", about="width of the Henyey-Greenstein lobes", lower=0.0, upper=1.0 - _INSIDE),
+    Parameter(
+        name="w",
+        unit="-",
+        about="single-scattering albedo",
+        default=0.23,
+        lower=_INSIDE,
+        upper=1.0 - _INSIDE,
+        prior_sigma=0.05,
+    ),
+    Parameter(
+        name="theta",
+        unit="rad",
+        about="mean slope theta-bar",
+        default=math.radians(20.0),
+        lower=0.0,
+        upper=math.radians(89.0),
+        prior_sigma=math.radians(5.0),
+    ),
+    Parameter(
+        name="b",
+        unit="-",
+        about="width of the Henyey-Greenstein lobes",
+        default=0.35,
+        lower=0.0,
+        upper=1.0 - _INSIDE,
+        prior_sigma=0.05,
+    ),
     # The asymmetry -b c is often all that is known; c alone is then not bounded.
-    Parameter(name="c", unit="-", about="backward against forward lobe, usually -1 to 1"),
-    Parameter(name="B0", unit="-", about="amplitude of the opposition surge", lower=0.0),
-    Parameter(name="h", unit="-", about="angular width parameter of the surge", lower=_INSIDE),
+    Parameter(name="c", unit="-", about="backward against forward lobe, usually -1 to 1", default=1.0, prior_sigma=0.1),
+    Parameter(name="B0", unit="-", about="amplitude of the opposition surge", default=1.32, lower=0.0, prior_sigma=0.2),
+    Parameter(
+        name="h",
+        unit="-",
+        about="angular width parameter of the surge",
+        default=0.08,
+        lower=_INSIDE,
+        prior_sigma=0.02,
+    ),
 )
+"""Defaults are those of average S-type asteroids (Helfenstein and Veverka 1989, in Asteroids II, 557-593), with one
+lobe. Priors are as wide as published analyses of one body differ: roughness of Ceres from 18 to 44 degrees at the
+extremes, of Vesta from 18 to 25."""
 
 
 class Ground(NamedTuple):

@@ -148,6 +148,11 @@ def has_published(name: str, body: str | None) -> bool:
     return not model.parameters or (body or "").lower() in model.published
 
 
+def has_values(name: str, body: str | None) -> bool:
+    """Whether `starting_model` has values for this body: published or neutral ones."""
+    return has_published(name, body) or all(p.default is not None for p in model_named(name).parameters)
+
+
 def published(name: str, body: str | None = None) -> Reflectance:
     """The model with the values that are published for a body, such as "vesta" or "ceres".
 

@@ -1,0 +1,63 @@
+"""The reflectance model of a map, chosen by how well models predict views that were kept out (`--reflectance auto`)."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+from photoclinometry.evaluate.model_ranking import RankingOptions, rank_models
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.reflectance import Reflectance, starting_model
+from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
+
+log = logging.getLogger(__name__)
+
+LANDMARKS = 400
+"""That take part in a choice. 1500 rank the models of three sites alike, and take more than twice as long."""
+
+
+ONE_ERROR = 0.84
+"""Probability within one standard error, one-sided: the model of a map is kept unless the best one is better by more
+than that (Breiman et al. 1984, Classification and Regression Trees). Of two that differ less either will do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChosenModel:
+    """The model to finish a map with."""
+
+    reflectance: Reflectance
+    """As it is known beforehand."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChooseModel(Stage[ChosenModel]):
+    """The best of several models for a relit map; the one that it has, where no other is told from that.
+
+    It is the last estimate that gains from a better model. Matches, which all before it is for, hardly depend on one.
+    """
+
+    name = "reflectance"
+    result = ChosenModel
+    relit: Keyed[Iterate]
+    known: Reflectance
+    """The model of the map, as it is known beforehand."""
+    candidates: tuple[str, ...]
+    """Names of models, that of the map among them."""
+
+    def make(self, tools: Tools) -> ChosenModel:
+        scene, kept = self.relit.value.scene, ChosenModel(reflectance=self.known)
+        try:
+            ranking = rank_models(scene, RankingOptions(models=self.candidates, landmarks=LANDMARKS), tools.progress)
+        except InputError as error:
+            log.info("reflectance models are not compared: %s", error)
+            say_found(f"{self.known.name}, models are not compared")
+            return kept
+        best = ranking.best
+        own = next(fit for fit in ranking.fits if fit.reflectance.name == self.known.name)
+        errors = f"{best.reflectance.name} misses {best.error_percent:.2f} %"
+        if ranking.is_as_good(own, ONE_ERROR):
+            say_found(f"{self.known.name} misses {own.error_percent:.2f} %, {errors}" if own is not best else errors)
+            return kept
+        say_found(f"{errors}, {self.known.name} {own.error_percent:.2f} %")
+        return ChosenModel(reflectance=starting_model(best.reflectance.name, scene.body))
