@@ -119,7 +119,7 @@ def test_border_equals_the_products_with_derivatives_by_the_parameters(disk, dir
     at = graph_of(scene, gradients=gradients).graph.linearize(estimate)
 
     def with_changes(x):
-        return replace(scene, reflectance=scene.reflectance.with_parameters(scene.reflectance.parameters * (1 + x)))
+        return replace(scene, reflectance=scene.reflectance.moved(x))
 
     def residuals(x):
         found = observation_factors(with_changes(x), estimate, gradients)

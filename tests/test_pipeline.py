@@ -174,7 +174,7 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
             run(mapped.site, folder, RunOptions(reflectance="akimov"))
     assert read_scene(folder / "scene.h5").reflectance.name == "akimov"
     run(mapped.site, folder)
-    assert resumed(folder) == ["sparse", "region", "dense"]
+    assert resumed(folder) == ["sparse", "region", "dense", "reflectance"], "which the other options do not have"
     assert read_scene(folder / "scene.h5").reflectance.name == "lunar-lambert"
 
 

@@ -15,7 +15,7 @@ from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.registry import MATCHERS
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.ranges import numeric_parts
-from photoclinometry.pipeline import direct_refinement, joint_estimate
+from photoclinometry.pipeline import direct_refinement, joint_estimate, model_choice
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
@@ -258,6 +258,7 @@ CHANGES = {
 def test_a_run_in_the_folder_of_other_options_is_that_of_a_new_folder(mapped, tmp_path, monkeypatch):
     """One after the other, so that each run finds what the one before left. Products follow from what is compared."""
     monkeypatch.setattr(pipeline, "write_products", lambda folder, summary: summary)
+    monkeypatch.setattr(model_choice, "LANDMARKS", 60)
     for name, options in CHANGES.items():
         if options.sfm == SfmOptions():
             (tmp_path / "one" / "stages" / "sparse.npz").unlink(missing_ok=True)
