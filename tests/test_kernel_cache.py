@@ -14,29 +14,41 @@ COMPILED = sorted(path for path in PACKAGE.rglob("*.py") if "@njit" in path.read
 
 def test_imports_of_every_form_are_found(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "PACKAGE", tmp_path)
-    (tmp_path / "b").mkdir()
-    files = {"a.py": "", "c.py": "", "types.py": "", "b/__init__.py": "", "b/d.py": "", "b/e.py": ""}
+    for package in ("b", "g"):
+        (tmp_path / package).mkdir()
+    files = dict.fromkeys(
+        ("a.py", "c.py", "types.py", "b/__init__.py", "b/d.py", "b/e.py", "g/__init__.py", "g/h.py"), ""
+    )
     user = (
         "from photoclinometry.a import x\nfrom photoclinometry.b import (\n    d,\n    y,\n)\n"
         "if TYPE_CHECKING:\n    from photoclinometry.types import z\n\n    from photoclinometry.b.e import w\n\n"
-        "def f():\n    import photoclinometry.c\n"
+        "def f():\n    import photoclinometry.c\n    from photoclinometry.g.h import v\n"
     )
     for name, text in {**files, "user.py": user}.items():
         (tmp_path / name).write_text(text)
     found = {str(path.relative_to(tmp_path)) for path in imported(tmp_path / "user.py")}
-    assert found == {"a.py", "c.py", "b/__init__.py", "b/d.py"}
+    assert found == {"a.py", "c.py", "b/__init__.py", "b/d.py", "g/h.py"}
 
 
 @pytest.mark.parametrize("file", COMPILED, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_file_that_compiles_functions_of_others_is_stamped_with_them(file):
+    """By an import of its own, or of a package around it or around what it imports, which runs before."""
     others = set(reached(file))
     if others & set(COMPILED) != {file}:
-        assert PACKAGE / "model" / "kernel_cache.py" in others, "import photoclinometry.model.kernel_cache there"
+        around = {folder / "__init__.py" for each in others for folder in each.parents if PACKAGE in folder.parents}
+        run = others.union(*map(reached, around))
+        assert PACKAGE / "model" / "kernel_cache.py" in run, "import photoclinometry.model.kernel_cache there"
 
 
 @pytest.mark.parametrize("file", COMPILED, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_a_change_of_the_public_interface_compiles_nothing_anew(file):
     assert not {PACKAGE / "api" / "maps.py", PACKAGE / "pipeline" / "run.py"} & set(reached(file))
+
+
+def test_a_change_of_the_solver_or_of_an_option_does_not_compile_the_kernels_anew():
+    kernels = set(reached(PACKAGE / "adjust" / "graph" / "kernels.py"))
+    assert PACKAGE / "adjust" / "graph" / "rows.py" in kernels
+    assert not {PACKAGE / "adjust" / name for name in ("estimate.py", "options.py", "noise.py")} & kernels
 
 
 PROGRAM = """

@@ -26,13 +26,14 @@ _FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+.*\n|[ \t]*\n)*", re.MULT
 
 @cache
 def imported(file: Path) -> frozenset[Path]:
-    """Files of the package that a file of it imports when it runs."""
+    """Files of the package that a file of it imports names from when it runs.
+
+    `__init__.py` of packages around these run, too, but what is compiled has nothing of theirs.
+    """
     found = set()
     for dotted, several, one in _IMPORT.findall(_FOR_TYPES.sub("", file.read_text(encoding="utf-8"))):
-        parts = dotted.split(".")[1:]
-        packages = [PACKAGE.joinpath(*parts[:i], "__init__") for i in range(len(parts) + 1)]
-        base = PACKAGE.joinpath(*parts)
-        stems = [base, *packages, *(base / name for name in re.findall(r"\w+", several + one))]
+        base = PACKAGE.joinpath(*dotted.split(".")[1:])
+        stems = [base, base / "__init__", *(base / name for name in re.findall(r"\w+", several + one))]
         found |= {path for stem in stems if (path := stem.with_suffix(".py")).is_file()}
     return frozenset(found)
 
