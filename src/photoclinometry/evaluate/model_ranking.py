@@ -24,7 +24,7 @@ from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import MODELS, Reflectance, has_values, model_named, starting_model
 from photoclinometry.model.scene import Scene, Tracks
 from photoclinometry.photometry.initialize import GRAZING, exposure_is_free, with_model
-from photoclinometry.photometry.predict import reflectance_of, shading
+from photoclinometry.photometry.predict import phase_of_views, reflectance_of, shading
 
 log = logging.getLogger(__name__)
 
@@ -190,16 +190,15 @@ def rank_models(scene: Scene, options: RankingOptions | None = None, progress: P
     albedos, Suns, exposures and the model's parameters from the other views, without smoothness between neighbours.
     The brightness of the part is then predicted under its measured Suns, turned by the error that all Suns have in
     common. A factor on each view's brightness is fitted then; it counts as an error, too, unless a model, or
-    uncalibrated images, leave it open. Raises InputError for scenes without a reflectance
-    model (brightness was not measured), of too few views or lit landmarks, and for unknown models.
+    uncalibrated images, leave it open. Raises InputError for scenes without a reflectance model (brightness was not
+    measured), of too few views or lit landmarks, and for unknown models.
     """
     options = options or RankingOptions()
     reflectance_of(scene)
     sample = _sample(scene, options.landmarks)
     names, left_out = _usable_models(options.models, scene)
     absolute = all(not exposure_is_free(scene.brightness, starting_model(name, scene.body)) for name in names)
-    count = min(options.folds, len(scene.views))
-    fold = _folds(sample, count)
+    fold = _folds(sample, min(options.folds, len(scene.views)))
     fits = []
     for number, name in enumerate(names):
         progress("models", number, len(names))
@@ -248,11 +247,8 @@ def _usable_models(asked: Sequence[str], scene: Scene) -> tuple[list[str], dict[
 
 def _folds(scene: Scene, count: int) -> np.ndarray:
     """(K,) int: which part each view is in. Dealt out by phase, so that each part has the whole range."""
-    views = scene.views
-    middle = np.median(scene.landmarks.position, axis=0)
-    order = np.argsort(np.sum(views.sun * (views.body_from_cam.translation - middle), axis=1), kind="stable")
-    fold = np.empty(len(views), int)
-    fold[order] = np.arange(len(views)) % count
+    fold = np.empty(len(scene.views), int)
+    fold[np.argsort(phase_of_views(scene), kind="stable")] = np.arange(len(fold)) % count
     return fold
 
 
