@@ -1,5 +1,7 @@
 """Alignment recovers known similarities, also from degenerate cameras, and changes only what surfaces determine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,6 +58,16 @@ def test_a_transformed_scene_predicts_the_same_images(scene):
     np.testing.assert_allclose(keypoint_residual_px(moved), 0.0, atol=1e-7)
     np.testing.assert_allclose(landmark_photometric_error(moved), 0.0, atol=1e-9)
     assert moved.gsd == pytest.approx(scene.gsd * OTHER_FRAME.scale)
+
+
+def test_covariances_turn_with_the_scene_and_what_nothing_determines_stays_infinite(scene):
+    """R C R^T by hand; of an infinite covariance neither a warning nor NaN comes."""
+    stated = np.tile(np.diag([1.0, 4.0, 9.0]), (len(scene.landmarks), 1, 1))
+    stated[3] = np.diag([np.inf] * 3)
+    moved = transform_scene(OTHER_FRAME, replace(scene, uncertainty={"position": stated}))
+    turn = OTHER_FRAME.scale * OTHER_FRAME.rotation
+    np.testing.assert_allclose(moved.uncertainty["position"][0], turn @ stated[0] @ turn.T)
+    np.testing.assert_array_equal(moved.uncertainty["position"][3], stated[3])
 
 
 def test_surface_refinement_repairs_scale_and_tilt(scene):

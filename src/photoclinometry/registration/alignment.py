@@ -91,7 +91,8 @@ def _turn_covariance(stated: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """The stated uncertainty of n vectors after they are multiplied by turn (d, d) or (n, d, d).
 
     stated: sigmas (n,) alike in all directions, sigmas (n, d) per axis, or covariances (n, d, d). turn: a rotation
-    times a scale. Sigmas (n,) stay (n,); others become covariances (n, d, d). Raises InputError for other shapes.
+    times a scale. Sigmas (n,) stay (n,); others become covariances (n, d, d). What is not finite, of a vector that
+    nothing determines, stays as it is. Raises InputError for other shapes.
     """
     stated, size = np.asarray(stated, float), turn.shape[-1]
     if stated.shape[1:] not in ((), (size,), (size, size)):
@@ -99,7 +100,9 @@ def _turn_covariance(stated: np.ndarray, turn: np.ndarray) -> np.ndarray:
     if stated.ndim == 1:
         return stated * np.linalg.norm(turn[..., 0], axis=-1)
     covariance = stated if stated.ndim == 3 else stated[:, :, None] ** 2 * np.eye(stated.shape[1])
-    return turn @ covariance @ np.swapaxes(turn, -1, -2)
+    known = np.isfinite(covariance).all((1, 2), keepdims=True)
+    turned = turn @ np.where(known, covariance, 0.0) @ np.swapaxes(turn, -1, -2)
+    return np.where(known, turned, covariance)
 
 
 def align_poses(source: Rigid, target: Rigid, distance: float) -> Similarity:
