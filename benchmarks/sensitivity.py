@@ -45,6 +45,8 @@ FAINT, DRAWS = 1e-4, 6
 """Noise added to the images, as a share of their brightness, and how many times chance is drawn."""
 BEYOND = 3.0
 """A change is no chance beyond so many standard deviations of chance."""
+NEARLY_ALL = 0.9
+"""Shares from here on up to one, such as how much of a window must be valid: doubled they would never be reached."""
 PACKAGES = ("surface", "photometry", "registration", "sfm", "matching", "adjust", "pipeline")
 """Those whose numbers may shape a map."""
 NOT_HERE = (
@@ -59,6 +61,17 @@ NOT_HERE = (
     "pipeline/trust.py",  # warnings
     "sfm/region",  # the sites name theirs
     "registration/",  # maps in frames that are given, and comparison of maps
+    # Whole bodies, their products, and the simulator:
+    "adjust/bundle.py",
+    "sfm/known_poses.py",
+    "surface/closed_mesh.py",
+    "surface/decimate.py",
+    "surface/mass_properties.py",
+    "surface/mesh_rays.py",
+    "surface/poisson.py",
+    "surface/polyhedron_gravity.py",
+    "surface/radial_rays.py",
+    "surface/surface_gravity.py",
 )
 """What does not take part in the maps of these sites."""
 ARITHMETIC = {0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 100.0, 180.0, 255.0, 1.4826}
@@ -156,15 +169,19 @@ def _is_tuned(value: float, name: str, named: bool) -> bool:
 
 
 def changed_source(text: str, numbers: Sequence[Number], factor: float) -> str:
-    """The source with some of its literals times a factor; integers stay integers, one at least."""
+    """The source with some of its literals times a factor. Integers stay integers, one at least; of a share that is
+    nearly all, the rest is divided by the factor."""
     lines = text.split("\n")
     for number in sorted(numbers, key=lambda n: n.column, reverse=True):
         line, end = lines[number.line - 1], number.column + len(number.text)
         if line[number.column : end] != number.text:
             raise ValueError(f"{number.key}: expected {number.text!r}, found {line[number.column : end]!r}")
-        value = ast.literal_eval(number.text) * factor
-        if isinstance(ast.literal_eval(number.text), int):
+        before = ast.literal_eval(number.text)
+        value = before * factor
+        if isinstance(before, int):
             value = max(1, round(value))
+        elif NEARLY_ALL <= before < 1.0:
+            value = 1.0 - (1.0 - before) / factor
         lines[number.line - 1] = f"{line[: number.column]}{value!r}{line[end:]}"
     return "\n".join(lines)
 

@@ -38,6 +38,13 @@ def test_integers_stay_integers_and_positive():
         changed_source("N = 2", [number], 2.0)
 
 
+def test_of_shares_near_one_the_rest_is_changed():
+    share = Number("a.py", 1, 4, "0.98", "N", True)
+    for factor, rest in ((2.0, 0.01), (0.5, 0.04)):
+        changed = changed_source("N = 0.98", [share], factor)
+        assert 1.0 - ast.literal_eval(changed.removeprefix("N = ")) == pytest.approx(rest)
+
+
 def test_numbers_of_one_line_change_together():
     numbers = [Number("a.py", 1, 7, "1.5", "A, B", True), Number("a.py", 1, 12, "70.0", "A, B", True)]
     assert changed_source("A, B = 1.5, 70.0", numbers, 2.0) == "A, B = 3.0, 140.0"
