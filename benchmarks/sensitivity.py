@@ -86,7 +86,7 @@ FIGURES = {
 }
 SITES = {
     "moderate": {"seed": 0},
-    "strong": {"seed": 1, "lighting": "strong"},
+    "strong": {"seed": 1, "lighting": "strong", "views": 14, "region_size": 96},
     "few": {"seed": 2, "views": 7},
 }
 SIZE = {"views": 10, "image_size": 256, "region_size": 64, "reflectance": "hapke"}

@@ -21,8 +21,8 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.reflectance import MODELS, Reflectance, has_values, model_named, starting_model
-from photoclinometry.model.scene import Scene, Tracks
+from photoclinometry.model.reflectance import MODELS, Reflectance, model_named, models_for, starting_model
+from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.initialize import GRAZING, exposure_is_free, with_model
 from photoclinometry.photometry.predict import phase_of_views, reflectance_of, shading
 
@@ -229,20 +229,20 @@ def _sample(scene: Scene, count: int) -> Scene:
     )
 
 
-def _usable_models(asked: Sequence[str], scene: Scene) -> tuple[list[str], dict[str, str]]:
+def _usable_models(asked: Sequence[str], scene: Scene) -> tuple[tuple[str, ...], dict[str, str]]:
     """Those asked for, or all that compare; and why others are left out. Raises InputError."""
-    left_out = {}
-    for name in asked or MODELS:
-        if not has_values(name, scene.body):
-            left_out[name] = f"no values of its parameters are published for body {scene.body!r}"
-    usable = [model_named(name).name for name in asked or MODELS if name not in left_out]
+    of_body = usable = models_for(scene.body)
+    names = [model_named(name).name for name in asked or MODELS]
+    if asked:
+        usable = tuple(name for name in names if name in of_body)
+    elif scene.brightness == "iof":
+        usable = models_for(scene.body, absolute=True) or of_body
+    unknown = f"no values of its parameters are published for body {scene.body!r}"
+    relative = "it has no phase function to compare with calibrated images"
+    left_out = {name: relative if name in of_body else unknown for name in names if name not in usable}
     if not usable:
         raise InputError(f"none of the models can be fitted: {'; '.join(f'{n}: {why}' for n, why in left_out.items())}")
-    absolute = [name for name in usable if MODELS[name].predicts_absolute_brightness]
-    if asked or scene.brightness == "dn" or not absolute:
-        return usable, left_out
-    why = "it has no phase function to compare with calibrated images"
-    return absolute, left_out | {name: why for name in usable if name not in absolute}
+    return usable, left_out
 
 
 def _folds(scene: Scene, count: int) -> np.ndarray:
@@ -289,18 +289,8 @@ def _estimated(scene: Scene, start: Reflectance, used: np.ndarray) -> Scene:
 
 def _of_views(scene: Scene, used: np.ndarray) -> Scene:
     """The scene with views `used` (k,) alone."""
-    tracks, number = scene.tracks, np.full(len(scene.views), -1)
-    number[used] = np.arange(len(used))
-    there = number[tracks.view] >= 0
-    count = np.bincount(tracks.landmark[there], minlength=len(scene.landmarks))
-    names = ("keypoint", "keypoint_sigma", "brightness", "lit")
-    kept = Tracks(
-        start=np.concatenate([[0], np.cumsum(count)]),
-        view=number[tracks.view[there]].astype(np.int32),
-        **{name: getattr(tracks, name)[there] for name in names},
-    )
-    reference = int(max(number[scene.reference], 0))
-    return replace(scene, views=scene.views[used], tracks=kept, reference=reference)
+    reference = int(np.argmax(used == scene.reference))  # the first one, where that is not among them
+    return replace(scene, views=scene.views[used], tracks=scene.tracks.of_views(used), reference=reference)
 
 
 def _predicted(scene: Scene, found: Scene, kept_out: np.ndarray) -> Predictions:

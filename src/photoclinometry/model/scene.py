@@ -229,6 +229,17 @@ class Tracks:
         names = ("view", "keypoint", "keypoint_sigma", "brightness", "lit")
         return Tracks(start=start, **{name: getattr(self, name)[picked] for name in names}), picked
 
+    def of_views(self, chosen: np.ndarray) -> Tracks:
+        """The tracks in views at indices (k,), in that order, of the same landmarks. `view` counts among these."""
+        number = np.full(max(self.view.max(initial=-1), chosen.max(initial=-1)) + 1, -1, np.int32)
+        number[chosen] = np.arange(len(chosen))
+        kept = number[self.view] >= 0
+        count = np.bincount(self.landmark[kept], minlength=len(self.start) - 1)
+        names = ("keypoint", "keypoint_sigma", "brightness", "lit")
+        return Tracks(
+            start=row_starts(count), view=number[self.view[kept]], **{name: getattr(self, name)[kept] for name in names}
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Region:

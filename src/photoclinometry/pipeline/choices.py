@@ -18,14 +18,8 @@ from photoclinometry.io.site import Site
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
 from photoclinometry.model.control import ControlPoint
-from photoclinometry.model.reflectance import (
-    MODELS,
-    Reflectance,
-    has_published,
-    has_values,
-    published,
-    starting_model,
-)
+from photoclinometry.model.reflectance import Reflectance, has_published, models_for, published, starting_model
+from photoclinometry.photometry.initialize import exposure_is_free
 from photoclinometry.pipeline.control import check_control
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.stage import Keyed, digest
@@ -86,15 +80,10 @@ def choose_reflectance(name: str, body: str | None) -> Reflectance | None:
 def candidate_models(first: Reflectance, site: Site) -> tuple[str, ...]:
     """Names of the models that may turn out better for a site than the one to begin with, and its own.
 
-    They are those with values for the body. Of calibrated images they predict the brightness itself, if the first
-    does: a model without a phase function has relative albedos.
+    Of calibrated images they predict the brightness itself, if the first does: a model without a phase function has
+    relative albedos.
     """
-    absolute = site.brightness == "iof" and first.predicts_absolute_brightness
-    return tuple(
-        name
-        for name, model in MODELS.items()
-        if has_values(name, site.body) and (model.predicts_absolute_brightness or not absolute)
-    )
+    return models_for(site.body, absolute=not exposure_is_free(site.brightness, first))
 
 
 def keyed_matcher(name: str, options: RunOptions) -> Keyed[Matcher]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,11 +13,10 @@ from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import (
-    exposure_is_free,
-    initial_albedo,
     landmark_spacing_px,
     normals_from_neighbours,
     sample_brightness,
+    with_model,
 )
 from photoclinometry.pipeline.sparse_stages import Place, PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
@@ -101,21 +100,21 @@ class InitialScene(Stage[Scene]):
         tracks = self._tracks(views, own)
         count = max(MIN_PLANE_LANDMARKS, PLANE_PX // region.stride**2)
         normal = normals_from_neighbours(dense.position, views.body_from_cam.translation, count)
-        albedo, views = self._first_albedo(views, tracks, normal, own)
         camera = site.views[reference].camera
-        return Scene(
+        scene = Scene(
             name=site.name,
             body=site.body,
             brightness=site.brightness,
-            reflectance=self.reflectance,
+            reflectance=None,
             views=views,
-            landmarks=Landmarks(position=dense.position, normal=normal, albedo=albedo, pixel=dense.pixel),
+            landmarks=Landmarks(position=dense.position, normal=normal, albedo=np.ones(len(normal)), pixel=dense.pixel),
             tracks=tracks,
             reference=own,
             region=region,
             surroundings=surroundings_of(sparse, reference, region, dense.position, dense.pixel, camera),
             frame=self.posed.frame,
         )
+        return scene if self.reflectance is None else with_model(scene, self.reflectance)
 
     def _tracks(self, views: Views, own: int) -> Tracks:
         """The dense tracks, of registered views, with the brightness at their keypoints."""
@@ -131,15 +130,6 @@ class InitialScene(Stage[Scene]):
             brightness=brightness,
             lit=lit,
         )
-
-    def _first_albedo(self, views: Views, tracks: Tracks, normal: np.ndarray, own: int) -> tuple[np.ndarray, Views]:
-        """Albedos (J,), and the views with their scales; ones without a reflectance model."""
-        position, reflectance = self.dense.value.position, self.reflectance
-        if reflectance is None:
-            return np.ones(len(normal)), views
-        free = exposure_is_free(self.posed.inputs.value.site.brightness, reflectance)
-        albedo, scale, _ = initial_albedo(position, normal, tracks, views, reflectance, own, free)
-        return albedo, replace(views, scale=scale)
 
 
 def tie_points_from(posed: PosedImages) -> TiePoints:

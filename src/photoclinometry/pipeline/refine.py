@@ -17,7 +17,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import MODELS, ModelChoice, Reflectance, has_published
-from photoclinometry.model.scene import Scene, Tracks
+from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline.choices import choose_reflectance
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
@@ -195,18 +195,12 @@ def _keep(folder: Path, model: TextModel, views: np.ndarray, landmarks: np.ndarr
         )
     if not landmarks.all() or not views.all():
         log.info("left out: %d landmarks and %d images with few observations", np.sum(~landmarks), np.sum(~views))
-    kept = views[tracks.view] & landmarks[tracks.landmark]
-    count = np.bincount(tracks.landmark[kept], minlength=len(landmarks))[landmarks]
-    names = ("keypoint", "keypoint_sigma", "brightness", "lit")
+    used = np.flatnonzero(views)
     scene = replace(
         scene,
-        views=scene.views[np.flatnonzero(views)],
+        views=scene.views[used],
         landmarks=scene.landmarks[landmarks],
-        tracks=Tracks(
-            start=np.concatenate([[0], np.cumsum(count)]),
-            view=(np.cumsum(views) - 1)[tracks.view[kept]].astype(np.int32),
-            **{name: getattr(tracks, name)[kept] for name in names},
-        ),
+        tracks=tracks.of_landmarks(np.flatnonzero(landmarks))[0].of_views(used),
         reference=int(np.sum(views[: scene.reference])),
     )
     return TextModel(scene=scene, image_id=model.image_id[views], point_id=model.point_id[landmarks])

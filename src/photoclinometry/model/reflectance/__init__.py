@@ -25,7 +25,7 @@ from photoclinometry.model.reflectance.models import MODELS, ModelChoice, ModelN
 from photoclinometry.model.reflectance.reflectance import (
     Reflectance,
     has_published,
-    has_values,
+    models_for,
     published,
     starting_model,
 )
@@ -43,8 +43,8 @@ __all__ = [
     "Reflectance",
     "angles_at",
     "has_published",
-    "has_values",
     "model_named",
+    "models_for",
     "of_factors",
     "phase_angle",
     "photometric_angles",

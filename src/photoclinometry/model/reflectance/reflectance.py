@@ -153,6 +153,15 @@ def has_values(name: str, body: str | None) -> bool:
     return has_published(name, body) or all(p.default is not None for p in model_named(name).parameters)
 
 
+def models_for(body: str | None, *, absolute: bool = False) -> tuple[str, ...]:
+    """Names of the models with values for a body. absolute: only those that predict brightness absolutely."""
+    return tuple(
+        name
+        for name, model in MODELS.items()
+        if has_values(name, body) and (model.predicts_absolute_brightness or not absolute)
+    )
+
+
 def published(name: str, body: str | None = None) -> Reflectance:
     """The model with the values that are published for a body, such as "vesta" or "ceres".
 
@@ -172,8 +181,8 @@ def published(name: str, body: str | None = None) -> Reflectance:
 def starting_model(name: str, body: str | None = None) -> Reflectance:
     """`published`, or the model's neutral default values where it has such. Raises InputError."""
     model = model_named(name)
-    defaults = tuple(p.default for p in model.parameters if p.default is not None)
-    if has_published(name, body) or len(defaults) < len(model.parameters):
+    if has_published(name, body) or not has_values(name, body):
         return published(name, body)
+    defaults = tuple(p.default for p in model.parameters if p.default is not None)
     log.info("reflectance %s: no values published for body %r, it starts from neutral ones", model.name, body)
     return Reflectance(model.name, defaults)

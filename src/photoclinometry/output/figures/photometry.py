@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -52,33 +52,22 @@ def _draw_errors(ax: Axes, ranking: ModelRanking) -> None:
 
 
 def _draw_phase(ax: Axes, fits: Sequence[ModelFit]) -> None:
+    """Phase functions, and their bands of one standard deviation by leaving parts of the views out."""
     least, most = fits[0].phases_seen_deg
     phase = np.linspace(max(0.0, least - BEYOND_DEG), min(180.0, most + BEYOND_DEG), 100)
     ax.axvspan(least, most, **_SEEN)
     middle = np.radians(0.5 * (least + most))
+
+    def curve(model: Reflectance) -> np.ndarray:
+        return model.phase_function(np.radians(phase)) / model.phase_function(np.array([middle]))
+
     for fit, colour in zip(fits, COLOURS, strict=False):
-        _draw_band(ax, phase, fit, colour, lambda model: model.phase_function(np.radians(phase)), middle)
+        line, sigma = curve(fit.reflectance), jackknife_sigma(np.array([curve(each) for each in fit.without_part]))
+        ax.fill_between(phase, line - sigma, line + sigma, color=colour, alpha=0.25, lw=0)
+        ax.plot(phase, line, color=colour, lw=1.2, label=fit.reflectance.name)
     ax.set_xlabel("phase [°]")
     ax.set_title("phase function, 1 amid those seen")
     ax.legend(frameon=False, fontsize=7)
-
-
-def _draw_band(
-    ax: Axes,
-    at: np.ndarray,
-    fit: ModelFit,
-    colour: str,
-    values: Callable[[Reflectance], np.ndarray],
-    middle: float,
-) -> None:
-    """A curve and its band of one standard deviation, by leaving parts of the views out."""
-
-    def curve(model: Reflectance) -> np.ndarray:
-        return values(model) / float(model.phase_function(np.array([middle]))[0])
-
-    line, sigma = curve(fit.reflectance), jackknife_sigma(np.array([curve(each) for each in fit.without_part]))
-    ax.fill_between(at, line - sigma, line + sigma, color=colour, alpha=0.25, lw=0)
-    ax.plot(at, line, color=colour, lw=1.2, label=fit.reflectance.name)
 
 
 def _draw_disk(ax: Axes, fits: Sequence[ModelFit]) -> None:
