@@ -4,11 +4,8 @@
 
 Hapke, "Theory of Reflectance and Emittance Spectroscopy", 2nd ed. (2012), without porosity and coherent
 backscatter: B is the shadow-hiding surge B0 / (1 + tan(g / 2) / h), P the two-lobed Henyey-Greenstein
-function, H the rational approximation (1 + 2 x) / (1 + 2 gamma x) of Hapke (1981), and the roughness
-(effective cosines mu0e, mue and the shadowing factor S) that of Hapke (1984), Icarus 59, 41-59.
-
-Derivatives of the roughness, which are long, are imaginary parts of values a tiny imaginary step away (Squire and Trapp
-1998, SIAM Review 40, doi:10.1137/S003614459631241X), exact to rounding: its functions take real or complex numbers.
+function, H the rational approximation (1 + 2 x) / (1 + 2 gamma x) of Hapke (1981), and the effective cosines
+mu0e, mue and the shadowing factor S those of `roughness`.
 """
 
 from __future__ import annotations
@@ -17,88 +14,15 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 
 from photoclinometry.model.reflectance.entry import Model, Parameter
-
-_STEP = 1e-30
-"""The imaginary step of an argument."""
-_FLOOR = 1e-9
-"""Of cosines and sines that something is divided by."""
+from photoclinometry.model.reflectance.roughness import rough
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _h(x, gamma):
     return (1.0 + 2.0 * x) / (1.0 + 2.0 * gamma * x)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _e1(cot_theta, cot_x):
-    return np.exp(-2.0 / math.pi * cot_theta * cot_x)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _e2(cot_theta, cot_x):
-    return np.exp(-((cot_theta * cot_x) ** 2) / math.pi)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _sine(cosine):
-    squared = 1.0 - cosine * cosine
-    return np.sqrt(squared) if squared.real > _FLOOR**2 else _FLOOR + 0.0 * cosine
-
-
-@njit(cache=True, nogil=True)
-def _roughness(mu0, mu, phase, theta):
-    """Effective cosines mu0e, mue and the shadowing factor S for mean slope theta [rad] (Hapke 1984)."""
-    sin_i, sin_e = _sine(mu0), _sine(mu)
-    tan_theta = np.tan(theta)
-    cot = 1.0 / tan_theta
-    chi = 1.0 / np.sqrt(1.0 + math.pi * tan_theta * tan_theta)
-    cos_psi = (np.cos(phase) - mu0 * mu) / (sin_i * sin_e)
-    if abs(cos_psi.real) >= 1.0 - 1e-12:
-        cos_psi = 0.0 * cos_psi + min(max(cos_psi.real, -1.0), 1.0)
-        psi = 0.0 * cos_psi + math.acos(cos_psi.real)
-    else:
-        psi = np.arccos(cos_psi)
-    half2 = 0.5 * (1.0 - cos_psi)  # sin^2(psi / 2)
-    cot_i, cot_e = mu0 / sin_i, mu / sin_e
-    e1_i, e1_e = _e1(cot, cot_i), _e1(cot, cot_e)
-    e2_i, e2_e = _e2(cot, cot_i), _e2(cot, cot_e)
-    eta_i = chi * (mu0 + sin_i * tan_theta * e2_i / (2.0 - e1_i))
-    eta_e = chi * (mu + sin_e * tan_theta * e2_e / (2.0 - e1_e))
-    if half2.real < 1e-24:
-        f = 1.0 + 0.0 * half2
-    elif half2.real > 1.0 - 1e-12:
-        f = 0.0 * half2
-    else:
-        f = np.exp(-2.0 * np.sqrt(half2 / (1.0 - half2)))
-    if mu0.real >= mu.real:  # incidence <= emission
-        below = 2.0 - e1_e - psi / math.pi * e1_i
-        mu0e = chi * (mu0 + sin_i * tan_theta * (cos_psi * e2_e + half2 * e2_i) / below)
-        mue = chi * (mu + sin_e * tan_theta * (e2_e - half2 * e2_i) / below)
-        last = mu0 / eta_i
-    else:
-        below = 2.0 - e1_i - psi / math.pi * e1_e
-        mu0e = chi * (mu0 + sin_i * tan_theta * (e2_i - half2 * e2_e) / below)
-        mue = chi * (mu + sin_e * tan_theta * (cos_psi * e2_i + half2 * e2_e) / below)
-        last = mu / eta_e
-    shadowing = mue / eta_e * mu0 / eta_i * chi / (1.0 - f + f * chi * last)
-    return mu0e, mue, shadowing
-
-
-@njit(cache=True, nogil=True)
-def _effective(mu0, mu, phase, theta):
-    """`_roughness`, of smooth ground too, with effective cosines above zero."""
-    if theta.real <= 0.0:
-        return mu0, mu, 1.0 + 0.0 * mu0
-    mu0e, mue, shadowing = _roughness(mu0, mu, phase, theta)
-    if mu0e.real < _FLOOR:
-        mu0e = _FLOOR + 0.0 * mu0e
-    if mue.real < _FLOOR:
-        mue = _FLOOR + 0.0 * mue
-    return mu0e, mue, shadowing
 
 
 @njit(cache=True, nogil=True)
@@ -149,39 +73,29 @@ def radiance(mu0, mu, phase, w, theta, b, c, b0, h):
     mu0, mu: cosines of incidence and emission; phase [rad]; theta: mean slope [rad]; b, c: Henyey-Greenstein lobes,
     asymmetry -b c (c = 1: only the backward lobe); b0, h: surge.
     """
-    mu0e, mue, shadowing = _effective(mu0, mu, phase, theta)
+    mu0e, mue, shadowing = rough(mu0, mu, phase, theta)[:3]
     return _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h)[0]
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _along(which, mu0, mu, phase, theta, partial):
-    """Derivative, by one argument of `_effective`, of `radiance` as far as the effective cosines and shadowing tell."""
-    step = _STEP * 1j
-    mu0e, mue, shadowing = _effective(
-        mu0 + step * (which == 0), mu + step * (which == 1), phase + step * (which == 2), theta + step * (which == 3)
-    )
-    return (partial[0] * mu0e.imag + partial[1] * mue.imag + partial[2] * shadowing.imag) / _STEP
 
 
 @njit(cache=True, nogil=True)
 def by_angles(mu0, mu, phase, w, theta, b, c, b0, h):
     """`radiance` and its partial derivatives by mu0, mu and phase."""
-    mu0e, mue, shadowing = _effective(mu0, mu, phase, theta)
+    mu0e, mue, shadowing, of_mu0e, of_mue, of_shadowing = rough(mu0, mu, phase, theta)
     value, partial = _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h)
     return (
         value,
-        _along(0, mu0, mu, phase, theta, partial),
-        _along(1, mu0, mu, phase, theta, partial),
-        _along(2, mu0, mu, phase, theta, partial) + partial[3],
+        partial[0] * of_mu0e[0] + partial[1] * of_mue[0] + partial[2] * of_shadowing[0],
+        partial[0] * of_mu0e[1] + partial[1] * of_mue[1] + partial[2] * of_shadowing[1],
+        partial[0] * of_mu0e[2] + partial[1] * of_mue[2] + partial[2] * of_shadowing[2] + partial[3],
     )
 
 
 @njit(cache=True, nogil=True)
 def by_parameters(mu0, mu, phase, w, theta, b, c, b0, h):
     """`radiance` and its partial derivatives by w, theta, b, c, b0, h."""
-    mu0e, mue, shadowing = _effective(mu0, mu, phase, theta)
+    mu0e, mue, shadowing, of_mu0e, of_mue, of_shadowing = rough(mu0, mu, phase, theta)
     value, partial = _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h)
-    by_theta = _along(3, mu0, mu, phase, theta, partial)
+    by_theta = partial[0] * of_mu0e[3] + partial[1] * of_mue[3] + partial[2] * of_shadowing[3]
     return value, (partial[4], by_theta, partial[5], partial[6], partial[7], partial[8])
 
 
@@ -282,7 +196,7 @@ def _rho(p, mu0, mu, phase):
 
 @njit(cache=True)
 def _rho_alone(p, mu0, mu, phase):
-    """rho, in a quarter of the time."""
+    """rho."""
     return radiance(mu0, mu, phase, p[1], p[2], p[3], p[4], p[5], p[6]) / p[7]
 
 
