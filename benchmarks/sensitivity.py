@@ -30,7 +30,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -86,7 +86,7 @@ FIGURES = {
 }
 SITES = {
     "moderate": {"seed": 0},
-    "strong": {"seed": 1, "lighting": "strong", "views": 14, "region_size": 96},
+    "strong": {"seed": 4, "lighting": "strong", "views": 12, "region_size": 80},
     "few": {"seed": 2, "views": 7},
 }
 SIZE = {"views": 10, "image_size": 256, "region_size": 64, "reflectance": "hapke"}
@@ -196,6 +196,21 @@ def with_faint_noise(site: Path, out: Path, seed: int) -> None:
         with fits.open(file, mode="update") as content:
             data = content[0].data
             data[...] = data * (1.0 + FAINT * rng.standard_normal(data.shape))
+
+
+def name_region(file: Path) -> None:
+    """Writes into a site.toml which region a run maps: what is chosen anew may change with the faintest noise."""
+    import photoclinometry as pcm
+    from photoclinometry.io.site import RegionRequest, write_site
+    from photoclinometry.matching.densify import DensifyOptions
+
+    site = pcm.read_site(file)
+    scene = pcm.run(file, file.parent / "first", densify=DensifyOptions(min_views=4)).scene
+    region = scene.region
+    shutil.rmtree(file.parent / "first")
+    center = (region.col + region.width / 2, region.row + region.height / 2)
+    size = (region.width, region.height)
+    write_site(file, replace(site, region=RegionRequest(scene.views.name[scene.reference], center, size, None)))
 
 
 def map_site(package: Path, site: Path, out: Path) -> dict[str, float] | None:
@@ -353,6 +368,7 @@ def main(out: Path, only: str = "", group: int = 5, processes: int = 1) -> None:
     for name, options in SITES.items():
         if not (out / name / "site.toml").is_file():
             simulate_site(SimulationOptions(**{**SIZE, **options}), out / name)
+            name_region(out / name / "site.toml")
     laboratory = Laboratory(out, Results.read(out / "results.jsonl"), processes)
     shutil.rmtree(laboratory.copy, ignore_errors=True)
     shutil.copytree(SOURCE, laboratory.copy)

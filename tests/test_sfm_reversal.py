@@ -1,13 +1,18 @@
-"""Depth and rotations reversed: two models that nearly parallel rays hardly tell apart."""
+"""Depth and rotations reversed, of a model or of one view's pose: nearly parallel rays hardly tell the two apart."""
+
+import copy
 
 import numpy as np
 import pytest
 
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.sfm import mapping, reversal
+from photoclinometry.sfm.adjustment import RobustAdjustment
 from photoclinometry.sfm.mapping import from_colmap
 from photoclinometry.sfm.reconstruct import reconstruct_sparse
-from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site
+from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site, views_around
+
+ADJUSTMENT = RobustAdjustment(threads=2)
 
 
 @pytest.fixture(scope="module")
@@ -20,10 +25,11 @@ def models(one_site, tmp_path_factory):
     """COLMAP's model and what became of it, where structure from motion had ended in the reversed one."""
     kept = []
 
-    def from_the_wrong_side(model, adjust):
+    def from_the_wrong_side(model, adjustment):
         wrong = reversal.reversed_model(model)
-        kept.extend([model, wrong, reversal.right_way_round(wrong, adjust)])
-        return kept[-1]
+        found = reversal.right_way_round(wrong, adjustment)
+        kept.extend([model, wrong, found.model])
+        return found
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mapping, "right_way_round", from_the_wrong_side)
@@ -75,12 +81,101 @@ def test_the_given_model_is_not_changed(models):
     np.testing.assert_array_equal(from_colmap(model, 5).points, before)
 
 
-def test_where_both_explain_the_keypoints_alike_it_is_warned(models, monkeypatch):
-    def of(model):
-        with collected_warnings() as warned:
-            reversal.right_way_round(model, lambda _: None)
-        return [each.code for each in warned]
+@pytest.mark.parametrize(
+    ("reverse_px", "doubtful", "warned"), [(0.201, True, ["reversal-undecided"]), (0.25, True, []), (0.3, False, [])]
+)
+def test_where_both_explain_the_keypoints_alike_it_is_doubtful_or_warned(reverse_px, doubtful, warned):
+    found = reversal.Oriented(None, 0.2, reverse_px)
+    with collected_warnings() as collected:
+        found.warn_if_undecided()
+    assert [each.code for each in collected] == warned
+    assert found.is_doubtful == doubtful
 
-    assert of(models[2]) == []
-    monkeypatch.setattr(reversal, "ALIKE", 100.0)
-    assert of(models[2]) == ["reversal-undecided"]
+
+def test_the_errors_of_a_model_and_its_reverse_are_stated(models):
+    found = reversal.right_way_round(copy.deepcopy(models[1]), ADJUSTMENT)
+    assert found.error_px == pytest.approx(found.model.compute_mean_reprojection_error(), rel=1e-3)
+    assert found.error_px < 0.3 < found.reverse_px
+    assert not found.is_doubtful
+
+
+def oriented(views, error_px, reverse_px):
+    class Model:
+        def num_reg_images(self):
+            return views
+
+    return [reversal.Oriented(Model(), error_px, reverse_px)]
+
+
+@pytest.mark.parametrize(
+    ("found", "kept", "trials"),
+    [
+        ([oriented(5, 0.2, 0.5)], 0, 1),  # decided at once
+        ([oriented(5, 0.30, 0.31), oriented(5, 0.2, 0.23), oriented(5, 0.2, 0.23)], 1, 3),  # the best found twice
+        ([oriented(5, 0.2, 0.23), oriented(5, 0.30, 0.31), oriented(5, 0.201, 0.23)], 0, 3),
+        ([oriented(4, 0.2, 0.23), oriented(5, 0.25, 0.5)], 1, 2),  # more views, and decided
+        ([oriented(5, 0.2, 0.23), [], oriented(4, 0.1, 0.2), oriented(5, 0.3, 0.31)], 0, 4),
+        ([[]], None, 1),
+    ],
+)
+def test_views_are_mapped_again_until_the_best_is_found_twice(found, kept, trials, monkeypatch):
+    seeds = []
+
+    def mapped(_cameras, _work_dir, options, _progress):
+        seeds.append(options.seed)
+        return found[len(seeds) - 1]
+
+    monkeypatch.setattr(mapping, "_mapped", mapped)
+    models = mapping.map_views([CAMERA] * 5, None, OPTIONS, None)
+    assert models == ([] if kept is None else [found[kept][0].model])
+    assert seeds == [OPTIONS.seed + k for k in range(trials)]
+
+
+def with_reversed_views(model, *views):
+    found = copy.deepcopy(model)
+    for image_id in found.reg_image_ids():
+        image = found.images[image_id]
+        if int(image.name[:5]) in views:
+            points = np.array([found.points3D[p.point3D_id].xyz for p in image.points2D if p.has_point3D()])
+            pose = reversal.reversed_pose(image.cam_from_world(), points)
+            found.frames[image.frame_id].rig_from_world = pose
+    return found
+
+
+def worst_rotation_deg(model, site):
+    return rotation_errors_deg(from_colmap(model, 5).body_from_cam, site[1]).max()
+
+
+@pytest.mark.parametrize("views", [(4,), (3, 4)])
+def test_a_view_that_adjustment_leaves_reversed_is_turned_round(models, one_site, views):
+    wrong = with_reversed_views(models[2], *views)
+    ADJUSTMENT.of_model(wrong)
+    assert worst_rotation_deg(wrong, one_site) > 5.0
+    found = reversal.with_views_turned_round(wrong, ADJUSTMENT)
+    assert worst_rotation_deg(found, one_site) < 0.3
+
+
+def test_where_no_view_is_reversed_the_model_stays_as_it_is(models):
+    model = copy.deepcopy(models[2])
+    before = from_colmap(model, 5)
+    assert reversal.with_views_turned_round(model, ADJUSTMENT) is model
+    after = from_colmap(model, 5)
+    np.testing.assert_array_equal(after.points, before.points)
+    np.testing.assert_array_equal(after.body_from_cam.rotation, before.body_from_cam.rotation)
+
+
+def test_points_of_a_plane_stay_where_they_are_in_a_reversed_view():
+    """Up to perspective: a share of their depth over their distance."""
+    import pycolmap
+
+    rng = np.random.default_rng(0)
+    points = np.column_stack((rng.uniform(-50.0, 50.0, (200, 2)), np.full(200, 7.0)))
+    body_from_cam = views_around(5)[4]
+    rotation, translation = body_from_cam.rotation.T, -body_from_cam.rotation.T @ body_from_cam.translation
+    pose = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), translation)
+    there = reversal.reversed_pose(pose, points)
+    local, other = ((each.rotation.matrix() @ points.T).T + each.translation for each in (pose, there))
+    np.testing.assert_allclose(other[:, :2], local[:, :2], atol=1e-9)
+    np.testing.assert_allclose(other[:, 2] - other[:, 2].mean(), local[:, 2].mean() - local[:, 2], atol=1e-9)
+    back = reversal.reversed_pose(there, points)
+    np.testing.assert_allclose(back.rotation.matrix(), rotation, atol=1e-9)

@@ -1,49 +1,141 @@
-"""The model that is left when depth and rotations are reversed, and which of the two the images show.
+"""Models, and poses of single views, that are left when depth is reversed, and which of the two the images show.
 
 Under parallel projection a shape seen from some directions looks like its mirror image in depth, seen from the opposite
 directions (Necker's reversal; Hartley and Zisserman 2004, Multiple View Geometry, 14.8). Rays of a narrow-angle camera
 are nearly parallel. Two views then hardly tell the two apart, structure from motion begins with two, and bundle
 adjustment does not lead from one to the other. All views together do tell.
+
+Of a single view the same holds where the ground is nearly a plane: seen from the direction mirrored at the plane's
+normal it looks alike (the two poses of Schweighofer and Pinz 2006, IEEE TPAMI 28, 2024-2030). The mapper may give a
+view the wrong one; the relief of its points tells.
 """
 
 from __future__ import annotations
 
 import copy
 import logging
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from photoclinometry.model.warning import warn
+from photoclinometry.sfm.adjustment import RobustAdjustment, points_of
 
 log = logging.getLogger(__name__)
 
 ALIKE = 1.02
 """Ratio of the two mean reprojection errors below which the images do not tell. That of right models over reversed ones
-is 0.36 to 0.6 on simulated sites with a field of view of 2 degrees."""
+is 0.36 to 0.6 on simulated sites with a field of view of 2 degrees. Of single views, likewise of their costs: a
+reversed pose that adjustment leads back to the view's own has a ratio of 1 to rounding."""
+
+DOUBTFUL = 1.3
+"""The same ratio, below which a model is mapped again. Models with some views reversed have 1.0 to 1.2; right ones of
+low relief and a field of view of 1.7 degrees 1.1 and more."""
+
+FEWEST_POINTS = 4
+"""Of a view, below which its pose is left: three always lie in a plane."""
+
+_DEPTH = np.diag([1.0, 1.0, -1.0])
 
 
-def right_way_round(model: Any, adjust: Callable[[Any], None]) -> Any:
+@dataclass(frozen=True)
+class Oriented:
+    """A pycolmap reconstruction, adjusted, that explains the keypoints better than its reverse does."""
+
+    model: Any
+    error_px: float
+    """Mean reprojection error."""
+    reverse_px: float
+    """That of the reverse, adjusted as well."""
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether both explain the keypoints so nearly alike that views may be mixed: some right, some reversed."""
+        return self.reverse_px < DOUBTFUL * self.error_px
+
+    def warn_if_undecided(self) -> None:
+        if self.reverse_px < ALIKE * self.error_px:
+            warn(
+                log, "reversal-undecided",
+                "rays are so nearly parallel that the relief may be reversed, hills for hollows: keypoints are "
+                "explained to %.3f px, and to %.3f px the other way round. Add images from other directions, or pose "
+                "priors",
+                self.error_px, self.reverse_px,
+            )  # fmt: skip
+
+
+def right_way_round(model: Any, adjustment: RobustAdjustment) -> Oriented:
     """The pycolmap reconstruction, or its reverse where that explains the keypoints better; both adjusted.
 
-    adjust: bundle adjustment of a reconstruction, in place. Warns where both explain them alike.
+    Views whose own pose is reversed are turned round, too.
     """
-    if not model.num_points3D():
-        return model
-    other = reversed_model(model)
-    for each in (model, other):
-        adjust(each)
-    error, reverse = (each.compute_mean_reprojection_error() for each in (model, other))
-    log.info("mean reprojection error %.3f px, with depth and rotations reversed %.3f px", error, reverse)
-    if max(error, reverse) < ALIKE * min(error, reverse):
-        warn(
-            log, "reversal-undecided",
-            "rays are so nearly parallel that the relief may be reversed, hills for hollows: keypoints are explained "
-            "to %.3f px, and to %.3f px the other way round. Add images from other directions, or pose priors",
-            error, reverse,
-        )  # fmt: skip
-    return other if reverse < error else model
+    while True:
+        other = reversed_model(model)
+        for each in (model, other):
+            adjustment.of_model(each)
+        error, reverse = (each.compute_mean_reprojection_error() for each in (model, other))
+        log.info("mean reprojection error %.3f px, with depth and rotations reversed %.3f px", error, reverse)
+        better = other if reverse < error else model
+        model = with_views_turned_round(better, adjustment)
+        if model is better:
+            return Oriented(model, min(error, reverse), max(error, reverse))
+
+
+def with_views_turned_round(model: Any, adjustment: RobustAdjustment) -> Any:
+    """The model, adjusted anew with each view turned round whose reversed pose explains its points better.
+
+    One view that is turned may show that of others, so that all are looked at again until none is turned, or the mean
+    reprojection error falls no more.
+    """
+    for _ in range(model.num_reg_images()):
+        better = {image_id: _better_pose(model, image_id, adjustment) for image_id in model.reg_image_ids()}
+        turned = {image_id: pose for image_id, pose in better.items() if pose is not None}
+        if not turned:
+            break
+        found = copy.deepcopy(model)
+        for image_id, pose in turned.items():
+            _frame(found, image_id).rig_from_world = pose
+        adjustment.of_model(found)
+        before, after = (each.compute_mean_reprojection_error() for each in (model, found))
+        names = ", ".join(model.images[image_id].name for image_id in turned)
+        log.info("turned round: %s; mean reprojection error %.3f -> %.3f px", names, before, after)
+        if after >= before:
+            break
+        model = found
+    return model
+
+
+def _better_pose(model: Any, image_id: int, adjustment: RobustAdjustment) -> Any | None:
+    """The reversed pose of an image, adjusted with its points, if it explains them better than its pose does."""
+    numbers = points_of(model, image_id)
+    if len(numbers) < FEWEST_POINTS:
+        return None
+    frame, points = _frame(model, image_id), [model.points3D[number] for number in numbers]
+    pose, places = copy.copy(frame.rig_from_world), [point.xyz.copy() for point in points]
+    cost = adjustment.cost_of_view(model, image_id)
+    frame.rig_from_world = reversed_pose(pose, np.array(places))
+    other = adjustment.of_view(model, image_id)
+    found = copy.copy(frame.rig_from_world)
+    frame.rig_from_world = pose
+    for point, place in zip(points, places, strict=True):
+        point.xyz = place
+    return found if ALIKE * other < cost else None
+
+
+def reversed_pose(pose: Any, points: np.ndarray) -> Any:
+    """The pycolmap pose (cam_from_world) that shows the plane of best fit to points (n, 3) alike from its other side.
+
+    With D = diag(1, 1, -1), n the plane's normal, S = 1 - 2 n n^T and m the middle of the points, [R | t] becomes
+    [D R S | R m + t - D R S m].
+    """
+    import pycolmap
+
+    middle = points.mean(axis=0)
+    normal = np.linalg.svd(points - middle, full_matrices=False)[2][2]
+    rotation = pose.rotation.matrix()
+    turned = _DEPTH @ rotation @ (np.eye(3) - 2.0 * np.outer(normal, normal))
+    return pycolmap.Rigid3d(pycolmap.Rotation3d(turned), rotation @ middle + pose.translation - turned @ middle)
 
 
 def reversed_model(model: Any) -> Any:
@@ -55,17 +147,20 @@ def reversed_model(model: Any) -> Any:
     import pycolmap
 
     found = copy.deepcopy(model)
-    depth = np.diag([1.0, 1.0, -1.0])
     points = [found.points3D[number] for number in found.point3D_ids()]
     middle = np.mean([point.xyz for point in points], axis=0)
     for point in points:
-        point.xyz = middle + depth @ (point.xyz - middle)
+        point.xyz = middle + _DEPTH @ (point.xyz - middle)
     for image_id in found.reg_image_ids():
-        frame = found.frames[found.images[image_id].frame_id]
+        frame = _frame(found, image_id)
         pose = frame.rig_from_world
         rotation = pose.rotation.matrix()
-        turned = depth @ rotation @ depth
+        turned = _DEPTH @ rotation @ _DEPTH
         translation = rotation @ middle + pose.translation - turned @ middle
         frame.rig_from_world = pycolmap.Rigid3d(pycolmap.Rotation3d(turned), translation)
     found.update_point_3d_errors()
     return found
+
+
+def _frame(model: Any, image_id: int) -> Any:
+    return model.frames[model.images[image_id].frame_id]
