@@ -52,11 +52,6 @@ DIRECT_SIGMA_PX = 25.0
 """Keypoints' standard deviation where brightness follows their landmark (`ImageGradients`) [px]: they then hold what no
 image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
 
-SPARSE_SLACK = 4.0
-"""Beside pose-only tie points, the sparse ones' standard deviations are this many times what their residuals suggest: a
-feature that shading makes moves with the shading, alike in all views of about one light, which then agree on what is
-wrong."""
-
 RAY_SIGMA_PX = 0.004
 """How near a direct landmark stays to its pixel's ray of the reference view [px]: which point of the ground it is, is a
 choice."""
@@ -170,7 +165,7 @@ def _keypoints(setup: Setup, noise: Noise) -> list[Keypoints]:
     # The few landmarks that keep their matches amidst direct ones must not follow noise instead.
     of_map = thinned if directly else shared
     matches = options.keypoint_slack * noise.keypoint_factor * tracks.keypoint_sigma
-    sparse = noise.sparse_keypoint_factor * (SPARSE_SLACK if directly else 1.0) * tracks.keypoint_sigma
+    sparse = noise.sparse_keypoint_factor * tracks.keypoint_sigma
     on_ray = tracks.view == setup.scene.reference
     loss = options.keypoint_loss
 

@@ -25,6 +25,10 @@ from photoclinometry.adjust.solve.solver import Iteration, Solution, parameter_r
 from photoclinometry.adjust.tie_points import GroundControl, Members, TiePoints, with_tie_points
 from photoclinometry.model.scene import Scene, Tracks
 
+ALIKE_IN_SPARSE = 4.0
+"""Beside pose-only tie points, sparse ones state so many times their noise: a feature that shading makes moves with the
+shading, alike in all views of about one light, which then agree on what is wrong. Residuals do not show it."""
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -147,7 +151,8 @@ def _covariances(
     surface: holds positions, if not the fit's.
     """
     estimate, noise, response, sigma = fit.solution.estimate, fit.noise, None, None
-    stated = replace(noise, view_prior_factor=1.0)
+    alike = ALIKE_IN_SPARSE if setup.members.direct.any() else 1.0
+    stated = replace(noise, view_prior_factor=1.0, sparse_keypoint_factor=alike * noise.sparse_keypoint_factor)
     if len(estimate.parameters):
         graph = FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness))
         response = parameter_response(graph, fit.solution, setup.options.solver)
