@@ -33,6 +33,7 @@ CODES: Mapping[str, str] = {
     "tile-failed": "a tile of a body is not mapped, and its ground is guessed or mapped by other tiles",
     "tile-unplaced": "a tile of a body has too few tie points to be placed among the others, and is left out",
     "tile-untrusted": "the map of a tile is not to be trusted, and counts only where there is no other",
+    "view-blurred": "a view is less sharp than the map of all views",
     "view-brightness": "the brightness of a view is far off what the map predicts",
     "view-left-out": "a view contradicts the others and is left out",
     "view-past-edge": "a simulated view sees past the edge of its ground",

@@ -16,6 +16,7 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline import result_display
+from photoclinometry.pipeline.blurred_views import warn_of_blurred_views
 from photoclinometry.pipeline.control import control_metrics, control_table, warn_of_contradictions
 from photoclinometry.pipeline.moved_suns import warn_of_suns
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
@@ -129,6 +130,7 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     warn_of_contradictions(of_control)
     warn_of_suns(scene)
     warn_of_relief(summary.relief)
+    warn_of_blurred_views(scene)
     metrics = evaluate_scene(scene, images, per_view=used, held_out=aside)
     metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
     metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)

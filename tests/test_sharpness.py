@@ -1,0 +1,72 @@
+"""Views that are less sharp than the map: how much, and that they are named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.model.warning import collected_warnings
+from photoclinometry.photometry.predict import observation_brightness
+from photoclinometry.photometry.sharpness import blur_px
+from photoclinometry.pipeline.blurred_views import BLURRED_PX, warn_of_blurred_views
+from photoclinometry.surface.sampling import gaussian, masked_filter
+from scenes import synthetic_scene
+
+
+@pytest.fixture(scope="module")
+def true():
+    """A scene whose albedo has detail of the size of a landmark, with brightness as predicted, and a little noise."""
+    scene = synthetic_scene(size=60, views=5)
+    rng = np.random.default_rng(0)
+    albedo = scene.landmarks.albedo * (1.0 + 0.1 * rng.standard_normal(len(scene.landmarks)))
+    scene = replace(scene, landmarks=replace(scene.landmarks, albedo=albedo))
+    predicted = observation_brightness(scene)
+    noisy = predicted * (1.0 + 0.005 * rng.standard_normal(len(predicted)))
+    return replace(scene, tracks=replace(scene.tracks, brightness=noisy))
+
+
+def with_blurred_view(scene, view, width):
+    """Brightness of one view averaged over `width` landmarks."""
+    brightness, seen = scene.tracks.brightness.copy(), np.flatnonzero(scene.tracks.view == view)
+    of_view = np.full(len(scene.landmarks), np.nan)
+    of_view[scene.tracks.landmark[seen]] = brightness[seen]
+    average = masked_filter(scene.grid(of_view), gaussian(width))[0]
+    brightness[seen] = average[scene.cells][scene.tracks.landmark[seen]]
+    return replace(scene, tracks=replace(scene.tracks, brightness=brightness))
+
+
+@pytest.mark.parametrize("width", [0.85, 1.2, 1.7, 2.4])
+def test_the_width_of_a_blur_is_found(true, width):
+    """In pixels of the view, whose ground sample is not that of the reference view."""
+    found = blur_px(with_blurred_view(true, 3, width))
+    expected = width * true.spacing / true.views.gsd(3, true.landmarks.position)
+    assert found[3] == pytest.approx(expected, rel=0.1)
+    assert np.delete(found, 3).max() < 0.3
+
+
+def test_sharp_views_have_no_blur_whatever_their_scale_and_smooth_errors(true):
+    tracks = true.tracks
+    column = true.landmarks.pixel[tracks.landmark, 0]
+    wrong = tracks.brightness * (0.5 + 0.1 * tracks.view) * (1.0 + 0.1 * np.sin(column / 30.0))
+    assert blur_px(replace(true, tracks=replace(tracks, brightness=wrong))).max() < 0.3
+
+
+def test_nothing_is_said_of_a_view_that_shows_too_little(true):
+    few = true.tracks.lit & ((true.tracks.view != 1) | (true.tracks.landmark < 150))
+    found = blur_px(replace(true, tracks=replace(true.tracks, lit=few)))
+    assert np.isnan(found[1])
+    assert np.isfinite(np.delete(found, 1)).all()
+
+
+def test_a_blurred_view_is_named_and_sharp_ones_are_not(true):
+    with collected_warnings() as warned:
+        warn_of_blurred_views(true)
+        assert warned == []
+        warn_of_blurred_views(with_blurred_view(true, 2, 2.0 * BLURRED_PX))
+    assert [(each.code, each.view) for each in warned] == [("view-blurred", true.views.name[2])]
+
+
+def test_a_scene_of_geometry_alone_is_left_in_peace(true):
+    with collected_warnings() as warned:
+        warn_of_blurred_views(replace(with_blurred_view(true, 2, 2.0), reflectance=None))
+    assert warned == []
