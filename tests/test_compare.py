@@ -202,3 +202,15 @@ def test_a_frame_that_is_off_is_told_by_hand():
     assert found["frame_offset_m"] == pytest.approx(5.0)
     assert found["frame_turn_deg"] == pytest.approx(np.degrees(0.1))
     assert found["frame_scale_error_percent"] == pytest.approx(100.0 / 1.01 - 100.0)
+
+
+def test_a_map_that_its_cameras_put_far_off_is_compared_with_its_ground(scene):
+    """All cameras 30 GSD beside and 60 above where the landmarks would have them; all else is exact."""
+    views = scene.views
+    away = views.body_from_cam.translation + scene.gsd * np.array([30.0, 0.0, 60.0])
+    moved = replace(scene, views=replace(views, body_from_cam=replace(views.body_from_cam, translation=away)))
+    metrics = compare(moved, scene)
+    assert metrics["surface_distance_mean_gsd"] < 1e-3
+    assert metrics["normal_error_mean_deg"] < 0.05
+    near = replace(views.body_from_cam, translation=away - scene.gsd * np.array([29.0, 0.0, 59.5]))
+    assert compare(replace(scene, views=replace(views, body_from_cam=near)), scene)["surface_distance_mean_gsd"] < 1e-3

@@ -85,17 +85,31 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
     return found
 
 
+FAR_GSD = 10.0
+"""An alignment by poses that puts the map farther from the true ground is moved there first [GSD]: from such a distance
+nearest points are not found. Small errors of narrow-angle cameras' poses do that, at ten thousand GSD of distance."""
+
+
+def _near(by_poses: Similarity, scene: Scene, true: np.ndarray, seen: np.ndarray) -> Similarity:
+    """The alignment, moved where it leaves the landmarks far from the true points (J, 3) behind their pixels."""
+    off = np.median((by_poses(scene.landmarks.position) - true)[seen], axis=0)
+    if not seen.any() or np.linalg.norm(off) <= FAR_GSD * by_poses.scale * scene.gsd:
+        return by_poses
+    return replace(by_poses, translation=by_poses.translation - off)
+
+
 def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Closest) -> Comparison:
     """As `evaluate_against_truth`, given the truth as views, maps and a function.
 
     true_views: the scene's views in the same order; maps: arrays over the map's grid with the attributes of
     `simulate.truth.TruthMaps`; closest: nearest points of the true surface. Lengths in metres.
     """
-    by_poses = align_poses(scene.views.body_from_cam, true_views.body_from_cam, distance=camera_distance(scene))
-    fit = refine_on_surface(scene.landmarks.position, scene.landmarks.normal, closest, by_poses)
-    aligned = transform_scene(fit.similarity, scene)
     cells = scene.cells
     seen = maps.hit[cells]
+    by_poses = align_poses(scene.views.body_from_cam, true_views.body_from_cam, distance=camera_distance(scene))
+    start = _near(by_poses, scene, maps.position[cells], seen)
+    fit = refine_on_surface(scene.landmarks.position, scene.landmarks.normal, closest, start)
+    aligned = transform_scene(fit.similarity, scene)
 
     def at(values: np.ndarray) -> np.ndarray:
         """A true map (h, w, ...) at the landmarks' reference pixels; NaN where the pixel's ray misses the surface."""
