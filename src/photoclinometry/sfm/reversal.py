@@ -34,9 +34,9 @@ DOUBTFUL = 1.3
 low relief and a field of view of 1.7 degrees 1.1 and more."""
 
 HOPELESS = 5.0
-"""Times its reprojection error (RMS) that the reverse of a pose has with the same points, beyond which it is not
-adjusted: relief is then plainly seen. Wrong poses have 0.8 to 3.4, right ones of low relief 4 to 9, of others 10 and
-more."""
+"""Times its reprojection error that the reverse of a model, or of a pose with the same points, has before it is
+adjusted, beyond which it is not: relief is then plainly seen. Wrong poses have 0.8 to 3.4, right ones of low relief 4
+to 9, of others 10 and more."""
 
 FEWEST_POINTS = 4
 """Of a view, below which its pose is left: three always lie in a plane."""
@@ -52,7 +52,7 @@ class Oriented:
     error_px: float
     """Mean reprojection error."""
     reverse_px: float
-    """That of the reverse, adjusted as well."""
+    """That of the reverse, adjusted as well unless that is HOPELESS."""
 
     @property
     def is_doubtful(self) -> bool:
@@ -76,10 +76,12 @@ def right_way_round(model: Any, adjustment: RobustAdjustment) -> Oriented:
     Views whose own pose is reversed are turned round, too.
     """
     while True:
+        adjustment.of_model(model)
         other = reversed_model(model)
-        for each in (model, other):
-            adjustment.of_model(each)
         error, reverse = (each.compute_mean_reprojection_error() for each in (model, other))
+        if reverse < HOPELESS * error:
+            adjustment.of_model(other)
+            reverse = other.compute_mean_reprojection_error()
         log.info("mean reprojection error %.3f px, with depth and rotations reversed %.3f px", error, reverse)
         better = other if reverse < error else model
         model = with_views_turned_round(better, adjustment)
