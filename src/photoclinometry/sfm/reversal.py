@@ -38,6 +38,10 @@ HOPELESS = 5.0
 adjusted, beyond which it is not: relief is then plainly seen. Wrong poses have 0.8 to 3.4, right ones of low relief 4
 to 9, of others 10 and more."""
 
+SETTLED = 1e-4
+"""Relative fall of the mean reprojection error that counts: one view of hundreds changes it by more, rounding by
+less."""
+
 FEWEST_POINTS = 4
 """Of a view, below which its pose is left: three always lie in a plane."""
 
@@ -71,7 +75,7 @@ class Oriented:
 
 
 def right_way_round(model: Any, adjustment: RobustAdjustment) -> Oriented:
-    """The pycolmap reconstruction, or its reverse where that explains the keypoints better; both adjusted.
+    """The pycolmap reconstruction, adjusted in place, or its reverse where that explains the keypoints better.
 
     Views whose own pose is reversed are turned round, too.
     """
@@ -93,7 +97,7 @@ def with_views_turned_round(model: Any, adjustment: RobustAdjustment) -> Any:
     """The model, adjusted anew with each view turned round whose reversed pose explains its points better.
 
     One view that is turned may show that of others, so that all are looked at again until none is turned, or the mean
-    reprojection error falls no more.
+    reprojection error falls no more (SETTLED). The model itself where none is.
     """
     for _ in range(model.num_reg_images()):
         better = {image_id: _better_pose(model, image_id, adjustment) for image_id in model.reg_image_ids()}
@@ -107,7 +111,7 @@ def with_views_turned_round(model: Any, adjustment: RobustAdjustment) -> Any:
         before, after = (each.compute_mean_reprojection_error() for each in (model, found))
         names = ", ".join(model.images[image_id].name for image_id in turned)
         log.info("turned round: %s; mean reprojection error %.3f -> %.3f px", names, before, after)
-        if after >= before:
+        if after > (1.0 - SETTLED) * before:
             break
         model = found
     return model
