@@ -7,7 +7,7 @@ import pytest
 
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.sfm import mapping, reversal
-from photoclinometry.sfm.adjustment import RobustAdjustment
+from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_points
 from photoclinometry.sfm.mapping import from_colmap
 from photoclinometry.sfm.reconstruct import reconstruct_sparse
 from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site, views_around
@@ -136,7 +136,7 @@ def with_reversed_views(model, *views):
     for image_id in found.reg_image_ids():
         image = found.images[image_id]
         if int(image.name[:5]) in views:
-            points = np.array([found.points3D[p.point3D_id].xyz for p in image.points2D if p.has_point3D()])
+            points = np.array([found.points3D[p.point3D_id].xyz for p in keypoints_with_points(image)])
             pose = reversal.reversed_pose(image.cam_from_world(), points)
             found.frames[image.frame_id].rig_from_world = pose
     return found

@@ -28,9 +28,7 @@ def true():
 def with_blurred_view(scene, view, width):
     """Brightness of one view averaged over `width` landmarks."""
     brightness, seen = scene.tracks.brightness.copy(), np.flatnonzero(scene.tracks.view == view)
-    of_view = np.full(len(scene.landmarks), np.nan)
-    of_view[scene.tracks.landmark[seen]] = brightness[seen]
-    average = masked_filter(scene.grid(of_view), gaussian(width))[0]
+    average = masked_filter(scene.grid_of_observations(brightness, seen), gaussian(width))[0]
     brightness[seen] = average[scene.cells][scene.tracks.landmark[seen]]
     return replace(scene, tracks=replace(scene.tracks, brightness=brightness))
 

@@ -364,6 +364,12 @@ class Scene:
         out[self.cells] = values
         return out
 
+    def grid_of_observations(self, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """Per-observation values (N, ...) as `grid`: those of the observations at indices `chosen`, all of one view."""
+        of_landmarks = np.full((len(self.landmarks), *np.shape(values)[1:]), np.nan)
+        of_landmarks[self.tracks.landmark[chosen]] = values[chosen]
+        return self.grid(of_landmarks)
+
     def __repr__(self) -> str:
         return display.scene_line(self)
 

@@ -32,16 +32,14 @@ def blur_px(scene: Scene) -> np.ndarray:
     where it shows too little of it. Raises InputError for a scene without reflectance.
     """
     tracks, views = scene.tracks, scene.views
-    predicted = observation_brightness(scene)
+    both = np.column_stack((tracks.brightness, observation_brightness(scene)))
     middle = tuple(slice(max(0, (n - SIDE) // 2), (n + SIDE) // 2) for n in scene.region.grid_shape)
     gsd = np.array([views.gsd(k, scene.landmarks.position) for k in range(len(views))])
     found = np.full(len(views), np.nan)
     for k in range(len(views)):
         seen = np.flatnonzero((tracks.view == k) & tracks.lit)
-        both = np.full((len(scene.landmarks), 2), np.nan)
-        both[tracks.landmark[seen]] = np.column_stack((tracks.brightness, predicted))[seen]
-        measured, of_map = np.moveaxis(scene.grid(both)[middle], -1, 0)
-        found[k] = _likest_width(measured, of_map)
+        measured, predicted = np.moveaxis(scene.grid_of_observations(both, seen)[middle], -1, 0)
+        found[k] = _likest_width(measured, predicted)
     return found * scene.spacing / gsd
 
 

@@ -82,9 +82,7 @@ def smooth_errors(scene: Scene, used: np.ndarray, sigma: float) -> np.ndarray:
     for k in range(len(scene.views)):
         seen = np.flatnonzero(tracks.view == k)
         if used[seen].any():
-            of_view = np.full(len(scene.landmarks), np.nan)
-            of_view[tracks.landmark[seen]] = off[seen]
-            average = _average(scene.grid(of_view), sigma)[scene.cells][tracks.landmark[seen]]
+            average = _average(scene.grid_of_observations(off, seen), sigma)[scene.cells][tracks.landmark[seen]]
             found[seen] = np.nan_to_num(average - np.nanmean(off[seen]))
     return found
 

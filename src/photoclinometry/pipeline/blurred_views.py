@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 
 BLURRED_PX = 0.8
 """Standard deviation of a blur [px of the view] from which on a view is named. Views of sound simulated maps have 0.4
-at most, and those blurred by 1, 1.5 and 2 px have 0.9 to 1.9."""
+at most, and those blurred by 1, 1.5 and 2 px have 0.84, 1.56, and 1.84 to 2.0."""
 
 
 def warn_of_blurred_views(scene: Scene) -> None:

@@ -44,8 +44,8 @@ class RobustAdjustment:
 
         problem = pycolmap.BundleAdjustmentConfig()
         problem.add_image(image_id)
-        for number in points_of(model, image_id):
-            problem.add_variable_point(number)
+        for keypoint in keypoints_with_points(model.images[image_id]):
+            problem.add_variable_point(keypoint.point3D_id)
         return problem
 
     def _solve(self, model: Any, problem: Any, iterations: int) -> Any:
@@ -68,6 +68,6 @@ class RobustAdjustment:
         return summary.ceres_summary
 
 
-def points_of(model: Any, image_id: int) -> list[int]:
-    """Numbers of the points that an image sees."""
-    return [point.point3D_id for point in model.images[image_id].points2D if point.has_point3D()]
+def keypoints_with_points(image: Any) -> list[Any]:
+    """The keypoints of a pycolmap image that show a point of its reconstruction."""
+    return [keypoint for keypoint in image.points2D if keypoint.has_point3D()]

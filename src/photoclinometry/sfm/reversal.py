@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.model.warning import warn
-from photoclinometry.sfm.adjustment import RobustAdjustment, points_of
+from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_points
 
 log = logging.getLogger(__name__)
 
@@ -119,13 +119,15 @@ def with_views_turned_round(model: Any, adjustment: RobustAdjustment) -> Any:
 
 def _better_pose(model: Any, image_id: int, adjustment: RobustAdjustment) -> Any | None:
     """The reversed pose of an image, adjusted with its points, if it explains them better than its pose does."""
-    numbers = points_of(model, image_id)
-    if len(numbers) < FEWEST_POINTS:
+    image, frame = model.images[image_id], _frame(model, image_id)
+    seen = keypoints_with_points(image)
+    if len(seen) < FEWEST_POINTS:
         return None
-    frame, points = _frame(model, image_id), [model.points3D[number] for number in numbers]
-    pose, places = copy.copy(frame.rig_from_world), [point.xyz.copy() for point in points]
-    reverse = reversed_pose(pose, np.array(places))
-    error, start = (_reprojection_rms_px(model, image_id, each) for each in (pose, reverse))
+    points = [model.points3D[keypoint.point3D_id] for keypoint in seen]
+    pose, places = copy.copy(frame.rig_from_world), np.array([point.xyz for point in points])
+    reverse = reversed_pose(pose, places)
+    pixels, camera = np.array([keypoint.xy for keypoint in seen]), model.cameras[image.camera_id]
+    error, start = (_reprojection_rms_px(camera, each, places, pixels) for each in (pose, reverse))
     if start > HOPELESS * error:
         return None
     cost = adjustment.cost_of_view(model, image_id)
@@ -138,14 +140,10 @@ def _better_pose(model: Any, image_id: int, adjustment: RobustAdjustment) -> Any
     return found if ALIKE * other < cost else None
 
 
-def _reprojection_rms_px(model: Any, image_id: int, pose: Any) -> float:
-    """Of the points that an image sees, from a pose (cam_from_world)."""
-    image = model.images[image_id]
-    seen = [point for point in image.points2D if point.has_point3D()]
-    places = np.array([model.points3D[point.point3D_id].xyz for point in seen])
-    local = places @ pose.rotation.matrix().T + pose.translation
-    off = model.cameras[image.camera_id].img_from_cam(local) - np.array([point.xy for point in seen])
-    return float(np.sqrt(np.mean(np.sum(off**2, axis=-1))))
+def _reprojection_rms_px(camera: Any, pose: Any, points: np.ndarray, pixels: np.ndarray) -> float:
+    """Of points (n, 3) that a pycolmap camera sees at pixels (n, 2), from a pose (cam_from_world)."""
+    local = points @ pose.rotation.matrix().T + pose.translation
+    return float(np.sqrt(np.mean(np.sum((camera.img_from_cam(local) - pixels) ** 2, axis=-1))))
 
 
 def reversed_pose(pose: Any, points: np.ndarray) -> Any:

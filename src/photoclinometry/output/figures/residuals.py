@@ -48,13 +48,10 @@ def plot_residuals(axes: Axes, scene: Scene, *, view: int | None = None, kind: s
 
     Boxes hold the middle half, lines end at the 5th and the 95th percentile. Raises InputError as `residuals`.
     """
-    found, tracks = residuals(scene, kind), scene.tracks
+    found = residuals(scene, kind)
     if view is None:
         return _boxes(axes, scene, found, kind)
-    values = np.full(len(scene.landmarks), np.nan)
-    seen = tracks.view == view
-    values[tracks.landmark[seen]] = found[seen]
-    grid, signed = scene.grid(values), kind == "brightness"
+    grid, signed = scene.grid_of_observations(found, np.flatnonzero(scene.tracks.view == view)), kind == "brightness"
     clim = symmetric_limits(grid) if signed else limits(grid, high=STEEP_PERCENT, zero=True)
     cmap, label = "RdBu_r" if signed else "magma", _LABELS[kind].replace("\n", " ")
     show_map(axes, grid, scene.region, f"Residuals of {scene.views.name[view]}", label=label, cmap=cmap, clim=clim)
