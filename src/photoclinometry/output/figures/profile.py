@@ -19,8 +19,8 @@ Pixel = tuple[float, float]
 
 ENDS = ("A", "A′")
 """Names of the two ends of a profile, in the map and in the curve."""
-_WHOLE = 1.0 - 1e-9
-"""Share of the cells around a place that must have a landmark, up to rounding."""
+_ROUNDING = 1e-9
+"""Share of a cell by which a place may lie outside the map, or its weights on a hole, because of rounding."""
 _BAND_ALPHA = 0.3
 _CURVE = "#0072b2"
 """Blue of Okabe and Ito's palette, which people with any colour vision tell from black."""
@@ -113,7 +113,8 @@ def _along(scene: Scene, values: np.ndarray, pixel: np.ndarray) -> np.ndarray:
     cell = (pixel - (region.col + 0.5, region.row + 0.5)) / region.stride + 0.5
     there = np.all(np.isfinite(grid), axis=-1)
     rows, cols = region.grid_shape
-    inside = ((cell >= 0.5) & (cell <= np.array([cols, rows]) - 0.5)).all(-1)
-    whole = sample(there[..., None].astype(float), cell, order=1)[:, 0] >= _WHOLE
-    found = sample(np.where(there[..., None], grid, 0.0), cell, order=1)
+    nearest = np.clip(cell, 0.5, np.array([cols, rows]) - 0.5)
+    inside = (np.abs(cell - nearest) <= _ROUNDING).all(-1)
+    whole = sample(there[..., None].astype(float), nearest, order=1)[:, 0] >= 1.0 - _ROUNDING
+    found = sample(np.where(there[..., None], grid, 0.0), nearest, order=1)
     return np.where((inside & whole)[:, None], found, np.nan)
