@@ -14,8 +14,9 @@ the detector's. A change of less than BEYOND times that, or of less than NOTHING
 Most numbers shape nothing. So the numbers of a file are first changed together, `--group` at a time, on all sites.
 Where no figure changes, each of the group has that row. The numbers of the other groups are then changed one by one, on
 the site that the group changed most, those of the most influential group first. What is left when a call is stopped has
-its group's row, and the next call goes on. Results are kept in OUT/results.jsonl; OUT/table.md has a row per number:
-the largest change over sites and both directions, and the same in units of what counts as one.
+its group's row, and the next call goes on. Results are kept in OUT/results.jsonl; OUT/table.md has a row for each
+number that was changed alone, and one for the others of a group: the largest change over sites and both directions, and
+the same in units of what counts as one.
 """
 
 from __future__ import annotations
@@ -76,8 +77,11 @@ NOT_HERE = (
 """What does not take part in the maps of these sites."""
 ARITHMETIC = {0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 100.0, 180.0, 255.0, 1.4826}
 """Unnamed numbers that are parts of formulas and units."""
-STRUCTURE = ("LANES", "STORED", "CAMERA_SIZE", "LANDMARK_SIZE", "SIMILARITY", "DEG", "FORMAT", "VERSION")
-"""Named numbers that say how things are stored or what a unit is."""
+STRUCTURE = (
+    *("LANES", "STORED", "CAMERA_SIZE", "LANDMARK_SIZE", "SIMILARITY", "DEG", "FORMAT", "VERSION"),
+    *("BLOCK", "PAIRS_AT_ONCE", "threads", "PROBE", "DEPTH", "NOTHING_AROUND"),
+)
+"""Named numbers that say how things are stored, how much is treated at a time, or what a unit is."""
 FIGURES = {
     "surface_distance_mean_gsd": "surface",
     "normal_error_mean_deg": "normals",
@@ -293,26 +297,33 @@ def groups_of(numbers: Sequence[Number], size: int) -> list[list[Number]]:
 
 
 def table(results: Results, groups: Sequence[Sequence[Number]]) -> str:
-    """Markdown, a row per number, the most influential first."""
+    """Markdown, a row for all numbers that were changed together and none of them alone, the most influential first."""
     rows = []
     for group in groups:
-        for number in group:
-            single, together = results.change([number]), results.change(group)
-            change = together if single is None else single
-            if change is not None:
-                alone = len(group) == 1 or single is not None
-                effect = max(results.effect([number] if single is not None else group).values())
-                rows.append((alone, effect, number, change, len(group) - 1))
-    rows.sort(key=lambda row: (row[0], row[1]), reverse=True)
-    head = ["number", "value", *(f"{figure} [%]" for figure in FIGURES.values()), "effect", "changed"]
+        alone = [number for number in group if results.change([number]) is not None]
+        together = [number for number in group if number not in alone]
+        sets = [(changed, changed) for changed in ([number] for number in alone)]
+        for shown, changed in [*sets, (together, group)]:
+            change = results.change(changed)
+            if shown and change is not None:
+                rows.append((max(results.effect(changed).values()), shown, change))
+    rows.sort(key=lambda row: row[0], reverse=True)
+    head = ["file", "numbers", *(f"{figure} [%]" for figure in FIGURES.values()), "effect"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    for alone, effect, number, change, others in rows:
-        cells = [f"{number.file}:{number.line} {number.name}", number.text]
+    for effect, numbers, change in rows:
+        cells = [numbers[0].file, described(numbers)]
         cells += ["no map" if math.isinf(value) else f"{value:.1f}" for value in change.values()]
         cells.append("-" if math.isinf(effect) else f"{effect:.1f}")
-        cells.append("alone" if alone else f"with {others} others")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def described(numbers: Sequence[Number]) -> str:
+    """Names with their values; those of one statement share a name."""
+    values: dict[str, list[str]] = {}
+    for number in numbers:
+        values.setdefault(number.name, []).append(number.text)
+    return ", ".join(f"{name} {' and '.join(texts)}" for name, texts in values.items())
 
 
 @dataclass(frozen=True)

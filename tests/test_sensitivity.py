@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from sensitivity import SOURCE, Number, Results, changed_source, groups_of, table, tuned_numbers
+from sensitivity import SOURCE, Number, Results, changed_source, described, groups_of, table, tuned_numbers
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,12 @@ def test_the_table_has_the_largest_change_over_sites_and_directions(tmp_path):
     assert results.counts("moderate") == pytest.approx(dict(surface=12.0, normals=1.0, rotations=1.0, completeness=1.0))
     rows = table(Results.read(results.file), [[first, second], [third], [fourth]]).split("\n")[2:-1]
     assert rows == [
-        "| a.py:3 N3 | 3.5 | no map | no map | no map | no map | - | alone |",
-        "| a.py:2 N2 | 2.5 | 20.0 | 0.0 | 0.0 | 0.0 | 1.7 | alone |",
-        "| a.py:1 N1 | 1.5 | 30.0 | 0.0 | 0.0 | 0.0 | 2.5 | with 1 others |",
+        "| a.py | N3 3.5 | no map | no map | no map | no map | - |",
+        "| a.py | N1 1.5 | 30.0 | 0.0 | 0.0 | 0.0 | 2.5 |",
+        "| a.py | N2 2.5 | 20.0 | 0.0 | 0.0 | 0.0 | 1.7 |",
     ]
+
+
+def test_numbers_that_were_only_changed_together_share_a_row():
+    pair = [Number("a.py", 1, 7, "1.5", "A, B", True), Number("a.py", 1, 12, "70.0", "A, B", True)]
+    assert described([*pair, Number("a.py", 2, 4, "3", "C", True)]) == "A, B 1.5 and 70.0, C 3"
