@@ -50,6 +50,7 @@ def graph_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.0)
     noise = Noise(
         keypoint_factor=1.0,
         keypoint_correlation_px=keypoint_px,
+        pose_only_keypoint_factor=1.0,
         sparse_keypoint_factor=1.0,
         brightness_sigma=BRIGHTNESS_SIGMA,
         brightness_correlation_px=brightness_px,

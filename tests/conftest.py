@@ -24,6 +24,7 @@ def adjust_nothing(monkeypatch):
         noise = Noise(
             keypoint_factor=1.0,
             keypoint_correlation_px=1.0,
+            pose_only_keypoint_factor=1.0,
             sparse_keypoint_factor=1.0,
             brightness_sigma=0.001,
             brightness_correlation_px=1.0,

@@ -84,6 +84,7 @@ def test_noise_that_hardly_changed_is_close():
     noise = Noise(
         keypoint_factor=0.5,
         keypoint_correlation_px=20.0,
+        pose_only_keypoint_factor=1.0,
         sparse_keypoint_factor=1.0,
         brightness_sigma=0.0,
         brightness_correlation_px=3.0,

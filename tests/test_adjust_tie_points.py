@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from photoclinometry.adjust import AdjustOptions, ImageGradients, adjust, tie_points
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, with_tie_points
@@ -59,10 +60,12 @@ def rotation_error(found, true):
     return float(np.linalg.norm(turn - turn.mean(0), axis=1).mean())
 
 
-def test_pose_only_tie_points_hold_the_poses_where_brightness_is_not_quite_the_models(monkeypatch):
-    """Brightness off by up to 3 % in waves across each image, matches good to 0.02 px: the poses stay with the matches,
-    several times better than without pose-only tie points."""
-    true = synthetic_scene(size=32, views=8, keypoint_noise_px=0.02)
+MATCH_SIGMA_PX = 0.02
+
+
+def off_the_model():
+    """A scene with matches good to MATCH_SIGMA_PX, and its images, whose brightness is off by up to 3 % in waves."""
+    true = synthetic_scene(size=32, views=8, keypoint_noise_px=MATCH_SIGMA_PX)
     rng = np.random.default_rng(3)
     images = []
     for image in synthetic_images(true):
@@ -70,12 +73,25 @@ def test_pose_only_tie_points_hold_the_poses_where_brightness_is_not_quite_the_m
         heading, phase = rng.uniform(0.0, 2.0 * np.pi, 2)
         wave = np.sin((row * np.sin(heading) + col * np.cos(heading)) / 4.0 + phase)
         images.append(replace(image, brightness=(image.brightness * (1.0 + 0.03 * wave)).astype(np.float32)))
-    options = AdjustOptions(uncertainty=False)
+    return true, images
 
-    def error():
-        start, gradients = image_gradients(true, images)
-        return rotation_error(adjust(start, options, gradients=gradients).scene, true)
 
-    held = error()
+def adjusted(true, images):
+    start, gradients = image_gradients(true, images)
+    return adjust(start, AdjustOptions(uncertainty=False), gradients=gradients)
+
+
+def test_pose_only_tie_points_hold_the_poses_where_brightness_is_not_quite_the_models(monkeypatch):
+    """The poses stay with the matches, several times better than without pose-only tie points."""
+    true, images = off_the_model()
+    held = rotation_error(adjusted(true, images).scene, true)
     monkeypatch.setattr(tie_points, "POSE_ONLY_STEP", 10**6)
-    assert held < 0.3 * error()
+    assert held < 0.3 * rotation_error(adjusted(true, images).scene, true)
+
+
+def test_pose_only_tie_points_are_as_noisy_as_their_matches_and_the_map_is_farther_off():
+    true, images = off_the_model()
+    noise = adjusted(true, images).noise
+    sigma = true.tracks.keypoint_sigma[0]
+    assert noise.pose_only_keypoint_factor * sigma == pytest.approx(MATCH_SIGMA_PX, rel=0.3)
+    assert noise.keypoint_factor > 2.0 * noise.pose_only_keypoint_factor

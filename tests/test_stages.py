@@ -53,6 +53,7 @@ def stand_in(scene, options, gradients=None, pose_priors=None, **_):
     noise = Noise(
         keypoint_factor=1.0,
         keypoint_correlation_px=1.0,
+        pose_only_keypoint_factor=1.0,
         sparse_keypoint_factor=1.0,
         brightness_sigma=0.001,
         brightness_correlation_px=1.0,

@@ -165,6 +165,7 @@ def _keypoints(setup: Setup, noise: Noise) -> list[Keypoints]:
     # The few landmarks that keep their matches amidst direct ones must not follow noise instead.
     of_map = thinned if directly else shared
     matches = options.keypoint_slack * noise.keypoint_factor * tracks.keypoint_sigma
+    pose_only = options.keypoint_slack * noise.pose_only_keypoint_factor * tracks.keypoint_sigma
     sparse = noise.sparse_keypoint_factor * tracks.keypoint_sigma
     on_ray = tracks.view == setup.scene.reference
     loss = options.keypoint_loss
@@ -175,7 +176,7 @@ def _keypoints(setup: Setup, noise: Noise) -> list[Keypoints]:
     groups = [
         group("dense", members.of_map & ~members.direct, of_map * matches, loss / of_map),
         group("reference rays", members.direct, np.where(on_ray, RAY_SIGMA_PX, DIRECT_SIGMA_PX), np.inf),
-        group("pose-only tie points", members.pose_only, thinned * matches, loss / thinned),
+        group("pose-only tie points", members.pose_only, thinned * pose_only, loss / thinned),
         group("sparse tie points", members.sparse, sparse, loss),
         group("control point keypoints", members.control, tracks.keypoint_sigma, loss),
     ]

@@ -55,6 +55,7 @@ def starting_noise(setup: Setup, lit: np.ndarray) -> Noise:
     return Noise(
         keypoint_factor=1.0,
         keypoint_correlation_px=options.keypoint_correlation_px or STARTING_KEYPOINT_CORRELATION_PX,
+        pose_only_keypoint_factor=1.0,
         sparse_keypoint_factor=1.0,
         brightness_sigma=options.brightness_sigma or STARTING_BRIGHTNESS_SIGMA * level,
         brightness_correlation_px=options.brightness_correlation_px or STARTING_BRIGHTNESS_CORRELATION_PX,
@@ -70,6 +71,8 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
     pixel, stride = scene.landmarks.pixel[tracks.landmark], scene.region.stride
     if options.keypoint_sigma_px is None:
         found["keypoint_factor"] = keypoint_factor(scene, residual, members.of_map)
+        if members.pose_only.any():
+            found["pose_only_keypoint_factor"] = keypoint_factor(scene, residual, members.pose_only)
     if members.sparse.any():
         found["sparse_keypoint_factor"] = keypoint_factor(scene, residual, members.sparse)
     if options.keypoint_correlation_px is None:

@@ -49,6 +49,8 @@ class Noise:
     """On each keypoint's own standard deviation."""
     keypoint_correlation_px: float
     """Side of the square of reference pixels in which keypoints share an error."""
+    pose_only_keypoint_factor: float
+    """As `keypoint_factor`, on that of each pose-only tie point's keypoint, whose own positions follow the matches."""
     sparse_keypoint_factor: float
     """On the standard deviation of each sparse tie point's keypoint; their errors are independent."""
     brightness_sigma: float

@@ -152,7 +152,12 @@ def _covariances(
     """
     estimate, noise, response, sigma = fit.solution.estimate, fit.noise, None, None
     alike = ALIKE_IN_SPARSE if setup.members.direct.any() else 1.0
-    stated = replace(noise, view_prior_factor=1.0, sparse_keypoint_factor=alike * noise.sparse_keypoint_factor)
+    stated = replace(
+        noise,
+        view_prior_factor=1.0,
+        sparse_keypoint_factor=alike * noise.sparse_keypoint_factor,
+        pose_only_keypoint_factor=noise.keypoint_factor,
+    )
     if len(estimate.parameters):
         graph = FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness))
         response = parameter_response(graph, fit.solution, setup.options.solver)
