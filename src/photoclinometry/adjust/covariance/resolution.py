@@ -6,11 +6,15 @@ import numpy as np
 
 from photoclinometry.model.scene import Scene
 from photoclinometry.surface.relief import local_frame
-from photoclinometry.surface.sampling import gaussian, masked_filter
+from photoclinometry.surface.sampling import gaussian, masked_filter, smoothing_px
 
-FINEST_PX = 1.0
-"""Standard deviation of the Gaussian that takes the finest relief off the map [px of the reference image]: wavelengths
-up to six pixels, of which pixel and point-spread function leave about seven tenths. As much as is left is missing."""
+FINEST = 1.0
+"""Standard deviation of the Gaussian that takes the finest relief off the map [landmarks]: wavelengths up to six
+landmarks. Of an image of one landmark a pixel, pixel and point-spread function leave about seven tenths of these. As
+much as is left is missing."""
+
+BLUR_PX = 0.7
+"""Standard deviation of the Gaussian that makes such a map of the true ground [px]."""
 
 NEARBY = 2.0
 """Standard deviation of the Gaussian over which the size of such relief is averaged [landmarks]."""
@@ -24,11 +28,16 @@ def unresolved_relief(scene: Scene) -> np.ndarray:
 
     Pixels are averages of the ground. What the map shows of its finest relief stands for what it does not show: where
     images leave a share m of its amplitude, sqrt(1 / m^2 - 1) times what is left is missing, as much again for m = 0.7.
+    Images of several pixels a landmark are smoothed to the grid (`smoothing_px`), but blur less of it than pixels do of
+    theirs; the variance that is missing goes with the square of the blur.
     """
+    stride = scene.region.stride
+    blur = np.hypot(BLUR_PX, smoothing_px(stride)) / stride
     position = scene.landmarks.position
     up = local_frame(scene).rotation[:, 2]
     height = scene.grid((position - position.mean(0)) @ up)
-    smooth, share = masked_filter(height, gaussian(FINEST_PX / scene.region.stride))
+    smooth, share = masked_filter(height, gaussian(FINEST))
     fine = np.where(share > WHOLE, (height - smooth) ** 2, np.nan)
     mean, _ = masked_filter(fine, gaussian(NEARBY))
-    return np.nan_to_num(mean[scene.cells])[:, None, None] * np.outer(up, up)
+    missing = (blur / BLUR_PX) ** 2 * np.nan_to_num(mean[scene.cells])
+    return missing[:, None, None] * np.outer(up, up)
