@@ -8,7 +8,7 @@ import pytest
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.sharpness import blur_px
-from photoclinometry.pipeline.blurred_views import BLURRED_PX, warn_of_blurred_views
+from photoclinometry.pipeline.blurred_views import BLURRED_PX, views_to_leave_out, warn_of_blurred_views
 from photoclinometry.surface.sampling import gaussian, masked_filter
 from scenes import synthetic_scene
 
@@ -68,3 +68,22 @@ def test_a_scene_of_geometry_alone_is_left_in_peace(true):
     with collected_warnings() as warned:
         warn_of_blurred_views(replace(with_blurred_view(true, 2, 2.0), reflectance=None))
     assert warned == []
+
+
+def test_of_several_blurred_views_those_go_that_one_more_blurred_does_not_explain(true):
+    """Blurred by 2, 2.4 and, less than half of that, 1.1 landmarks, which is less of a view's pixels."""
+    three = with_blurred_view(with_blurred_view(with_blurred_view(true, 1, 2.0), 3, 2.4), 4, 1.1)
+    blur = blur_px(three)
+    assert blur[4] > BLURRED_PX
+    found = views_to_leave_out(three, fewest=2)
+    assert list(found) == [3, 1]
+    assert [found[3], found[1]] == pytest.approx([blur[3], blur[1]])
+
+
+def test_no_view_goes_whose_loss_leaves_too_few_nor_the_reference(true):
+    two = with_blurred_view(with_blurred_view(true, 1, 2.0), 3, 2.4)
+    assert list(views_to_leave_out(two, fewest=4)) == [3]
+    assert views_to_leave_out(two, fewest=5) == {}
+    assert views_to_leave_out(replace(two, reference=3), fewest=2).keys() == {1}
+    assert views_to_leave_out(true, fewest=2) == {}
+    assert views_to_leave_out(replace(two, reflectance=None), fewest=2) == {}

@@ -282,15 +282,9 @@ def jackknife_sigma(values: np.ndarray) -> np.ndarray:
 
 def _estimated(scene: Scene, start: Reflectance, used: np.ndarray) -> Scene:
     """Some of the views with their photometry by the joint estimate."""
-    part = with_model(_of_views(scene, used), start)
+    part = with_model(scene.of_views(used), start)
     options = AdjustOptions(smooth_sigma_rad=0.0, position_sigma_gsd=HELD_GSD, uncertainty=False, max_rounds=ROUNDS)
     return adjust(part, replace(options, solver=options.solver.roughly())).scene
-
-
-def _of_views(scene: Scene, used: np.ndarray) -> Scene:
-    """The scene with views `used` (k,) alone."""
-    reference = int(np.argmax(used == scene.reference))  # the first one, where that is not among them
-    return replace(scene, views=scene.views[used], tracks=scene.tracks.of_views(used), reference=reference)
 
 
 def _predicted(scene: Scene, found: Scene, kept_out: np.ndarray) -> Predictions:

@@ -376,5 +376,18 @@ class Scene:
     def _repr_html_(self) -> str:
         return display.scene_card(self)
 
+    def of_views(self, used: np.ndarray) -> Scene:
+        """The scene with views `used` (k,) alone, in that order, without uncertainties.
+
+        All landmarks stay. The first of the views is the reference where the scene's own is not among them.
+        """
+        return replace(
+            self,
+            views=self.views[used],
+            tracks=self.tracks.of_views(used),
+            reference=int(np.argmax(used == self.reference)),
+            uncertainty={},
+        )
+
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
         return replace(self, views=views, landmarks=landmarks)

@@ -1,4 +1,4 @@
-"""Whether all views are as sharp as the map that they make."""
+"""Whether all views are as sharp as the map that they make, and the map without those that are not."""
 
 from __future__ import annotations
 
@@ -15,6 +15,31 @@ log = logging.getLogger(__name__)
 BLURRED_PX = 0.8
 """Standard deviation of a blur [px of the view] from which on a view is named. Views of sound simulated maps have 0.4
 at most, and those blurred by 1, 1.5 and 2 px have 0.84, 1.56, and 1.84 to 2.0."""
+
+
+MOST_SHARE = 0.5
+"""A view is left out that is blurred by more than this share of the most blurred one's: that one blurs the first map,
+beside which the others seem to be blurred, too."""
+
+
+def views_to_leave_out(scene: Scene, fewest: int) -> dict[int, float]:
+    """Views that blur the map, by index, with their blur [px of the view].
+
+    The most blurred go first, as long as `fewest` views are left; the reference view stays, whose pixels are the map's.
+    None of a scene without reflectance.
+    """
+    if scene.reflectance is None or not scene.tracks.lit.any():
+        return {}
+    blur = np.nan_to_num(blur_px(scene))
+    blur[scene.reference] = 0.0
+    found = np.flatnonzero(blur > max(BLURRED_PX, MOST_SHARE * blur.max()))
+    worst = found[np.argsort(-blur[found], kind="stable")][: max(0, len(blur) - fewest)]
+    return {int(k): float(blur[k]) for k in worst}
+
+
+def why_left_out(blur: float) -> str:
+    """What is said of a view that is left out."""
+    return f"it is less sharp than the other views, as if blurred by {blur:.1f} px"
 
 
 def warn_of_blurred_views(scene: Scene) -> None:

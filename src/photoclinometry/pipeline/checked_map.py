@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
+from photoclinometry.pipeline.blurred_views import views_to_leave_out, why_left_out
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.joint_estimate import JointEstimate
-from photoclinometry.pipeline.map_stages import FinishedMap, MapStages
+from photoclinometry.pipeline.map_stages import FinishedMap, Iterate, MapStages
 from photoclinometry.pipeline.model_choice import ChooseModel
 from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.posed_site import PosedSite
@@ -19,7 +23,7 @@ from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_paralla
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import PosedImages
-from photoclinometry.pipeline.stage import Keyed
+from photoclinometry.pipeline.stage import Keyed, digest
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +38,8 @@ class CheckedMap:
     pose_priors: Mapping[str, PosePrior]
     """Those that determine its frame; none where they do not."""
     relief: ReliefCheck | None
+    left_out: Mapping[str, str]
+    """Views that the first estimate found to blur the map, by name, with the reason."""
 
     @property
     def contradicts_parallax(self) -> bool:
@@ -67,31 +73,17 @@ def checked_map(folder: RunFolder, posed_site: PosedSite, used: PosedImages, den
 def _mapped(
     folder: RunFolder, posed_site: PosedSite, used: PosedImages, dense: MatchDensely, *, holds_photometry: bool
 ) -> CheckedMap:
-    choices, options = posed_site.choices, posed_site.options
+    choices = posed_site.choices
     tracks = folder.done(dense)
     scene = folder.done(InitialScene(posed=used, place=dense.place, dense=tracks, reflectance=choices.reflectance))
     matched = tracks.value.position, tracks.value.pixel
-    priors = usable_priors(posed_site.site.pose_priors, scene.value) if options.pose_priors else {}
-    maps = MapStages(
-        folder=folder,
-        estimate=JointEstimate(
-            options=options.adjust,
-            reflectance=choices.reflectance,
-            tie_points=tie_points_from(used),
-            sparse_views=posed_site.posed.views,
-            pose_priors=priors,
-            known_views=posed_site.known_views,
-            control=choices.control,
-            holds_photometry=holds_photometry,
-        ),
-        posed=used,
-        matcher=choices.relit_matcher,
-        densify=dense.densify,
-        options=options.relight,
-        max_iterations=choices.max_iterations,
-    )
+    maps = _stages(folder, posed_site, used, dense, scene.value, holds_photometry=holds_photometry)
     first = maps.first_map(scene)
     del tracks, scene  # of all maps, the latest two are held in memory
+    left_out = _blurred(first.value, posed_site)
+    if left_out:
+        used, first = _without(used, first, left_out)
+        maps = _stages(folder, posed_site, used, dense, first.value.scene, holds_photometry=holds_photometry)
     relit = maps.relight(first)
     del first
     model = choices.reflectance
@@ -102,6 +94,57 @@ def _mapped(
     return CheckedMap(
         finished=finished,
         iterations=(*relit.figures, finished.value.figures),
-        pose_priors=priors,
+        pose_priors=maps.estimate.pose_priors,
         relief=relief_by_parallax(finished.value.adjustment.scene, *matched),
+        left_out=left_out,
     )
+
+
+def _stages(
+    folder: RunFolder,
+    posed_site: PosedSite,
+    used: PosedImages,
+    dense: MatchDensely,
+    scene: Scene,
+    *,
+    holds_photometry: bool,
+) -> MapStages:
+    """The stages from a scene of the used views to the finished map."""
+    choices, options = posed_site.choices, posed_site.options
+    return MapStages(
+        folder=folder,
+        estimate=JointEstimate(
+            options=options.adjust,
+            reflectance=choices.reflectance,
+            tie_points=tie_points_from(used),
+            sparse_views=posed_site.posed.views,
+            pose_priors=usable_priors(posed_site.site.pose_priors, scene) if options.pose_priors else {},
+            known_views=posed_site.known_views,
+            control=choices.control,
+            holds_photometry=holds_photometry,
+        ),
+        posed=used,
+        matcher=choices.relit_matcher,
+        densify=dense.densify,
+        options=options.relight,
+        max_iterations=choices.max_iterations,
+    )
+
+
+def _blurred(first: Iterate, posed_site: PosedSite) -> dict[str, str]:
+    """Views that blur the first map, by name, with the reason; a warning of each."""
+    if first.is_start_of_last or not posed_site.options.check_views:
+        return {}
+    found = views_to_leave_out(first.scene, posed_site.options.densify.min_views)
+    reasons = {first.scene.views.name[k]: why_left_out(blur) for k, blur in found.items()}
+    for name, reason in reasons.items():
+        warn(log, "view-blurred", "%s is left out: %s", name, reason, view=name)
+    return reasons
+
+
+def _without(used: PosedImages, first: Keyed[Iterate], names: Mapping[str, str]) -> tuple[PosedImages, Keyed[Iterate]]:
+    """Images and first map without some of the views."""
+    left_out = np.array([name in names for name in used.views.name])
+    scene = first.value.scene
+    kept = np.array([k for k, name in enumerate(scene.views.name) if name not in names])
+    return used.without(left_out), Keyed(replace(first.value, scene=scene.of_views(kept)), digest(first, kept))

@@ -57,7 +57,8 @@ class RunOptions(Ranged):
     """Table of ground control points (CSV): point,view,x_px,y_px,x_m,y_m,z_m,sigma_m. Three or more put the map into
     their frame where there are no pose priors; all of them take part in the estimate."""
     check_views: bool = True
-    """Leave out views whose Sun direction, or what they show, contradicts the brightness of the others."""
+    """Leave out views whose Sun direction, or what they show, contradicts the brightness of the others, and views that
+    are less sharp than the first map."""
     sfm: SfmOptions = field(default_factory=SfmOptions)
     region: RegionOptions = field(default_factory=RegionOptions)
     flow: FlowOptions = field(default_factory=FlowOptions)

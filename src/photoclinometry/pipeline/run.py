@@ -88,7 +88,7 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
         adjustment=found.finished.value.adjustment,
         images=posed.inputs.value.images,
         config=config,
-        left_out=left_out,
+        left_out=left_out | dict(found.left_out),
         brought_in={posed.views.name[k]: how for k, how in brought_in.items()},
         held_out=_place_held_out(folder, found.finished, posed, choices),
         iterations=found.iterations,
