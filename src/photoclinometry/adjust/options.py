@@ -7,6 +7,8 @@ from typing import Annotated
 
 from photoclinometry.adjust.solve.solver import SolverOptions
 from photoclinometry.model.ranges import Range, Ranged
+from photoclinometry.model.robust import HUBER_LIMIT
+from photoclinometry.photometry.initialize import GRAZING_DEG
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,13 +34,13 @@ class AdjustOptions(Ranged):
     It grows with the correlation of brightness beyond 3 px, so that shading keeps its say against it."""
     smooth_neighbours: Annotated[int, Range(least=0, most=1000)] = 4
     """Neighbours per landmark in the smoothness factors."""
-    max_incidence_deg: Annotated[float, Range(above=0, most=90)] = 85.0
+    max_incidence_deg: Annotated[float, Range(above=0, most=90)] = GRAZING_DEG
     """Brightness is not used where the Sun is lower than this."""
-    max_emission_deg: Annotated[float, Range(above=0, most=90)] = 85.0
+    max_emission_deg: Annotated[float, Range(above=0, most=90)] = GRAZING_DEG
     """Brightness is not used where the camera is lower than this."""
-    keypoint_loss: Annotated[float, Range(above=0, infinite=True)] = 3.0
+    keypoint_loss: Annotated[float, Range(above=0, infinite=True)] = HUBER_LIMIT
     """Huber limit of keypoints, in standard deviations of one; inf for least squares."""
-    brightness_loss: Annotated[float, Range(above=0, infinite=True)] = 3.0
+    brightness_loss: Annotated[float, Range(above=0, infinite=True)] = HUBER_LIMIT
     """Huber limit of brightness, in standard deviations of one; inf for least squares."""
     pose_rotation_sigma_rad: Annotated[float, Range(above=0)] = 1e-4
     """Gauge: prior on the reference view's rotation [rad]."""

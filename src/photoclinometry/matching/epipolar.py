@@ -9,6 +9,7 @@ import numpy as np
 
 from photoclinometry.model.geometry import Rigid, skew
 from photoclinometry.model.scene import Camera
+from photoclinometry.model.tiny import TINY
 
 
 def fundamental_matrix(camera_a: Camera, pose_a: Rigid, camera_b: Camera, pose_b: Rigid) -> np.ndarray:
@@ -29,7 +30,7 @@ def sampson_error(fundamental: np.ndarray, xy_a: np.ndarray, xy_b: np.ndarray) -
     a, b = np.concatenate([xy_a, one], -1), np.concatenate([xy_b, one], -1)
     line_b, line_a = a @ fundamental.T, b @ fundamental
     squares = (line_b[..., :2] ** 2).sum(-1) + (line_a[..., :2] ** 2).sum(-1)
-    return np.sum(b * line_b, -1) ** 2 / np.maximum(squares, np.finfo(float).tiny)
+    return np.sum(b * line_b, -1) ** 2 / np.maximum(squares, TINY)
 
 
 def _ray_from_pixel(camera: Camera) -> np.ndarray:

@@ -17,10 +17,9 @@ import numpy as np
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Image, Region
-from photoclinometry.surface.sampling import sample, smoothing_px
+from photoclinometry.model.tiny import TINY
+from photoclinometry.surface.sampling import ALL_VALID, sample, smoothing_px
 
-SAMPLED_VALID, WHOLLY_VALID = 0.999, 0.99
-"""Masks interpolated once and twice are above these where they are of valid pixels alone, but for rounding."""
 MIN_SHARE = 1e-3
 """Share of valid pixels in a window below which its mean is not trusted; it guards a division."""
 MIN_CONTRAST = 0.2
@@ -67,7 +66,7 @@ class FlowMatcher:
         forward, backward = search(a, b, options), search(b, a, options)
         round_trip = np.linalg.norm(forward + follow(backward, forward, order=1), axis=-1)
         correlation, sigma = fit_quality(a, b, forward)
-        inside = reference[1] & (follow(warped[1].astype(np.float32), forward, order=1) > WHOLLY_VALID)
+        inside = reference[1] & (follow(warped[1].astype(np.float32), forward, order=1) > ALL_VALID)
         valid = inside & (round_trip < options.max_round_trip_px) & (correlation > options.min_correlation)
         position = follow(request.prediction, forward, order=1)
         valid &= np.isfinite(position).all(-1)
@@ -100,7 +99,7 @@ def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     filled = _smoothed(image.brightness.astype(np.float32), image.valid, target_step(xy))
     height, width = image.brightness.shape
     inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)  # False where not finite
-    valid = inside & (sample(image.valid.astype(np.float32), xy, order=1) > SAMPLED_VALID)
+    valid = inside & (sample(image.valid.astype(np.float32), xy, order=1) > ALL_VALID)
     return sample(filled, xy).astype(np.float32), valid
 
 
@@ -121,7 +120,7 @@ def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.nd
     centred = np.where(valid, value - blur(value) / share, 0.0).astype(np.float32)
     spread = np.sqrt(np.maximum(blur(centred**2) / share, 0.0))
     floor = MIN_CONTRAST * float(np.median(spread[valid])) if valid.any() else 0.0
-    return np.clip(centred / np.maximum(spread, max(floor, 1e-12)), -4.0, 4.0)
+    return np.clip(centred / np.maximum(spread, max(floor, TINY)), -4.0, 4.0)
 
 
 def search(a: np.ndarray, b: np.ndarray, options: FlowOptions) -> np.ndarray:
@@ -160,7 +159,7 @@ def fit_quality(a: np.ndarray, b: np.ndarray, flow: np.ndarray, window: float = 
     mean_a, mean_b = blur(a), blur(moved)
     var_a, var_b = blur(a * a) - mean_a**2, blur(moved * moved) - mean_b**2
     covariance = blur(a * moved) - mean_a * mean_b
-    correlation = covariance / np.sqrt(np.maximum(var_a * var_b, 1e-8))
+    correlation = covariance / np.sqrt(np.maximum(var_a * var_b, MIN_STRUCTURE**2))
     gx, gy = _gradient(a)
     xx, xy, yy = blur(gx * gx), blur(gx * gy), blur(gy * gy)
     smaller = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy**2)

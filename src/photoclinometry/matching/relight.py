@@ -129,11 +129,13 @@ def fill_from(picture: np.ndarray, known: np.ndarray, other: np.ndarray, window:
 
     if not known.any():
         return other
-    share = np.maximum(weighted(np.ones_like(picture)), 1e-3)
+    share = weighted(np.ones_like(picture))
     picture_level, other_level = (
-        np.where(share > LEAST_SHARE, weighted(v) / share, np.median(v[known])) for v in (picture, other)
+        np.where(share > LEAST_SHARE, weighted(v) / np.maximum(share, LEAST_SHARE), np.median(v[known]))
+        for v in (picture, other)
     )
-    contrast = np.std(picture[known] - picture_level[known]) / max(np.std(other[known] - other_level[known]), 1e-12)
+    spread = np.std(other[known] - other_level[known])
+    contrast = np.std(picture[known] - picture_level[known]) / spread if spread > 0.0 else 0.0
     filled = picture_level + contrast * (other - other_level)
     return np.where(known, picture, filled).astype(np.float32)
 

@@ -17,16 +17,14 @@ from photoclinometry.matching.flow import crop, jacobian_determinant, resample
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Region
-from photoclinometry.surface.sampling import sample
+from photoclinometry.model.tiny import TINY
+from photoclinometry.surface.sampling import ALL_VALID, sample
 
 STRETCH_PERCENT = (0.5, 99.5)
 """Percentiles of a picture's brightness that become black and white: hot pixels do not set the range."""
 
 ROUNDING_PX = 1e-6
 """A match may lie beyond the outermost pixels' centres by this, because of rounding [px]."""
-
-ALL_VALID = 0.99
-"""A match is on valid pixels if the mask, interpolated there, is above this: 1 up to rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +106,7 @@ def stretch(brightness: np.ndarray, valid: np.ndarray) -> np.ndarray:
         return np.full(brightness.shape, 0.5, np.float32)
     low, middle, high = np.percentile(brightness[valid], (STRETCH_PERCENT[0], 50, STRETCH_PERCENT[1]))
     filled = np.where(valid, brightness, middle)
-    return np.clip((filled - low) / max(high - low, 1e-12), 0.0, 1.0).astype(np.float32)
+    return np.clip((filled - low) / max(high - low, TINY), 0.0, 1.0).astype(np.float32)
 
 
 def displacement(warp: Warp, shape: tuple[int, ...]) -> np.ndarray:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from photoclinometry.model.tiny import TINY
+
 if TYPE_CHECKING:
     from photoclinometry.model.scene import Scene
 
@@ -100,7 +102,7 @@ def thumbnail(values: np.ndarray) -> np.ndarray:
     if not count.any():
         return mean
     low, high = np.nanpercentile(mean, STRETCH_PERCENT)
-    return np.clip((mean - low) / max(high - low, np.finfo(float).tiny), 0.0, 1.0)
+    return np.clip((mean - low) / max(high - low, TINY), 0.0, 1.0)
 
 
 def png_of_grey(grey: np.ndarray) -> bytes:

@@ -9,12 +9,16 @@ import numpy as np
 
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Scene, Tracks, Views
+from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import shading
 from photoclinometry.surface.sampling import as_coarse, sample_image
 
-GRAZING = np.cos(np.radians(85.0))
+GRAZING_DEG = 85.0
 """Observations at larger incidence or emission are not used: an error of the normal of 2.5 degrees halves or
 doubles their shading."""
+
+GRAZING = np.cos(np.radians(GRAZING_DEG))
+"""Cosine of GRAZING_DEG."""
 
 SHADOW_SHARE = 0.15
 """Brightness below this share of the median counts as shadow [-]. Shadows hold scattered light and
@@ -31,7 +35,7 @@ _FARTHEST = 3.0
 """Neighbours farther apart than the mean plus this many standard deviations of all distances are no neighbours: they
 lie across a hole of the map (the paper's configuration)."""
 
-_SCALE_SWEEPS = 3
+SCALE_SWEEPS = 3
 """Albedos and scales are estimated in turns, first against the reference's albedos, then against the mean of all."""
 
 
@@ -211,13 +215,13 @@ def _relative_scales(unshaded: _Unshaded, reference: int) -> np.ndarray:
     """
     scale = np.ones(unshaded.views)
     of_reference = unshaded.view == reference
-    for sweep in range(_SCALE_SWEEPS):
+    for sweep in range(SCALE_SWEEPS):
         albedo = unshaded.mean_by_landmark(scale, of_reference if sweep == 0 and of_reference.any() else slice(None))
         predicted = albedo[unshaded.landmark]
         comparable = predicted > 0  # False where NaN
         for k in range(unshaded.views):
             at = np.flatnonzero(comparable & (unshaded.view == k))
             if len(at):
-                scale[k] = max(np.median(unshaded.value[at] / predicted[at]), 1e-12)
+                scale[k] = max(np.median(unshaded.value[at] / predicted[at]), TINY)
         scale /= scale[reference]
     return scale

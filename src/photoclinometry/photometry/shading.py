@@ -20,6 +20,7 @@ from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.reflectance import phase_angle, photometric_function
 from photoclinometry.model.robust import HUBER_LIMIT, robust_sigma
 from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.initialize import GRAZING, landmark_spacing_px, sample_brightness
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.render import as_resolved, averaging_sigma, landmark_brightness
@@ -191,7 +192,7 @@ def _step(packed, j, observed, lighting, start, normal, albedo):
     information += np.diag(np.array([by_normal, by_normal, by_albedo]))
     step = np.linalg.solve(information, gradient)
     length = math.sqrt(_dot(step, step))
-    step *= min(1.0, LONGEST_STEP / max(length, 1e-12))
+    step *= min(1.0, LONGEST_STEP / max(length, TINY))
     n += step[0] * one + step[1] * two
     n /= math.sqrt(_dot(n, n))
     albedo[j] *= math.exp(step[2])
@@ -225,7 +226,7 @@ def _brightness_information(packed, j, observed, lighting, start, frame, albedo)
         row[1] = gain * (by_mu0 * _dot(s, two) + by_mu * _dot(towards, two) / distance)
         row[2] = gain * rho
         residual = (observed.brightness[i] - lighting.bias[k]) / observed.sigma - gain * rho
-        weight = min(1.0, HUBER_LIMIT / max(abs(residual), 1e-12))
+        weight = min(1.0, HUBER_LIMIT / max(abs(residual), TINY))
         for a in range(3):
             gradient[a] += weight * row[a] * residual
             for b in range(3):

@@ -8,12 +8,12 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.surface.sampling import gaussian, masked_filter
 
-WIDTHS = np.array([0.0, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0])
-"""Standard deviations of Gaussians that are tried [landmarks]."""
-
 COARSE = 4.0
 """Waves longer than those that a Gaussian of this standard deviation leaves tell nothing of sharpness, and are taken
 away first [landmarks]."""
+
+WIDTHS = np.array([0.0, *np.geomspace(0.3, COARSE, 10)])
+"""Standard deviations of Gaussians that are tried [landmarks]."""
 
 SIDE = 128
 """So many landmarks, down and across, in the middle of the map are enough."""

@@ -20,6 +20,7 @@ from photoclinometry.model.scene import Image, Landmarks, Region, Scene, Tracks,
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.initialize import (
     PLANE_NEIGHBOURS,
+    SCALE_SWEEPS,
     normals_from_neighbours,
     predicted_ratio,
     sample_brightness,
@@ -43,9 +44,6 @@ MIN_POINTS = 50
 
 LEAST_BLUR_PX = 0.5
 """Least standard deviation of the images' blur [px]: the point-spread function that they have anyway."""
-
-MEDIAN_SWEEPS = 3
-"""Medians of albedos and of gains are taken in turns, this many times."""
 
 
 def coarse_scene(
@@ -140,7 +138,7 @@ def _albedo_and_gains(
     groups = [(k, np.flatnonzero(view == k)) for k in np.unique(view)]
     for k, own in groups:
         gain[k] = np.median(unshaded[own])
-    for _ in range(MEDIAN_SWEEPS):
+    for _ in range(SCALE_SWEEPS):
         albedo = _median_by(landmark, unshaded / gain[view], landmarks)
         for k, own in groups:
             gain[k] = np.median(unshaded[own] / albedo[landmark[own]])

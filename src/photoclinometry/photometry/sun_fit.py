@@ -16,12 +16,12 @@ from photoclinometry.model.gauss_newton import gauss_newton
 from photoclinometry.model.geometry import angle_between, sphere_step, tangent_basis, unit
 from photoclinometry.model.reflectance import Reflectance, angles_at, photometric_value
 from photoclinometry.model.robust import huber_weight, robust_sigma
+from photoclinometry.model.tiny import TINY
+from photoclinometry.photometry.initialize import GRAZING
 
 STARTS = 200
-"""Sun directions that are tried first: one for each 10 x 10 degrees of the sky, within the reach of the steps."""
-
-LOWEST_RAD = np.radians(85.0)
-"""They reach down to this angle from the zenith; a lower Sun lights too little ground to be fitted."""
+"""Sun directions that are tried first: one for each 10 x 10 degrees of the sky, within the reach of the steps.
+They reach down to GRAZING; a lower Sun lights too little ground to be fitted."""
 
 STARTS_POINTS = 400
 """Points, about, at which these directions are compared: enough to rank them, and a fraction of the time of all."""
@@ -192,7 +192,7 @@ def _linearised(
 def _sky(zenith: np.ndarray) -> np.ndarray:
     """(STARTS, 3) directions spread evenly about the zenith (a Fibonacci spiral)."""
     number = np.arange(STARTS)
-    height = 1.0 - (number + 0.5) / STARTS * (1.0 - np.cos(LOWEST_RAD))
+    height = 1.0 - (number + 0.5) / STARTS * (1.0 - GRAZING)
     golden_angle = np.pi * (3.0 - np.sqrt(5.0))
     azimuth = number * golden_angle
     across = np.sqrt(1.0 - height**2)[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], -1)
@@ -219,6 +219,6 @@ def _by_patch(position: np.ndarray, values: np.ndarray) -> np.ndarray:
     """
     plane = position[:, :2]
     low, high = np.percentile(plane, [1, 99], axis=0)
-    cell = np.clip((plane - low) / np.maximum(high - low, 1e-12) * PATCHES, 0, PATCHES - 1).astype(int)
+    cell = np.clip((plane - low) / np.maximum(high - low, TINY) * PATCHES, 0, PATCHES - 1).astype(int)
     _, patch = np.unique(cell[:, 0] * PATCHES + cell[:, 1], return_inverse=True)
     return np.stack([np.bincount(patch, column) for column in values.T], -1)

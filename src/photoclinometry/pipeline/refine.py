@@ -18,6 +18,7 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import MODELS, ModelChoice, Reflectance, has_published
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline.choices import choose_reflectance
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
@@ -216,7 +217,7 @@ def _check_albedo(folder: Path, scene: Scene, unit: float) -> None:
     there = tracks.lit & (tracks.view == scene.reference)
     predicted, measured = observation_brightness(scene)[there], tracks.brightness[there]
     bias = scene.views.bias[scene.reference]
-    ratio = float(np.median(measured - bias) / max(np.median(predicted - bias), np.finfo(float).tiny))
+    ratio = float(np.median(measured - bias) / max(np.median(predicted - bias), TINY))
     if not 0.5 < ratio < 2.0:
         name = scene.views.name[scene.reference]
         raise InputError(

@@ -8,6 +8,7 @@ import numpy as np
 
 from photoclinometry.adjust import Adjustment
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.tiny import TINY
 from photoclinometry.model.warning import Warned
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline.relief_check import FAR_OFF, ReliefCheck
@@ -85,22 +86,22 @@ def change_explained(scene: Scene) -> float:
     measured, landmark, view = tracks.brightness[lit], tracks.landmark[lit], tracks.view[lit]
     left = np.median(np.abs(measured - _flat_ground(measured, landmark, view, len(scene.landmarks), len(scene.views))))
     of_map = np.median(np.abs(measured - observation_brightness(scene)[lit]))
-    return float(1.0 - of_map / max(left, np.finfo(float).tiny))
+    return float(1.0 - of_map / max(left, TINY))
 
 
 def _flat_ground(
     measured: np.ndarray, landmark: np.ndarray, view: np.ndarray, landmarks: int, views: int
 ) -> np.ndarray:
     """(N,) least-squares fit of albedo_j exposure_k to the brightness (N,), by turns."""
-    exposure, tiny = np.ones(views), np.finfo(float).tiny
+    exposure = np.ones(views)
     albedo = exposure
     for _ in range(SWEEPS):
         own = exposure[view]
         albedo = np.bincount(landmark, measured * own, landmarks) / np.maximum(
-            np.bincount(landmark, own**2, landmarks), tiny
+            np.bincount(landmark, own**2, landmarks), TINY
         )
         of = albedo[landmark]
-        exposure = np.bincount(view, measured * of, views) / np.maximum(np.bincount(view, of**2, views), tiny)
+        exposure = np.bincount(view, measured * of, views) / np.maximum(np.bincount(view, of**2, views), TINY)
     return albedo[landmark] * exposure[view]
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange
 
+from photoclinometry.model.tiny import TINY
+
 NEIGHBOURS = 6
 """Faces around this many nearest vertices are searched for the nearest point. A vertex of an even mesh has so many
 neighbours."""
@@ -53,7 +55,7 @@ class MeshSurface:
         foot, _, face = self._found(points)
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
         normal = np.cross(b - a, c - a)
-        size = np.maximum(np.sum(normal * normal, -1), np.finfo(float).tiny)
+        size = np.maximum(np.sum(normal * normal, -1), TINY)
         second = np.sum(np.cross(foot - a, c - a) * normal, -1) / size
         third = np.sum(np.cross(b - a, foot - a) * normal, -1) / size
         return face, np.clip(np.stack([1.0 - second - third, second, third], -1), 0.0, 1.0)

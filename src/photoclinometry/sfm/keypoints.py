@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.tiny import TINY
+
 MIN_CONTRAST = 0.02
 """Least contrast of a keypoint [share of the picture's range], half of OpenCV's default: ground of even albedo has few
 others. The strongest are kept, so that a lower value adds no keypoints to rich images."""
@@ -46,5 +48,5 @@ def sift_keypoints(picture: np.ndarray, valid: np.ndarray, count: int) -> tuple[
     if not found:
         return np.empty((0, 4), np.float32), np.empty((0, 128), np.uint8)
     keypoints = [(k.pt[0] + 0.5, k.pt[1] + 0.5, k.size / 2, np.radians(k.angle)) for k in found]
-    root = np.sqrt(descriptors / np.maximum(descriptors.sum(1, keepdims=True), 1e-9))
+    root = np.sqrt(descriptors / np.maximum(descriptors.sum(1, keepdims=True), TINY))
     return np.array(keypoints, np.float32), np.minimum(np.rint(512 * root), 255).astype(np.uint8)

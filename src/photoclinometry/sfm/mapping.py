@@ -139,8 +139,8 @@ def _angle_of_pixels(cameras: list[Camera], pixels: float) -> float:
 
 
 def _max_focal_ratio(cameras: list[Camera]) -> float:
-    """A limit above every camera's focal length / width. COLMAP silently drops views beyond it (by default 10)."""
-    return 10.0 + 2.0 * max(max(camera.focal_px) / min(camera.width, camera.height) for camera in cameras)
+    """A limit above every camera's focal length / width. COLMAP silently drops views beyond it."""
+    return 2.0 * max(max(camera.focal_px) / min(camera.width, camera.height) for camera in cameras)
 
 
 def tune_triangulation(triangulation: Any, cameras: list[Camera], options: SfmOptions) -> None:

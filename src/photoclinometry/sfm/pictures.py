@@ -6,6 +6,7 @@ import numpy as np
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import Image
+from photoclinometry.model.tiny import TINY
 
 STRETCH_PERCENT = (0.5, 99.8)
 """Percentiles of brightness that become black and white: a few hot or dark pixels do not set the range."""
@@ -72,11 +73,11 @@ def relief_picture(image: Image, sun_in_cam: np.ndarray) -> np.ndarray | None:
     margin = int(3 * SIGMA_PX)
     shading = np.pad(shading, margin, mode="symmetric")
     y, x = np.fft.fftfreq(shading.shape[0])[:, None], np.fft.rfftfreq(shading.shape[1])[None]
-    length = np.maximum(np.hypot(x, y), 1e-9)
+    length = np.maximum(np.hypot(x, y), TINY)
     cosine = (x * sun_in_cam[0] + y * sun_in_cam[1]) / (length * in_plane)
     filter_ = -1j * cosine / (cosine**2 + DAMPING) / (1.0 + (LONGEST_PX * length) ** -2)
     filter_ *= np.exp(-2.0 * (np.pi * NOISE_PX * length) ** 2)
     relief = np.fft.irfft2(np.fft.rfft2(shading) * filter_, shading.shape)[margin:-margin, margin:-margin]
     contrast = np.sqrt(gaussian_filter(relief**2, SIGMA_PX) + (FLATTEST * relief.std()) ** 2)
-    grey = GREY + GREYS_PER_SIGMA * relief / np.maximum(contrast, 1e-12)
+    grey = GREY + GREYS_PER_SIGMA * relief / np.maximum(contrast, TINY)
     return np.rint(np.clip(grey, 0.0, 255.0)).astype(np.uint8)

@@ -12,6 +12,7 @@ from numba import njit
 
 import photoclinometry.model.kernel_cache  # noqa: F401
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.tiny import TINY
 from photoclinometry.surface.closed_mesh import area_vectors, half_edges, is_watertight
 
 _CHEAPEST = 0.5
@@ -75,7 +76,7 @@ def _vertex_quadrics(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(V, 4, 4) quadrics: x'Qx of homogeneous x is the sum of areas times squared distances to the faces' planes."""
     normal = area_vectors(points, faces)
     area = np.linalg.norm(normal, axis=1)
-    normal = normal / np.maximum(area, np.finfo(float).tiny)[:, None]
+    normal = normal / np.maximum(area, TINY)[:, None]
     plane = np.concatenate([normal, -np.sum(normal * points[faces[:, 0]], -1)[:, None]], -1)
     total = np.zeros((len(points), 4, 4))
     _add_quadrics(faces, plane, area, total)

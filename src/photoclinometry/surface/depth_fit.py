@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.robust import robust_sigma
+from photoclinometry.model.robust import REWEIGHTINGS, robust_sigma
 from photoclinometry.model.scene import Camera, Region
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.sampling import sample
@@ -23,9 +23,6 @@ SPARSE_SPACING_PX = 8
 CAUCHY_LIMIT = 2.4
 """Residual, in standard deviations, at which Cauchy's weight is a half: the estimate is then 95 % as efficient as least
 squares for normal errors."""
-
-REWEIGHTINGS = 6
-"""Iterations of reweighted least squares."""
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,12 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.robust import REWEIGHTINGS
 from photoclinometry.model.scene import Scene, Surroundings
+from photoclinometry.model.tiny import TINY
 
 FIRST_STEP = 1.5
 """Rays start this many steps from their landmark: past the grid cells around it, whose own slope would obstruct it."""
-
-PLANE_REWEIGHTINGS = 10
-"""Iterations of the robust mean plane."""
 
 _NOTHING_AROUND = Surroundings(depth=np.full((1, 1), np.nan), stride=1)
 
@@ -30,12 +29,12 @@ def mean_plane(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Least squares reweighted by 1 / (1 + (d / s)^2), s the median distance, so that spikes do not tilt it.
     """
     weight, center, normal = np.ones(len(position)), position.mean(0), np.zeros(3)
-    for _ in range(PLANE_REWEIGHTINGS):
+    for _ in range(REWEIGHTINGS):
         center = weight @ position / weight.sum()
         offset = position - center
         normal = np.linalg.eigh((offset * weight[:, None]).T @ offset)[1][:, 0]
         distance = np.abs(offset @ normal)
-        weight = 1.0 / (1.0 + (distance / max(np.median(distance), np.finfo(float).tiny)) ** 2)
+        weight = 1.0 / (1.0 + (distance / max(np.median(distance), TINY)) ** 2)
     return center, normal
 
 

@@ -12,12 +12,16 @@ from collections.abc import Callable
 import numpy as np
 
 from photoclinometry.model.scene import Image
+from photoclinometry.model.tiny import TINY
 
 COARSER = 1.2
 """A grid counts as coarser than an image if it has a point at every so many pixels or fewer points [px]."""
 
 GRADIENT_STEP_PX = 0.25
 """Half the base of central differences: short against the pixel, over which the spline bends."""
+
+ALL_VALID = 0.99
+"""Masks interpolated are above this where they are of valid pixels alone, but for rounding."""
 
 _MARGIN_PX = 16
 """Pixels farther away than this do not enter a spline: their weights are below 1e-9."""
@@ -92,7 +96,7 @@ def blurred(image: Image, sigma_px: float) -> Image:
 
     share = cv2.GaussianBlur(image.valid.astype(np.float32), (0, 0), sigma_px)
     total = cv2.GaussianBlur(np.where(image.valid, image.brightness, 0.0).astype(np.float32), (0, 0), sigma_px)
-    return Image(image.name, total / np.maximum(share, 1e-6), image.valid & (share > 0.5))
+    return Image(image.name, total / np.maximum(share, TINY), image.valid & (share > 0.5))
 
 
 def masked_filter(values: np.ndarray, smooth: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from typing import Any
 from numba import njit
 
 from photoclinometry.model.reflectance import PHASE_FLOOR
+from photoclinometry.model.tiny import TINY
 
 COMPILED: dict[str, Any] = dict(cache=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
 """Options of the compiled functions of the estimate: sums may be reordered, infinities and NaN are kept."""
@@ -21,7 +22,7 @@ COMPILED: dict[str, Any] = dict(cache=True, fastmath={"contract", "reassoc", "ns
 def huber(size, limit):
     """Huber's loss of a whitened residual of length `size`, and the factor that scales its residual and Jacobian."""
     inner = min(size, limit)
-    return inner * (2.0 * size - inner), math.sqrt((inner + 1e-30) / (size + 1e-30))
+    return inner * (2.0 * size - inner), math.sqrt((inner + TINY) / (size + TINY))
 
 
 @njit(**COMPILED)

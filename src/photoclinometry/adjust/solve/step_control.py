@@ -15,6 +15,7 @@ import numpy as np
 
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.model.tiny import TINY
 
 MAX_TURN = 0.5
 """A normal turns by this at most in one step [rad]."""
@@ -98,7 +99,7 @@ def limited(landmark: np.ndarray, max_move: float | np.ndarray, estimate: Estima
     turn = np.linalg.norm(landmark[:, 3:5], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.minimum(1.0, np.minimum(max_move / length, MAX_TURN / turn))
-        fall = -landmark[:, 5] / (MAX_FALL * np.maximum(estimate.landmarks.albedo, 1e-12))
+        fall = -landmark[:, 5] / (MAX_FALL * np.maximum(estimate.landmarks.albedo, TINY))
         share = np.nan_to_num(np.where(fall * share > 1.0, 1.0 / fall, share), nan=1.0)[:, None]
     moves = share * landmark
     moves[:, :3] += (1.0 - share) * common
@@ -111,7 +112,7 @@ def common_motion(moves: np.ndarray, position: np.ndarray, own: float) -> np.nda
     A least-squares fit, to a sample, in which moves that differ from it by more than `own` weigh less (Huber).
     """
     centred = position - position.mean(0)
-    columns = np.column_stack([np.ones(len(position)), centred / max(np.abs(centred).max(), 1e-300)])
+    columns = np.column_stack([np.ones(len(position)), centred / max(np.abs(centred).max(), TINY)])
     some = slice(None, None, max(1, len(moves) // _SAMPLE))
     known, wanted = columns[some], moves[some]
     fitted = np.median(wanted, axis=0)
