@@ -1,9 +1,11 @@
 """Compiled functions on disk are made anew when a file that they were compiled with changes."""
 
+import pickle
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import pytest
 
 from photoclinometry.model import kernel_cache
@@ -59,10 +61,10 @@ print(outer.doubled(1.0), sum(outer.doubled.stats.cache_hits.values()))
 """
 
 
-@pytest.mark.slow
-def test_a_change_in_another_file_compiles_its_callers_anew(tmp_path):
-    """A package with one kernel that calls another one's file: 2 x 1, from the cache, then 2 x 10."""
-    package = tmp_path / "photoclinometry"
+def package_of_two_kernels(folder):
+    """A package whose `doubled` calls a kernel of another file; returns what writes that with a factor and runs both:
+    the outcome for 1, and how often it came from the cache."""
+    package = folder / "photoclinometry"
     (package / "model").mkdir(parents=True)
     own = Path(kernel_cache.__file__).read_text(encoding="utf-8")
     (package / "__init__.py").write_text("")
@@ -80,9 +82,25 @@ def test_a_change_in_another_file_compiles_its_callers_anew(tmp_path):
 
     def said(factor: float) -> str:
         (package / "inner.py").write_text(inner.format(factor))
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True, check=True
-        )
+        done = subprocess.run([sys.executable, "-c", PROGRAM, str(folder)], capture_output=True, text=True, check=True)
         return done.stdout.strip()
 
+    return said
+
+
+@pytest.mark.slow
+def test_a_change_in_another_file_compiles_its_callers_anew(tmp_path):
+    """2 x 1, from the cache, then 2 x 10."""
+    said = package_of_two_kernels(tmp_path)
     assert [said(1.0), said(1.0), said(10.0)] == ["2.0 0", "2.0 1", "20.0 0"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("content", [b"cphotoclinometry.outer\nGone\n.", b"cphotoclinometry.gone\nx\n.", b""])
+def test_a_cache_that_names_what_the_package_has_no_more_is_made_anew(tmp_path, content):
+    """Numba reads it before it looks whether it is stale."""
+    said = package_of_two_kernels(tmp_path)
+    assert said(1.0) == "2.0 0"
+    (index,) = (tmp_path / "photoclinometry" / "__pycache__").glob("outer.doubled*.nbi")
+    index.write_bytes(pickle.dumps(numba.__version__) + content)
+    assert [said(1.0), said(1.0)] == ["2.0 0", "2.0 1"]

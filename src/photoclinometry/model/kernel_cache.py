@@ -1,4 +1,4 @@
-"""Compiled functions on disk that notice changes in other files.
+"""Compiled functions on disk that notice changes in other files, and are made anew where they cannot be read.
 
 Numba keeps a compiled function until its own file changes, although functions and constants of other files are
 compiled into it. Once this module is imported, every cached function of the package is stamped with all files of the
@@ -9,6 +9,7 @@ others call imports this module, or one that does.
 from __future__ import annotations
 
 import hashlib
+import pickle
 import re
 from functools import cache
 from pathlib import Path
@@ -67,9 +68,26 @@ def stamped(locator: Any) -> Any:
             return super().from_function(py_func, py_file) if own else None
 
         def get_source_stamp(self) -> Any:
-            return super().get_source_stamp(), stamp(Path(self._py_file).resolve())
+            return Stamp((super().get_source_stamp(), stamp(Path(self._py_file).resolve())))
 
     return Stamped
+
+
+class Stamp(tuple):
+    """Numba's stamp of a file of this package, and `stamp`."""
+
+
+def loaded_index(self: Any) -> dict[Any, str]:
+    """As Numba's `IndexDataCacheFile._load_index`; of this package empty, too, where it cannot be read.
+
+    An index is read before its stamp is compared. That of an earlier version may name what the package has no more.
+    """
+    try:
+        return _load_index(self)
+    except (AttributeError, EOFError, ImportError, pickle.UnpicklingError):
+        if isinstance(self._source_stamp, Stamp):
+            return {}
+        raise
 
 
 # Numba tries its locators in turn; those of the package go first, and know no other files.
@@ -77,3 +95,5 @@ _LOCATORS = "_locator_classes"
 """Numba has no public way to add one."""
 _known = getattr(caching.CacheImpl, _LOCATORS)
 setattr(caching.CacheImpl, _LOCATORS, [*map(stamped, _known), *_known])
+_load_index = caching.IndexDataCacheFile._load_index
+caching.IndexDataCacheFile._load_index = loaded_index
