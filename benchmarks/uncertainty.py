@@ -84,8 +84,8 @@ def exact(at: Linearised, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     factor = splu(information, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     coupling = patch.coupling.reshape(6 * count, -1)
     response = factor.solve(coupling)
-    total = np.zeros((views, 10, views, 10))
-    total[range(views), :, range(views), :] = patch.camera + at.camera_prior
+    total = at.common_prior.reshape(views, 10, views, 10).copy()
+    total[range(views), :, range(views), :] += patch.camera
     camera = np.linalg.inv(total.reshape(10 * views, -1) - coupling.T @ response)
     move = landmark_moves(at, 0, count)
     fit = move[:, :3].reshape(-1, 7)

@@ -10,7 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.adjust.covariance.resolution import unresolved_relief
-from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, estimate_uncertainty, with_local_errors
+from photoclinometry.adjust.covariance.uncertainty import (
+    OF_LANDMARKS,
+    Stated,
+    estimate_uncertainty,
+    with_local_errors,
+)
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.layout import morton_order
 from photoclinometry.adjust.graph.observations import ImageGradients
@@ -21,7 +26,7 @@ from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smooth
 from photoclinometry.adjust.measured_noise import gate, measured_noise, starting_noise
 from photoclinometry.adjust.noise import Noise, local_noise
 from photoclinometry.adjust.options import AdjustOptions
-from photoclinometry.adjust.solve.solver import Iteration, Solution, parameter_response
+from photoclinometry.adjust.solve.solver import Iteration, Solution
 from photoclinometry.adjust.tie_points import GroundControl, Members, TiePoints, with_tie_points
 from photoclinometry.model.scene import Scene, Tracks
 
@@ -92,12 +97,13 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     if setup.without_smooth_errors:
         surface = fit.smoothness
         setup, fit = _with_smooth_errors(setup, fit)
-    found, of_frame, sigma = _covariances(setup, fit, surface)
+    stated, sigma = _covariances(setup, fit, surface)
+    found = stated.uncertainty
     if found and setup.reflectance is not None:
         on_map = replace(fit.scene, landmarks=fit.solution.estimate.landmarks[: setup.members.count])
         local = local_noise(fit.scene, fit.lit, fit.noise.brightness_sigma, setup.members.of_map)
         relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
-        found = with_local_errors(found, local, relief, of_frame)
+        found = with_local_errors(found, local, relief, stated.of_frame)
     return found, sigma
 
 
@@ -132,9 +138,9 @@ def uncertainty_at(
     solution = Solution(estimate, True, "given", (), None)
     assert smoothness is not None
     fit = Fit(given.scene, smoothness, solution, lit, noise, ())
-    found, _, _ = _covariances(setup, fit, surface)
-    back = np.argsort(given.order)
-    return {name: value[back] if name in OF_LANDMARKS else value for name, value in found.items()}, noise
+    found, _ = _covariances(setup, fit, surface)
+    back, uncertainty = np.argsort(given.order), found.uncertainty
+    return {name: value[back] if name in OF_LANDMARKS else value for name, value in uncertainty.items()}, noise
 
 
 def _bent(setup: Setup) -> Setup:
@@ -143,41 +149,34 @@ def _bent(setup: Setup) -> Setup:
     return replace(setup, gradients=setup.gradients._replace(factor=np.ones(len(setup.table.tracks))))
 
 
-def _covariances(
-    setup: Setup, fit: Fit, surface: Smoothness | None
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray | None]:
-    """As `stated_uncertainty`, with the same noise at every landmark, and between the two what of it is the frame's.
+def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[Stated, np.ndarray | None]:
+    """As `stated_uncertainty`, with the same noise at every landmark.
 
     surface: holds positions, if not the fit's.
     """
-    estimate, noise, response, sigma = fit.solution.estimate, fit.noise, None, None
+    estimate, noise, sigma = fit.solution.estimate, fit.noise, None
     alike = ALIKE_IN_SPARSE if setup.members.direct.any() else 1.0
     stated = replace(
         noise,
         view_prior_factor=1.0,
         sparse_keypoint_factor=alike * noise.sparse_keypoint_factor,
         pose_only_keypoint_factor=noise.keypoint_factor,
+        brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor,
     )
-    if len(estimate.parameters):
-        graph = FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness))
-        response = parameter_response(graph, fit.solution, setup.options.solver)
-        assert setup.reflectance is not None
-        sigma = np.abs(setup.reflectance.parameter_scale) * np.sqrt(np.diag(response.covariance))
-        del graph
     setup.table.release()
-    seen = replace(stated, brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor)
-    graph = FactorGraph(factor_groups(setup, fit.lit, seen, fit.smoothness))
-    found, of_frame = estimate_uncertainty(
-        graph,
+    found = estimate_uncertainty(
+        FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness)),
         estimate,
-        keypoint_correlation=setup.correlation(seen.keypoint_correlation_px),
-        brightness_correlation=setup.correlation(seen.brightness_correlation_px),
+        keypoint_correlation=setup.correlation(stated.keypoint_correlation_px),
+        brightness_correlation=setup.correlation(stated.brightness_correlation_px),
         members=setup.members,
         own_frame=not setup.fixes_frame,
-        response=response,
         surface=surface,
     )
-    return found, of_frame, sigma
+    if len(found.parameter_variance):
+        assert setup.reflectance is not None
+        sigma = np.abs(setup.reflectance.parameter_scale) * np.sqrt(found.parameter_variance)
+    return found, sigma
 
 
 def _with_smooth_errors(setup: Setup, fit: Fit) -> tuple[Setup, Fit]:

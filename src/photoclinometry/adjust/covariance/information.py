@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
 from photoclinometry.adjust.graph.rows import (
     COMPILED,
     along_basis,
@@ -24,8 +23,10 @@ from photoclinometry.adjust.graph.rows import (
     pixel_by_position,
     view_numbers,
 )
+from photoclinometry.adjust.graph.slot import CameraState, LandmarkState
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.model.projection import project_point
-from photoclinometry.model.reflectance import photometric_function
+from photoclinometry.model.reflectance import photometric_function, photometric_parameters
 
 
 class Observed(NamedTuple):
@@ -50,9 +51,21 @@ class Observed(NamedTuple):
     brightness_limit: float
 
 
+class Estimated(NamedTuple):
+    """A reflectance and the T of its parameters that are estimated."""
+
+    packed: np.ndarray
+    """`Reflectance.packed`."""
+    scale: np.ndarray
+    """(T,) `Reflectance.parameter_scale`; of none where the parameters are known."""
+
+
 @njit(**COMPILED)
-def _set_rows(j, i, k, cameras, points, observed, pivot, packed, by_landmark, by_camera):
-    """Rows of observation i, of landmark j in view k: 0 and 1 of its keypoint, 2 of its brightness (`rows`)."""
+def _set_rows(j, i, k, cameras, points, observed, pivot, model, by_landmark, by_camera, by_parameter):
+    """Rows of observation i, of landmark j in view k: 0 and 1 of its keypoint, 2 of its brightness (`rows`).
+
+    by_parameter: (T,) of row 2, the only one that depends on the reflectance.
+    """
     p, c = points.position[j], cameras.center[k]
     intrinsics, rotation = view_numbers(k, cameras)
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
@@ -68,8 +81,11 @@ def _set_rows(j, i, k, cameras, points, observed, pivot, packed, by_landmark, by
         _set_pose(by_landmark[r], arm, by_camera[r])
     by_landmark[2] = 0.0
     by_camera[2] = 0.0
+    by_parameter[:] = 0.0
     if observed.brightness_weight[i] != 0.0:
-        _set_brightness_row(j, i, k, cameras, points, observed, arm, packed, pixel, by_x, by_y, by_landmark, by_camera)
+        _set_brightness_row(
+            j, i, k, cameras, points, observed, arm, model, pixel, by_x, by_y, by_landmark, by_camera, by_parameter
+        )
 
 
 @njit(**COMPILED)
@@ -81,14 +97,17 @@ def _set_pose(a, arm, out):
 
 
 @njit(**COMPILED)
-def _set_brightness_row(j, i, k, cameras, points, observed, arm, packed, pixel, by_x, by_y, by_landmark, by_camera):
+def _set_brightness_row(
+    j, i, k, cameras, points, observed, arm, model, pixel, by_x, by_y, by_landmark, by_camera, by_parameter
+):
     """Row 2 of observation i, scaled down beyond Huber's limit."""
     p, c, scale, albedo = points.position[j], cameras.center[k], cameras.scale[k], points.albedo[j]
     sun = cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]
     normal = points.normal[j, 0], points.normal[j, 1], points.normal[j, 2]
     e, inverse_range = direction(c[0] - p[0], c[1] - p[1], c[2] - p[2])
     mu0, mu, cosine, sine = angles(sun, e, normal)
-    rho, by_mu0, by_mu, by_phase = photometric_function(packed, mu0, mu, math.atan2(sine, cosine))
+    phase = math.atan2(sine, cosine)
+    rho, by_mu0, by_mu, by_phase = photometric_function(model.packed, mu0, mu, phase)
     gx, gy = observed.slope[i, 0], observed.slope[i, 1]
     predicted = scale * albedo * rho + cameras.bias[k] - gx * pixel[0] - gy * pixel[1]
     weight = observed.brightness_weight[i]
@@ -112,17 +131,22 @@ def _set_brightness_row(j, i, k, cameras, points, observed, arm, packed, pixel, 
     by_landmark[2, 5] = weight * scale * rho
     by_camera[2, 8] = weight * albedo * rho
     by_camera[2, 9] = weight
+    if by_parameter.size:
+        photometric_parameters(model.packed, mu0, mu, phase, by_parameter)
+        for t in range(by_parameter.size):
+            by_parameter[t] *= weight * scale * albedo * model.scale[t]
 
 
 @njit(nogil=True, **COMPILED)
-def _add_patch(first, last, slot, cameras, points, observed, pivot, packed, patch):
+def _add_patch(first, last, slot, cameras, points, observed, pivot, model, patch):
     by_landmark, by_camera = np.zeros((3, LANDMARK_SIZE)), np.zeros((3, CAMERA_SIZE))
+    by_parameter = np.zeros(model.scale.size)
     for j in range(first, last):
         n = j - first
         for i in range(observed.start[j], observed.start[j + 1]):
             k = observed.seen_by[i]
             s = slot[k]
-            _set_rows(j, i, k, cameras, points, observed, pivot, packed, by_landmark, by_camera)
+            _set_rows(j, i, k, cameras, points, observed, pivot, model, by_landmark, by_camera, by_parameter)
             for r in range(3):
                 touched, moved = (3, 6) if r < 2 else (LANDMARK_SIZE, CAMERA_SIZE)
                 for a in range(touched):
@@ -135,6 +159,14 @@ def _add_patch(first, last, slot, cameras, points, observed, pivot, packed, patc
                 for a in range(moved):
                     for b in range(a + 1):
                         patch.camera[s, a, b] += by_camera[r, a] * by_camera[r, b]
+            for t in range(by_parameter.size):
+                x = by_parameter[t]
+                for a in range(LANDMARK_SIZE):
+                    patch.by_parameter[n, a, t] += by_landmark[2, a] * x
+                for a in range(CAMERA_SIZE):
+                    patch.border[s, a, t] += by_camera[2, a] * x
+                for u in range(by_parameter.size):
+                    patch.parameter[t, u] += x * by_parameter[u]
 
 
 class Patch(NamedTuple):
@@ -150,6 +182,12 @@ class Patch(NamedTuple):
     """(n, 6, m, 3) rows by landmark: what a unit whitened error of u, v and brightness in a view adds to -gradient."""
     camera: np.ndarray
     """(m, 10, 10) each view's block."""
+    by_parameter: np.ndarray
+    """(n, 6, T) landmark with reflectance parameters."""
+    border: np.ndarray
+    """(m, 10, T) view with reflectance parameters."""
+    parameter: np.ndarray
+    """(T, T) the reflectance parameters' block."""
 
 
 def observed_patch(
@@ -159,22 +197,25 @@ def observed_patch(
     points: LandmarkState,
     observed: Observed,
     pivot: np.ndarray,
-    packed: np.ndarray,
+    model: Estimated,
     others: np.ndarray,
 ) -> Patch:
-    """The patch of landmarks first:last. pivot: (3,) of `Estimate`; packed: `Reflectance.packed`; others: views that
-    general factors couple with these landmarks."""
+    """The patch of landmarks first:last. pivot: (3,) of `Estimate`; others: views that general factors couple with
+    these landmarks."""
     views = np.unique(np.concatenate([observed.seen_by[observed.start[first] : observed.start[last]], others]))
     slot = np.zeros(len(cameras.scale), np.int64)
     slot[views] = np.arange(len(views))
-    n, m = last - first, len(views)
+    n, m, count = last - first, len(views), len(model.scale)
     patch = Patch(
         views,
         np.zeros((n, 2, LANDMARK_SIZE, LANDMARK_SIZE)),
         np.zeros((n, LANDMARK_SIZE, m, CAMERA_SIZE)),
         np.zeros((n, LANDMARK_SIZE, m, 3)),
         np.zeros((m, CAMERA_SIZE, CAMERA_SIZE)),
+        np.zeros((n, LANDMARK_SIZE, count)),
+        np.zeros((m, CAMERA_SIZE, count)),
+        np.zeros((count, count)),
     )
-    _add_patch(first, last, slot, cameras, points, observed, pivot, packed, patch)
+    _add_patch(first, last, slot, cameras, points, observed, pivot, model, patch)
     patch.camera[:] += np.swapaxes(np.tril(patch.camera, -1), 1, 2)
     return patch

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from photoclinometry.adjust.covariance.information import Observed, Patch, observed_patch
+from photoclinometry.adjust.covariance.information import Estimated, Observed, Patch, observed_patch
 from photoclinometry.adjust.covariance.windows import Links, links
 from photoclinometry.adjust.graph.general import Rows, Touch, information_of_views
 from photoclinometry.adjust.graph.graph import FactorGraph
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, CameraState, LandmarkState
 from photoclinometry.adjust.graph.observations import states
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.slot import CameraState, LandmarkState
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE, Estimate
 from photoclinometry.model.geometry import skew
 
 SIMILARITY = 7
@@ -34,24 +35,28 @@ class Linearised:
     """Smoothness."""
     smooth_residual: np.ndarray
     """(P,) of smoothness, whitened."""
-    camera_prior: np.ndarray
-    """(10 K, 10 K) information from Suns and priors."""
+    common_prior: np.ndarray
+    """(10 K + T, 10 K + T) information on views and reflectance parameters from Suns and priors."""
     prior: np.ndarray
     """(J, 6, 6) information on landmarks from priors."""
     several: tuple[Rows, ...]
     """General factors that touch a landmark and a view."""
     pivot: np.ndarray
     """(3,) as in `Estimate`."""
-    packed: np.ndarray
-    """`Reflectance.packed`."""
+    model: Estimated
 
     def __len__(self) -> int:
         return len(self.prior)
 
+    @property
+    def of_views(self) -> int:
+        """10 K, the numbers of all views; those of the T estimated reflectance parameters follow them."""
+        return CAMERA_SIZE * len(self.cameras.scale)
+
     def patch(self, first: int, last: int) -> Patch:
         more = [part for rows in self.several if (part := _within(rows, first, last)) is not None]
         views = np.concatenate([np.zeros(0, int), *(touch.index for rows in more for touch in rows.touches[1:])])
-        patch = observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.packed, views)
+        patch = observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.model, views)
         for rows in more:
             _add_general(rows, patch)
         return patch
@@ -64,7 +69,9 @@ def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
     smooth = graph.smoothness.linearize(estimate, float)
     brightness, slope = observations.brightness_lines
     rest, several = graph.general_part(estimate)
-    plain = np.ascontiguousarray
+    of_views = information_of_views(rest["view"].rest, [rows for rows in several if rows.couple_views])
+    reflectance, plain = graph.reflectance, np.ascontiguousarray
+    scale = np.zeros(0) if reflectance is None or not len(estimate.parameters) else reflectance.parameter_scale
     return Linearised(
         cameras=cameras,
         points=landmarks,
@@ -81,11 +88,11 @@ def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
         ),
         links=links(smooth.neighbours, smooth.rows),
         smooth_residual=smooth.residual,
-        camera_prior=information_of_views(rest["view"].rest, [rows for rows in several if rows.couple_views]),
+        common_prior=block_diag(of_views, rest["parameter"].rest[0]),
         prior=rest["landmark"].rest.astype(float),
         several=tuple(rows for rows in several if not rows.couple_views),
         pivot=estimate.pivot,
-        packed=observations.packed_at(estimate),
+        model=Estimated(observations.packed_at(estimate), scale),
     )
 
 
@@ -108,14 +115,15 @@ def landmark_moves(at: Linearised, first: int, last: int) -> np.ndarray:
 
 
 def camera_moves(at: Linearised) -> np.ndarray:
-    """(10 K, 7): local coordinates of views likewise."""
+    """(10 K + T, 7): local coordinates of views likewise; reflectance parameters stay as they are."""
     cameras = at.cameras
-    out = np.zeros((len(cameras.scale), CAMERA_SIZE, SIMILARITY))
+    moved = np.zeros((len(at.common_prior), SIMILARITY))
+    out = moved[: at.of_views].reshape(-1, CAMERA_SIZE, SIMILARITY)
     out[:, range(3), range(3)] = 1.0
     out[:, range(3, 6), range(3, 6)] = 1.0
     out[:, 3:6, 6] = cameras.center - at.pivot
     out[:, 6:8, :3] = -np.einsum("kia,kib->kab", cameras.sun_basis, skew(cameras.sun))
-    return out.reshape(-1, SIMILARITY)
+    return moved
 
 
 def _within(rows: Rows, first: int, last: int) -> Rows | None:

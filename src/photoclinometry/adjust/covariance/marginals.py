@@ -1,6 +1,7 @@
 """How uncertain the joint estimate is: marginal covariances of every view and of every landmark.
 
-With H = J^T J at the minimum, c the views' local coordinates and l the landmarks',
+With H = J^T J at the minimum, c the local coordinates of the views and of the reflectance parameters that are estimated
+along, and l the landmarks',
 
     S = H_cc - H_cl H_ll^-1 H_lc                 cov(c)   = S^-1
     X_j = (H_ll^-1 H_lc)_j                       cov(l_j) = (H_ll^-1)_jj + X_j cov(c) X_j^T
@@ -16,7 +17,7 @@ that neighbours share (`noise.py`), and smoothness holds of no ground. `ErrorMod
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -25,8 +26,7 @@ from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 from photoclinometry.adjust.covariance.information import Patch
 from photoclinometry.adjust.covariance.linearised import SIMILARITY, Linearised, camera_moves, landmark_moves
 from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views, hold
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
-from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE
 
 EXACT = 1000
 """Landmarks up to which nothing is approximated."""
@@ -77,6 +77,8 @@ class Marginals:
     """(10 K, 10 K) of all views together."""
     landmark: np.ndarray
     """(J, 6, 6)."""
+    parameter: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    """(T, T) of the reflectance parameters that are estimated along."""
     of_frame: np.ndarray | None = None
     """(J, 6, 6) the part of these that errors of the frame make; None where the frame was not asked for."""
 
@@ -114,45 +116,25 @@ def marginals(
         [(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW, _BATCH)
     )
     reduced = _reduce(at, patches, frame)
-    camera = _inverse(reduced.information)
+    common = _inverse(reduced.information)
     of_frame = None
     if frame is not None and keeps_frame:
-        similarity = reduced.frame_by_camera @ camera @ reduced.frame_by_camera.T
+        similarity = reduced.frame_by_common @ common @ reduced.frame_by_common.T
         move = landmark_moves(at, 0, count)
         of_frame = move @ similarity @ np.swapaxes(move, 1, 2)
     elif frame is not None:
-        kept = np.eye(len(camera)) - camera_moves(at) @ reduced.frame_by_camera
-        camera = kept @ camera @ kept.T
+        kept = np.eye(len(common)) - camera_moves(at) @ reduced.frame_by_common
+        common = kept @ common @ kept.T
     landmark = _given_views(at, reduced.own, errors, windows)
     if surface is not None:
         landmark[:, :3, :3] = _given_views(surface.at, reduced.own, surface.errors, windows)[:, :3, :3]
-    _add_views(landmark, at, errors, camera, batches)
+    _add_common(landmark, at, errors, common, batches)
     _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     unmeasured = np.diag(reduced.information) == 0.0
-    camera[unmeasured, unmeasured] = np.inf
-    return Marginals(camera=camera, landmark=landmark, of_frame=of_frame)
-
-
-def with_parameters(
-    given: Marginals, at: Linearised, response: ParameterResponse, frame: np.ndarray | None = None
-) -> Marginals:
-    """Marginals as if the reflectance parameters were known, plus what the parameters' own errors do.
-
-        cov(x) = cov(x | p) + M cov(p) M^T,   M the moves of x that follow p
-
-    frame: as for `marginals`; the moves, too, are those that remain after the best similarity of the landmarks.
-    """
-    of_cameras, of_landmarks = response.of_cameras, response.of_landmarks
-    if frame is not None:
-        basis = landmark_moves(at, 0, len(at))
-        own = basis[frame, :3].reshape(-1, SIMILARITY)
-        moved = of_landmarks[frame, :3].reshape(len(own), -1)
-        similarity = np.linalg.solve(own.T @ own, own.T @ moved)
-        of_cameras, of_landmarks = of_cameras - camera_moves(at) @ similarity, of_landmarks - basis @ similarity
-    return replace(
-        given,
-        camera=given.camera + of_cameras @ response.covariance @ of_cameras.T,
-        landmark=given.landmark + of_landmarks @ response.covariance @ np.swapaxes(of_landmarks, 1, 2),
+    common[unmeasured, unmeasured] = np.inf
+    views = at.of_views
+    return Marginals(
+        camera=common[:views, :views], landmark=landmark, parameter=common[views:, views:], of_frame=of_frame
     )
 
 
@@ -165,25 +147,27 @@ class _Reduced:
     """The landmarks eliminated."""
 
     information: np.ndarray
-    """(10 K, 10 K) S, of the views."""
+    """(10 K + T, 10 K + T) S, of views and reflectance parameters."""
     own: np.ndarray
     """(J, 2, 6, 6) of each landmark, by keypoints and by brightness."""
-    frame_by_camera: np.ndarray
-    """(7, 10 K) how the similarity that fits the landmarks best follows from errors of the views; zero without one."""
+    frame_by_common: np.ndarray
+    """(7, 10 K + T) how the similarity that fits the landmarks best follows from errors of views and reflectance
+    parameters; zero without one."""
 
 
 def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | None) -> _Reduced:
-    total = at.camera_prior.copy()
+    total = at.common_prior.copy()
     own = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE))
     moved = np.zeros((SIMILARITY, len(total)))
     for first, last in patches:
         patch = at.patch(first, last)
         own[first:last] = patch.own
-        index = _index(patch.views)
-        for k, block in zip(patch.views, patch.camera, strict=True):
+        for k, block, border in zip(patch.views, patch.camera, patch.border, strict=True):
             here = slice(CAMERA_SIZE * k, CAMERA_SIZE * (k + 1))
             total[here, here] += block
-        coupling = patch.coupling.reshape(-1, len(index))
+            total[at.of_views :, here] += border.T
+        total[at.of_views :, at.of_views :] += patch.parameter
+        index, coupling = _coupling(at, patch)
         factor = _factor(at, patch, first, last)
         half = solve_triangular(factor, coupling, lower=True, check_finite=False)
         _subtract(total, index, _syrk(1.0, half, trans=1, lower=1))
@@ -207,9 +191,12 @@ def _subtract(total, index, part):
             total[index[a], index[b]] -= part[a, b]
 
 
-def _index(views: np.ndarray) -> np.ndarray:
-    """Places of the views' coordinates among all."""
-    return (CAMERA_SIZE * views[:, None] + np.arange(CAMERA_SIZE)).ravel()
+def _coupling(at: Linearised, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
+    """Which of all coordinates of views and parameters (c,) a patch depends on, and its information (6 n, c) with
+    them."""
+    of_views = (CAMERA_SIZE * patch.views[:, None] + np.arange(CAMERA_SIZE)).ravel()
+    coupling = [part.reshape(LANDMARK_SIZE * len(patch.own), -1) for part in (patch.coupling, patch.by_parameter)]
+    return np.concatenate([of_views, np.arange(at.of_views, len(at.common_prior))]), np.hstack(coupling)
 
 
 def _factor(at: Linearised, patch: Patch, first: int, last: int) -> np.ndarray:
@@ -268,33 +255,37 @@ def _given_views(
     return errors.smoothness * covariance + (covariance - changed) / _STEP
 
 
-def _add_views(
-    landmark: np.ndarray, at: Linearised, errors: ErrorModel | None, camera: np.ndarray, batches: list[tuple[int, int]]
+def _add_common(
+    landmark: np.ndarray, at: Linearised, errors: ErrorModel | None, common: np.ndarray, batches: list[tuple[int, int]]
 ) -> None:
-    """Adds to (J, 6, 6) what errors of the views, and errors that neighbours share, do to the landmarks."""
+    """Adds to (J, 6, 6) what errors of views and parameters, and errors that neighbours share, do to the landmarks.
+
+    common: (10 K + T, 10 K + T) covariance of views and parameters.
+    """
     stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
     for first, last in batches:
         patch = at.patch(first, last)
-        index = _index(patch.views)
-        parts = [patch.coupling.reshape(-1, len(index))]
-        common = np.zeros(3) if errors is None else errors.common(first, last)
-        if common.any():
-            parts.append((patch.shifts * np.sqrt(common)[:, None, None]).reshape(len(parts[0]), -1))
+        index, coupling = _coupling(at, patch)
+        parts = [coupling]
+        alike = np.zeros(3) if errors is None else errors.common(first, last)
+        if alike.any():
+            parts.append((patch.shifts * np.sqrt(alike)[:, None, None]).reshape(len(coupling), -1))
         if stiffness is None:
             response = cho_solve((_factor(at, patch, first, last), True), np.hstack(parts), check_finite=False)
         else:
             alone = _inverse_blocks(patch.own.sum(1) + at.prior[first:last] + stiffness[first:last])
             response = (alone @ np.hstack(parts).reshape(len(alone), LANDMARK_SIZE, -1)).reshape(len(parts[0]), -1)
             response = response.astype(np.float32)
-        by_camera, shared = response[:, : len(index)], response[:, len(index) :]
+        by_common, shared = response[:, : len(index)], response[:, len(index) :]
         if stiffness is not None:
             # Errors of brightness that a neighbourhood or a view shares move a landmark by the error over its own image
             # gradient, whose sign changes from one landmark to the next: smoothness, left out here, averages that away.
-            by_camera.reshape(last - first, LANDMARK_SIZE, -1, CAMERA_SIZE)[:, :3, :, _PHOTOMETRIC:] = 0.0
-            if common.any():
+            photometric = (index % CAMERA_SIZE >= _PHOTOMETRIC) | (index >= at.of_views)
+            by_common.reshape(last - first, LANDMARK_SIZE, -1)[:, :3, photometric] = 0.0
+            if alike.any():
                 shared.reshape(last - first, LANDMARK_SIZE, -1, 3)[:, :3, :, 2] = 0.0
-        covariance = camera[np.ix_(index, index)].astype(response.dtype)
-        landmark[first:last] += _products(by_camera @ covariance, by_camera) + _products(shared, shared)
+        covariance = common[np.ix_(index, index)].astype(response.dtype)
+        landmark[first:last] += _products(by_common @ covariance, by_common) + _products(shared, shared)
 
 
 def _stiffness(links: Links, count: int) -> np.ndarray:

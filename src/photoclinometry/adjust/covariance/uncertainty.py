@@ -13,24 +13,16 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from photoclinometry.adjust.covariance.linearised import Linearised, linearised, loosely_held
-from photoclinometry.adjust.covariance.marginals import (
-    ErrorModel,
-    Marginals,
-    Surface,
-    marginals,
-    with_parameters,
-)
+from photoclinometry.adjust.covariance.marginals import ErrorModel, Marginals, Surface, marginals
 from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
-from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
 from photoclinometry.adjust.graph.smoothness import Smoothness
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, Estimate
 from photoclinometry.adjust.tie_points import Members
 from photoclinometry.model.geometry import skew
 from photoclinometry.model.scene import Views
@@ -45,6 +37,18 @@ _NEARBY = 25
 """Landmarks over which smoothness averages errors that are not shared."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """The uncertainties of an estimate, of the map's landmarks; all empty where they are not known."""
+
+    uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
+    """`Scene.uncertainty`."""
+    of_frame: dict[str, np.ndarray] = field(default_factory=dict)
+    """The part of it that errors of the frame make; empty where errors are those in the map's own frame."""
+    parameter_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(T,) of the reflectance parameters that are estimated, in their local coordinates."""
+
+
 def estimate_uncertainty(
     graph: FactorGraph,
     estimate: Estimate,
@@ -53,17 +57,13 @@ def estimate_uncertainty(
     brightness_correlation: float,
     members: Members,
     own_frame: bool,
-    response: ParameterResponse | None = None,
     surface: Smoothness | None = None,
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """`Scene.uncertainty` of an estimate, of the map's landmarks, and the part of it that errors of the frame make.
-
-    That part is empty where errors are those in the map's own frame.
+) -> Stated:
+    """The uncertainties of an estimate.
 
     keypoint_correlation, brightness_correlation: sides of the squares of landmarks that share an error; own_frame: only
-    the gauge is known of the frame. response: of reflectance parameters that were estimated along; without it they
-    count as known. surface: smoothness that holds positions, where it is not the graph's. Empty, with a warning, where
-    the measurements do not determine the views.
+    the gauge is known of the frame. surface: smoothness that holds positions, where it is not the graph's. Empty, with
+    a warning, where the measurements do not determine the views.
     """
     at = linearised(graph, estimate)
     photometric, mapped = graph.with_brightness, members.of_map
@@ -76,15 +76,16 @@ def estimate_uncertainty(
         found = marginals(at, errors, frame=mapped, keeps_frame=not own_frame, surface=held)
     except np.linalg.LinAlgError:
         warn(log, "no-uncertainty", "no uncertainties: the measurements do not determine all views")
-        return {}, {}
-    if response is not None:
-        found = with_parameters(found, at, response, mapped if own_frame else None)
+        return Stated()
     uncertainty = scene_uncertainty(found, estimate.views, estimate.pivot, mapped)
     estimated = uncertainty if photometric else ("position", "rotation", "center")
     of_frame = {}
     if found.of_frame is not None:
         of_frame = {"position": found.of_frame[mapped, :3, :3], "normal": found.of_frame[mapped, 3:5, 3:5]}
-    return {name: uncertainty[name] for name in estimated}, of_frame
+    parameter = np.diag(found.parameter).copy()
+    return Stated(
+        uncertainty={name: uncertainty[name] for name in estimated}, of_frame=of_frame, parameter_variance=parameter
+    )
 
 
 def _surface(at: Linearised, errors: ErrorModel, smoothness: Smoothness | None, estimate: Estimate) -> Surface | None:

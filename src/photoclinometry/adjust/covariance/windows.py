@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 from scipy.linalg import get_lapack_funcs
 
-from photoclinometry.adjust.graph.kernels import LANDMARK_SIZE
 from photoclinometry.adjust.graph.smoothness import Neighbours
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE
 
 OUTSIDE = 0.2
 """Weight of links that leave a window."""
