@@ -10,10 +10,9 @@ from photoclinometry.adjust.covariance.linearised import linearised
 from photoclinometry.adjust.covariance.marginals import marginals
 from photoclinometry.adjust.graph.general import FactorGroup
 from photoclinometry.adjust.graph.graph import FactorGraph
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
 from photoclinometry.adjust.graph.observations import Keypoints, ObservationTable
 from photoclinometry.adjust.graph.priors import Exposure, LandmarkPriors, PosePriors, pose_along_axes
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, Estimate
 from photoclinometry.adjust.solve.solver import SolverOptions, minimize
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Landmarks, Tracks, Views

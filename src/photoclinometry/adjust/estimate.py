@@ -75,6 +75,7 @@ def adjust(
     control: GroundControl | None = None,
     reflectance: Reflectance | None = None,
     gradients: ImageGradients | None = None,
+    noise: Noise | None = None,
     progress: Callable[[Iteration], None] | None = None,
 ) -> Adjustment:
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
@@ -88,7 +89,8 @@ def adjust(
     while pose-only tie points hold the poses (`tie_points`); the adjusted scene has the brightness where its landmarks
     project, by these gradients.
     They may have a factor; brightness counts times that, and says nothing of Suns, scales, biases and the reflectance's
-    parameters then. Uncertainties are those of an estimate without the factor.
+    parameters then. Uncertainties are those of an estimate without the factor. noise: as an estimate of nearly this
+    scene has found it; reweighting starts from that.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or 10 landmarks are
     left to estimate.
@@ -115,18 +117,20 @@ def adjust(
         known = reflectance or scene.reflectance
         setup = replace(setup, reflectance=known)
         start = replace(start, parameters=known.relative_change(scene.reflectance))
-    fit = _reweighted(setup, start, progress)
+    fit = _reweighted(setup, start, noise, progress)
     uncertainty, parameter_sigma = stated_uncertainty(setup, fit) if options.uncertainty else ({}, None)
     return _in_the_order_of(scene, given.order, given.picked, setup, fit, uncertainty, parameter_sigma)
 
 
-def _reweighted(setup: Setup, estimate: Estimate, progress: Callable[[Iteration], None] | None) -> Fit:
+def _reweighted(
+    setup: Setup, estimate: Estimate, before: Noise | None, progress: Callable[[Iteration], None] | None
+) -> Fit:
     """Minimises, measures the noise, and minimises again, until neither noise nor gates change."""
     options, members, scene = setup.options, setup.members, setup.scene
     limit = scene.spacing * np.where(members.of_map, LONGEST_STEP, LONGEST_TIE_POINT_STEP)
     history: list[Iteration] = []
     lit = gate(scene, estimate, options)
-    noise = starting_noise(setup, lit)
+    noise = starting_noise(setup, lit, before)
     final, moves, graph, solution = options.max_rounds == 1, None, None, None
     for number in range(1, options.max_rounds + 1):
         graph = None  # its measurements are let go of before the next one's are made

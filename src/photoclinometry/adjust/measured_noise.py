@@ -43,8 +43,11 @@ def gate(scene: Scene, estimate: Estimate, options: AdjustOptions) -> np.ndarray
     return tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
 
 
-def starting_noise(setup: Setup, lit: np.ndarray) -> Noise:
-    """What is given, and guesses for what is to be measured. Raises ReconstructionError where no brightness counts."""
+def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -> Noise:
+    """What is given, and guesses for what is to be measured: that of an estimate before, if there was one.
+
+    Raises ReconstructionError where no brightness counts.
+    """
     scene, options = setup.scene, setup.options
     if scene.reflectance is not None and not np.any(lit):
         raise ReconstructionError(
@@ -52,6 +55,12 @@ def starting_noise(setup: Setup, lit: np.ndarray) -> Noise:
             "check the Sun directions (towards the Sun, in the camera frame: x right, y down, z forward)"
         )
     level = float(np.median(scene.tracks.brightness[lit])) if np.any(lit) else 0.0
+    of_views = {
+        "view_prior_factor": MAX_VIEW_PRIOR_FACTOR if setup.without_smooth_errors else 1.0,
+        "scale_scatter": _scale_scatter(setup, scene),
+    }
+    if before is not None:
+        return replace(before, **of_views)
     return Noise(
         keypoint_factor=1.0,
         keypoint_correlation_px=options.keypoint_correlation_px or STARTING_KEYPOINT_CORRELATION_PX,
@@ -59,8 +68,7 @@ def starting_noise(setup: Setup, lit: np.ndarray) -> Noise:
         sparse_keypoint_factor=1.0,
         brightness_sigma=options.brightness_sigma or STARTING_BRIGHTNESS_SIGMA * level,
         brightness_correlation_px=options.brightness_correlation_px or STARTING_BRIGHTNESS_CORRELATION_PX,
-        view_prior_factor=MAX_VIEW_PRIOR_FACTOR if setup.without_smooth_errors else 1.0,
-        scale_scatter=_scale_scatter(setup, scene),
+        **of_views,
     )
 
 
@@ -77,9 +85,7 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
         found["sparse_keypoint_factor"] = keypoint_factor(scene, residual, members.sparse)
     if options.keypoint_correlation_px is None:
         mine = members.of_map[tracks.landmark]
-        found["keypoint_correlation_px"] = max(
-            correlation_px(residual[mine, axis], tracks.view[mine], pixel[mine], stride) for axis in (0, 1)
-        )
+        found["keypoint_correlation_px"] = correlation_px(residual[mine], tracks.view[mine], pixel[mine], stride)
     if lit.any():
         residual = brightness_residuals(scene)
         if options.brightness_sigma is None:

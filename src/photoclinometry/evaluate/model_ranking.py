@@ -56,7 +56,7 @@ class RankingOptions(Ranged):
     models: tuple[str, ...] = ()
     """Names of the models; none for all that have values for the body, or need none."""
     landmarks: Annotated[int, Range(least=FEWEST_LANDMARKS, most=1_000_000)] = 1500
-    """Landmarks that take part, evenly from all over the map."""
+    """Landmarks that take part, about: of every so many rows and columns of the map."""
     folds: Annotated[int, Range(least=2, most=100)] = 5
     """Parts of the views, of which each is kept out once."""
 
@@ -219,9 +219,14 @@ def _sample(scene: Scene, count: int) -> Scene:
             f"scene {scene.name!r}: {len(able)} landmarks are lit in {FEWEST_LIT} views or more, "
             f"{FEWEST_LANDMARKS} are needed to compare reflectance models"
         )
-    chosen = able[np.linspace(0, len(able) - 1, min(count, len(able))).round().astype(int)]
+    row, col = (cell[able] for cell in scene.cells)
+    step = 1
+    while np.count_nonzero((row % (step + 1) == 0) & (col % (step + 1) == 0)) >= count:
+        step += 1
+    chosen = able[(row % step == 0) & (col % step == 0)]
     return replace(
         scene,
+        region=replace(scene.region, stride=step * scene.region.stride),
         views=scene.views.at_poses(scene.views.body_from_cam),
         landmarks=scene.landmarks[chosen],
         tracks=tracks.of_landmarks(chosen)[0],

@@ -57,7 +57,7 @@ def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[S
     log.info("%d of %d landmarks are left to their matches", np.sum(~direct), len(strayed))
     if first.converged:
         start, gradients = without_smooth_errors(start, gradients, estimate)
-    return estimate(start, Step(gradients=gradients))
+    return estimate(start, Step(gradients=gradients, noise=first.noise))
 
 
 def without_smooth_errors(

@@ -8,7 +8,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, ImageGradients, Iteration, PosePriors, TiePoints, adjust
+from photoclinometry.adjust import (
+    Adjustment,
+    AdjustOptions,
+    ImageGradients,
+    Iteration,
+    Noise,
+    PosePriors,
+    TiePoints,
+    adjust,
+)
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
@@ -41,6 +50,8 @@ class Step:
     the slow motions of the whole map."""
     gradients: ImageGradients | None = None
     """Of the images where the start's brightness was taken; that then follows the landmarks."""
+    noise: Noise | None = None
+    """As an earlier estimate of nearly the same scene has found it."""
     hold_geometry: bool = False
     """Whether positions and normals stay what they are at the start: the photometry alone is estimated."""
 
@@ -126,6 +137,7 @@ class JointEstimate:
             control=ground_control(self.control, start.views) if in_prior_frame(start) else None,
             reflectance=self.reflectance,
             gradients=step.gradients,
+            noise=step.noise,
             progress=report,
         )
         stated = replace(found.scene.views, sun_sigma=views.sun_sigma, sun_common_sigma=views.sun_common_sigma)

@@ -123,15 +123,17 @@ def direct(
 
 
 def sun_direction(
-    rotation: np.ndarray, sun: np.ndarray, sun_measured: np.ndarray, sigma: float
+    rotation: np.ndarray, sun: np.ndarray, sun_measured: np.ndarray, sigma: float | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (2,) and Jacobian (2, 5) by the camera's rotation omega (3) and the Sun (2).
+    """Residuals (..., 2) and Jacobians (..., 2, 5) by the camera's rotation omega (3) and the Sun (2).
 
-    rotation: body_from_cam; sun: (3,) in B; sun_measured: (3,) in C; sigma [rad].
+    rotation: (..., 3, 3) body_from_cam; sun: (..., 3) in B; sun_measured: (..., 3) in C; sigma: (...) [rad].
     """
-    measured_in_body = rotation @ tangent_basis(sun_measured)
-    jacobian = np.hstack([measured_in_body.T @ skew(sun), measured_in_body.T @ tangent_basis(sun)])
-    return measured_in_body.T @ sun / sigma, jacobian / sigma
+    across = np.swapaxes(rotation @ tangent_basis(sun_measured), -1, -2)
+    residual = (across @ sun[..., None])[..., 0]
+    jacobian = np.concatenate([across @ skew(sun), across @ tangent_basis(sun)], -1)
+    sigma = np.asarray(sigma)
+    return residual / sigma[..., None], jacobian / sigma[..., None, None]
 
 
 def smoothness(

@@ -16,7 +16,6 @@ import numba
 import numpy as np
 
 from photoclinometry.adjust.graph.general import FactorGroup, Rows, Sums, Variable, add_product
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.adjust.graph.observations import Brightness, Keypoints, ObservationRows, Observations
 from photoclinometry.adjust.graph.reflectance_parameters import Border, add_border
 from photoclinometry.adjust.graph.smoothness import (
@@ -27,7 +26,7 @@ from photoclinometry.adjust.graph.smoothness import (
     build_neighbours,
 )
 from photoclinometry.adjust.graph.smoothness import add_product as add_smooth_product
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE, Estimate
 from photoclinometry.model.reflectance import Reflectance
 
 Group = Keypoints | Brightness | Smoothness | FactorGroup
@@ -162,9 +161,10 @@ class Linearization:
 
     def split(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The views' part (K, 10), the landmarks' (J, 6) and the parameters' (T,) of a vector, as views of it."""
-        of_views = self.views.gradient.size
-        view, landmark, parameter = np.split(vector, [of_views, of_views + self.landmarks.gradient.size])
-        return view.reshape(-1, CAMERA_SIZE), landmark.reshape(-1, LANDMARK_SIZE), parameter
+        end_of_views = self.views.gradient.size
+        end = end_of_views + self.landmarks.gradient.size
+        view, landmark = vector[:end_of_views], vector[end_of_views:end]
+        return view.reshape(-1, CAMERA_SIZE), landmark.reshape(-1, LANDMARK_SIZE), vector[end:]
 
     def multiply(self, vector: np.ndarray) -> np.ndarray:
         """H x, of a float32 vector."""

@@ -16,18 +16,12 @@ import numba
 import numpy as np
 
 from photoclinometry.adjust.graph import kernels
-from photoclinometry.adjust.graph.kernels import (
-    CAMERA_SIZE,
-    LANDMARK_SIZE,
-    STORED,
-    CameraState,
-    LandmarkState,
-    Normal,
-)
+from photoclinometry.adjust.graph.kernels import Normal
 from photoclinometry.adjust.graph.layout import Layout, Measurements, build_layout, spread
 from photoclinometry.adjust.graph.product import Linearized, linearized, multiply
-from photoclinometry.adjust.graph.reflectance_parameters import Border, linearize_parameters, no_border
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.reflectance_parameters import Border
+from photoclinometry.adjust.graph.slot import STORED, CameraState, LandmarkState
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE, Estimate
 from photoclinometry.model.geometry import tangent_basis
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Tracks, Views
@@ -216,14 +210,14 @@ class Observations:
     def cost(self, estimate: Estimate) -> np.ndarray:
         """(2,) squared whitened residuals of keypoints and of brightness, after the loss."""
         views, landmarks = states(estimate.views, estimate.landmarks)
-        normal = _empty_normal(0, len(estimate.views))
+        normal = _empty_normal(0, len(estimate.views), 0)
         self._pass(estimate, views, landmarks, False, np.zeros(0, np.float32), normal)
         return normal.cost.sum(0)
 
     def linearize(self, estimate: Estimate) -> ObservationRows:
         views, landmarks = states(estimate.views, estimate.landmarks)
         stored = np.empty(STORED * self.table.layout.places, np.float32)
-        normal = _empty_normal(len(estimate.landmarks), len(estimate.views))
+        normal = _empty_normal(len(estimate.landmarks), len(estimate.views), len(self._unit(estimate)))
         self._pass(estimate, views, landmarks, True, stored, normal)
         where = linearized(views, landmarks, estimate.pivot)
         return ObservationRows(
@@ -235,7 +229,12 @@ class Observations:
             landmark_gradient=normal.landmark_gradient,
             view_block=_full(normal.camera_block.sum(0)),
             view_gradient=normal.camera_gradient.sum(0),
-            border=self._border(estimate, views, landmarks, where, stored),
+            border=Border(
+                by_landmark=normal.by_parameter,
+                by_camera=np.swapaxes(normal.camera_by_parameter.sum(0), 1, 2).copy(),
+                block=_full(normal.parameter_block.sum(0)),
+                gradient=normal.parameter_gradient.sum(0),
+            ),
         )
 
     def _pass(
@@ -249,18 +248,14 @@ class Observations:
     ) -> None:
         kernels.linearize(
             self.table.layout, self.measured, views, landmarks, estimate.pivot, self.packed_at(estimate),
-            with_jacobian, stored, normal,
+            self._unit(estimate), with_jacobian, stored, normal,
         )  # fmt: skip
 
-    def _border(
-        self, estimate: Estimate, views: CameraState, landmarks: LandmarkState, where: Linearized, stored: np.ndarray
-    ) -> Border:
+    def _unit(self, estimate: Estimate) -> np.ndarray:
+        """(T,) unit in which each reflectance parameter changes; none where they are held."""
         if len(estimate.parameters) == 0 or self.reflectance is None:
-            return no_border(len(views.center), len(landmarks.albedo))
-        return linearize_parameters(
-            self.table.layout, self.measured, views, landmarks, where, self.packed_at(estimate),
-            self.reflectance.parameter_scale, stored, numba.get_num_threads(),
-        )  # fmt: skip
+            return np.zeros(0)
+        return self.reflectance.parameter_scale
 
 
 def states(views: Views, landmarks: Landmarks) -> tuple[CameraState, LandmarkState]:
@@ -279,13 +274,17 @@ def states(views: Views, landmarks: Landmarks) -> tuple[CameraState, LandmarkSta
     )
 
 
-def _empty_normal(landmarks: int, views: int) -> Normal:
+def _empty_normal(landmarks: int, views: int, parameters: int) -> Normal:
     threads = numba.get_num_threads()
     return Normal(
         np.empty((landmarks, LANDMARK_SIZE, LANDMARK_SIZE)),
         np.empty((landmarks, LANDMARK_SIZE)),
         np.empty((threads, views, CAMERA_SIZE, CAMERA_SIZE)),
         np.empty((threads, views, CAMERA_SIZE)),
+        np.empty((landmarks, LANDMARK_SIZE, parameters), np.float32),
+        np.empty((threads, views, parameters, CAMERA_SIZE)),
+        np.empty((threads, parameters, parameters)),
+        np.empty((threads, parameters)),
         np.empty((threads, 2)),
     )
 

@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from photoclinometry.adjust.graph.general import Rows, Touch
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE, Estimate
 from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
 from photoclinometry.model.scene import Landmarks
 

@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE, STORED, CameraState, LandmarkState
 from photoclinometry.adjust.graph.layout import LANES
 from photoclinometry.adjust.graph.rows import COMPILED
+from photoclinometry.adjust.graph.slot import STORED, CameraState, LandmarkState
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE
 
 _OF_VIEW = 22
 

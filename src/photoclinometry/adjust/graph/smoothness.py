@@ -15,9 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.graph.kernels import LANDMARK_SIZE
 from photoclinometry.adjust.graph.rows import COMPILED
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, Estimate
 from photoclinometry.model.geometry import tangent_basis
 
 _LIMIT = 1.0 - 1e-9

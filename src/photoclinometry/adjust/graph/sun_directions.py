@@ -12,8 +12,7 @@ import numpy as np
 
 from photoclinometry.adjust.graph.factors import sun_direction
 from photoclinometry.adjust.graph.general import Rows, Touch
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.variables import CAMERA_SIZE, Estimate
 from photoclinometry.model.geometry import skew, tangent_basis
 from photoclinometry.model.scene import Views
 
@@ -59,11 +58,7 @@ def common_turn(views: Views) -> np.ndarray:
 
 def _alone(views: Views) -> tuple[np.ndarray, np.ndarray]:
     """Residuals (K, 2) and Jacobians (K, 2, 5) over each view's own sigma, see `factors.sun_direction`."""
-    rows = [
-        sun_direction(*args)
-        for args in zip(views.body_from_cam.rotation, views.sun, views.sun_measured, views.sun_sigma, strict=True)
-    ]
-    return np.array([r for r, _ in rows]), np.array([j for _, j in rows])
+    return sun_direction(views.body_from_cam.rotation, views.sun, views.sun_measured, views.sun_sigma)
 
 
 def _parted(views: Views) -> np.ndarray:
@@ -73,8 +68,7 @@ def _parted(views: Views) -> np.ndarray:
     r^T (I + A A^T)^-1 r, the cost of Gaussian errors of which these are the two parts.
     """
     share = views.sun_common_sigma / views.sun_sigma
-    changes = np.concatenate(
-        [ratio * tangent_basis(sun).T @ skew(sun) for ratio, sun in zip(share, views.sun_measured, strict=True)]
-    )
+    across = np.swapaxes(tangent_basis(views.sun_measured), 1, 2)
+    changes = (share[:, None, None] * (across @ skew(views.sun_measured))).reshape(-1, 3)
     common = np.linalg.solve(np.eye(3) + changes.T @ changes, changes.T)
     return np.concatenate([np.eye(len(changes)) - changes @ common, common])

@@ -9,6 +9,11 @@ import numpy as np
 from photoclinometry.model.geometry import Rigid, so3_exp, sphere_step
 from photoclinometry.model.scene import Landmarks, Views
 
+CAMERA_SIZE = 10
+"""Local coordinates of a view: orbit about the pivot 3, shift 3, Sun 2, scale 1, bias 1."""
+LANDMARK_SIZE = 6
+"""Local coordinates of a landmark: position 3, normal 2, albedo 1."""
+
 
 @dataclass(frozen=True)
 class Estimate:

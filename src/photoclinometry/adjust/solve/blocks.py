@@ -6,8 +6,8 @@ import math
 
 from numba import njit, prange
 
-from photoclinometry.adjust.graph.kernels import LANDMARK_SIZE
 from photoclinometry.adjust.graph.rows import COMPILED
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE
 
 _SMALLEST_PIVOT = 1e-10
 """Pivots are kept above this share of their diagonal element: below, rounding alone decides on their sign."""

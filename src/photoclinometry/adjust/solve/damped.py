@@ -19,6 +19,9 @@ change less than this share of what the parameter costs when they follow."""
 COARSE_TRUNCATION = 1e-3
 """Share of the mean gain of an iteration below which those iterations end."""
 
+SINGLE = float(np.finfo(np.float32).eps)
+"""Rounding of single precision."""
+
 
 class DampedSystem:
     """(H + damping diag(H)) of one linearization, for vectors (10 K + 6 J + T,), float32."""
@@ -35,9 +38,15 @@ class DampedSystem:
         self.coarse, self.coarse_inverse = np.zeros((0, len(self.added)), np.float32), np.zeros((0, 0))
 
     def treat_exactly(self, directions: np.ndarray) -> None:
-        """From now on the preconditioner solves for directions (T, 10 K + 6 J + T) exactly."""
-        self.coarse = directions
-        self.coarse_inverse = np.linalg.inv(self.along(directions))
+        """From now on the preconditioner solves for directions (T, 10 K + 6 J + T) exactly.
+
+        Along them the cost hardly changes, so that single precision may make what little it does negative. It is no
+        less than what the parameters' priors say.
+        """
+        information = self.along(directions)
+        value, vector = np.linalg.eigh(0.5 * (information + information.T))
+        least = max(np.min(np.diag(self.at.parameter_rest)), SINGLE * value[-1])
+        self.coarse, self.coarse_inverse = directions, (vector / np.maximum(value, least)) @ vector.T
 
     def along(self, directions: np.ndarray) -> np.ndarray:
         """The equations (T, T) of how far to go along directions (T, 10 K + 6 J + T)."""
@@ -90,16 +99,11 @@ def _inverse_of_views(at: Linearization, damping: float) -> np.ndarray:
     return np.linalg.inv(whole)
 
 
-def parameter_moves(
-    system: DampedSystem,
-    before: np.ndarray | None,
-    enough: float = COARSE_ENOUGH,
-    max_iterations: int = COARSE_ITERATIONS,
-) -> np.ndarray:
+def parameter_moves(system: DampedSystem, before: np.ndarray | None) -> np.ndarray:
     """How all variables (T, 10 K + 6 J + T) move when a reflectance parameter does.
 
     These are directions in which the cost hardly changes, since albedos and scales make up for the parameter. before:
-    the moves at another point, from which to start; enough: the share of its cost that is not worth following.
+    the moves at another point, from which to start.
     """
     count = len(system.parameter_inverse)
     moves = np.zeros((count, len(system.added)), np.float32) if before is None else before.copy()
@@ -112,8 +116,8 @@ def parameter_moves(
             system.multiply_others,
             system.precondition,
             pull,
-            max_iterations=max_iterations,
+            max_iterations=COARSE_ITERATIONS,
             truncation=COARSE_TRUNCATION,
-            enough=enough * left,
+            enough=COARSE_ENOUGH * left,
         ).x
     return moves

@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from photoclinometry.adjust.graph.kernels import LANDMARK_SIZE
 from photoclinometry.adjust.graph.rows import COMPILED
 from photoclinometry.adjust.graph.smoothness import Neighbours, add_product, couple
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE
 from photoclinometry.adjust.solve.blocks import apply_blocks
 from photoclinometry.adjust.solve.krylov import conjugate_gradients
 

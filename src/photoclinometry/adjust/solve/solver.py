@@ -16,14 +16,11 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Annotated
 
 import numpy as np
 
 from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
-from photoclinometry.adjust.graph.kernels import CAMERA_SIZE, LANDMARK_SIZE
-from photoclinometry.adjust.graph.reflectance_parameters import ParameterResponse
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.solve.blocks import invert_blocks
 from photoclinometry.adjust.solve.damped import DampedSystem, parameter_moves
@@ -55,14 +52,6 @@ MAX_DAMPING = 1e8
 
 MIN_RELIEF, MAX_RELIEF = 0.1, 2.0
 """Least and largest factor on the damping after an accepted step."""
-
-RESPONSE_ITERATIONS, RESPONSE_ENOUGH = 500, 1e-3
-"""Conjugate-gradient iterations at most for how all else follows a parameter at the solution, and the share of its cost
-that is not worth following there."""
-
-RESPONSE_ROUNDS, RESPONSE_SETTLED = 3, 0.1
-"""Times at most that this is followed again from where it ended, and the share of a parameter's cost (its sigma changes
-by half of it) below which it has settled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,38 +232,6 @@ def _accept(state: _State, trial: Trial, options: SolverOptions) -> None:
     state.growth = 4.0
     state.damping = max(state.damping * _relief(gain), options.min_damping)
     state.estimate = trial.estimate
-
-
-def parameter_response(graph: FactorGraph, solution: Solution, options: SolverOptions) -> ParameterResponse:
-    """At the solution, all other variables estimated along with the parameters.
-
-    With M the moves of all variables that follow the parameters, these themselves among them, the covariance is the
-    inverse of M^T H M. That is the Schur complement where M is exact and an error of M makes it too small, in second
-    order; nothing is stated to vary more than its own prior allows. Moves are followed until M^T H M settles, for a
-    share of a cost that they hardly lowered yet says little. What rounding has spoiled is as uncertain as the prior
-    allows: albedos follow a phase function almost wholly.
-    """
-    count = len(solution.estimate.parameters)
-    at = graph.linearize(solution.estimate)
-    system = DampedSystem(at, options.min_damping, *_polynomial(at, options))
-    follow = partial(parameter_moves, system, enough=RESPONSE_ENOUGH, max_iterations=RESPONSE_ITERATIONS)
-    moves = follow(solution.parameter_moves)
-    information = system.along(moves)
-    for _ in range(RESPONSE_ROUNDS):
-        moves, before = follow(moves), information
-        information = system.along(moves)
-        if np.all(np.diag(information) >= (1.0 - RESPONSE_SETTLED) * np.diag(before)):
-            break
-    covariance = np.linalg.inv(information)
-    value, vector = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    prior = 1.0 / float(np.max(np.diag(at.parameter_rest)))
-    value = np.where((value > 0) & (value < prior), value, prior)
-    of_views = CAMERA_SIZE * len(at.views.block)
-    return ParameterResponse(
-        covariance=(vector * value) @ vector.T,
-        of_cameras=moves[:, :of_views].T.astype(float),
-        of_landmarks=np.moveaxis(moves[:, of_views : moves.shape[1] - count].reshape(count, -1, LANDMARK_SIZE), 0, 2),
-    )
 
 
 def _relief(gain: float) -> float:

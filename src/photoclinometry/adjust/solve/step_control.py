@@ -34,6 +34,8 @@ SHORTER = 0.25
 
 _ROBUST_ITERATIONS = 10
 _SAMPLE = 10_000
+_RIDGE = 1e-12
+"""Of the trace, far below what a map's relief leaves."""
 
 
 class Trial(NamedTuple):
@@ -92,10 +94,10 @@ def limited(landmark: np.ndarray, max_move: float | np.ndarray, estimate: Estima
 
     max_move: of all, or (J,) of each.
     """
-    common = np.zeros((len(landmark), 3))
-    if np.isfinite(max_move).all():
+    length, common = np.linalg.norm(landmark[:, :3], axis=1), np.zeros((len(landmark), 3))
+    if np.any(length > max_move):
         common = common_motion(landmark[:, :3], estimate.landmarks.position, np.min(max_move))
-    length = np.minimum(np.linalg.norm(landmark[:, :3], axis=1), np.linalg.norm(landmark[:, :3] - common, axis=1))
+        length = np.minimum(length, np.linalg.norm(landmark[:, :3] - common, axis=1))
     turn = np.linalg.norm(landmark[:, 3:5], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.minimum(1.0, np.minimum(max_move / length, MAX_TURN / turn))
@@ -119,6 +121,8 @@ def common_motion(moves: np.ndarray, position: np.ndarray, own: float) -> np.nda
     coefficients = np.zeros((4, 3))
     for _ in range(_ROBUST_ITERATIONS):
         weighted = known / np.maximum(np.linalg.norm(wanted - fitted, axis=1) / own, 1.0)[:, None]
-        coefficients = np.linalg.pinv(known.T @ weighted, hermitian=True) @ (weighted.T @ wanted)
+        information = known.T @ weighted
+        np.einsum("ii->i", information)[:] += _RIDGE * np.trace(information)  # landmarks may lie in a plane
+        coefficients = np.linalg.solve(information, weighted.T @ wanted)
         fitted = known @ coefficients
     return columns @ coefficients
