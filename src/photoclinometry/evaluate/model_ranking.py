@@ -223,15 +223,8 @@ def _sample(scene: Scene, count: int) -> Scene:
     step = 1
     while np.count_nonzero((row % (step + 1) == 0) & (col % (step + 1) == 0)) >= count:
         step += 1
-    chosen = able[(row % step == 0) & (col % step == 0)]
-    return replace(
-        scene,
-        region=replace(scene.region, stride=step * scene.region.stride),
-        views=scene.views.at_poses(scene.views.body_from_cam),
-        landmarks=scene.landmarks[chosen],
-        tracks=tracks.of_landmarks(chosen)[0],
-        uncertainty={},
-    )
+    part = replace(scene, landmarks=scene.landmarks[able], tracks=tracks.of_landmarks(able)[0]).of_every(step)
+    return replace(part, views=scene.views.at_poses(scene.views.body_from_cam))
 
 
 def _usable_models(asked: Sequence[str], scene: Scene) -> tuple[tuple[str, ...], dict[str, str]]:

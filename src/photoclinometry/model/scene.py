@@ -389,5 +389,17 @@ class Scene:
             uncertainty={},
         )
 
+    def of_every(self, step: int) -> Scene:
+        """The scene with the landmarks of every `step`-th row and column of its grid alone, without uncertainties."""
+        row, col = self.cells
+        chosen = np.flatnonzero((row % step == 0) & (col % step == 0))
+        return replace(
+            self,
+            region=replace(self.region, stride=step * self.region.stride),
+            landmarks=self.landmarks[chosen],
+            tracks=self.tracks.of_landmarks(chosen)[0],
+            uncertainty={},
+        )
+
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
         return replace(self, views=views, landmarks=landmarks)

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.robust import REWEIGHTINGS, huber_weight, robust_sigma
 from photoclinometry.model.scene import Image, Scene, Tracks, Views
 from photoclinometry.model.tiny import TINY
-from photoclinometry.photometry.predict import shading
+from photoclinometry.photometry.predict import reflectance_of, shading
 from photoclinometry.surface.sampling import as_coarse, sample_image
 
 GRAZING_DEG = 85.0
@@ -150,6 +151,29 @@ class _Unshaded(NamedTuple):
         number = np.bincount(landmark, minlength=self.landmarks)
         total = np.bincount(landmark, value, minlength=self.landmarks)
         return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def fitted_albedo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Albedo (J,) of each landmark by all its lit brightness, of which none is grazing, the rest of the scene held; as
+    it was where there is none. And (N,) bool, which brightness that is.
+
+    Least squares of brightness with Huber's loss, whose limit is of all residuals.
+    """
+    points, tracks, views = scene.landmarks, scene.tracks, scene.views
+    rho, oblique = predicted_ratio(
+        points.position, points.normal, tracks.landmark, tracks.view, views, reflectance_of(scene)
+    )
+    used = tracks.lit & oblique & (rho > 0)
+    of, view = tracks.landmark[used], tracks.view[used]
+    gain, measured = views.scale[view] * rho[used], tracks.brightness[used] - views.bias[view]
+    albedo, weight = points.albedo, np.ones(len(of))
+    for _ in range(REWEIGHTINGS):
+        count = len(points)
+        total, squares = (np.bincount(of, weight * gain * by, count) for by in (measured, gain))
+        albedo = np.where(squares > 0, total / np.where(squares > 0, squares, 1.0), points.albedo)
+        off = np.abs(gain * albedo[of] - measured)
+        weight = huber_weight(off / max(robust_sigma(off), TINY))
+    return albedo, used
 
 
 def initial_albedo(

@@ -18,7 +18,7 @@ import numpy as np
 from photoclinometry.adjust import Adjustment, ImageGradients
 from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
 from photoclinometry.model.scene import Image, Scene
-from photoclinometry.photometry.initialize import landmark_spacing_px
+from photoclinometry.photometry.initialize import fitted_albedo, landmark_spacing_px
 from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline.joint_estimate import Step
@@ -32,6 +32,9 @@ of the normal, albedo). With as many as unknowns, noise goes into the depth."""
 
 MIN_SHARE = 0.5
 """Share of the landmarks that must be lit so; with fewer, the last estimate is of matches alone."""
+
+PHOTOMETRY_LANDMARKS = 10_000
+"""Landmarks that tell Suns, exposures and reflectance where the geometry is held: dozens for each of these numbers."""
 
 STRAYED, STRAYED_PX = 8.0, 0.2
 """A landmark has strayed whose projections are so many times farther from its matches than the median landmark's, and
@@ -74,15 +77,18 @@ def without_smooth_errors(
         log.info("normals and surface agree")
         return scene, gradients
     turned = replace(scene, landmarks=replace(scene.landmarks, normal=along.normal))
-    found = estimate(turned, Step(rough=True, hold_geometry=True))
-    error = smooth_errors(found.scene, found.lit, along.sigma)
+    step = max(1, int(np.sqrt(len(scene.landmarks) / PHOTOMETRY_LANDMARKS)))
+    found = estimate(turned.of_every(step), Step(rough=True, hold_geometry=True)).scene
+    told = replace(turned, views=found.views, reflectance=found.reflectance)
+    albedo, used = fitted_albedo(told)
+    kept = replace(told, landmarks=replace(turned.landmarks, albedo=albedo))
+    error = smooth_errors(kept, used, along.sigma)
     log.info(
         "normals turned by %.2f deg over %.1f landmarks; smooth errors of brightness: %.2f %%",
         np.degrees(np.sqrt(np.mean(along.tilt**2))),
         along.sigma,
-        100.0 * np.sqrt(np.mean(error[found.lit] ** 2)),
+        100.0 * np.sqrt(np.mean(error[used] ** 2)),
     )
-    kept = replace(found.scene, tracks=scene.tracks)
     return kept, gradients._replace(factor=1.0 + error)
 
 
