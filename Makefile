@@ -32,8 +32,8 @@ types: $(READY)  ## the checker is a wheel that brings its own Node.js: nothing 
 
 check: lint types
 
-test: check
-	$(BIN)/python -m pytest
+test: check  ## one process a core, one thread a process: kernels of so small maps wait for threads more than they compute
+	NUMBA_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadscope
 
 $(VENV)/.docs: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'

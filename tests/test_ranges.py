@@ -27,7 +27,7 @@ def options_classes() -> list[type]:
             module = ".".join(file.relative_to(ROOT.parent).with_suffix("").parts)
             found.append(getattr(importlib.import_module(module), name))
     parts = [hint for kind in found for hint in get_type_hints(kind).values() if is_dataclass(hint)]
-    return sorted({*found, *parts}, key=lambda kind: kind.__name__)
+    return sorted({*found, *parts}, key=lambda kind: (kind.__name__, kind.__module__))
 
 
 CLASSES = options_classes()
