@@ -15,6 +15,7 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.initialize import with_model
 from photoclinometry.pipeline.direct_refinement import refine_directly
+from photoclinometry.pipeline.first_estimate import first_estimate
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step, in_prior_frame
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.relighting import (
@@ -66,7 +67,10 @@ class FirstEstimate(Stage[Iterate]):
         return f"{self.name}{_suffix(self.estimate)}"
 
     def make(self, tools: Tools) -> Iterate:
-        scene = self.estimate(self.start.value, Step(rough=True), tools.progress).scene
+        def estimate(start: Scene) -> Scene:
+            return self.estimate(start, Step(rough=True), tools.progress).scene
+
+        scene = first_estimate(self.start.value, estimate)
         figures = first_map_figures(scene)
         say_found(_quality(figures))
         return Iterate(scene=scene, figures=figures)
