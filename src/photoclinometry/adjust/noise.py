@@ -228,4 +228,4 @@ def _sum_of_correlation(total: np.ndarray, count: np.ndarray, variance: float) -
 def _autocorrelation(field: np.ndarray) -> np.ndarray:
     """Sums of products at every lag; lags wrap around an array of twice the size, so that ends do not meet."""
     shape = [next_fast_len(2 * n, real=True) for n in field.shape]
-    return irfft2(np.abs(rfft2(field, shape)) ** 2, shape)
+    return np.asarray(irfft2(np.abs(np.asarray(rfft2(field, shape))) ** 2, shape))

@@ -73,7 +73,7 @@ def stamped(locator: Any) -> Any:
     return Stamped
 
 
-class Stamp(tuple):
+class Stamp(tuple[Any, str]):
     """Numba's stamp of a file of this package, and `stamp`."""
 
 
@@ -83,7 +83,7 @@ def loaded_index(self: Any) -> dict[Any, str]:
     An index is read before its stamp is compared. That of an earlier version may name what the package has no more.
     """
     try:
-        return _load_index(self)
+        return _read(self)
     except (AttributeError, EOFError, ImportError, pickle.UnpicklingError):
         if isinstance(self._source_stamp, Stamp):
             return {}
@@ -91,9 +91,9 @@ def loaded_index(self: Any) -> dict[Any, str]:
 
 
 # Numba tries its locators in turn; those of the package go first, and know no other files.
-_LOCATORS = "_locator_classes"
-"""Numba has no public way to add one."""
+_LOCATORS, _READ = "_locator_classes", "_load_index"
+"""Numba has no public way to add a locator, or to say what happens to an index that cannot be read."""
 _known = getattr(caching.CacheImpl, _LOCATORS)
 setattr(caching.CacheImpl, _LOCATORS, [*map(stamped, _known), *_known])
-_load_index = caching.IndexDataCacheFile._load_index
-caching.IndexDataCacheFile._load_index = loaded_index
+_read = getattr(caching.IndexDataCacheFile, _READ)
+setattr(caching.IndexDataCacheFile, _READ, loaded_index)

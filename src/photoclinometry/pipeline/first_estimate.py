@@ -54,8 +54,8 @@ def carried(found: Scene, before: Scene, scene: Scene) -> Scene:
     inside = (cell <= np.array([cols, rows]) - 0.5).all(-1)
     inside &= sample(there.astype(float), cell, order=1) >= _WHOLE
     deep = np.where(inside, between(depth), _depth(scene) * between(depth / old, 0))
-    pose, camera = (each[found.reference] for each in (found.views.body_from_cam, found.views.cameras))
-    ray = camera.ray_in_cam(scene.landmarks.pixel[:, ::-1] + 0.5)
+    pose = found.views.body_from_cam[found.reference]
+    ray = found.views.cameras[found.reference].ray_in_cam(scene.landmarks.pixel[:, ::-1] + 0.5)
     landmarks = replace(
         scene.landmarks,
         position=pose(ray * deep[:, None]),

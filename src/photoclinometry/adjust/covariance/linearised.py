@@ -88,7 +88,7 @@ def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
         ),
         links=links(smooth.neighbours, smooth.rows),
         smooth_residual=smooth.residual,
-        common_prior=block_diag(of_views, rest["parameter"].rest[0]),
+        common_prior=np.asarray(block_diag(of_views, rest["parameter"].rest[0])),
         prior=rest["landmark"].rest.astype(float),
         several=tuple(rows for rows in several if not rows.couple_views),
         pivot=estimate.pivot,
