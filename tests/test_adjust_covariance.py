@@ -114,6 +114,34 @@ def test_parameters_that_are_estimated_make_all_else_less_certain():
         found.parameter / np.outer(size, size), whole[-count:, -count:] / np.outer(size, size), atol=1e-3
     )
     assert np.max(np.diag(whole)[:-count] / np.diag(others)) > 1.5, "the parameters matter"
+    np.testing.assert_allclose(found.albedo_relative, relative_albedo(whole, scene, views, count), rtol=1e-3)
+
+
+def relative_albedo(covariance, scene, views, parameters):
+    """(J,) variances of albedos without the mean relative error that follows from views and parameters."""
+    albedo = views + 6 * np.arange(len(scene.landmarks)) + 5
+    common = np.r_[:views, len(covariance) - parameters : len(covariance)]
+    of_common = covariance[np.ix_(common, common)]
+    response = np.linalg.solve(of_common, covariance[np.ix_(common, albedo)]).T
+    mean = np.mean(response / scene.landmarks.albedo[:, None], axis=0)
+    rest = response - scene.landmarks.albedo[:, None] * mean
+    given = np.diag(covariance)[albedo] - np.einsum("ja,ab,jb->j", response, of_common, response)
+    return given + np.einsum("ja,ab,jb->j", rest, of_common, rest)
+
+
+def test_what_is_known_of_all_albedos_together_does_not_matter_to_relative_ones(larger):
+    """Without and with parameters of which albedos follow as a whole: absolute albedos are less certain, relative ones
+    hardly."""
+    (larger, *_), none = larger, np.zeros(0)
+    held, free = (graph_of(larger, reflectance_sigma=sigma).graph for sigma in (None, 0.5))
+    known, unknown = (
+        marginals(linearised(graph, Estimate(larger.views, larger.landmarks, PIVOT, parameters)))
+        for graph, parameters in ((held, none), (free, np.zeros(len(larger.reflectance.parameters))))
+    )
+    absolute = [np.median(np.sqrt(one.landmark[:, 5, 5])) for one in (known, unknown)]
+    relative = [np.median(np.sqrt(one.albedo_relative)) for one in (known, unknown)]
+    assert absolute[1] / absolute[0] > 3.0 * relative[1] / relative[0]
+    assert relative[0] < absolute[0]
 
 
 def held_by_gauge(scene, size=1.0):

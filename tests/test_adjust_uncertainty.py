@@ -110,7 +110,8 @@ def test_poses_are_turned_into_the_camera_frame_and_its_centre(adjusted):
         by_shift[..., i] = (moved.body_from_cam.translation - true.views.body_from_cam.translation) / step
     landmark = np.tile(np.eye(6), (len(true.landmarks), 1, 1))
     mapped = np.ones(len(true.landmarks), bool)
-    found = scene_uncertainty(Marginals(camera=camera, landmark=landmark), true.views, estimate.pivot, mapped)
+    marginals = Marginals(camera=camera, landmark=landmark, albedo_relative=np.ones(len(landmark)))
+    found = scene_uncertainty(marginals, true.views, estimate.pivot, mapped)
     for k in range(count):
         block = camera[10 * k : 10 * k + 6, 10 * k : 10 * k + 6]
         for name, by in (("rotation", by_turn[k]), ("center", by_shift[k])):

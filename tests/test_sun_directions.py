@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from graphs import sun_residuals
-from photoclinometry.adjust.graph.sun_directions import SunDirections, sun_offsets
+from photoclinometry.adjust.graph.sun_directions import SunDirections, sun_offsets, unexplained_variance
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.geometry import so3_exp, sphere_step
 from scenes import synthetic_scene
@@ -81,3 +81,24 @@ def test_slopes_are_those_of_the_residuals(estimate):
             step[k, m] = 1e-6
             ends = [SunDirections(weight=1.7).rows(off.step(sign * step, still))[0].residual[0] for sign in (1, -1)]
             np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, touch.jacobian[0, :, m], rtol=1e-4, atol=1e-3)
+
+
+def test_suns_that_brightness_moved_further_than_both_errors_allow_are_as_uncertain_as_that(estimate):
+    """Each moved by five sigmas about both axes, where both errors allow sqrt(2): 25 = 1 + 1 + 23 times the variance,
+    but for what half of the moves are less than typical ones of normal errors (1.4826). By half a sigma, nothing."""
+    alone = replace(estimate, views=replace(estimate.views, sun_common_sigma=np.zeros(6)))
+    signs = np.random.default_rng(4).choice([-1.0, 1.0], (6, 2))
+    allowed = np.full(6, OWN**2)
+    near = measured_with(alone, np.zeros(3), 0.5 * OWN * signs)
+    np.testing.assert_array_equal(unexplained_variance(near.views, allowed), 0.0)
+    far = measured_with(alone, np.zeros(3), 5.0 * OWN * signs)
+    expected = ((5.0 * 1.4826) ** 2 - 2.0) * OWN**2
+    np.testing.assert_allclose(unexplained_variance(far.views, allowed), expected, rtol=0.01)
+
+
+def test_one_sun_that_is_wrong_is_not_the_brightness(estimate):
+    alone = replace(estimate, views=replace(estimate.views, sun_common_sigma=np.zeros(6)))
+    moved = np.zeros((6, 2))
+    moved[3] = 50.0 * OWN
+    off = measured_with(alone, np.zeros(3), moved)
+    np.testing.assert_array_equal(unexplained_variance(off.views, np.full(6, OWN**2)), 0.0)

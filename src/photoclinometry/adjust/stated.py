@@ -21,6 +21,7 @@ from photoclinometry.adjust.graph.layout import morton_order
 from photoclinometry.adjust.graph.observations import ImageGradients
 from photoclinometry.adjust.graph.priors import PosePriors
 from photoclinometry.adjust.graph.smoothness import Smoothness
+from photoclinometry.adjust.graph.sun_directions import unexplained_variance
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
 from photoclinometry.adjust.measured_noise import gate, measured_noise, starting_noise
@@ -91,7 +92,8 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
 
     Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
     fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Where it was taken
-    from images, heights lack what these do not resolve (`unresolved_relief`).
+    from images, heights lack what these do not resolve (`unresolved_relief`). Suns that brightness has moved further
+    than their measurements allow are as uncertain as that (`unexplained_variance`).
     """
     surface = None
     if setup.without_smooth_errors:
@@ -104,6 +106,9 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
         local = local_noise(fit.scene, fit.lit, fit.noise.brightness_sigma, setup.members.of_map)
         relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
         found = with_local_errors(found, local, relief, stated.of_frame)
+    if "sun" in found:
+        more = unexplained_variance(fit.solution.estimate.views, np.trace(found["sun"], axis1=1, axis2=2) / 2.0)
+        found["sun"] = found["sun"] + more[:, None, None] * np.eye(2)
     return found, sigma
 
 

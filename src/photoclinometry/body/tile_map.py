@@ -124,13 +124,14 @@ def tile_map(scene: Scene, number: np.ndarray, distrust: tuple[str, ...]) -> Til
     unknown = np.full(len(landmarks), np.nan)
     along = np.einsum("ni,nij,nj->n", landmarks.normal, stated["position"], landmarks.normal) if stated else unknown
     normal = np.trace(stated["normal"], axis1=1, axis2=2) if "normal" in stated else unknown
+    albedo = stated.get("albedo_relative", unknown)
     mapped = TileLandmarks(
         position=landmarks.position,
         normal=landmarks.normal,
         albedo=landmarks.albedo,
         height_sigma=_root(along),
         normal_sigma=_root(normal),
-        albedo_sigma=stated["albedo"] / landmarks.albedo if "albedo" in stated else unknown,
+        albedo_sigma=albedo / landmarks.albedo,
         views=np.diff(scene.tracks.start),
         weight=np.clip(2.0 * (edge + 1) / min(scene.region.width, scene.region.height), 0.0, 1.0) * facing**2,
         pixel=landmarks.pixel,

@@ -6,6 +6,7 @@ covariances:
     position     d = 3 along B's axes          rotation                d = 3 about C's axes [rad]
     normal, sun  d = 2 in `tangent_basis` of   translation or center   d = 3 along B's axes (camera centres)
                  the estimate [rad]            albedo, scale, bias     d = 1
+    albedo_relative  d = 1, of albedos after the factor that all have in common
 """
 
 from __future__ import annotations
@@ -30,8 +31,7 @@ from photoclinometry.surface.relief import local_frame
 
 
 def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, float]:
-    """`metrics.calibration` of the quantities in `scene.uncertainty` with known truth, of heights (`height`), and of
-    albedos after the factor that they have in common (`albedo_relative`).
+    """`metrics.calibration` of the quantities in `scene.uncertainty` with known truth, and of heights (`height`).
 
     Heights are over the mean plane, since most of the error of positions is along the line of sight.
 
@@ -54,10 +54,6 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
     if "position" in scene.uncertainty:
         up = local_frame(scene).rotation[:, 2]
         metrics |= calibration(errors["position"] @ up, along(scene.uncertainty["position"], up), "height_sigma")
-    if "albedo" in scene.uncertainty:
-        albedo = scene.landmarks.albedo
-        relative = albedo - true.albedo / common_factor(albedo, true.albedo)
-        metrics |= calibration(relative, scene.uncertainty["albedo"], "albedo_relative_sigma")
     return metrics
 
 
@@ -71,10 +67,12 @@ def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor
     true_poses = Rigid(scene_from_true.rotation @ poses.rotation, scene_from_true(poses.translation))
     turn = np.swapaxes(true_poses.rotation, -1, -2) @ scene.views.body_from_cam.rotation
     center = scene.views.body_from_cam.translation - true_poses.translation
+    albedo = scene.landmarks.albedo
     return {
         "position": scene.landmarks.position - scene_from_true(true.position),
         "normal": tangent_error(scene.landmarks.normal, true.normal @ scene_from_true.rotation.T),
-        "albedo": scene.landmarks.albedo - true.albedo / albedo_factor,
+        "albedo": albedo - true.albedo / albedo_factor,
+        "albedo_relative": albedo - true.albedo / common_factor(albedo, true.albedo),
         "rotation": so3_log(turn),
         "translation": center,
         "center": center,

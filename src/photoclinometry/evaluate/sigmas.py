@@ -40,6 +40,8 @@ def landmark_sigmas(scene: Scene) -> dict[str, np.ndarray]:
         found["normal_sigma_deg"] = np.degrees(size(stated["normal"]))
     if "albedo" in stated:
         found["albedo_sigma_percent"] = 100.0 * size(stated["albedo"]) / scene.landmarks.albedo
+    if "albedo_relative" in stated:
+        found["albedo_relative_sigma_percent"] = 100.0 * size(stated["albedo_relative"]) / scene.landmarks.albedo
     return found
 
 

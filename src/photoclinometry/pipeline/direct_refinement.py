@@ -22,6 +22,7 @@ from photoclinometry.photometry.initialize import fitted_albedo, landmark_spacin
 from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline.joint_estimate import Step
+from photoclinometry.pipeline.widened_sigmas import widened
 from photoclinometry.surface.sampling import as_coarse, sample_gradient
 
 log = logging.getLogger(__name__)
@@ -47,7 +48,7 @@ def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[S
     images: of the scene's views, in their order. estimate: as `JointEstimate`. Two estimates are made, each with
     brightness and gradients taken where the last one projects; a third would move half of the landmarks by less than
     0.001 GSD. Landmarks that stray in the first are put back and left to their matches. Where the first has converged,
-    brightness counts in the second without its smooth errors.
+    brightness counts in the second without its smooth errors. Uncertainties allow for what has moved in between.
     """
     start, gradients = image_gradients(scene, images)
     if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:
@@ -60,7 +61,8 @@ def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[S
     log.info("%d of %d landmarks are left to their matches", np.sum(~direct), len(strayed))
     if first.converged:
         start, gradients = without_smooth_errors(start, gradients, estimate)
-    return estimate(start, Step(gradients=gradients, noise=first.noise))
+    found = estimate(start, Step(gradients=gradients, noise=first.noise))
+    return replace(found, scene=widened(found.scene, first.scene, direct))
 
 
 def without_smooth_errors(

@@ -47,6 +47,12 @@ _BATCH = 128
 _PHOTOMETRIC = 6
 """Of a view's coordinates those from here on, Sun, scale and bias, are of its brightness; the others are its pose."""
 
+ALBEDO = 5
+"""Of a landmark's coordinates."""
+
+TELLING = 128
+"""Batches of landmarks, evenly chosen, that tell the relative error that all albedos have in common."""
+
 _STEP = 1e-3
 """Relative change of weights in the differences that tell apart what each kind of measurement contributes."""
 
@@ -79,6 +85,8 @@ class Marginals:
     """(J, 6, 6)."""
     parameter: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """(T, T) of the reflectance parameters that are estimated along."""
+    albedo_relative: np.ndarray
+    """(J,) variances of albedos after the factor that all have in common."""
     of_frame: np.ndarray | None = None
     """(J, 6, 6) the part of these that errors of the frame make; None where the frame was not asked for."""
 
@@ -128,13 +136,17 @@ def marginals(
     landmark = _given_views(at, reduced.own, errors, windows)
     if surface is not None:
         landmark[:, :3, :3] = _given_views(surface.at, reduced.own, surface.errors, windows)[:, :3, :3]
-    _add_common(landmark, at, errors, common, batches)
+    relative = _add_common(landmark, at, errors, common, batches)
     _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     unmeasured = np.diag(reduced.information) == 0.0
     common[unmeasured, unmeasured] = np.inf
     views = at.of_views
     return Marginals(
-        camera=common[:views, :views], landmark=landmark, parameter=common[views:, views:], of_frame=of_frame
+        camera=common[:views, :views],
+        landmark=landmark,
+        parameter=common[views:, views:],
+        albedo_relative=np.where(np.isfinite(landmark[:, 5, 5]), relative, np.inf),
+        of_frame=of_frame,
     )
 
 
@@ -257,35 +269,62 @@ def _given_views(
 
 def _add_common(
     landmark: np.ndarray, at: Linearised, errors: ErrorModel | None, common: np.ndarray, batches: list[tuple[int, int]]
-) -> None:
+) -> np.ndarray:
     """Adds to (J, 6, 6) what errors of views and parameters, and errors that neighbours share, do to the landmarks.
 
-    common: (10 K + T, 10 K + T) covariance of views and parameters.
+    common: (10 K + T, 10 K + T) covariance of views and parameters. Returns the variances (J,) that albedos have
+    without the relative error that all have in common: that of their mean over every few batches.
     """
     stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
+    factor, told = np.zeros(len(common)), 0
+    for first, last in batches[:: max(1, len(batches) // TELLING)]:
+        index, by_common, _ = _responses(at, errors, stiffness, first, last)
+        factor[index] += (by_common[ALBEDO::LANDMARK_SIZE] / at.points.albedo[first:last, None]).sum(0)
+        told += last - first
+    factor /= told
+    of_factor = common @ factor
+    relative = np.empty(len(at))
     for first, last in batches:
-        patch = at.patch(first, last)
-        index, coupling = _coupling(at, patch)
-        parts = [coupling]
-        alike = np.zeros(3) if errors is None else errors.common(first, last)
-        if alike.any():
-            parts.append((patch.shifts * np.sqrt(alike)[:, None, None]).reshape(len(coupling), -1))
-        if stiffness is None:
-            response = cho_solve((_factor(at, patch, first, last), True), np.hstack(parts), check_finite=False)
-        else:
-            alone = _inverse_blocks(patch.own.sum(1) + at.prior[first:last] + stiffness[first:last])
-            response = (alone @ np.hstack(parts).reshape(len(alone), LANDMARK_SIZE, -1)).reshape(len(parts[0]), -1)
-            response = response.astype(np.float32)
-        by_common, shared = response[:, : len(index)], response[:, len(index) :]
-        if stiffness is not None:
-            # Errors of brightness that a neighbourhood or a view shares move a landmark by the error over its own image
-            # gradient, whose sign changes from one landmark to the next: smoothness, left out here, averages that away.
-            photometric = (index % CAMERA_SIZE >= _PHOTOMETRIC) | (index >= at.of_views)
-            by_common.reshape(last - first, LANDMARK_SIZE, -1)[:, :3, photometric] = 0.0
-            if alike.any():
-                shared.reshape(last - first, LANDMARK_SIZE, -1, 3)[:, :3, :, 2] = 0.0
-        covariance = common[np.ix_(index, index)].astype(response.dtype)
+        index, by_common, shared = _responses(at, errors, stiffness, first, last)
+        covariance = common[np.ix_(index, index)].astype(by_common.dtype)
         landmark[first:last] += _products(by_common @ covariance, by_common) + _products(shared, shared)
+        albedo = at.points.albedo[first:last]
+        in_common = albedo**2 * (factor @ of_factor) - 2.0 * albedo * (
+            by_common[ALBEDO::LANDMARK_SIZE] @ of_factor[index]
+        )
+        relative[first:last] = landmark[first:last, ALBEDO, ALBEDO] + in_common
+    return np.maximum(relative, 0.0)
+
+
+def _responses(
+    at: Linearised, errors: ErrorModel | None, stiffness: np.ndarray | None, first: int, last: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How landmarks first:last follow from views and parameters, and from errors that neighbours share.
+
+    stiffness: (J, 6, 6) as of `_stiffness`; None where all landmarks are treated together. Returns which coordinates of
+    views and parameters (c,), the response to these (6 n, c), and that to one standard deviation of shared errors
+    (6 n, m).
+    """
+    patch = at.patch(first, last)
+    index, coupling = _coupling(at, patch)
+    parts = [coupling]
+    alike = np.zeros(3) if errors is None else errors.common(first, last)
+    if alike.any():
+        parts.append((patch.shifts * np.sqrt(alike)[:, None, None]).reshape(len(coupling), -1))
+    if stiffness is None:
+        response = cho_solve((_factor(at, patch, first, last), True), np.hstack(parts), check_finite=False)
+        return index, response[:, : len(index)], response[:, len(index) :]
+    alone = _inverse_blocks(patch.own.sum(1) + at.prior[first:last] + stiffness[first:last])
+    response = (alone @ np.hstack(parts).reshape(len(alone), LANDMARK_SIZE, -1)).reshape(len(parts[0]), -1)
+    response = response.astype(np.float32)
+    by_common, shared = response[:, : len(index)], response[:, len(index) :]
+    # Errors of brightness that a neighbourhood or a view shares move a landmark by the error over its own image
+    # gradient, whose sign changes from one landmark to the next: smoothness, left out here, averages that away.
+    photometric = (index % CAMERA_SIZE >= _PHOTOMETRIC) | (index >= at.of_views)
+    by_common.reshape(last - first, LANDMARK_SIZE, -1)[:, :3, photometric] = 0.0
+    if alike.any():
+        shared.reshape(last - first, LANDMARK_SIZE, -1, 3)[:, :3, :, 2] = 0.0
+    return index, by_common, shared
 
 
 def _stiffness(links: Links, count: int) -> np.ndarray:

@@ -30,7 +30,7 @@ from photoclinometry.model.warning import warn
 
 log = logging.getLogger(__name__)
 
-OF_LANDMARKS = ("position", "normal", "albedo")
+OF_LANDMARKS = ("position", "normal", "albedo", "albedo_relative")
 """What there is one of for each landmark; the rest is of views."""
 
 _NEARBY = 25
@@ -147,8 +147,9 @@ def with_local_errors(
         if name in found:
             common = of_frame.get(name, np.zeros(found[name].shape[1:]))
             found[name] = common + noise[:, None, None] * _beyond(found[name], common)
-    if "albedo" in found:
-        found["albedo"] = noise**0.5 * found["albedo"]
+    for name in ("albedo", "albedo_relative"):
+        if name in found:
+            found[name] = noise**0.5 * found[name]
     if "position" in found:
         found["position"] = found["position"] + relief
     return found
@@ -167,7 +168,8 @@ def _beyond(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
 def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped: np.ndarray) -> dict[str, np.ndarray]:
     """From local coordinates to those of `calibrate`; what was not measured is left out.
 
-    Covariances of position, normal, rotation, center and sun, standard deviations of albedo, scale and bias.
+    Covariances of position, normal, rotation, center and sun, standard deviations of albedo, scale and bias, and of
+    albedos after the factor that all have in common (`albedo_relative`).
     """
     count = len(views)
     blocks = found.camera.reshape(count, CAMERA_SIZE, count, CAMERA_SIZE)[range(count), :, range(count), :]
@@ -181,6 +183,7 @@ def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped:
         "position": _known(landmark[:, :3, :3]),
         "normal": _known(landmark[:, 3:5, 3:5]),
         "albedo": np.sqrt(np.where(albedo < 0.0, np.inf, albedo)),  # rounding can make a few of them negative
+        "albedo_relative": np.sqrt(found.albedo_relative[mapped]),
         "rotation": _transformed(to_cam, blocks[:, :3, :3]),
         "center": _transformed(to_center, blocks[:, :6, :6]),
         "sun": blocks[:, 6:8, 6:8],

@@ -14,6 +14,7 @@ from photoclinometry.adjust.graph.factors import sun_direction
 from photoclinometry.adjust.graph.general import Rows, Touch
 from photoclinometry.adjust.graph.variables import CAMERA_SIZE, Estimate
 from photoclinometry.model.geometry import skew, tangent_basis
+from photoclinometry.model.robust import robust_sigma
 from photoclinometry.model.scene import Views
 
 
@@ -46,6 +47,18 @@ def sun_offsets(views: Views) -> tuple[np.ndarray, np.ndarray]:
     residual = _alone(views)[0].ravel()
     both = _parted(views) @ residual
     return both[: len(residual)].reshape(-1, 2), both[len(residual) :]
+
+
+def unexplained_variance(views: Views, variance: np.ndarray) -> np.ndarray:
+    """(K,) variances [rad2] of errors of Suns that neither their measurements nor `variance` (K,) allow for.
+
+    All are of each of two axes; variance: stated of the estimated Suns. Suns may differ from what was measured by
+    either one's error. What their differences have beyond that, typically, is an error of the brightness that moved
+    them.
+    """
+    move = sun_offsets(views)[0] * views.sun_sigma[:, None]
+    allowed = views.sun_sigma**2 + variance
+    return allowed * max(0.0, robust_sigma(move / np.sqrt(allowed)[:, None]) ** 2 - 1.0)
 
 
 def common_turn(views: Views) -> np.ndarray:

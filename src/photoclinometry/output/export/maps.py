@@ -111,6 +111,9 @@ def _sigmas(framed: Framed, up: np.ndarray) -> list[Layer]:
         found.append(("sigma_normal", "degree", about, np.degrees(sigma_mean(stated["normal"], 2))))
     if "albedo" in stated:
         found.append(("sigma_albedo", "", "standard deviation of the albedo", sigma_mean(stated["albedo"], 1)))
+    if "albedo_relative" in stated:
+        about = "standard deviation of the albedo after the factor that the whole map has in common"
+        found.append(("sigma_albedo_relative", "", about, stated["albedo_relative"]))
     return found
 
 

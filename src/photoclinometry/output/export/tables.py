@@ -41,6 +41,8 @@ def landmark_columns(framed: Framed) -> Columns:
         columns["sigma_normal_deg"] = np.degrees(sigma_mean(stated["normal"], 2))
     if "albedo" in stated:
         columns["sigma_albedo"] = sigma_mean(stated["albedo"], 1)
+    if "albedo_relative" in stated:
+        columns["sigma_albedo_relative"] = stated["albedo_relative"]
     columns |= {"row_px": landmarks.pixel[:, 0], "col_px": landmarks.pixel[:, 1]}
     return columns | {"observations": np.diff(scene.tracks.start)}
 

@@ -121,7 +121,7 @@ def _map_sections(work: Path, scene: Scene, images: Sequence[Image], content: Re
         sections.append(("Differences", "Against the reference, after alignment.", page.figures(found)))
     found = draw_values(work, scene, landmark_sigmas(scene), "uncertainty")
     if found:
-        note = "One standard deviation by measurement noise and smoothness; errors of the models are not included."
+        note = "One standard deviation. Errors that all views share count as far as the images show them."
         if scene.frame == BODY_FIXED:
             note += " Position and height include the uncertainty of the map's place on the body, from the pose priors."
         sections.append(("Uncertainty", note, page.figures(found)))
