@@ -46,6 +46,8 @@ FAINT, DRAWS = 1e-4, 6
 """Noise added to the images, as a share of their brightness, and how many times chance is drawn."""
 BEYOND = 3.0
 """A change is no chance beyond so many standard deviations of chance."""
+LONGEST_MAP_S = 900.0
+"""Wall time after which there is no map: a ratio of steps that becomes one makes a search endless."""
 NEARLY_ALL = 0.9
 """Shares from here on up to one, such as how much of a window must be valid: doubled they would never be reached."""
 PACKAGES = ("surface", "photometry", "registration", "sfm", "matching", "adjust", "pipeline")
@@ -221,8 +223,14 @@ def map_site(package: Path, site: Path, out: Path) -> dict[str, float] | None:
     """The figures of a site mapped by a copy of the package; None where it finds no map."""
     environment = {**os.environ, "PYTHONPATH": str(package.parent), "NUMBA_NUM_THREADS": "1"}
     arguments = [sys.executable, "-c", MAP, str(site / "site.toml"), str(out), str(site / "truth.h5")]
-    done = subprocess.run(arguments, env=environment, capture_output=True, text=True, check=False)
-    shutil.rmtree(out, ignore_errors=True)
+    try:
+        done = subprocess.run(
+            arguments, env=environment, capture_output=True, text=True, check=False, timeout=LONGEST_MAP_S
+        )
+    except subprocess.TimeoutExpired:
+        return None
+    finally:
+        shutil.rmtree(out, ignore_errors=True)
     if done.returncode:
         return None
     metrics = json.loads(done.stdout.strip().split("\n")[-1])
