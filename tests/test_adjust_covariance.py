@@ -114,11 +114,15 @@ def test_parameters_that_are_estimated_make_all_else_less_certain():
         found.parameter / np.outer(size, size), whole[-count:, -count:] / np.outer(size, size), atol=1e-3
     )
     assert np.max(np.diag(whole)[:-count] / np.diag(others)) > 1.5, "the parameters matter"
-    np.testing.assert_allclose(found.albedo_relative, relative_albedo(whole, scene, views, count), rtol=1e-3)
+    relative, given = relative_albedo(whole, scene, views, count)
+    np.testing.assert_allclose(found.albedo_relative, relative, rtol=1e-3)
+    variances = np.stack([found.landmark[:, 5, 5], found.albedo_relative], -1)
+    np.testing.assert_allclose(variances - found.albedo_by_common, np.stack([given, given], -1), rtol=1e-3)
 
 
 def relative_albedo(covariance, scene, views, parameters):
-    """(J,) variances of albedos without the mean relative error that follows from views and parameters."""
+    """(J,) variances of albedos without the mean relative error that follows from views and parameters, and given
+    these."""
     albedo = views + 6 * np.arange(len(scene.landmarks)) + 5
     common = np.r_[:views, len(covariance) - parameters : len(covariance)]
     of_common = covariance[np.ix_(common, common)]
@@ -126,7 +130,7 @@ def relative_albedo(covariance, scene, views, parameters):
     mean = np.mean(response / scene.landmarks.albedo[:, None], axis=0)
     rest = response - scene.landmarks.albedo[:, None] * mean
     given = np.diag(covariance)[albedo] - np.einsum("ja,ab,jb->j", response, of_common, response)
-    return given + np.einsum("ja,ab,jb->j", rest, of_common, rest)
+    return given + np.einsum("ja,ab,jb->j", rest, of_common, rest), given
 
 
 def test_what_is_known_of_all_albedos_together_does_not_matter_to_relative_ones(larger):

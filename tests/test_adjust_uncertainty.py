@@ -7,13 +7,18 @@ import pytest
 
 from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
 from photoclinometry.adjust.covariance.marginals import Marginals
-from photoclinometry.adjust.covariance.uncertainty import error_model, scene_uncertainty, with_local_errors
+from photoclinometry.adjust.covariance.uncertainty import (
+    error_model,
+    scene_uncertainty,
+    with_frame_error,
+    with_local_errors,
+)
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.noise import local_noise
 from photoclinometry.adjust.stated import uncertainty_at
 from photoclinometry.evaluate.sigma_calibration import sigma_metrics
 from photoclinometry.evaluate.sigmas import size
-from photoclinometry.model.geometry import so3_log
+from photoclinometry.model.geometry import Rigid, so3_log
 from photoclinometry.model.scene import Tracks
 from scenes import synthetic_scene
 from test_adjust_estimate import INDEPENDENT, anchors_around, start_of
@@ -110,7 +115,10 @@ def test_poses_are_turned_into_the_camera_frame_and_its_centre(adjusted):
         by_shift[..., i] = (moved.body_from_cam.translation - true.views.body_from_cam.translation) / step
     landmark = np.tile(np.eye(6), (len(true.landmarks), 1, 1))
     mapped = np.ones(len(true.landmarks), bool)
-    marginals = Marginals(camera=camera, landmark=landmark, albedo_relative=np.ones(len(landmark)))
+    ones = np.ones(len(landmark))
+    marginals = Marginals(
+        camera=camera, landmark=landmark, albedo_relative=ones, albedo_by_common=np.stack([ones, ones], -1)
+    )
     found = scene_uncertainty(marginals, true.views, estimate.pivot, mapped)
     for k in range(count):
         block = camera[10 * k : 10 * k + 6, 10 * k : 10 * k + 6]
@@ -149,6 +157,34 @@ def test_noise_from_place_to_place_does_not_multiply_errors_of_the_frame():
     assert np.isinf(np.diag(found["position"][3])).all()
     np.testing.assert_allclose(found["normal"], 4.0 * stated["normal"])
     np.testing.assert_allclose(found["albedo"], 2.0)
+
+
+def test_the_level_of_albedos_does_not_follow_the_noise_of_a_place():
+    """Variances of 0.09, 0.08 of them in common, where noise is four times as large: 0.08 + 4 (0.09 - 0.08)."""
+    stated = {"albedo": np.full(2, 0.3), "albedo_relative": np.full(2, 0.1)}
+    found = with_local_errors(stated, np.full(2, 4.0), np.zeros((2, 3, 3)), {"albedo": np.full(2, 0.08)})
+    np.testing.assert_allclose(found["albedo"] ** 2, 0.12)
+    np.testing.assert_allclose(found["albedo_relative"], 0.2)
+
+
+def test_heights_of_single_landmarks_tilt_the_frame_by_hand():
+    """Heights of 5 x 5 landmarks at -2 to 2, known to 0.1: tilts about x and y have the variance 0.01 / 50 each, the
+    level 0.01 / 25; a camera 30 above has its own errors, those tilts, and moves by 30 times these and by the level."""
+    x, y = np.meshgrid(np.arange(-2.0, 3.0), np.arange(-2.0, 3.0))
+    position = np.stack([x.ravel(), y.ravel(), np.zeros(25)], -1)
+    views = synthetic_scene(size=4, views=3).views
+    pose = Rigid(np.tile(np.eye(3), (3, 1, 1)), np.tile([0.0, 0.0, 30.0], (3, 1)))
+    own = np.tile(1e-6 * np.eye(3), (3, 1, 1))
+    stated = {"position": np.tile(np.diag([0.0, 0.0, 0.01]), (25, 1, 1)), "rotation": own, "center": own}
+    found = with_frame_error(stated, position, replace(views, body_from_cam=pose))
+    tilt = 0.01 / 50.0
+    np.testing.assert_allclose(found["rotation"][1], np.diag([1e-6 + tilt, 1e-6 + tilt, 1e-6]), atol=1e-12)
+    np.testing.assert_allclose(
+        found["center"][1], 1e-6 * np.eye(3) + np.diag([900 * tilt, 900 * tilt, 0.01 / 25]), atol=1e-12
+    )
+    np.testing.assert_array_equal(found["position"], stated["position"])
+    stated["position"][7, 2, 2] = np.inf
+    assert np.isfinite(with_frame_error(stated, position, views)["center"]).all()
 
 
 def test_a_part_that_is_larger_than_the_whole_leaves_nothing():

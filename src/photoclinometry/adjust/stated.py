@@ -14,6 +14,7 @@ from photoclinometry.adjust.covariance.uncertainty import (
     OF_LANDMARKS,
     Stated,
     estimate_uncertainty,
+    with_frame_error,
     with_local_errors,
 )
 from photoclinometry.adjust.graph.graph import FactorGraph
@@ -101,13 +102,16 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
         setup, fit = _with_smooth_errors(setup, fit)
     stated, sigma = _covariances(setup, fit, surface)
     found = stated.uncertainty
+    estimate = fit.solution.estimate
+    on_map = replace(fit.scene, views=estimate.views, landmarks=estimate.landmarks[: setup.members.count])
     if found and setup.reflectance is not None:
-        on_map = replace(fit.scene, landmarks=fit.solution.estimate.landmarks[: setup.members.count])
         local = local_noise(fit.scene, fit.lit, fit.noise.brightness_sigma, setup.members.of_map)
         relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
-        found = with_local_errors(found, local, relief, stated.of_frame)
+        found = with_local_errors(found, local, relief, stated.in_common)
+    if {"position", "rotation", "center"} <= set(found) and not setup.fixes_frame:
+        found = with_frame_error(found, on_map.landmarks.position, on_map.views)
     if "sun" in found:
-        more = unexplained_variance(fit.solution.estimate.views, np.trace(found["sun"], axis1=1, axis2=2) / 2.0)
+        more = unexplained_variance(estimate.views, np.trace(found["sun"], axis1=1, axis2=2) / 2.0)
         found["sun"] = found["sun"] + more[:, None, None] * np.eye(2)
     return found, sigma
 

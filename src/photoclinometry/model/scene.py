@@ -329,8 +329,8 @@ class Scene:
     """Index of the reference view."""
     region: Region
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
-    """Standard deviations or covariances by name, first axis J or K; empty until computed. `calibrate.py` lists names
-    and axes, `adjust/uncertainty.py` says in which frame they are."""
+    """Standard deviations or covariances by name, first axis J or K; empty until computed.
+    `evaluate/sigma_calibration.py` lists names and axes, `adjust/covariance/uncertainty.py` the frame."""
     surroundings: Surroundings | None = None
     """Where they are known."""
     frame: str = OWN

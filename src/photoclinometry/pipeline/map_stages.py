@@ -29,6 +29,7 @@ from photoclinometry.pipeline.relighting import (
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
+from photoclinometry.pipeline.unknown_albedos import with_neighbours_albedos
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +142,7 @@ class LastEstimate(Stage[FinishedMap]):
             found = refine_directly(scene, self.posed.registered_images, estimate)
         else:
             found = estimate(scene, Step())
+        found = replace(found, scene=with_neighbours_albedos(found.scene))
         landmarks = f"{len(found.scene.landmarks):,} landmarks in {len(found.scene.views)} views"
         say_found(landmarks if found.converged else f"{landmarks}, not converged")
         if self.before is None:

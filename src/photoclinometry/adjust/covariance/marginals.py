@@ -87,6 +87,8 @@ class Marginals:
     """(T, T) of the reflectance parameters that are estimated along."""
     albedo_relative: np.ndarray
     """(J,) variances of albedos after the factor that all have in common."""
+    albedo_by_common: np.ndarray
+    """(J, 2) the parts of albedos' variances, and of these, that errors of views and reflectance parameters make."""
     of_frame: np.ndarray | None = None
     """(J, 6, 6) the part of these that errors of the frame make; None where the frame was not asked for."""
 
@@ -136,7 +138,7 @@ def marginals(
     landmark = _given_views(at, reduced.own, errors, windows)
     if surface is not None:
         landmark[:, :3, :3] = _given_views(surface.at, reduced.own, surface.errors, windows)[:, :3, :3]
-    relative = _add_common(landmark, at, errors, common, batches)
+    relative, by_common = _add_common(landmark, at, errors, common, batches)
     _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     unmeasured = np.diag(reduced.information) == 0.0
     common[unmeasured, unmeasured] = np.inf
@@ -146,6 +148,7 @@ def marginals(
         landmark=landmark,
         parameter=common[views:, views:],
         albedo_relative=np.where(np.isfinite(landmark[:, 5, 5]), relative, np.inf),
+        albedo_by_common=by_common,
         of_frame=of_frame,
     )
 
@@ -269,11 +272,12 @@ def _given_views(
 
 def _add_common(
     landmark: np.ndarray, at: Linearised, errors: ErrorModel | None, common: np.ndarray, batches: list[tuple[int, int]]
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """Adds to (J, 6, 6) what errors of views and parameters, and errors that neighbours share, do to the landmarks.
 
     common: (10 K + T, 10 K + T) covariance of views and parameters. Returns the variances (J,) that albedos have
-    without the relative error that all have in common: that of their mean over every few batches.
+    without the relative error that all have in common: that of their mean over every few batches; and the parts (J, 2)
+    of both variances that errors of views and parameters make.
     """
     stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
     factor, told = np.zeros(len(common)), 0
@@ -283,17 +287,20 @@ def _add_common(
         told += last - first
     factor /= told
     of_factor = common @ factor
-    relative = np.empty(len(at))
+    relative, of_common = np.empty(len(at)), np.empty((len(at), 2))
     for first, last in batches:
         index, by_common, shared = _responses(at, errors, stiffness, first, last)
         covariance = common[np.ix_(index, index)].astype(by_common.dtype)
-        landmark[first:last] += _products(by_common @ covariance, by_common) + _products(shared, shared)
+        common_part = _products(by_common @ covariance, by_common)
+        landmark[first:last] += common_part + _products(shared, shared)
         albedo = at.points.albedo[first:last]
         in_common = albedo**2 * (factor @ of_factor) - 2.0 * albedo * (
             by_common[ALBEDO::LANDMARK_SIZE] @ of_factor[index]
         )
         relative[first:last] = landmark[first:last, ALBEDO, ALBEDO] + in_common
-    return np.maximum(relative, 0.0)
+        absolute = common_part[:, ALBEDO, ALBEDO]
+        of_common[first:last] = np.stack([absolute, absolute + in_common], -1)
+    return np.maximum(relative, 0.0), np.maximum(of_common, 0.0)
 
 
 def _responses(

@@ -43,8 +43,10 @@ class Stated:
 
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
     """`Scene.uncertainty`."""
-    of_frame: dict[str, np.ndarray] = field(default_factory=dict)
-    """The part of it that errors of the frame make; empty where errors are those in the map's own frame."""
+    in_common: dict[str, np.ndarray] = field(default_factory=dict)
+    """The parts of its variances that say nothing of a landmark's own brightness: of positions and normals that which
+    errors of the frame make, not there where errors are those in the map's own frame; of albedos that which errors of
+    views and reflectance parameters make."""
     parameter_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
     """(T,) of the reflectance parameters that are estimated, in their local coordinates."""
 
@@ -79,12 +81,13 @@ def estimate_uncertainty(
         return Stated()
     uncertainty = scene_uncertainty(found, estimate.views, estimate.pivot, mapped)
     estimated = uncertainty if photometric else ("position", "rotation", "center")
-    of_frame = {}
+    albedo, relative = found.albedo_by_common[mapped].T
+    in_common = {"albedo": albedo, "albedo_relative": relative}
     if found.of_frame is not None:
-        of_frame = {"position": found.of_frame[mapped, :3, :3], "normal": found.of_frame[mapped, 3:5, 3:5]}
+        in_common |= {"position": found.of_frame[mapped, :3, :3], "normal": found.of_frame[mapped, 3:5, 3:5]}
     parameter = np.diag(found.parameter).copy()
     return Stated(
-        uncertainty={name: uncertainty[name] for name in estimated}, of_frame=of_frame, parameter_variance=parameter
+        uncertainty={name: uncertainty[name] for name in estimated}, in_common=in_common, parameter_variance=parameter
     )
 
 
@@ -134,25 +137,55 @@ def error_model(
 
 
 def with_local_errors(
-    uncertainty: Mapping[str, np.ndarray], noise: np.ndarray, relief: np.ndarray, of_frame: Mapping[str, np.ndarray]
+    uncertainty: Mapping[str, np.ndarray], noise: np.ndarray, relief: np.ndarray, in_common: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """`Scene.uncertainty` with what is known from place to place.
 
-    noise: (J,) factors on the variances of landmarks (`local_noise`), but for what all have in common: of_frame, the
-    part that errors of the frame make, by name; relief: (J, 3, 3) covariances of positions that are added
+    noise: (J,) factors on the variances of landmarks (`local_noise`), but for what is in common (`Stated`), by name;
+    relief: (J, 3, 3) covariances of positions that are added
     (`unresolved_relief`).
     """
     found = dict(uncertainty)
     for name in ("position", "normal"):
         if name in found:
-            common = of_frame.get(name, np.zeros(found[name].shape[1:]))
+            common = in_common.get(name, np.zeros(found[name].shape[1:]))
             found[name] = common + noise[:, None, None] * _beyond(found[name], common)
     for name in ("albedo", "albedo_relative"):
         if name in found:
-            found[name] = noise**0.5 * found[name]
+            common = in_common.get(name, np.zeros(len(noise)))
+            found[name] = np.sqrt(common + noise * np.maximum(found[name] ** 2 - common, 0.0))
     if "position" in found:
         found["position"] = found["position"] + relief
     return found
+
+
+def with_frame_error(
+    uncertainty: Mapping[str, np.ndarray], position: np.ndarray, views: Views
+) -> dict[str, np.ndarray]:
+    """`Scene.uncertainty` with what errors of single landmarks do to the map's own frame: they turn and move all poses.
+
+    position: (J, 3) of the landmarks that define the frame, by least squares. Little in itself (1e-4 degrees), but the
+    reference view, whose rays the landmarks lie on, has no other error about one axis.
+    """
+    known = np.isfinite(uncertainty["position"]).all((1, 2))
+    middle = position[known].mean(0)
+
+    def moves(points: np.ndarray) -> np.ndarray:
+        """(n, 3, 7) of points (n, 3) by rotation, translation and scale."""
+        from_middle = points - middle
+        identity = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+        return np.concatenate([-skew(from_middle), identity, from_middle[:, :, None]], axis=2)
+
+    by_frame = moves(position[known])
+    flat = by_frame.reshape(-1, by_frame.shape[2])
+    weighted = (uncertainty["position"][known] @ by_frame).reshape(flat.shape)
+    inverse = np.linalg.inv(flat.T @ flat)
+    frame = inverse @ (flat.T @ weighted) @ inverse
+    pose = views.body_from_cam
+    center = moves(pose.translation)
+    turned = np.swapaxes(pose.rotation, 1, 2) @ frame[:3, :3] @ pose.rotation
+    moved = center @ frame @ np.swapaxes(center, 1, 2)
+    return {**uncertainty, "rotation": uncertainty["rotation"] + turned, "center": uncertainty["center"] + moved}
 
 
 def _beyond(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
