@@ -180,7 +180,7 @@ def test_albedos_that_are_all_off_by_a_factor_are_right_relative_to_each_other()
     bright = replace(
         scene,
         landmarks=replace(scene.landmarks, albedo=1.5 * scene.landmarks.albedo),
-        uncertainty={"albedo": 1.5 * scene.uncertainty["albedo"]},
+        uncertainty=dict.fromkeys(("albedo", "albedo_relative"), 1.5 * scene.uncertainty["albedo"]),
     )
     found = sigma_metrics(bright, true.views, true.landmarks, 1.0)
     assert found["albedo_relative_sigma_nees"] == pytest.approx(1.0, abs=0.3)
