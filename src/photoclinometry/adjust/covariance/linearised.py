@@ -103,14 +103,18 @@ def loosely_held(at: Linearised) -> Linearised:
     return replace(at, prior=prior)
 
 
+def point_moves(points: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """(n, 3, 7): how points (n, 3) move by rotation, translation and scale about a point (3,)."""
+    arm = points - about
+    return np.concatenate([-skew(arm), np.broadcast_to(np.eye(3), (len(arm), 3, 3)), arm[:, :, None]], axis=2)
+
+
 def landmark_moves(at: Linearised, first: int, last: int) -> np.ndarray:
     """(n, 6, 7): local coordinates of landmarks first:last by rotation, translation and scale about the pivot."""
-    position, normal = at.points.position[first:last] - at.pivot, at.points.normal[first:last]
     out = np.zeros((last - first, LANDMARK_SIZE, SIMILARITY))
-    out[:, :3, :3] = -skew(position)
-    out[:, range(3), range(3, 6)] = 1.0
-    out[:, :3, 6] = position
-    out[:, 3:5, :3] = -np.einsum("jia,jib->jab", at.points.normal_basis[first:last], skew(normal))
+    out[:, :3] = point_moves(at.points.position[first:last], at.pivot)
+    turned = skew(at.points.normal[first:last])
+    out[:, 3:5, :3] = -np.einsum("jia,jib->jab", at.points.normal_basis[first:last], turned)
     return out
 
 

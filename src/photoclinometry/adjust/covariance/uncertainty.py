@@ -17,14 +17,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance.linearised import Linearised, linearised, loosely_held
+from photoclinometry.adjust.covariance.linearised import (
+    SIMILARITY,
+    Linearised,
+    linearised,
+    loosely_held,
+    point_moves,
+)
 from photoclinometry.adjust.covariance.marginals import ErrorModel, Marginals, Surface, marginals
 from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.variables import CAMERA_SIZE, Estimate
 from photoclinometry.adjust.tie_points import Members
-from photoclinometry.model.geometry import skew
 from photoclinometry.model.scene import Views
 from photoclinometry.model.warning import warn
 
@@ -142,8 +147,7 @@ def with_local_errors(
     """`Scene.uncertainty` with what is known from place to place.
 
     noise: (J,) factors on the variances of landmarks (`local_noise`), but for what is in common (`Stated`), by name;
-    relief: (J, 3, 3) covariances of positions that are added
-    (`unresolved_relief`).
+    relief: (J, 3, 3) covariances of positions that are added (`unresolved_relief`).
     """
     found = dict(uncertainty)
     for name in ("position", "normal"):
@@ -169,20 +173,13 @@ def with_frame_error(
     """
     known = np.isfinite(uncertainty["position"]).all((1, 2))
     middle = position[known].mean(0)
-
-    def moves(points: np.ndarray) -> np.ndarray:
-        """(n, 3, 7) of points (n, 3) by rotation, translation and scale."""
-        from_middle = points - middle
-        identity = np.broadcast_to(np.eye(3), (len(points), 3, 3))
-        return np.concatenate([-skew(from_middle), identity, from_middle[:, :, None]], axis=2)
-
-    by_frame = moves(position[known])
-    flat = by_frame.reshape(-1, by_frame.shape[2])
+    by_frame = point_moves(position[known], middle)
+    flat = by_frame.reshape(-1, SIMILARITY)
     weighted = (uncertainty["position"][known] @ by_frame).reshape(flat.shape)
     inverse = np.linalg.inv(flat.T @ flat)
     frame = inverse @ (flat.T @ weighted) @ inverse
     pose = views.body_from_cam
-    center = moves(pose.translation)
+    center = point_moves(pose.translation, middle)
     turned = np.swapaxes(pose.rotation, 1, 2) @ frame[:3, :3] @ pose.rotation
     moved = center @ frame @ np.swapaxes(center, 1, 2)
     return {**uncertainty, "rotation": uncertainty["rotation"] + turned, "center": uncertainty["center"] + moved}
@@ -207,9 +204,7 @@ def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped:
     count = len(views)
     blocks = found.camera.reshape(count, CAMERA_SIZE, count, CAMERA_SIZE)[range(count), :, range(count), :]
     to_cam = np.swapaxes(views.body_from_cam.rotation, 1, 2)
-    to_center = np.concatenate(
-        [-skew(views.body_from_cam.translation - pivot), np.broadcast_to(np.eye(3), (count, 3, 3))], axis=2
-    )
+    to_center = point_moves(views.body_from_cam.translation, pivot)[:, :, :6]
     landmark = found.landmark[mapped]
     albedo = landmark[:, 5, 5]
     values = {
