@@ -50,8 +50,9 @@ _PHOTOMETRIC = 6
 ALBEDO = 5
 """Of a landmark's coordinates."""
 
-TELLING = 128
-"""Batches of landmarks, evenly chosen, that tell the relative error that all albedos have in common."""
+TELLING = 32
+"""Batches of landmarks at most, evenly chosen, that tell the relative error that all albedos have in common: thousands
+of landmarks. Their responses are computed twice."""
 
 _STEP = 1e-3
 """Relative change of weights in the differences that tell apart what each kind of measurement contributes."""
@@ -281,7 +282,7 @@ def _add_common(
     """
     stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
     factor, told = np.zeros(len(common)), 0
-    for first, last in batches[:: max(1, len(batches) // TELLING)]:
+    for first, last in batches[:: -(-len(batches) // TELLING)]:
         index, by_common, _ = _responses(at, errors, stiffness, first, last)
         factor[index] += (by_common[ALBEDO::LANDMARK_SIZE] / at.points.albedo[first:last, None]).sum(0)
         told += last - first
