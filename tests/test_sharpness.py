@@ -49,6 +49,13 @@ def test_sharp_views_have_no_blur_whatever_their_scale_and_smooth_errors(true):
     assert blur_px(replace(true, tracks=replace(tracks, brightness=wrong))).max() < 0.3
 
 
+def test_wrong_detail_of_the_map_is_no_blur_of_the_views(true):
+    """A smoother prediction would be likest to them; their own contrast is all there."""
+    rng = np.random.default_rng(1)
+    albedo = true.landmarks.albedo * (1.0 + 0.1 * rng.standard_normal(len(true.landmarks)))
+    assert blur_px(replace(true, landmarks=replace(true.landmarks, albedo=albedo))).max() < 0.3
+
+
 def test_nothing_is_said_of_a_view_that_shows_too_little(true):
     few = true.tracks.lit & ((true.tracks.view != 1) | (true.tracks.landmark < 150))
     found = blur_px(replace(true, tracks=replace(true.tracks, lit=few)))

@@ -1,16 +1,27 @@
-"""How sharp each view is, against the brightness that a map of all views predicts for it."""
+"""How sharp each view is, against the brightness that a map of all views predicts for it.
+
+A blur takes contrast from fine detail and leaves that of coarser detail. So the contrast of the view over that of the
+prediction is compared between two bands. The prediction is wrong in detail, too, where a view's Sun shows slopes that
+other views tell little of, and a regression on it would be weakened like a blur. The prediction is therefore regressed
+on the view (regression with errors in the predictor; Fuller 1987, Measurement Error Models, 1.1).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.surface.sampling import gaussian, masked_filter
 
 COARSE = 4.0
 """Waves longer than those that a Gaussian of this standard deviation leaves tell nothing of sharpness, and are taken
 away first [landmarks]."""
+
+FINE = 1.5
+"""Detail is fine that a Gaussian of this standard deviation takes away, coarser what is left [landmarks]. It is between
+the blurs that matter, of one landmark, and COARSE."""
 
 WIDTHS = np.array([0.0, *np.geomspace(0.3, COARSE, 10)])
 """Standard deviations of Gaussians that are tried [landmarks]."""
@@ -26,10 +37,11 @@ FEWEST = 200
 
 
 def blur_px(scene: Scene) -> np.ndarray:
-    """(K,) standard deviation [px, of the view] of the Gaussian that makes the predicted brightness likest to a view.
+    """(K,) standard deviation [px, of the view] of the Gaussian that takes as much contrast from the predicted detail
+    as the view lacks.
 
-    Likest is the highest correlation of what is fine in both. 0 where the view is at least as sharp as the map; NaN
-    where it shows too little of it. Raises InputError for a scene without reflectance.
+    0 where the view is at least as sharp as the map; NaN where it shows too little of it. Raises InputError for a scene
+    without reflectance.
     """
     tracks, views = scene.tracks, scene.views
     both = np.column_stack((tracks.brightness, observation_brightness(scene)))
@@ -39,29 +51,39 @@ def blur_px(scene: Scene) -> np.ndarray:
     for k in range(len(views)):
         seen = np.flatnonzero((tracks.view == k) & tracks.lit)
         measured, predicted = np.moveaxis(scene.grid_of_observations(both, seen)[middle], -1, 0)
-        found[k] = _likest_width(measured, predicted)
+        found[k] = _width_of_blur(measured, predicted)
     return found * scene.spacing / gsd
 
 
-def _likest_width(measured: np.ndarray, predicted: np.ndarray) -> float:
-    """Of WIDTHS, and between them; NaN with too little of both (h, w), which are NaN where not known."""
+def _width_of_blur(measured: np.ndarray, predicted: np.ndarray) -> float:
+    """Standard deviation [landmarks]; NaN with too little of both (h, w), which are NaN where not known."""
     inside = np.isfinite(measured) & (masked_filter(measured, gaussian(2.0))[1] > INSIDE)
     if np.count_nonzero(inside) < FEWEST:
         return np.nan
-    fine = _fine(measured)[inside]
-    likeness = np.array([np.corrcoef(fine, _fine(_blurred(predicted, width))[inside])[0, 1] for width in WIDTHS])
-    if not np.isfinite(likeness).all():
+    own = _bands(measured, inside)
+    ratio = [_contrast_ratio(own, _bands(_blurred(predicted, width), inside)) for width in WIDTHS]
+    if not np.isfinite(ratio).all():
         return np.nan
-    best = int(np.argmax(likeness))
-    if best in (0, len(WIDTHS) - 1):
-        return float(WIDTHS[best])
-    curvature, slope, _ = np.polyfit(WIDTHS[best - 1 : best + 2], likeness[best - 1 : best + 2], 2)
-    return float(-slope / (2.0 * curvature)) if curvature < 0 else float(WIDTHS[best])
+    return float(np.interp(1.0, np.maximum.accumulate(ratio), WIDTHS))
+
+
+def _contrast_ratio(measured: np.ndarray, predicted: np.ndarray) -> float:
+    """Contrast of the measured over that of the predicted detail, in the fine band over that in the coarser one.
+
+    Bands (2, n). Contrasts are those of the regression of `predicted` on `measured`, huge where the two have
+    nothing in common.
+    """
+    common = np.mean(measured * predicted, axis=-1)
+    contrast = np.mean(measured**2, axis=-1) / np.maximum(common, TINY)
+    return float(contrast[0] / contrast[1])
+
+
+def _bands(values: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """(2, n) the fine and the coarser detail of values (h, w) where `inside`, about their means."""
+    smooth, background = (masked_filter(values, gaussian(width))[0] for width in (FINE, COARSE))
+    bands = np.stack([(values - smooth)[inside], (smooth - background)[inside]])
+    return bands - bands.mean(axis=-1, keepdims=True)
 
 
 def _blurred(values: np.ndarray, width: float) -> np.ndarray:
     return np.where(np.isfinite(values), masked_filter(values, gaussian(width))[0], np.nan) if width else values
-
-
-def _fine(values: np.ndarray) -> np.ndarray:
-    return values - masked_filter(values, gaussian(COARSE))[0]
