@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.api.maps import read_scene
 from photoclinometry.body import run as library
 from photoclinometry.body.options import BodyOptions, PlanOptions
 from photoclinometry.body.run import map_body, map_one_tile, owner_of_body, plan_body
@@ -76,7 +77,8 @@ def test_the_plan_covers_most_of_the_body(body):
 def test_commands_of_tiles_are_printed_one_a_line(body, capsys, monkeypatch):
     folder, model, _ = body
     site, out = str(folder / "site" / "site.toml"), str(folder / "body")
-    main(["body", site, "--out", out, "--plan.tile-px", "64", "--workers", "3", "--print-tasks"])
+    words = ["--plan.tile-px", "64", "--run.reflectance", "lunar-lambert"]  # given: no tile is mapped to choose it
+    main(["body", site, "--out", out, *words, "--workers", "3", "--print-tasks"])
     lines = capsys.readouterr().out.splitlines()
     called = []
     monkeypatch.setattr(library, "map_one_tile", lambda *given: called.append(given))
@@ -84,7 +86,8 @@ def test_commands_of_tiles_are_printed_one_a_line(body, capsys, monkeypatch):
         program, *words = shlex.split(line)
         assert program == "phomo"
         main(words)
-    assert called == [(folder / "site" / "site.toml", folder / "body", OPTIONS, n) for n in range(len(called))]
+    options = replace(OPTIONS, run=replace(OPTIONS.run, reflectance="lunar-lambert"))
+    assert called == [(folder / "site" / "site.toml", folder / "body", options, n) for n in range(len(called))]
     assert len(called) == len(model.plan.value.tiles)
 
 
@@ -136,6 +139,16 @@ def test_neighbouring_tiles_are_one_surface_by_their_shared_cameras(body, mapped
     off = np.linalg.norm(surface(at)[0] - at, axis=-1) / truth.gsd
     assert off.mean() < 0.4
     assert mapped.metrics["step_between_tiles_median_gsd"] < 0.3
+
+
+def test_tiles_finish_with_the_model_that_one_of_them_chose(body, mapped):
+    """The model of the ground, which the simulator has by default, is not left for another."""
+    folder, _, _ = body
+    tiles = sorted((folder / "body" / "tiles").iterdir())
+    assert len(tiles) == 2
+    assert [read_scene(tile).reflectance.name for tile in tiles] == ["lunar-lambert"] * 2
+    assert sum((tile / "stages" / "reflectance.npz").is_file() for tile in tiles) == 1
+    assert (folder / "body" / "stages" / "reflectance.npz").is_file()
 
 
 def test_one_process_coordinates_while_others_map_tiles(body, mapped):

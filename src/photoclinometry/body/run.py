@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from photoclinometry.body.cluster import on_cluster
 from photoclinometry.body.coarse_shape import CoarseShape
 from photoclinometry.body.finished_surface import FinishedSurface
 from photoclinometry.body.merge import MergeTiles
+from photoclinometry.body.model_choice import ChooseBodyModel, chooses_reflectance
 from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.placement import PlaceLeftOut
 from photoclinometry.body.plan import PlanTiles
@@ -37,8 +38,10 @@ from photoclinometry.registration.georeference import MIN_PRIORS
 if TYPE_CHECKING:
     from distributed import Client
 
-BEFORE_TILES = ("body_sparse", "pose_covariances", "coarse_shape", "plan")
-"""Stages that the coordinating process makes, and those of single tiles read back."""
+PLANNED = ("body_sparse", "pose_covariances", "coarse_shape", "plan")
+"""Stages that the coordinating process makes, and tasks read back."""
+BEFORE_TILES = (*PLANNED, "reflectance")
+"""Stages that tasks of single tiles read back."""
 
 
 def owner_of_body(site: Site) -> Owner:
@@ -62,13 +65,17 @@ def plan_body(
 def tiles_to_map(
     site_file: Path, out: Path, options: BodyOptions, progress: Progress = no_progress, *, overwrite: bool = False
 ) -> list[int]:
-    """Numbers of the tiles of a body's plan that the folder does not hold yet. The plan is made if need be.
+    """Numbers of the tiles of a body's plan that the folder does not hold yet.
+
+    The plan is made and the reflectance model chosen, if need be.
 
     Raises as `plan_body`.
     """
     site, out = read_site(site_file), out.resolve()
     with claimed_run(out, owner_of_body(site), progress, overwrite=overwrite) as folder:
-        return _missing(folder, _tile_stages(out, _prepared(folder, site_file, site, options)))
+        model = _prepared(folder, site_file, site, options)
+        _have_model_chosen(folder, model, partial(in_processes, 1), site_file)
+        return _missing(folder, _tile_stages(folder, model))
 
 
 def map_body(
@@ -92,7 +99,8 @@ def map_body(
     run_tasks = partial(in_processes, workers) if scheduler is None else partial(on_cluster, scheduler)
     with claimed_run(out, owner_of_body(site), progress, overwrite=overwrite) as folder:
         model = _prepared(folder, site_file, site, options)
-        stages = _tile_stages(out, model)
+        _have_model_chosen(folder, model, run_tasks, site_file)
+        stages = _tile_stages(folder, model)
         run_tasks(map_one_tile, [(site_file.resolve(), out, options, n) for n in _missing(folder, stages)], progress)
         tiles = tuple(folder.done(stage) for stage in stages)
         _check_tiles(tiles)
@@ -113,25 +121,55 @@ def map_body(
 
 
 def map_one_tile(site_file: Path, out: Path, options: BodyOptions, number: int) -> None:
-    """Maps one tile of a body whose plan is made; may run on any machine that sees the folder.
+    """Maps one tile of a body whose plan is made and whose reflectance model is chosen; may run on any machine that
+    sees the folder.
 
-    Raises RunFolderError where the plan is not made, or was made with other options, and InputError where it has no
-    such tile.
+    Raises RunFolderError where these are not made, or with other options, and InputError where there is no such tile.
     """
-    site = read_site(site_file)
-    folder = joined_run(out, owner_of_body(site))
-    folder.finished_by_others = BEFORE_TILES
-    known = Keyed(Inputs(site=without_priors(site), images=[]), input_fingerprint(without_priors(site)))
-    model = _model(folder, site, known, options)
+    folder, model = _joined(site_file, out, options, BEFORE_TILES)
     count = len(model.plan.value.tiles)
     if not 0 <= number < count:
         raise InputError(f"there is no tile {number}: the plan has {count}, from 0 to {count - 1}")
-    folder.done(_tile_stages(out, model)[number])
+    folder.done(_tile_stages(folder, model)[number])
 
 
-def _tile_stages(out: Path, model: BodyModel) -> list[MapTile]:
-    """The stages that map the tiles of a plan."""
-    return [MapTile(number=n, model=model, body=Keyed(out, "body")) for n in range(len(model.plan.value.tiles))]
+def choose_model(site_file: Path, out: Path, options: BodyOptions) -> None:
+    """Chooses the reflectance model of a body whose plan is made, as `map_one_tile` maps a tile. Raises as that."""
+    folder, model = _joined(site_file, out, options, PLANNED)
+    folder.done(_model_choice(folder, model))
+
+
+def _joined(
+    site_file: Path, out: Path, options: BodyOptions, finished_by_others: tuple[str, ...]
+) -> tuple[RunFolder, BodyModel]:
+    """The folder of a body and its plan, as a task finds them."""
+    site = read_site(site_file)
+    folder = joined_run(out, owner_of_body(site))
+    folder.finished_by_others = finished_by_others
+    known = Keyed(Inputs(site=without_priors(site), images=[]), input_fingerprint(without_priors(site)))
+    return folder, _model(folder, site, known, options)
+
+
+def _have_model_chosen(folder: RunFolder, model: BodyModel, run_tasks: Callable[..., None], site_file: Path) -> None:
+    """Has the reflectance model chosen by a task, if the images are to decide and have not yet."""
+    if chooses_reflectance(model) and not folder.holds(_model_choice(folder, model)):
+        run_tasks(choose_model, [(site_file.resolve(), folder.path, model.options)], folder.progress)
+
+
+def _model_choice(folder: RunFolder, model: BodyModel) -> ChooseBodyModel:
+    return ChooseBodyModel(model=model, body=_body(folder))
+
+
+def _body(folder: RunFolder) -> Keyed[Path]:
+    return Keyed(folder.path, "body")
+
+
+def _tile_stages(folder: RunFolder, model: BodyModel) -> list[MapTile]:
+    """The stages that map the tiles of a plan, all with one reflectance model."""
+    body = _body(folder)
+    if chooses_reflectance(model):
+        model = replace(model, reflectance=folder.done(_model_choice(folder, model)))
+    return [MapTile(number=n, model=model, body=body) for n in range(len(model.plan.value.tiles))]
 
 
 def _missing(folder: RunFolder, stages: Sequence[MapTile]) -> list[int]:

@@ -20,7 +20,8 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.model.sparse import SparseModel, normalised, of_views
 from photoclinometry.model.warning import warn
-from photoclinometry.pipeline.choices import choose
+from photoclinometry.pipeline.choices import Choices, choose
+from photoclinometry.pipeline.model_choice import ChosenModel
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.posed_site import KnownViews, PosedSite
 from photoclinometry.pipeline.products import RunResult
@@ -52,6 +53,8 @@ class BodyModel:
     shape: Keyed[ClosedMesh]
     plan: Keyed[Plan]
     options: BodyOptions
+    reflectance: Keyed[ChosenModel] | None = None
+    """What all tiles finish with; None where that is given, or each tile is to choose."""
 
     @property
     def unit(self) -> str | None:
@@ -96,7 +99,7 @@ class MapTile(Stage[TileMap]):
         model, tile = self.model, self.model.plan.value.tiles[self.number]
         return digest(
             program_digest(), self.name, tile, model.posed, model.known, model.shape, model.options.run,
-            model.options.plan,
+            model.options.plan, model.reflectance,
         )  # fmt: skip
 
     def make(self, tools: Tools) -> TileMap:
@@ -124,12 +127,20 @@ def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_
         ready = PosedSite(
             site=site,
             posed=PosedImages(inputs=_masked(inputs, model, tile, rays), sparse=sparse),
-            choices=replace(choose(site, options), candidates=()),  # all tiles have one model
+            choices=_choices(model, site, options),
             options=options,
             depth=_depth(model, tile, sparse, rays),
             known_views=_known(model, tile, sparse),
         )
         return map_posed(folder, ready, config)
+
+
+def _choices(model: BodyModel, site: Site, options: RunOptions) -> Choices:
+    """What the options mean for a tile, which finishes with the body's reflectance model where that is chosen."""
+    found = choose(site, options)
+    if model.reflectance is None:
+        return found
+    return replace(found, candidates=(), last_reflectance=model.reflectance.value.reflectance)
 
 
 def tile_options(options: BodyOptions) -> RunOptions:

@@ -10,12 +10,14 @@ from functools import partial
 import numpy as np
 
 from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.blurred_views import views_to_leave_out, why_left_out
+from photoclinometry.pipeline.choices import Choices
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.joint_estimate import JointEstimate
-from photoclinometry.pipeline.map_stages import FinishedMap, Iterate, MapStages
+from photoclinometry.pipeline.map_stages import FinishedMap, Iterate, MapStages, Relit
 from photoclinometry.pipeline.model_choice import ChooseModel
 from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.posed_site import PosedSite
@@ -86,11 +88,9 @@ def _mapped(
         maps = _stages(folder, posed_site, used, dense, first.value.scene, holds_photometry=holds_photometry)
     relit = maps.relight(first)
     del first
-    model = choices.reflectance
-    if model is not None and choices.candidates and not holds_photometry:
-        stage = ChooseModel(relit=relit.start, known=model, candidates=choices.candidates)
-        model = folder.done(stage).value.reflectance
-    finished = maps.last_estimate(relit, model)
+    finished = maps.last_estimate(
+        relit, choices.reflectance if holds_photometry else _last_model(folder, choices, relit)
+    )
     return CheckedMap(
         finished=finished,
         iterations=(*relit.figures, finished.value.figures),
@@ -98,6 +98,15 @@ def _mapped(
         relief=relief_by_parallax(finished.value.adjustment.scene, *matched),
         left_out=left_out,
     )
+
+
+def _last_model(folder: RunFolder, choices: Choices, relit: Relit) -> Reflectance | None:
+    """The reflectance model of the last estimate: given, chosen for the map, or that of the estimates before."""
+    known = choices.reflectance
+    if known is None or not choices.candidates:
+        return choices.last_reflectance or known
+    stage = ChooseModel(relit=relit.start, known=known, candidates=choices.candidates)
+    return folder.done(stage).value.reflectance
 
 
 def _stages(

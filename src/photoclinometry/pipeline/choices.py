@@ -35,6 +35,8 @@ class Choices:
     """None of geometry alone."""
     candidates: tuple[str, ...]
     """Names of models of which the last estimate takes the best; none where the model is given."""
+    last_reflectance: Reflectance | None = None
+    """The model of the last estimate, where it was chosen by another map and is not that of the others."""
     matcher: Keyed[Matcher]
     """Of the first map."""
     relit_matcher: Keyed[Matcher]

@@ -1,0 +1,70 @@
+"""One reflectance model for a whole body, chosen by how well models predict views kept out of one tile's map."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+from photoclinometry.body.plan import Tile
+from photoclinometry.body.tile import BodyModel, map_tile
+from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.reflectance import starting_model
+from photoclinometry.pipeline.choices import choose
+from photoclinometry.pipeline.model_choice import ChosenModel
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest, say_found
+
+log = logging.getLogger(__name__)
+
+TRIED = 3
+"""Tiles tried at most: where so many find no map, the others will hardly find one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChooseBodyModel(Stage[ChosenModel]):
+    """The model that the tile with the most views finishes its own map with (`--reflectance auto`).
+
+    All tiles then finish with it: albedos of tiles with different models would differ by more than a factor. The tile's
+    own map goes on from there when its turn comes.
+    """
+
+    name = "reflectance"
+    result = ChosenModel
+    model: BodyModel
+    """Whose tiles do not know the model yet."""
+    body: Keyed[Path]
+    """The body's folder."""
+
+    @property
+    def key(self) -> str:
+        model = self.model
+        return digest(
+            program_digest(), self.name, model.posed, model.known, model.shape, model.plan, model.options.run,
+            model.options.plan,
+        )  # fmt: skip
+
+    def make(self, tools: Tools) -> ChosenModel:
+        model = self.model
+        for number in most_telling(model.plan.value.tiles)[:TRIED]:
+            try:
+                found = map_tile(self.body.value, model, number, tools.progress).scene.reflectance
+            except ReconstructionError as error:
+                log.info("tile %d chooses no reflectance model, it is not mapped: %s", number, error)
+                continue
+            assert found is not None
+            say_found(f"{found.name}, by tile {number}")
+            return ChosenModel(reflectance=starting_model(found.name, model.site.body))
+        first = choose(model.site, model.options.run).reflectance
+        assert first is not None
+        say_found(f"{first.name}, not chosen by a map")
+        return ChosenModel(reflectance=first)
+
+
+def chooses_reflectance(model: BodyModel) -> bool:
+    """Whether the images of the body are to choose its reflectance model."""
+    return bool(choose(model.site, model.options.run).candidates)
+
+
+def most_telling(tiles: tuple[Tile, ...]) -> list[int]:
+    """Numbers of tiles, those of most views first, and of these the larger ones."""
+    return sorted(range(len(tiles)), key=lambda n: (-len(tiles[n].views), -tiles[n].area))
