@@ -12,6 +12,7 @@ from photoclinometry.matching.interface import Matches
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between, so3_exp, unit
 from photoclinometry.model.projection import keypoint_residuals
+from photoclinometry.photometry.predict import brightness_residuals, observation_brightness
 from photoclinometry.pipeline import joint_estimate
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.relighting import (
@@ -140,6 +141,23 @@ def test_a_view_under_a_wrong_sun_is_named_and_no_other():
     assert misfit > 0.1
     assert not others
     assert inconsistent_brightness(replace(scene, reflectance=None)) == []
+
+
+def test_a_sound_view_under_a_low_sun_is_not_named():
+    """Normals are 2 degrees wrong, which is four times as large a share of its brightness as of others'."""
+    scene = synthetic_scene(size=24, views=7)
+    up, sun = unit(scene.landmarks.normal.mean(0)), scene.views.sun.copy()
+    across = unit(sun[2] - (sun[2] @ up) * up)
+    sun[2] = np.sin(np.radians(70.0)) * across + np.cos(np.radians(70.0)) * up
+    lit = replace(scene, views=replace(scene.views, sun=sun))
+    true = replace(lit, tracks=replace(lit.tracks, brightness=observation_brightness(lit)))
+    wrong = np.random.default_rng(0).normal(size=true.landmarks.normal.shape)
+    normal = unit(true.landmarks.normal + np.radians(2.0) * wrong)
+    found = replace(true, landmarks=replace(true.landmarks, normal=normal))
+    residual, view = np.abs(brightness_residuals(found)), found.tracks.view
+    share = [np.median(residual[view == k]) / np.median(found.tracks.brightness[view == k]) for k in range(7)]
+    assert share[2] > max(0.03, 3.0 * np.median(share))
+    assert inconsistent_brightness(found) == []
 
 
 def iterations_of(folder):

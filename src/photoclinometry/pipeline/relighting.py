@@ -27,14 +27,15 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Image, Scene, Tracks
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import CONVENTION
+from photoclinometry.photometry.initialize import GRAZING
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 
 log = logging.getLogger(__name__)
 
 INCONSISTENT_SHARE, INCONSISTENT_TIMES = 0.03, 3.0
-"""The brightness of a view is inconsistent with the map that is off by more than this share, and by so many times what
-is usual."""
+"""The brightness of a view is inconsistent with the map that is off by more than this share of what it would be under a
+Sun overhead, and by so many times what is usual."""
 
 WRONG_LIGHT = 0.15
 """Share by which the first map's brightness is off where most Suns are wrong. Of a small simulated site it is 0.006
@@ -181,18 +182,23 @@ def is_settled(number: int, moved_px: float, settled_px: float) -> bool:
 def inconsistent_brightness(scene: Scene) -> list[tuple[str, float]]:
     """Names of views that the map explains much worse than the others, and how far off their brightness is.
 
-    That is the median size of lit residuals over the median brightness. It is inconsistent if it is more than
-    INCONSISTENT_SHARE, and INCONSISTENT_TIMES that of the median view: a Sun wrong by tens of degrees makes it so.
+    That is the median size of lit residuals over the median brightness. It is inconsistent if, times the median cosine
+    of incidence, it is more than INCONSISTENT_SHARE, and INCONSISTENT_TIMES that of the median view: a Sun wrong by
+    tens of degrees makes it so. Errors of slopes change brightness as much under a low Sun as under a high one, but are
+    a larger share of it.
     """
     if scene.reflectance is None:
         return []
     tracks = scene.tracks
-    residual, misfit = np.abs(brightness_residuals(scene)), np.zeros(len(scene.views))
+    residual = np.abs(brightness_residuals(scene))
+    misfit, cosine = np.zeros(len(scene.views)), np.ones(len(scene.views))
     for k in range(len(misfit)):
-        lit = tracks.lit & (tracks.view == k)
-        if lit.any():
+        lit = np.flatnonzero(tracks.lit & (tracks.view == k))
+        if len(lit):
             misfit[k] = np.median(residual[lit]) / np.median(tracks.brightness[lit])
-    found = misfit > max(INCONSISTENT_SHARE, INCONSISTENT_TIMES * float(np.median(misfit)))
+            cosine[k] = np.median(scene.landmarks.normal[tracks.landmark[lit]] @ scene.views.sun[k])
+    under_high_sun = misfit * np.maximum(cosine, GRAZING)  # a wrong Sun may stand below the ground
+    found = under_high_sun > max(INCONSISTENT_SHARE, INCONSISTENT_TIMES * float(np.median(under_high_sun)))
     return [(scene.views.name[k], float(misfit[k])) for k in np.flatnonzero(found)]
 
 
