@@ -10,7 +10,7 @@ from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, u
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.scene import Image
-from photoclinometry.pipeline import direct_refinement
+from photoclinometry.pipeline import direct_refinement, joint_estimate
 from photoclinometry.pipeline.direct_refinement import MIN_LIT, has_strayed, image_gradients, put_back, refine_directly
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
 from photoclinometry.registration.alignment import transform_scene
@@ -138,10 +138,29 @@ def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_t
     assert found.parameter_sigma.shape == wrong.reflectance.parameters.shape
     assert np.isnan(found.parameter_sigma).all()
     assert first.rough
+    assert first.all_steps
     assert first.gradients.factor is None
     assert photometry == Step(rough=True, hold_geometry=True)
     assert not last.rough
     assert 0.001 < np.std(last.gradients.factor) < 0.1
+
+
+def test_a_rough_estimate_may_end_with_all_steps(true, monkeypatch):
+    """What follows the first estimate by the images asks whether it has converged; eight steps are few for that."""
+    solvers = []
+
+    def recorded(start, options, **_):
+        solvers.append(options.solver)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(joint_estimate, "adjust", recorded)
+    for step in (Step(), Step(rough=True), Step(rough=True, all_steps=True)):
+        with pytest.raises(KeyboardInterrupt):
+            JointEstimate(options=QUICK)(true, step)
+    whole, short, long = solvers
+    assert whole == QUICK.solver
+    assert short.max_steps < long.max_steps == whole.max_steps
+    assert short == replace(long, max_steps=short.max_steps) == whole.roughly()
 
 
 def pushed(scene, which, gsd=3.0):

@@ -48,6 +48,11 @@ BENT_SMOOTHNESS = 0.1
 allows for the bend between neighbours (`bend_between`), and is as given times this. True surfaces of three places
 depart from their normals by 0.010 to 0.020 rad in the median where the bend is allowed for, by 0.04 to 0.055 else."""
 
+NEAREST_NEIGHBOUR = 0.5
+"""Landmarks nearer than this share of the map's spacing are no neighbours: rays of the reference view lie a whole one
+apart, so that a wrong match put one there, and the direction between them is that of its error. Of a thousandth of the
+spacing it turns round in a step, and the estimate of all waits for it."""
+
 DIRECT_SIGMA_PX = 25.0
 """Keypoints' standard deviation where brightness follows their landmark (`ImageGradients`) [px]: they then hold what no
 image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
@@ -203,7 +208,8 @@ def smoothness_group(setup: Setup, landmarks: Landmarks, noise: Noise) -> Smooth
     if setup.reflectance is None or options.smooth_sigma_rad <= 0 or options.smooth_neighbours == 0:
         return None
     looser = setup.correlation(noise.brightness_correlation_px) / BALANCED_CORRELATION_PX
-    pairs = neighbour_pairs(landmarks.position, setup.members.count, options.smooth_neighbours)
+    nearest = NEAREST_NEIGHBOUR * setup.scene.spacing
+    pairs = neighbour_pairs(landmarks.position, setup.members.count, options.smooth_neighbours, nearest)
     if setup.without_smooth_errors:
         bend = bend_between(pairs, landmarks.position, landmarks.normal)
         return Smoothness(pairs, BENT_SMOOTHNESS * options.smooth_sigma_rad * max(looser, 1.0), bend)
@@ -211,9 +217,11 @@ def smoothness_group(setup: Setup, landmarks: Landmarks, noise: Noise) -> Smooth
     return Smoothness(pairs, options.smooth_sigma_rad * max(looser, least))
 
 
-def neighbour_pairs(position: np.ndarray, mapped: int, count: int) -> Neighbours:
-    """`count` neighbours of each of the map's landmarks, the first `mapped`; tie points have none."""
+def neighbour_pairs(position: np.ndarray, mapped: int, count: int, nearest: float) -> Neighbours:
+    """`count` neighbours of each of the map's landmarks, the first `mapped`, but for those nearer than `nearest`; tie
+    points have none."""
     index, near = neighbours(position[:mapped], count)
+    near &= np.linalg.norm(position[index] - position[:mapped, None], axis=-1) >= nearest
     alone = ((0, len(position) - mapped), (0, 0))
     return build_neighbours(np.pad(index, alone), np.pad(near, alone))
 

@@ -54,7 +54,7 @@ def refine_directly(scene: Scene, images: Sequence[Image], estimate: Callable[[S
     if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:
         log.info("too few views light the ground: the last estimate is of matches")
         return estimate(scene, Step())
-    first = estimate(start, Step(rough=True, gradients=gradients))
+    first = estimate(start, Step(rough=True, all_steps=True, gradients=gradients))
     strayed = has_strayed(first.scene)
     start, gradients = image_gradients(put_back(first.scene, scene, strayed), images, ~strayed)
     direct = gradients.of_landmarks(start.tracks)

@@ -48,6 +48,9 @@ class Step:
     rough: bool = False
     """Whether it ends early and without uncertainties. What it leaves is matched again, and what it has not settled are
     the slow motions of the whole map."""
+    all_steps: bool = False
+    """Whether a rough one may end with as many steps as the options allow, since what follows asks whether it has
+    converged."""
     gradients: ImageGradients | None = None
     """Of the images where the start's brightness was taken; that then follows the landmarks."""
     noise: Noise | None = None
@@ -115,7 +118,10 @@ class JointEstimate:
         """The one call of `adjust`, with its iterations reported."""
         options = replace(self.options, keypoint_slack=step.keypoint_sigma_factor * self.options.keypoint_slack)
         if step.rough:
-            options = replace(options, uncertainty=False, solver=options.solver.roughly())
+            solver, steps = options.solver.roughly(), options.solver.max_steps
+            options = replace(
+                options, uncertainty=False, solver=replace(solver, max_steps=steps) if step.all_steps else solver
+            )
         if step.hold_geometry:
             options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
         views = start.views
