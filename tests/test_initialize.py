@@ -42,7 +42,7 @@ def test_normals_need_three_points():
 
 def test_neighbours_on_a_grid_are_the_four_adjacent_points():
     y, x = np.indices((12, 12))
-    near, keep = neighbours(np.stack([x, y, 0 * x], -1).reshape(-1, 3).astype(float))
+    near, keep = neighbours(np.stack([x, y, 0 * x], -1).reshape(-1, 3).astype(float), 4)
     middle = 5 * 12 + 5
     assert set(near[middle]) == {middle - 1, middle + 1, middle - 12, middle + 12}
     assert keep[middle].all()
@@ -51,7 +51,7 @@ def test_neighbours_on_a_grid_are_the_four_adjacent_points():
 def test_neighbours_do_not_reach_across_a_hole():
     points = np.column_stack([np.arange(400.0), np.zeros((400, 2))])
     points[-1, 0] += 60.0
-    near, keep = neighbours(points)
+    near, keep = neighbours(points, 4)
     assert not keep[-1].any()
     assert keep[:-3].all()
     assert not (near == np.arange(400)[:, None]).any()

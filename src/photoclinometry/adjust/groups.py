@@ -35,6 +35,7 @@ from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, GroundControl, Mem
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Scene
 from photoclinometry.photometry.initialize import neighbours
+from photoclinometry.photometry.predict import BIAS_SIGMA
 
 BALANCED_CORRELATION_PX = 3.0
 """Brightness correlation up to which smoothness is as given; of a map of larger stride, in landmarks."""
@@ -67,9 +68,6 @@ percent absolutely, and to better than one from image to image."""
 
 FREE_SCALE_SIGMA = 1e-6
 """Prior on the reference view's scale where no other is known: it is 1."""
-
-CALIBRATED_BIAS, FREE_BIAS = 1e-3, 0.1
-"""Priors on biases about 0, as shares of the median brightness, of I/F and of uncalibrated numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,8 +274,7 @@ def exposure_sigmas(scene: Scene, options: AdjustOptions) -> tuple[np.ndarray, n
     scale = np.full(count, options.scale_sigma or (CALIBRATED_SCALE_SIGMA if calibrated else np.inf))
     if not calibrated:
         scale[scene.reference] = min(scale[scene.reference], FREE_SCALE_SIGMA)
-    share = CALIBRATED_BIAS if scene.brightness == "iof" else FREE_BIAS
-    return scale, np.full(count, options.bias_sigma or share * level)
+    return scale, np.full(count, options.bias_sigma or BIAS_SIGMA[scene.brightness] * level)
 
 
 def _central_landmark(scene: Scene, mapped: int) -> int:

@@ -65,7 +65,7 @@ def normals_from_neighbours(
     return normal
 
 
-def neighbours(position: np.ndarray, count: int = 4) -> tuple[np.ndarray, np.ndarray]:
+def neighbours(position: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """The nearest other points: (J, count) int32 indices and (J, count) bool, which of them are near enough.
 
     position: (J, 3). Pairs across the holes of a map are dropped (_FARTHEST). Raises ValueError unless J > count.
