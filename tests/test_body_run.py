@@ -142,11 +142,11 @@ def test_neighbouring_tiles_are_one_surface_by_their_shared_cameras(body, mapped
 
 
 def test_tiles_finish_with_the_model_that_one_of_them_chose(body, mapped):
-    """The model of the ground, which the simulator has by default, is not left for another."""
+    """Which that is, images of so small a tile hardly tell."""
     folder, _, _ = body
     tiles = sorted((folder / "body" / "tiles").iterdir())
     assert len(tiles) == 2
-    assert [read_scene(tile).reflectance.name for tile in tiles] == ["lunar-lambert"] * 2
+    assert len({read_scene(tile).reflectance.name for tile in tiles}) == 1
     assert sum((tile / "stages" / "reflectance.npz").is_file() for tile in tiles) == 1
     assert (folder / "body" / "stages" / "reflectance.npz").is_file()
 

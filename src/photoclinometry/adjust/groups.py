@@ -49,10 +49,10 @@ BENT_SMOOTHNESS = 0.1
 allows for the bend between neighbours (`bend_between`), and is as given times this. True surfaces of three places
 depart from their normals by 0.010 to 0.020 rad in the median where the bend is allowed for, by 0.04 to 0.055 else."""
 
-NEAREST_NEIGHBOUR = 0.5
+NEAREST_NEIGHBOUR = 0.05
 """Landmarks nearer than this share of the map's spacing are no neighbours: rays of the reference view lie a whole one
-apart, so that a wrong match put one there, and the direction between them is that of its error. Of a thousandth of the
-spacing it turns round in a step, and the estimate of all waits for it."""
+apart, so that a wrong match put one there. The direction between two a thousandth of the spacing apart turns round in
+a step as short as any, and the estimate of all waits for it."""
 
 DIRECT_SIGMA_PX = 25.0
 """Keypoints' standard deviation where brightness follows their landmark (`ImageGradients`) [px]: they then hold what no
