@@ -218,8 +218,7 @@ def smoothness_group(setup: Setup, landmarks: Landmarks, noise: Noise) -> Smooth
 def neighbour_pairs(position: np.ndarray, mapped: int, count: int, nearest: float) -> Neighbours:
     """`count` neighbours of each of the map's landmarks, the first `mapped`, but for those nearer than `nearest`; tie
     points have none."""
-    index, near = neighbours(position[:mapped], count)
-    near &= np.linalg.norm(position[index] - position[:mapped, None], axis=-1) >= nearest
+    index, near = neighbours(position[:mapped], count, nearest)
     alone = ((0, len(position) - mapped), (0, 0))
     return build_neighbours(np.pad(index, alone), np.pad(near, alone))
 

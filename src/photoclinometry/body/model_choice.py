@@ -10,7 +10,7 @@ from photoclinometry.body.plan import Tile
 from photoclinometry.body.tile import BodyModel, map_tile
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.reflectance import starting_model
-from photoclinometry.pipeline.choices import choose
+from photoclinometry.pipeline.choices import choose_reflectance
 from photoclinometry.pipeline.model_choice import ChosenModel
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest, say_found
 
@@ -37,11 +37,7 @@ class ChooseBodyModel(Stage[ChosenModel]):
 
     @property
     def key(self) -> str:
-        model = self.model
-        return digest(
-            program_digest(), self.name, model.posed, model.known, model.shape, model.plan, model.options.run,
-            model.options.plan,
-        )  # fmt: skip
+        return digest(program_digest(), self.name, self.model.plan, *self.model.of_tiles)
 
     def make(self, tools: Tools) -> ChosenModel:
         model = self.model
@@ -54,7 +50,7 @@ class ChooseBodyModel(Stage[ChosenModel]):
             assert found is not None
             say_found(f"{found.name}, by tile {number}")
             return ChosenModel(reflectance=starting_model(found.name, model.site.body))
-        first = choose(model.site, model.options.run).reflectance
+        first = choose_reflectance(model.options.run.reflectance, model.site.body)
         assert first is not None
         say_found(f"{first.name}, not chosen by a map")
         return ChosenModel(reflectance=first)
@@ -62,7 +58,7 @@ class ChooseBodyModel(Stage[ChosenModel]):
 
 def chooses_reflectance(model: BodyModel) -> bool:
     """Whether the images of the body are to choose its reflectance model."""
-    return bool(choose(model.site, model.options.run).candidates)
+    return model.options.run.reflectance == "auto"
 
 
 def most_telling(tiles: tuple[Tile, ...]) -> list[int]:

@@ -67,9 +67,7 @@ def tiles_to_map(
 ) -> list[int]:
     """Numbers of the tiles of a body's plan that the folder does not hold yet.
 
-    The plan is made and the reflectance model chosen, if need be.
-
-    Raises as `plan_body`.
+    The plan is made and the reflectance model chosen, if need be. Raises as `plan_body`.
     """
     site, out = read_site(site_file), out.resolve()
     with claimed_run(out, owner_of_body(site), progress, overwrite=overwrite) as folder:
@@ -146,7 +144,8 @@ def _joined(
     site = read_site(site_file)
     folder = joined_run(out, owner_of_body(site))
     folder.finished_by_others = finished_by_others
-    known = Keyed(Inputs(site=without_priors(site), images=[]), input_fingerprint(without_priors(site)))
+    alone = without_priors(site)
+    known = Keyed(Inputs(site=alone, images=[]), input_fingerprint(alone))
     return folder, _model(folder, site, known, options)
 
 

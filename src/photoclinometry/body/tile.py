@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +58,11 @@ class BodyModel:
     """What all tiles finish with; None where that is given, or each tile is to choose."""
 
     @property
+    def of_tiles(self) -> tuple[Any, ...]:
+        """What the map of a tile depends on besides the tile; parts of `digest`."""
+        return self.posed, self.known, self.shape, self.options.run, self.options.plan, self.reflectance
+
+    @property
     def unit(self) -> str | None:
         """Of lengths in the body's frame; None where that is of the images alone."""
         return "m" if self.posed.frame == BODY_FIXED else None
@@ -97,10 +103,7 @@ class MapTile(Stage[TileMap]):
     @property
     def key(self) -> str:
         model, tile = self.model, self.model.plan.value.tiles[self.number]
-        return digest(
-            program_digest(), self.name, tile, model.posed, model.known, model.shape, model.options.run,
-            model.options.plan, model.reflectance,
-        )  # fmt: skip
+        return digest(program_digest(), self.name, tile, *model.of_tiles)
 
     def make(self, tools: Tools) -> TileMap:
         tile = self.model.plan.value.tiles[self.number]

@@ -65,10 +65,11 @@ def normals_from_neighbours(
     return normal
 
 
-def neighbours(position: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def neighbours(position: np.ndarray, count: int, nearest: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """The nearest other points: (J, count) int32 indices and (J, count) bool, which of them are near enough.
 
-    position: (J, 3). Pairs across the holes of a map are dropped (_FARTHEST). Raises ValueError unless J > count.
+    position: (J, 3). Pairs across the holes of a map are dropped (_FARTHEST), and those nearer than `nearest`. Raises
+    ValueError unless J > count.
     """
     from scipy.spatial import KDTree
 
@@ -79,7 +80,8 @@ def neighbours(position: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray
     itself = near == np.arange(len(position))[:, None]
     itself[~itself.any(1), -1] = True
     near, distance = np.asarray(near)[~itself].reshape(-1, count), np.asarray(distance)[~itself].reshape(-1, count)
-    return near.astype(np.int32), distance <= distance.mean() + _FARTHEST * distance.std()
+    farthest = distance.mean() + _FARTHEST * distance.std()
+    return near.astype(np.int32), (distance >= nearest) & (distance <= farthest)
 
 
 def sample_brightness(

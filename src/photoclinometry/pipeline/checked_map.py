@@ -88,9 +88,8 @@ def _mapped(
         maps = _stages(folder, posed_site, used, dense, first.value.scene, holds_photometry=holds_photometry)
     relit = maps.relight(first)
     del first
-    finished = maps.last_estimate(
-        relit, choices.reflectance if holds_photometry else _last_model(folder, choices, relit)
-    )
+    model = choices.reflectance if holds_photometry else _last_model(folder, choices, relit)
+    finished = maps.last_estimate(relit, model)
     return CheckedMap(
         finished=finished,
         iterations=(*relit.figures, finished.value.figures),

@@ -118,10 +118,8 @@ class JointEstimate:
         """The one call of `adjust`, with its iterations reported."""
         options = replace(self.options, keypoint_slack=step.keypoint_sigma_factor * self.options.keypoint_slack)
         if step.rough:
-            solver, steps = options.solver.roughly(), options.solver.max_steps
-            options = replace(
-                options, uncertainty=False, solver=replace(solver, max_steps=steps) if step.all_steps else solver
-            )
+            solver = options.solver.roughly(all_steps=step.all_steps)
+            options = replace(options, uncertainty=False, solver=solver)
         if step.hold_geometry:
             options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
         views = start.views

@@ -80,12 +80,15 @@ class SolverOptions(Ranged):
     chebyshev_reduction: Annotated[float, Range(above=0, below=1)] = 0.4
     """By how much it shrinks errors; sets the polynomial's degree."""
 
-    def roughly(self) -> SolverOptions:
-        """For an estimate that is made again with other weights or matches: without the slow motions at the end."""
+    def roughly(self, *, all_steps: bool = False) -> SolverOptions:
+        """For an estimate that is made again with other weights or matches: without the slow motions at the end.
+
+        all_steps: with as many steps as these options allow.
+        """
         return replace(
             self,
             relative_decrease=max(self.relative_decrease, ROUGH_DECREASE),
-            max_steps=min(self.max_steps, ROUGH_STEPS),
+            max_steps=self.max_steps if all_steps else min(self.max_steps, ROUGH_STEPS),
             final_truncation=self.truncation,
         )
 
