@@ -8,7 +8,7 @@ import pytest
 
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.keypoints import sift_keypoints
-from photoclinometry.sfm.pairs import PREVIEWED, all_pairs, likeness_of, promising_pairs
+from photoclinometry.sfm.pairs import PREVIEWED, all_pairs, likeness_of, pairs_between, promising_pairs
 from photoclinometry.sfm.pictures import brightness_picture
 from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site
 from test_sfm_relief import site as lit_site
@@ -25,6 +25,18 @@ def test_each_view_is_matched_with_those_most_like_it():
 def test_few_views_are_all_matched():
     assert promising_pairs(LIKENESS, 3) == promising_pairs(LIKENESS, 20) == all_pairs(4)
     assert len(all_pairs(4)) == 6
+
+
+def test_models_are_paired_by_their_most_similar_views_and_lone_views_with_all():
+    """Models of views 0, 1 and of 2, 3; 4 is in none. Of the other model 2 is most like 0, 3 most like 1."""
+    likeness = np.zeros((5, 5), int)
+    likeness[:4, :4] = LIKENESS
+    places = [np.array([0, 1]), np.array([2, 3])]
+    lone = [(4, 0), (4, 1), (4, 2), (4, 3)]
+    assert pairs_between(places, likeness, 1) == [(2, 0), (3, 1), *lone]
+    assert pairs_between(places, likeness, 2) == [(2, 0), (2, 1), (3, 0), (3, 1), *lone]
+    assert pairs_between([np.arange(4)], likeness, 1) == lone
+    assert pairs_between([np.arange(5)], likeness, 1) == []
 
 
 def test_likeness_counts_matching_descriptors():
@@ -70,12 +82,12 @@ def test_few_partners_lose_no_view(tmp_path, caplog):
     assert rotation_errors_deg(found.body_from_cam, true).max() < 0.3
 
 
-def test_views_that_do_not_register_are_matched_with_all(tmp_path, caplog):
+def test_views_of_two_models_are_matched_with_each_other(tmp_path, caplog):
     """Two Suns, three views under each: a view's two partners have its own Sun, and no pair links the two groups."""
     images, _, true = lit_site([20, 22, 24, 42, 44, 46])
     with caplog.at_level(logging.INFO):
         found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path, replace(OPTIONS, partners=2))
     assert "6 of 6 pairs match" in caplog.text
-    assert "3 views did not register; they are matched with all others" in caplog.text
+    assert "2 models; 8 more pairs of views are matched" in caplog.text
     assert found.registered.all()
     assert rotation_errors_deg(found.body_from_cam, true).max() < 0.5

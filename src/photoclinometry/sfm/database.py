@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -165,6 +166,46 @@ def match_views(
     for (a, b), number in _verified_pairs(database):
         inliers[a, b] = inliers[b, a] = number
     return inliers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matches:
+    """The keypoints of K views, and which of them match by their descriptors, right or wrong."""
+
+    keypoints: list[np.ndarray]
+    """By view, (n, 2) pixels."""
+    pairs: dict[tuple[int, int], np.ndarray]
+    """By two views (a, b), (m, 2) indices of the keypoints of a and of b."""
+
+
+def read_matches(count: int, work_dir: Path) -> Matches:
+    """All matches of `count` views."""
+    import pycolmap
+
+    with pycolmap.Database.open(work_dir / DATABASE) as database:
+        image_id = _image_ids(database)
+        view = {number: k for k, number in image_id.items()}
+        keypoints = [np.asarray(database.read_keypoints(image_id[k]))[:, :2].astype(float) for k in range(count)]
+        pairs = {}
+        for pair_id, index in zip(*database.read_all_matches(), strict=True):
+            a, b = pycolmap.pair_id_to_image_pair(pair_id)
+            pairs[view[a], view[b]] = np.asarray(index)
+    return Matches(keypoints=keypoints, pairs=pairs)
+
+
+def write_verified_matches(work_dir: Path, pairs: Mapping[tuple[int, int], np.ndarray]) -> None:
+    """Verified matches of views (a, b), (m, 2) each, in place of those that were verified before."""
+    import pycolmap
+
+    with pycolmap.Database.open(work_dir / DATABASE) as database:
+        image_id = _image_ids(database)
+        for (a, b), index in pairs.items():
+            verified = pycolmap.TwoViewGeometry()
+            verified.config = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
+            verified.inlier_matches = index.astype(np.uint32)
+            known = database.exists_two_view_geometry(image_id[a], image_id[b])
+            write = database.update_two_view_geometry if known else database.write_two_view_geometry
+            write(image_id[a], image_id[b], verified)
 
 
 def read_keypoints(count: int, work_dir: Path) -> list[tuple[np.ndarray, np.ndarray]]:

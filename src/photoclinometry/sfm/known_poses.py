@@ -11,9 +11,11 @@ import numpy as np
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
+from photoclinometry.sfm.adjustment import RobustAdjustment
 from photoclinometry.sfm.database import DATABASE
 from photoclinometry.sfm.mapping import from_colmap, tune_triangulation
 from photoclinometry.sfm.options import SfmOptions
+from photoclinometry.sfm.reversal import with_views_turned_round
 
 MIN_RATIO, MAX_RATIO = 0.5, 2.0
 """Pairs of views by priors: bounds of the ratio of their resolutions; SIFT bridges a factor of two safely."""
@@ -53,6 +55,24 @@ class VerifiedMatches:
 
         Views that see no such point count as not registered; their poses stay, too.
         """
+        model = self._posed(body_from_cam, used)
+        self._triangulate(model, cameras, gate_px)
+        return replace(_only_seeing(from_colmap(model, len(cameras)), used), body_from_cam=body_from_cam)
+
+    def adjusted(self, cameras: list[Camera], body_from_cam: Rigid, used: np.ndarray, gate_px: float) -> SparseModel:
+        """As `triangulated`, and adjusted: points and poses, in a frame that two of the cameras hold.
+
+        Views whose own pose was reversed are turned round.
+        """
+        adjustment = RobustAdjustment(self.options.threads)
+        model = self._posed(body_from_cam, used)
+        self._triangulate(model, cameras, gate_px)
+        adjustment.of_model(model)
+        model = with_views_turned_round(model, adjustment)
+        return _only_seeing(from_colmap(model, len(cameras)), used)
+
+    def _posed(self, body_from_cam: Rigid, used: np.ndarray) -> Any:
+        """A pycolmap reconstruction of the views `used` (K,) bool, without points."""
         import pycolmap
 
         model = pycolmap.Reconstruction()
@@ -65,10 +85,7 @@ class VerifiedMatches:
                 pose = pycolmap.Rigid3d(rotation, cam_from_body.translation[view])
                 image.frame.set_cam_from_world(image.camera_id, pose)
                 model.register_frame(image.frame_id)
-        self._triangulate(model, cameras, gate_px)
-        found = from_colmap(model, len(cameras))
-        seen = np.bincount(found.point_view, minlength=len(cameras)) > 0
-        return replace(found, registered=used & seen, body_from_cam=body_from_cam)
+        return model
 
     def _triangulate(self, model: Any, cameras: list[Camera], gate_px: float) -> None:
         import pycolmap
@@ -85,3 +102,9 @@ class VerifiedMatches:
         triangulator.retriangulate(limits)
         observed.filter_all_points3D(gate_px, self.options.min_triangulation_deg)
         model.update_point_3d_errors()
+
+
+def _only_seeing(found: SparseModel, used: np.ndarray) -> SparseModel:
+    """The model where of the views `used` (K,) only those that see points count as registered."""
+    seen = np.bincount(found.point_view, minlength=len(used)) > 0
+    return replace(found, registered=used & seen)

@@ -217,11 +217,6 @@ def size(model: Any) -> tuple[int, int]:
     return model.num_reg_images(), model.num_points3D()
 
 
-def views_of(model: Any) -> list[int]:
-    """Registered views, ascending."""
-    return sorted(int(Path(model.images[i].name).stem) for i in model.reg_image_ids())
-
-
 def from_colmap(model: Any, count: int) -> SparseModel:
     """A pycolmap reconstruction of `count` views, in its own frame."""
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))

@@ -8,6 +8,8 @@ or under a different Sun, match little.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from photoclinometry.sfm.keypoints import mutual_matches
@@ -32,6 +34,24 @@ def promising_pairs(likeness: np.ndarray, partners: int) -> list[tuple[int, int]
     chosen = np.zeros((count, count), bool)
     np.put_along_axis(chosen, best, True, axis=1)
     return [(a, b) for a, b in all_pairs(count) if chosen[a, b] or chosen[b, a]]
+
+
+def pairs_between(places: Sequence[np.ndarray], likeness: np.ndarray, partners: int) -> list[tuple[int, int]]:
+    """Pairs (a, b), b < a, that may join several models, and views that are in none.
+
+    places: the views of each model; likeness: (K, K), as of `likeness_of`. Views in none are paired with all others,
+    views of a model with the `partners` most similar ones of which no model has both.
+    """
+    count = len(likeness)
+    together = np.zeros((count, count), bool)
+    for views in places:
+        together[np.ix_(views, views)] = True
+    chosen = np.zeros((count, count), bool)
+    if len(places) > 1:
+        best = np.argsort(-np.where(together, -1, likeness), axis=1, kind="stable")[:, :partners]
+        np.put_along_axis(chosen, best, True, axis=1)
+    chosen |= ~np.diag(together)[:, None]
+    return [(a, b) for a, b in all_pairs(count) if (chosen[a, b] or chosen[b, a]) and not together[a, b]]
 
 
 def likeness_of(keypoints: list[tuple[np.ndarray, np.ndarray]], max_ratio: float) -> np.ndarray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,19 @@ from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel, connected_groups, normalised
 from photoclinometry.model.warning import warn
-from photoclinometry.sfm.database import add_relief_keypoints, disk_errors, match_views, read_keypoints, write_views
-from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap, size, views_of
+from photoclinometry.sfm.completion import completed
+from photoclinometry.sfm.database import (
+    add_relief_keypoints,
+    disk_errors,
+    match_views,
+    read_keypoints,
+    read_matches,
+    write_views,
+)
+from photoclinometry.sfm.joining import joined_models
+from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap
 from photoclinometry.sfm.options import SfmOptions
-from photoclinometry.sfm.pairs import all_pairs, likeness_of, promising_pairs
+from photoclinometry.sfm.pairs import all_pairs, likeness_of, pairs_between, promising_pairs
 
 log = logging.getLogger(__name__)
 
@@ -33,6 +42,10 @@ THIN_SHARE = 0.5
 """If a smaller share of the pairs matches, light differs much, and keypoints of the relief are tried."""
 
 
+NAMED = 5
+"""Views of another place that the message about one of them names."""
+
+
 class _Attempt(NamedTuple):
     """The outcome of matching and mapping with one kind of keypoints, or with both."""
 
@@ -40,16 +53,13 @@ class _Attempt(NamedTuple):
     """Pairs of views that were matched."""
     inliers: np.ndarray
     """(K, K) numbers of verified matches between views."""
-    models: list[Any]
-    """pycolmap reconstructions, one for each connected set of views."""
-
-    @property
-    def best(self) -> Any:
-        return max(self.models, key=size, default=None)
+    models: list[SparseModel]
+    """Of all K views, in a frame of its own each, one for each set of views that matches connect; the largest first."""
 
     @property
     def registered(self) -> set[int]:
-        return set(views_of(self.best)) if self.models else set()
+        """Views of the largest model."""
+        return set(np.flatnonzero(self.models[0].registered).tolist()) if self.models else set()
 
 
 def reconstruct_sparse(
@@ -81,15 +91,15 @@ def reconstruct_sparse(
         found = plain
         if sun_in_cam is not None and options.relief_keypoints and _matches_little(plain, options):
             found = _by_relief_too(images, cameras, sun_in_cam, plain, work_dir, options, progress)
-    best = found.best
-    if best is None or best.num_reg_images() < MIN_VIEWS:
+    if len(found.registered) < MIN_VIEWS:
         raise ReconstructionError(_explain_failure(names, found, options))
-    sparse = normalised(from_colmap(best, len(images)), cameras)
+    sparse = found.models[0]
     log.info(
         "%d of %d views registered, %d points, %.3f px mean reprojection error",
         sparse.registered.sum(), len(names), len(sparse.points), sparse.mean_reprojection_px,
     )  # fmt: skip
-    reason = _reasons(names, sparse.registered, [views_of(model) for model in found.models], found.inliers, options)
+    places = [np.flatnonzero(model.registered).tolist() for model in found.models]
+    reason = _reasons(names, sparse.registered, places, found.inliers, options)
     for view in np.flatnonzero(~sparse.registered):
         warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
     brought_in = _brought_in(plain, found, options)
@@ -110,20 +120,36 @@ def _matched_and_mapped(
 ) -> _Attempt:
     """Each view is matched with the most similar ones, and all are mapped.
 
-    If views do not register, these are matched with all others, and all are mapped once more.
-    stage: name for progress reports.
+    If several models result, or views are in none, more pairs are matched: those views with all others, and each view
+    of a model with the most similar ones of the other models. All are mapped once more, and models that are one are
+    joined. stage: name for progress reports.
     """
     count = len(cameras)
-    pairs = all_pairs(count)
+    pairs, likeness = all_pairs(count), None
     if count - 1 > options.partners:
-        pairs = promising_pairs(likeness_of(read_keypoints(count, work_dir), options.max_ratio), options.partners)
+        likeness = likeness_of(read_keypoints(count, work_dir), options.max_ratio)
+        pairs = promising_pairs(likeness, options.partners)
     found = _mapped(cameras, pairs, pairs, work_dir, options, stage, progress)
-    left_out = set(range(count)) - found.registered
-    more = [pair for pair in sorted({*all_pairs(count)} - {*pairs}) if left_out & {*pair}]
-    if more:
-        log.info("%d views did not register; they are matched with all others", len(left_out))
-        found = _mapped(cameras, pairs + more, more, work_dir, options, stage, progress)
-    return found
+    if likeness is not None:
+        places = [np.flatnonzero(model.registered) for model in found.models]
+        more = sorted({*pairs_between(places, likeness, options.partners)} - {*pairs})
+        if more:
+            log.info("%d models; %d more pairs of views are matched", len(places), len(more))
+            found = _mapped(cameras, pairs + more, more, work_dir, options, stage, progress)
+    return found._replace(models=_joined(found.models, cameras, work_dir, options))
+
+
+def _joined(models: list[SparseModel], cameras: list[Camera], work_dir: Path, options: SfmOptions) -> list[SparseModel]:
+    """The models, those that are one joined, the largest first; that is completed where this brings in views."""
+    if not models or models[0].registered.all():
+        return models
+    matches = read_matches(len(cameras), work_dir)
+    first, *others = joined_models(models, matches, cameras, options.seed)
+    whole = completed(first, matches, cameras, work_dir, options)
+    was_joined = len(others) + 1 < len(models)
+    if was_joined or whole.registered.sum() > first.registered.sum():
+        first = normalised(whole, cameras)
+    return [first, *others]
 
 
 def _mapped(
@@ -138,7 +164,8 @@ def _mapped(
     """All views mapped after matching. new: those of the pairs that are not matched yet."""
     inliers = match_views(len(cameras), new, work_dir, options, stage, progress)
     log.info("%d of %d pairs match (%s)", np.count_nonzero(inliers) // 2, len(pairs), stage)
-    return _Attempt(pairs, inliers, map_views(cameras, work_dir, options, progress))
+    models = [from_colmap(model, len(cameras)) for model in map_views(cameras, work_dir, options, progress)]
+    return _Attempt(pairs, inliers, [normalised(model, cameras) for model in models])
 
 
 def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
@@ -195,6 +222,12 @@ def _listing(names: list[str], groups: list[list[int]]) -> str:
     return "; ".join("[" + ", ".join(names[view] for view in group) + "]" for group in groups)
 
 
+def _shortened(names: list[str]) -> str:
+    """The first NAMED of them, and how many more there are."""
+    more = len(names) - NAMED
+    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
 def _reasons(
     names: list[str], registered: np.ndarray, places: list[list[int]], inliers: np.ndarray, options: SfmOptions
 ) -> np.ndarray:
@@ -205,7 +238,7 @@ def _reasons(
         text = f"not registered, it matched {partners} of the {registered.sum()} registered views"
         place = next((p for p in places if view in p and not registered[p].any()), None)
         if place is not None:
-            others = ", ".join(names[k] for k in place if k != view)
+            others = _shortened([names[k] for k in place if k != view])
             text += f"; it shows another place, with {others}: the place of more views is mapped, make the other a site"
         reason[view] = text
     return reason.astype(str)

@@ -1,0 +1,281 @@
+"""Models that the mapper left apart, though they show the same body, become one.
+
+The mapper adds a view to a model where it sees enough of the model's points. Keypoints that match between two models
+seldom are such points. Here each keypoint has a depth: that of its model's points in the same image, between which it
+lies. Three matches between two images then give the similarity between their models, and the matches of all other
+pairs of images say whether it is right.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from photoclinometry.model.compressed_rows import row_starts
+from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, so3_exp, so3_log
+from photoclinometry.model.projection import pixel_from_cam
+from photoclinometry.model.scene import Camera
+from photoclinometry.model.sparse import SparseModel, transformed, without_views
+from photoclinometry.sfm.database import Matches
+
+log = logging.getLogger(__name__)
+
+AGREE_PX = 4.0
+"""Matches agree with a similarity where each keypoint lies so near to where the other's ground projects [px]: depths
+between sparse points are off by a few pixels, and lines of sight differ by up to half a radian."""
+FEWEST_AGREEING = 8
+"""Three matches always agree, and of a hundred wrong ones a fourth or fifth do so by chance; of more, as many as with
+other similarities."""
+CLEARLY_BETTER = 2.0
+"""Times as many matches as with the second best similarity agree with one that is taken."""
+APART_RAD = np.radians(10.0)
+"""Similarities whose rotations differ by less count as the same one."""
+TRIALS = 2000
+"""Triples of matches that are tried for two models. Where a tenth of the matches belong to pairs of images that match
+rightly, and half of these are right, 25 right triples are among them."""
+REFINED = 30
+"""Of these, the best are fitted to all matches that agree with them: three matches from a small part of an image give
+the rotation to tens of degrees only."""
+FEWEST_OF_VIEW = 15
+"""Depths between fewer points of a view are not used: on simulated bodies poses of views with fewer were off by 1 to 15
+degrees."""
+BEHIND_PX = 1e3
+"""Counts as the distance of a keypoint from a point behind its camera [px]."""
+SCALES = 0.05, 20.0
+"""Bounds of the scale between two models in the gauge of `normalised`, whose units are ground sample distances."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lifted:
+    """A model, and the keypoints of its views in three dimensions."""
+
+    model: SparseModel
+    points: dict[int, np.ndarray]
+    """By registered view, (n, 3) in B of the model; NaN where the depth is not known."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Join:
+    """How one model lies in the frame of another, by the matches between them."""
+
+    first_from_second: Similarity
+    agreeing: int
+    """Matches that agree."""
+    runner_up: int
+    """Matches that agree with the second best similarity."""
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether more matches agree than do by chance."""
+        return self.agreeing >= max(FEWEST_AGREEING, CLEARLY_BETTER * self.runner_up)
+
+
+def joined_models(
+    models: Sequence[SparseModel], matches: Matches, cameras: Sequence[Camera], seed: int
+) -> list[SparseModel]:
+    """Models of the same K views, those joined that matches show to be one; the largest first.
+
+    A joined model has the poses and the points of both. A view in both has the pose and the observations of the model
+    that has more points of it.
+    """
+    rng = np.random.default_rng(seed)
+    parts = {number: lifted(model, matches, cameras) for number, model in enumerate(models)}
+    tried: dict[tuple[int, int], Join | None] = {}
+    while True:
+        pairs = list(combinations(sorted(parts), 2))
+        tried |= {(a, b): find_join(parts[a], parts[b], matches, cameras, rng) for a, b in pairs if (a, b) not in tried}
+        certain = {pair: join for pair in pairs if (join := tried[pair]) is not None and join.is_certain}
+        if not certain:
+            found = [part.model for part in parts.values()]
+            return sorted(found, key=lambda model: (model.registered.sum(), len(model.points)), reverse=True)
+        (a, b), best = max(certain.items(), key=lambda item: item[1].agreeing)
+        first, second = parts.pop(a).model, parts.pop(b).model
+        log.info(
+            "models of %d and %d views are one: %d matches agree, %d with the second best similarity",
+            first.registered.sum(), second.registered.sum(), best.agreeing, best.runner_up,
+        )  # fmt: skip
+        both = together(first, transformed(second, best.first_from_second))
+        parts[max(tried, default=(0, 0))[1] + 1] = lifted(both, matches, cameras)
+
+
+def together(first: SparseModel, second: SparseModel) -> SparseModel:
+    """Two models of the same K views in one frame as one, as of `joined_models`."""
+    count = len(first.registered)
+    number = [np.bincount(each.point_view, minlength=count) for each in (first, second)]
+    by_first = first.registered & (~second.registered | (number[0] >= number[1]))
+    one, other = without_views(first, ~by_first), without_views(second, by_first)
+    rotation = np.where(by_first[:, None, None], first.body_from_cam.rotation, second.body_from_cam.rotation)
+    center = np.where(by_first[:, None], first.body_from_cam.translation, second.body_from_cam.translation)
+    observations = [len(each.point_view) for each in (one, other)]
+    return replace(
+        first,
+        registered=first.registered | second.registered,
+        body_from_cam=Rigid(rotation, center),
+        points=np.concatenate([one.points, other.points]),
+        point_start=row_starts(np.concatenate([np.diff(one.point_start), np.diff(other.point_start)])),
+        point_view=np.concatenate([one.point_view, other.point_view]),
+        point_xy=np.concatenate([one.point_xy, other.point_xy]),
+        mean_reprojection_px=float(
+            np.average([first.mean_reprojection_px, second.mean_reprojection_px], weights=observations)
+        ),
+    )
+
+
+def lifted(model: SparseModel, matches: Matches, cameras: Sequence[Camera]) -> Lifted:
+    """The keypoints of a model's views, at depths between those of its points."""
+    views = [int(k) for k in np.flatnonzero(model.registered)]
+    return Lifted(model=model, points={k: _lifted(model, k, matches.keypoints[k], cameras[k]) for k in views})
+
+
+def _lifted(model: SparseModel, view: int, keypoints: np.ndarray, camera: Camera) -> np.ndarray:
+    """(n, 3) in B: keypoints (n, 2) of a view."""
+    from scipy.interpolate import LinearNDInterpolator
+
+    index, xy = model.seen_by(view)
+    if len(index) < FEWEST_OF_VIEW:
+        return np.full((len(keypoints), 3), np.nan)
+    pose = model.body_from_cam[view]
+    depth = LinearNDInterpolator(xy, pose.inverse()(model.points[index])[:, 2])(keypoints)
+    return pose(camera.ray_in_cam(keypoints) * depth[:, None])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Side:
+    """Keypoints (n,) of one model that match keypoints of another."""
+
+    cam_from_body: Rigid
+    """(n,) of the view of each."""
+    intrinsics: np.ndarray
+    """(n, 4) as of `pixel_from_cam`."""
+    point: np.ndarray
+    """(n, 3) in B of this model."""
+    xy: np.ndarray
+    """(n, 2)."""
+
+    def off_px(self, points: np.ndarray) -> np.ndarray:
+        """(n, 2) from the keypoints to the projections of points (n, 3) [px]; large behind the camera."""
+        local = self.cam_from_body(points)
+        behind = local[:, 2] <= 0
+        off = pixel_from_cam(np.where(behind[:, None], [0.0, 0.0, 1.0], local), self.intrinsics) - self.xy
+        return np.where(behind[:, None], BEHIND_PX, off)
+
+    def __getitem__(self, rows: np.ndarray) -> _Side:
+        return _Side(
+            cam_from_body=self.cam_from_body[rows],
+            intrinsics=self.intrinsics[rows],
+            point=self.point[rows],
+            xy=self.xy[rows],
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Between:
+    """The matches between two models."""
+
+    first: _Side
+    second: _Side
+
+    def off_px(self, similarity: Similarity) -> np.ndarray:
+        """(n, 4) what `first_from_second` leaves of each match, in both images [px]."""
+        there, back = similarity(self.second.point), similarity.inverse()(self.first.point)
+        return np.concatenate([self.first.off_px(there), self.second.off_px(back)], axis=-1)
+
+    def agreeing(self, similarity: Similarity) -> np.ndarray:
+        """(n,) bool."""
+        off = self.off_px(similarity)
+        return np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])) <= AGREE_PX
+
+    def of_three(self, rows: np.ndarray) -> Similarity | None:
+        """The similarity of matches (m,) int; None where these are one point, or differ absurdly in size."""
+        one, other = self.second.point[rows], self.first.point[rows]
+        if min(np.ptp(each, axis=0).max() for each in (one, other)) == 0.0:
+            return None
+        found = align_similarity(one, other)
+        return found if SCALES[0] < found.scale < SCALES[1] else None
+
+    def fitted(self, start: Similarity) -> Similarity:
+        """The similarity of robust least squares of the pixels of matches that agree with `start`."""
+        from scipy.optimize import least_squares
+
+        rows = np.flatnonzero(self.agreeing(start))
+        chosen = _Between(first=self.first[rows], second=self.second[rows])
+        middle = start(chosen.second.point.mean(axis=0))
+        size = float(np.linalg.norm(chosen.first.point.std(axis=0)))
+
+        def moved(step: np.ndarray) -> Similarity:
+            turn, stretch = so3_exp(step[:3]), float(np.exp(step[3]))
+            about = Similarity(stretch, turn, middle - stretch * turn @ middle + size * step[4:])
+            return about @ start
+
+        def residuals(step: np.ndarray) -> np.ndarray:
+            return chosen.off_px(moved(step)).ravel()
+
+        return moved(least_squares(residuals, np.zeros(7), loss="soft_l1", f_scale=AGREE_PX / 2.0).x)
+
+
+def find_join(
+    first: Lifted, second: Lifted, matches: Matches, cameras: Sequence[Camera], rng: np.random.Generator
+) -> Join | None:
+    """The similarity between two models that most matches agree with; None where three matches have none."""
+    matching = _between(first, second, matches, cameras)
+    if matching is None:
+        return None
+    between, blocks = matching
+    share = np.array([len(block) for block in blocks], float)
+    found: list[tuple[int, Similarity]] = []
+    for block in rng.choice(len(blocks), TRIALS, p=share / share.sum()):
+        similarity = between.of_three(rng.choice(blocks[block], 3, replace=False))
+        if similarity is not None:
+            found.append((int(between.agreeing(similarity).sum()), similarity))
+    found = sorted(found, key=lambda each: each[0], reverse=True)[:REFINED]
+    if not found:
+        return None
+    refined = [between.fitted(similarity) for _, similarity in found]
+    agreeing = [int(between.agreeing(similarity).sum()) for similarity in refined]
+    best = refined[int(np.argmax(agreeing))]
+    others = [number for number, each in zip(agreeing, refined, strict=True) if _apart(each, best)]
+    return Join(first_from_second=best, agreeing=max(agreeing), runner_up=max(others, default=0))
+
+
+def _apart(one: Similarity, other: Similarity) -> bool:
+    return bool(np.linalg.norm(so3_log(one.rotation @ other.rotation.T)) > APART_RAD)
+
+
+def _between(
+    first: Lifted, second: Lifted, matches: Matches, cameras: Sequence[Camera]
+) -> tuple[_Between, list[np.ndarray]] | None:
+    """The matches between two models whose depths are known, and the rows of each pair of views with three or more.
+
+    Views in both models do not count: the pose that one of the two has for them may be wrong.
+    """
+    alone = [part.points.keys() - other.points.keys() for part, other in ((first, second), (second, first))]
+    found: list[tuple[int, int, np.ndarray]] = []
+    for (a, b), pairs in matches.pairs.items():
+        for one, other, index in ((a, b, pairs), (b, a, pairs[:, ::-1])):
+            if one in alone[0] and other in alone[1]:
+                known = np.isfinite(first.points[one][index[:, 0], 0] + second.points[other][index[:, 1], 0])
+                found.append((one, other, index[known]))
+    found = [each for each in found if len(each[2]) >= 3]
+    if not found:
+        return None
+    ends = np.cumsum([len(index) for *_, index in found])
+    sides = [
+        _side(first, cameras, matches, [(one, index[:, 0]) for one, _, index in found]),
+        _side(second, cameras, matches, [(other, index[:, 1]) for _, other, index in found]),
+    ]
+    return _Between(first=sides[0], second=sides[1]), np.split(np.arange(ends[-1]), ends[:-1])
+
+
+def _side(part: Lifted, cameras: Sequence[Camera], matches: Matches, chosen: Sequence[tuple[int, np.ndarray]]) -> _Side:
+    """chosen: views, each with the indices of keypoints."""
+    view = np.concatenate([np.full(len(index), k) for k, index in chosen])
+    return _Side(
+        cam_from_body=part.model.body_from_cam.inverse()[view],
+        intrinsics=np.array([(*camera.focal_px, *camera.principal_px) for camera in cameras])[view],
+        point=np.concatenate([part.points[k][index] for k, index in chosen]),
+        xy=np.concatenate([matches.keypoints[k][index] for k, index in chosen]),
+    )
