@@ -126,6 +126,36 @@ def test_joined_models_have_the_views_and_points_of_both(models, poses):
     np.testing.assert_allclose(CAMERA.pixel_from_cam(one.body_from_cam[4].inverse()(one.points[index])), xy, atol=1e-6)
 
 
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (2, 3, 0, 1), (0, 2, 1, 3)])
+def test_two_couples_of_models_become_two_models(models, poses, order):
+    """Two bodies of two models each; however these are numbered, no model is lost. Views 7 to 13 are of the second."""
+
+    def shifted(model):
+        empty = np.zeros(7, bool)
+        twice = Rigid(np.tile(poses.rotation, (2, 1, 1)), np.tile(poses.translation, (2, 1)))
+        registered = np.concatenate([empty, model.registered])
+        rotation, center = twice.rotation.copy(), twice.translation.copy()
+        rotation[7:], center[7:] = model.body_from_cam.rotation, model.body_from_cam.translation
+        views = (model.point_view + 7).astype(np.int32)
+        return replace(model, registered=registered, body_from_cam=Rigid(rotation, center), point_view=views)
+
+    def padded(model):
+        rotation = np.concatenate([model.body_from_cam.rotation, poses.rotation])
+        center = np.concatenate([model.body_from_cam.translation, poses.translation])
+        registered = np.concatenate([model.registered, np.zeros(7, bool)])
+        return replace(model, registered=registered, body_from_cam=Rigid(rotation, center))
+
+    one = matches_of(poses, [(3, 0), (4, 2), (5, 1)], 14)
+    few = {pair: one.pairs[pair] for pair in ((3, 0), (4, 2))}  # so that the second body is joined first
+    pairs = few | {(a + 7, b + 7): index for (a, b), index in one.pairs.items()}
+    both = Matches(keypoints=one.keypoints * 2, pairs=pairs)
+    four = [padded(models[0]), padded(models[1]), shifted(models[0]), shifted(models[1])]
+    found = joined_models([four[k] for k in order], both, CAMERAS * 2, 0)
+    assert [len(model.points) for model in found] == [2 * GROUND] * 2
+    seen_views = sorted(np.flatnonzero(model.registered).tolist() for model in found)
+    assert seen_views == [[0, 1, 2, 3, 4, 5], [7, 8, 9, 10, 11, 12]]
+
+
 def test_a_view_in_both_has_the_pose_of_the_model_that_has_more_points_of_it(models, poses):
     elsewhere = Rigid(poses.rotation[::-1], poses.translation[::-1])
     few = replace(model_of(poses, [2, 3, 4], models[0].points[:20]), body_from_cam=elsewhere)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, count
 
 import numpy as np
 
@@ -83,7 +83,8 @@ def joined_models(
     that has more points of it.
     """
     rng = np.random.default_rng(seed)
-    parts = {number: lifted(model, matches, cameras) for number, model in enumerate(models)}
+    numbers = count()
+    parts = {next(numbers): lifted(model, matches, cameras) for model in models}
     tried: dict[tuple[int, int], Join | None] = {}
     while True:
         pairs = list(combinations(sorted(parts), 2))
@@ -99,13 +100,13 @@ def joined_models(
             first.registered.sum(), second.registered.sum(), best.agreeing, best.runner_up,
         )  # fmt: skip
         both = together(first, transformed(second, best.first_from_second))
-        parts[max(tried, default=(0, 0))[1] + 1] = lifted(both, matches, cameras)
+        parts[next(numbers)] = lifted(both, matches, cameras)
 
 
 def together(first: SparseModel, second: SparseModel) -> SparseModel:
     """Two models of the same K views in one frame as one, as of `joined_models`."""
-    count = len(first.registered)
-    number = [np.bincount(each.point_view, minlength=count) for each in (first, second)]
+    views = len(first.registered)
+    number = [np.bincount(each.point_view, minlength=views) for each in (first, second)]
     by_first = first.registered & (~second.registered | (number[0] >= number[1]))
     one, other = without_views(first, ~by_first), without_views(second, by_first)
     rotation = np.where(by_first[:, None, None], first.body_from_cam.rotation, second.body_from_cam.rotation)
