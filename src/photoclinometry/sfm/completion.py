@@ -17,7 +17,7 @@ import numpy as np
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, without_views
-from photoclinometry.sfm.database import Matches, write_verified_matches
+from photoclinometry.sfm.database import Matches, to_colmap, write_verified_matches
 from photoclinometry.sfm.joining import AGREE_PX, FEWEST_OF_VIEW, lifted
 from photoclinometry.sfm.known_poses import VerifiedMatches
 from photoclinometry.sfm.options import SfmOptions
@@ -104,13 +104,11 @@ def located(model: SparseModel, matches: Matches, cameras: Sequence[Camera], opt
     )
     for k in np.flatnonzero(~model.registered).tolist():
         pixels, points = [np.empty((0, 2))], [np.empty((0, 3))]
-        for (a, b), index in matches.pairs.items():
-            own = 0 if a == k else 1
-            other = b if a == k else a
-            if k in (a, b) and other in ground:
-                point = ground[other][index[:, 1 - own]]
+        for one, other, index in matches.both_ways():
+            if one == k and other in ground:
+                point = ground[other][index[:, 1]]
                 known = np.isfinite(point[:, 0])
-                pixels.append(matches.keypoints[k][index[known, own]])
+                pixels.append(matches.keypoints[k][index[known, 0]])
                 points.append(point[known])
         pose = _pose(cameras[k], np.concatenate(pixels), np.concatenate(points), options)
         if pose is not None:
@@ -125,12 +123,11 @@ def _pose(camera: Camera, pixels: np.ndarray, points: np.ndarray, options: SfmOp
 
     if len(points) < FEWEST_TO_LOCATE:
         return None
-    own = pycolmap.Camera(model=camera.model, width=camera.width, height=camera.height, params=list(camera.params))
     estimation = pycolmap.AbsolutePoseEstimationOptions()
     estimation.ransac.max_error = AGREE_PX
     estimation.ransac.random_seed = options.seed
     estimation.ransac.min_inlier_ratio = FEWEST_TO_LOCATE / len(points)
-    found = pycolmap.estimate_and_refine_absolute_pose(pixels, points, own, estimation)
+    found = pycolmap.estimate_and_refine_absolute_pose(pixels, points, to_colmap(camera), estimation)
     if found is None or found["num_inliers"] < FEWEST_TO_LOCATE:
         return None
     return found["cam_from_world"].inverse()

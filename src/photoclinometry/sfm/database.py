@@ -99,13 +99,20 @@ def write_views(
                 progress("features", view + 1, len(images))
 
 
+def to_colmap(camera: Camera) -> Any:
+    """The pycolmap camera of the same intrinsics."""
+    import pycolmap
+
+    return pycolmap.Camera(model=camera.model, width=camera.width, height=camera.height, params=list(camera.params))
+
+
 def _write_cameras(database: Any, cameras: list[Camera]) -> list[Any]:
     """Each view's COLMAP camera, with its trivial rig."""
     import pycolmap
 
     made = {}
     for camera in dict.fromkeys(cameras):
-        c = pycolmap.Camera(model=camera.model, width=camera.width, height=camera.height, params=list(camera.params))
+        c = to_colmap(camera)
         c.has_prior_focal_length = True
         c.camera_id = database.write_camera(c)
         rig = pycolmap.Rig()
@@ -176,6 +183,12 @@ class Matches:
     """By view, (n, 2) pixels."""
     pairs: dict[tuple[int, int], np.ndarray]
     """By two views (a, b), (m, 2) indices of the keypoints of a and of b."""
+
+    def both_ways(self) -> Iterator[tuple[int, int, np.ndarray]]:
+        """Each pair twice: a view, the other, and the indices (m, 2) of their keypoints in this order."""
+        for (a, b), index in self.pairs.items():
+            yield a, b, index
+            yield b, a, index[:, ::-1]
 
 
 def read_matches(count: int, work_dir: Path) -> Matches:

@@ -255,11 +255,10 @@ def _between(
     """
     alone = [part.points.keys() - other.points.keys() for part, other in ((first, second), (second, first))]
     found: list[tuple[int, int, np.ndarray]] = []
-    for (a, b), pairs in matches.pairs.items():
-        for one, other, index in ((a, b, pairs), (b, a, pairs[:, ::-1])):
-            if one in alone[0] and other in alone[1]:
-                known = np.isfinite(first.points[one][index[:, 0], 0] + second.points[other][index[:, 1], 0])
-                found.append((one, other, index[known]))
+    for one, other, index in matches.both_ways():
+        if one in alone[0] and other in alone[1]:
+            known = np.isfinite(first.points[one][index[:, 0], 0] + second.points[other][index[:, 1], 0])
+            found.append((one, other, index[known]))
     found = [each for each in found if len(each[2]) >= 3]
     if not found:
         return None

@@ -29,10 +29,7 @@ def promising_pairs(likeness: np.ndarray, partners: int) -> list[tuple[int, int]
     likeness: (K, K), as of `likeness_of`; its diagonal is ignored.
     """
     count = len(likeness)
-    others = np.where(np.eye(count, dtype=bool), -1, likeness)
-    best = np.argsort(-others, axis=1, kind="stable")[:, :partners]
-    chosen = np.zeros((count, count), bool)
-    np.put_along_axis(chosen, best, True, axis=1)
+    chosen = _most_alike(np.where(np.eye(count, dtype=bool), -1, likeness), partners)
     return [(a, b) for a, b in all_pairs(count) if chosen[a, b] or chosen[b, a]]
 
 
@@ -46,12 +43,15 @@ def pairs_between(places: Sequence[np.ndarray], likeness: np.ndarray, partners: 
     together = np.zeros((count, count), bool)
     for views in places:
         together[np.ix_(views, views)] = True
-    chosen = np.zeros((count, count), bool)
-    if len(places) > 1:
-        best = np.argsort(-np.where(together, -1, likeness), axis=1, kind="stable")[:, :partners]
-        np.put_along_axis(chosen, best, True, axis=1)
-    chosen |= ~np.diag(together)[:, None]
+    chosen = _most_alike(np.where(together, -1, likeness), partners) | ~np.diag(together)[:, None]
     return [(a, b) for a, b in all_pairs(count) if (chosen[a, b] or chosen[b, a]) and not together[a, b]]
+
+
+def _most_alike(likeness: np.ndarray, partners: int) -> np.ndarray:
+    """(K, K) bool: the `partners` most similar views of each, in its row."""
+    chosen = np.zeros(likeness.shape, bool)
+    np.put_along_axis(chosen, np.argsort(-likeness, axis=1, kind="stable")[:, :partners], True, axis=1)
+    return chosen
 
 
 def likeness_of(keypoints: list[tuple[np.ndarray, np.ndarray]], max_ratio: float) -> np.ndarray:
