@@ -198,7 +198,7 @@ def _start(truth: Scene, noise: Noise, rng: np.random.Generator) -> Scene:
     sun = np.einsum("kij,kj->ki", rotation, views.sun_measured)
     registered = replace(views, body_from_cam=poses, sun=sun, scale=np.ones(count), bias=np.zeros(count))
     position = truth.landmarks.position + noise.start_position * rng.normal(size=truth.landmarks.position.shape)
-    normal = normals_from_neighbours(position, poses.translation)
+    normal = normals_from_neighbours(position, poses.translation.mean(0))
     tracks, reflectance = truth.tracks, truth.reflectance
     assert reflectance is not None
     free = truth.brightness == "dn" or not reflectance.predicts_absolute_brightness

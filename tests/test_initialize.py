@@ -24,20 +24,20 @@ def test_normals_of_a_tilted_plane_are_exact_and_face_the_camera():
     xy = rng.uniform(-50, 50, (500, 2))
     points = np.column_stack([xy, -(xy @ normal[:2]) / normal[2]])
     for camera, expected in ((1e4 * normal, normal), (-1e4 * normal, -normal)):
-        found = normals_from_neighbours(points, camera[None])
+        found = normals_from_neighbours(points, camera)
         np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-9)
 
 
 def test_normals_of_a_finely_sampled_sphere_point_outwards():
     points = unit(np.random.default_rng(1).normal(size=(20_000, 3)))
     points = points[points[:, 2] > 0.5]
-    error = angle_between(normals_from_neighbours(points, np.array([[0, 0, 100.0]])), points)
+    error = angle_between(normals_from_neighbours(points, np.array([0, 0, 100.0])), points)
     assert np.degrees(np.median(error)) < 1.0
 
 
 def test_normals_need_three_points():
     with pytest.raises(ValueError, match="3 points"):
-        normals_from_neighbours(np.zeros((2, 3)), np.zeros((1, 3)))
+        normals_from_neighbours(np.zeros((2, 3)), np.zeros(3))
 
 
 def test_neighbours_on_a_grid_are_the_four_adjacent_points():

@@ -65,10 +65,13 @@ def models(poses):
     return first, transformed(model_of(poses, [3, 4, 5], on_ground(rng, GROUND)), OTHER_FRAME.inverse())
 
 
-def matches_of(poses, pairs, right, seed=1):
-    """Of the keypoints of two views, the first `right` ones show the same ground, and the others match by chance."""
+def matches_of(poses, pairs, right, seed=1, part=0.6):
+    """Of the keypoints of two views, the first `right` ones show the same ground, and the others match by chance.
+
+    part: of the ground's width, from which all keypoints are.
+    """
     rng = np.random.default_rng(seed)
-    ground = on_ground(rng, KEYPOINTS) * [0.6, 0.6, 1.0]
+    ground = on_ground(rng, KEYPOINTS) * [part, part, 1.0]
     ground[:, 2] = heights(ground[:, :2])
     keypoints = [seen(poses, k, ground) + 0.2 * rng.standard_normal((KEYPOINTS, 2)) for k in range(7)]
     found = {}
@@ -100,6 +103,30 @@ def test_matches_of_few_pairs_give_the_similarity_of_two_models(models, poses, p
     assert found.scale == pytest.approx(OTHER_FRAME.scale, rel=0.03)
     points = models[1].points
     assert np.linalg.norm(found(points) - OTHER_FRAME(points), axis=-1).max() < 8.0
+
+
+@pytest.mark.parametrize("part", [0.6, 0.2])
+def test_the_sigma_of_a_join_is_as_large_as_its_errors(models, poses, part):
+    """About the axis that matches determine least; depths between points are wrong together, hence the wide limits."""
+    off = []
+    for seed in range(20):
+        matches = matches_of(poses, [(3, 0), (4, 2)], 12, seed, part)
+        parts = [lifted(model, matches, CAMERAS) for model in models]
+        join = find_join(*parts, matches, CAMERAS, np.random.default_rng(0))
+        turned = so3_log(join.first_from_second.rotation @ OTHER_FRAME.rotation.T)
+        off.append(np.linalg.norm(turned) / join.turn_sigma_rad)
+    assert 0.4 < np.median(off) < 2.0
+    assert np.max(off) < 5.0
+
+
+def test_matches_of_a_small_patch_do_not_join(models, poses):
+    """They agree, and leave open how the second model is turned: a bent body would result."""
+    matches = matches_of(poses, [(3, 0), (4, 2)], 12, part=0.1)
+    join = find_join(*(lifted(model, matches, CAMERAS) for model in models), matches, CAMERAS, np.random.default_rng(0))
+    assert join.agreeing >= 12
+    assert join.turn_sigma_rad > np.radians(4.0)
+    assert not join.is_certain
+    assert len(joined_models(models, matches, CAMERAS, 0)) == 2
 
 
 @pytest.mark.parametrize("seed", range(5))

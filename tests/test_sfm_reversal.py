@@ -25,9 +25,9 @@ def models(one_site, tmp_path_factory):
     """COLMAP's model and what became of it, where structure from motion had ended in the reversed one."""
     kept = []
 
-    def from_the_wrong_side(model, adjustment):
+    def from_the_wrong_side(model, adjustment, shading_of):
         wrong = reversal.reversed_model(model)
-        found = reversal.right_way_round(wrong, adjustment)
+        found = reversal.right_way_round(wrong, adjustment, shading_of)
         kept.extend([model, wrong, found.model])
         return found
 
@@ -121,7 +121,7 @@ def oriented(views, error_px, reverse_px):
 def test_views_are_mapped_again_until_the_best_is_found_twice(found, kept, trials, monkeypatch):
     seeds = []
 
-    def mapped(_cameras, _work_dir, options, _progress):
+    def mapped(_cameras, _work_dir, options, _progress, _shading_of):
         seeds.append(options.seed)
         return found[len(seeds) - 1]
 

@@ -20,16 +20,18 @@ from scenes import synthetic_images, synthetic_scene
 
 
 def sparse_of(scene, registered=None, every=1):
-    """The scene's landmarks as sparse points."""
-    count = len(scene.views)
+    """The scene's landmarks as sparse points, which all registered views see."""
     points = scene.landmarks.position[::every]
+    registered = np.ones(len(scene.views), bool) if registered is None else np.array(registered)
+    views = np.flatnonzero(registered)
+    pixels = [scene.views.project(k, points) for k in views]
     return SparseModel(
-        registered=np.ones(count, bool) if registered is None else np.array(registered),
+        registered=registered,
         body_from_cam=scene.views.body_from_cam,
         points=points,
-        point_start=np.zeros(len(points) + 1, np.int64),
-        point_view=np.zeros(0, np.int32),
-        point_xy=np.zeros((0, 2)),
+        point_start=len(views) * np.arange(len(points) + 1),
+        point_view=np.tile(views, len(points)).astype(np.int32),
+        point_xy=np.stack(pixels, axis=1).reshape(-1, 2),
         mean_reprojection_px=0.1,
     )
 

@@ -147,6 +147,12 @@ def test_a_result_shows_its_warnings(mapped, tmp_path, doubtful):
     assert "&lt;contradict&gt;" in result_card(result)
 
 
+def test_a_map_whose_relief_is_inverted_is_not_trusted(mapped):
+    inverted = Warned("relief-inverted", "brightness contradicts the slopes of the sparse model")
+    (reason,) = why_untrusted(mapped.result.adjustment, 0, (inverted,))
+    assert "hills for hollows: check `sun`" in reason
+
+
 def test_a_sound_map_is_trusted_and_has_no_warnings(mapped):
     content = json.loads((mapped.run / "metrics.json").read_text())
     assert content["trusted"] is True

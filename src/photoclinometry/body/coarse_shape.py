@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.model.errors import ReconstructionError
-from photoclinometry.model.geometry import unit
 from photoclinometry.model.sparse import SparseModel
+from photoclinometry.photometry.initialize import normals_from_neighbours
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.closed_mesh import signed_volume
 from photoclinometry.surface.poisson import closed_surface
@@ -59,11 +59,8 @@ class CoarseShape(Stage[ClosedMesh]):
 
 def _seen_well(sparse: SparseModel) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) of FEWEST_VIEWS views or more, and unit vectors (n, 3) from them towards these views."""
-    point = sparse.point_of_observation
-    towards = np.zeros_like(sparse.points)
-    np.add.at(towards, point, unit(sparse.body_from_cam.translation[sparse.point_view] - sparse.points[point]))
     often = np.diff(sparse.point_start) >= FEWEST_VIEWS
-    return sparse.points[often], unit(towards[often])
+    return sparse.points[often], sparse.towards_views[often]
 
 
 def oriented(points: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -76,8 +73,5 @@ def oriented(points: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, np.nd
     distance = KDTree(points).query(points, min(NEIGHBOURS, len(points)))[0][:, 1:].mean(1)
     kept = distance <= FAR * np.median(distance)
     points, towards = points[kept], towards[kept]
-    distance, near = KDTree(points).query(points, min(NEIGHBOURS, len(points)))
-    around = points[near] - points[near].mean(1, keepdims=True)
-    normal = np.linalg.svd(around, full_matrices=False)[2][:, 2]
-    outward = np.sign(np.sum(normal * towards, -1, keepdims=True))
-    return points, np.where(outward == 0, towards, outward * normal), float(np.median(distance[:, 1:].mean(1)))
+    distance = KDTree(points).query(points, min(NEIGHBOURS, len(points)))[0][:, 1:].mean(1)
+    return points, normals_from_neighbours(points, points + towards, NEIGHBOURS), float(np.median(distance))

@@ -54,6 +54,13 @@ class SparseModel:
         how = self.brought_in if len(self.brought_in) else np.full(len(self.registered), "")
         return {int(k): str(how[k]) for k in np.flatnonzero(self.registered & (how != ""))}
 
+    @property
+    def towards_views(self) -> np.ndarray:
+        """(P, 3) unit vectors from the points towards the middle of the views that observe them."""
+        point, towards = self.point_of_observation, np.zeros_like(self.points)
+        np.add.at(towards, point, unit(self.body_from_cam.translation[self.point_view] - self.points[point]))
+        return unit(towards)
+
     def seen_by(self, view: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (n,) of the points that a view observes, and the observed pixels (n, 2)."""
         own = self.point_view == view

@@ -26,6 +26,7 @@ CODES: Mapping[str, str] = {
     "prior-contradicts": "a pose prior is left out, or far off",
     "priors-too-few": "the pose priors do not determine the frame",
     "relief-contradicts": "the relief of the map is not that which the parallax of the images shows",
+    "relief-inverted": "brightness shows the sparse model's relief with hills for hollows: Suns or poses are wrong",
     "reversal-undecided": "rays are so nearly parallel that the relief may be reversed",
     "run-failed": "a run of a study gave no map",
     "suns-moved": "the estimate has moved all Suns alike, or one by itself, far beyond what is stated of them",

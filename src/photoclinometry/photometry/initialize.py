@@ -40,13 +40,11 @@ SCALE_SWEEPS = 3
 """Albedos and scales are estimated in turns, first against the reference's albedos, then against the mean of all."""
 
 
-def normals_from_neighbours(
-    position: np.ndarray, camera_centers: np.ndarray, count: int = PLANE_NEIGHBOURS
-) -> np.ndarray:
+def normals_from_neighbours(position: np.ndarray, viewpoint: np.ndarray, count: int = PLANE_NEIGHBOURS) -> np.ndarray:
     """(J, 3) unit normals of planes through each point's `count` nearest neighbours, itself included.
 
-    position: (J, 3), J >= 3; camera_centers: (K, 3), in the same frame. The normal is the eigenvector of the
-    neighbours' scatter with the least eigenvalue, turned towards the mean camera centre.
+    position: (J, 3), J >= 3; viewpoint: (3,) or (J, 3), from where the points are seen, in the same frame. The normal
+    is the eigenvector of the neighbours' scatter with the least eigenvalue, turned towards the viewpoint.
     Raises ValueError for fewer than 3 points.
     """
     from scipy.spatial import KDTree
@@ -60,7 +58,7 @@ def normals_from_neighbours(
         around = position[np.asarray(near)[part]]
         around = around - around.mean(1, keepdims=True)
         normal[part] = np.linalg.eigh(np.einsum("jni,jnk->jik", around, around))[1][..., 0]
-    away = np.sum(normal * (np.mean(camera_centers, axis=0) - position), -1) < 0
+    away = np.sum(normal * (viewpoint - position), -1) < 0
     normal[away] *= -1
     return normal
 

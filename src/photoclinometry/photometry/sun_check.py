@@ -19,16 +19,14 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Landmarks, Region, Scene, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.initialize import (
-    PLANE_NEIGHBOURS,
     SCALE_SWEEPS,
-    normals_from_neighbours,
     predicted_ratio,
     sample_brightness,
 )
 from photoclinometry.photometry.predict import BIAS_SIGMA
 from photoclinometry.photometry.shading import normals_from_shading
+from photoclinometry.photometry.sparse_planes import as_blurred, sparse_planes
 from photoclinometry.photometry.sun_fit import Ground, SunFit, fit_sun
-from photoclinometry.surface.sampling import blurred
 
 log = logging.getLogger(__name__)
 
@@ -42,9 +40,6 @@ MIN_COSINE = 0.3
 MIN_POINTS = 50
 """A view that sees fewer points is not judged: the fit has four unknowns and its patches need some points each."""
 
-LEAST_BLUR_PX = 0.5
-"""Least standard deviation of the images' blur [px]: the point-spread function that they have anyway."""
-
 
 def coarse_scene(
     sparse: SparseModel, images: Sequence[Image], views: Views, reflectance: Reflectance, brightness: str
@@ -56,13 +51,12 @@ def coarse_scene(
     """
     kept = np.flatnonzero(sparse.registered)
     views = views[kept]
-    normal, radius = _planes(sparse.points, views.body_from_cam.translation)
+    normal, blur = sparse_planes(sparse)
     chosen = np.arange(len(normal))
     if len(chosen) > POINTS:
         chosen = np.sort(np.random.default_rng(0).choice(chosen, POINTS, replace=False))
     position, normal = sparse.points[chosen], normal[chosen]
-    sigma_px = [radius / views.gsd(n, position) for n in range(len(views))]
-    smooth = [blurred(images[k], max(sigma, LEAST_BLUR_PX)) for k, sigma in zip(kept.tolist(), sigma_px, strict=True)]
+    smooth = [as_blurred(images[k], blur, views.gsd(n, position)) for n, k in enumerate(kept.tolist())]
     return Scene(
         name="sparse points",
         body=None,
@@ -154,18 +148,6 @@ def _median_by(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
     low, high = (start + (number - 1) // 2)[some], (start + number // 2)[some]
     median[some] = 0.5 * (ordered[low] + ordered[high])
     return median
-
-
-def _planes(position: np.ndarray, camera_centers: np.ndarray) -> tuple[np.ndarray, float]:
-    """Normals (P, 3) of planes through neighbours, and the standard deviation of the blur that such a plane is.
-
-    That is half the radius of the neighbours: the standard deviation of a disk along each axis.
-    """
-    from scipy.spatial import KDTree
-
-    count = min(PLANE_NEIGHBOURS, len(position))
-    farthest = np.asarray(KDTree(position).query(position, k=count)[0])[:, -1]
-    return normals_from_neighbours(position, camera_centers, count), 0.5 * float(np.median(farthest))
 
 
 def _projected(position: np.ndarray, normal: np.ndarray, views: Views, images: Sequence[Image]) -> Tracks:

@@ -99,7 +99,7 @@ class InitialScene(Stage[Scene]):
         own = int(self.posed.index[reference])
         tracks = self._tracks(views, own)
         count = max(MIN_PLANE_LANDMARKS, PLANE_PX // region.stride**2)
-        normal = normals_from_neighbours(dense.position, views.body_from_cam.translation, count)
+        normal = normals_from_neighbours(dense.position, views.body_from_cam.translation.mean(0), count)
         camera = site.views[reference].camera
         scene = Scene(
             name=site.name,

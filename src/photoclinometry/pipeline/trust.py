@@ -44,6 +44,8 @@ def why_untrusted(
         reasons.append(f"the joint estimate has not converged: {adjustment.message}")
     if any(warned.code == "most-suns-contradict" for warned in warnings):
         reasons.append("the Sun directions as a whole contradict the images: check the convention of `sun`")
+    if any(warned.code == "relief-inverted" for warned in warnings):
+        reasons.append("brightness shows the relief with hills for hollows: check `sun`, and the poses")
     used = len(scene.views)
     if left_out > MOST_LEFT_OUT * (used + left_out):
         reasons.append(f"{left_out} of {used + left_out} views are left out")

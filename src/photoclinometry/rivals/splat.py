@@ -105,7 +105,7 @@ def first_cloud(problem: Problem, stride: int, colour: Colour, targets: list[Tar
         coefficients[:, 0] = first_coefficient(np.full(len(position), middle))
         own = {"harmonics": coefficients}
     else:
-        normal = normals_from_neighbours(position, scene.views.body_from_cam.translation)
+        normal = normals_from_neighbours(position, scene.views.body_from_cam.translation.mean(0))
         quaternion, log_scale[:, 2] = flat_quaternions(normal), log_scale[:, 2] + np.log(FLATNESS)
         own = {"log_albedo": np.full(len(position), np.log(np.median(scene.landmarks.albedo)))}
     logit = np.full(len(position), np.log(FIRST_OPACITY / (1.0 - FIRST_OPACITY)))

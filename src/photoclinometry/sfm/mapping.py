@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +17,7 @@ from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
+from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm.adjustment import RobustAdjustment
 from photoclinometry.sfm.database import DATABASE
 from photoclinometry.sfm.options import SfmOptions
@@ -77,25 +78,38 @@ def quiet_pycolmap(seed: int) -> Iterator[None]:
         pycolmap.logging.minloglevel = before
 
 
-def map_views(cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress | None) -> list[Any]:
+def map_views(
+    cameras: list[Camera],
+    work_dir: Path,
+    options: SfmOptions,
+    progress: Progress | None,
+    shading_of: Callable[[SparseModel], ReliefShading] | None = None,
+) -> list[Any]:
     """The reconstructions found, one for each connected set of views.
 
     Where the largest may have views reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
-    which begins with other views, until the best is found twice or after TRIALS.
+    which begins with other views, until the best is found twice or after TRIALS. shading_of: the shading of a model
+    compared with the images; None where no Sun is known.
     """
     best: list[Oriented] = []
     for trial in range(TRIALS):
-        found = _mapped(cameras, work_dir, replace(options, seed=options.seed + trial), progress)
+        found = _mapped(cameras, work_dir, replace(options, seed=options.seed + trial), progress, shading_of)
         found_again = bool(best and found) and _alike(best[0], found[0])
         best = max((best, found), key=_quality)
         if not best or found_again or not best[0].is_doubtful:
             break
-    for each in best:
-        each.warn_if_undecided()
+    if best:
+        best[0].warn_if_undecided()  # the others are another place, or must agree with it to be joined
     return [each.model for each in best]
 
 
-def _mapped(cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress | None) -> list[Oriented]:
+def _mapped(
+    cameras: list[Camera],
+    work_dir: Path,
+    options: SfmOptions,
+    progress: Progress | None,
+    shading_of: Callable[[SparseModel], ReliefShading] | None,
+) -> list[Oriented]:
     """The reconstructions found with one seed, the largest first."""
     import pycolmap
 
@@ -118,7 +132,8 @@ def _mapped(cameras: list[Camera], work_dir: Path, options: SfmOptions, progress
             database, images, out, _incremental_options(cameras, options), next_image_callback=one_more
         )
     adjustment = RobustAdjustment(options.threads)
-    found = [right_way_round(model, adjustment) for model in models.values() if model.num_points3D()]
+    by_images = None if shading_of is None else lambda model: shading_of(from_colmap(model, len(cameras)))
+    found = [right_way_round(model, adjustment, by_images) for model in models.values() if model.num_points3D()]
     return sorted(found, key=lambda each: size(each.model), reverse=True)
 
 

@@ -18,6 +18,7 @@ from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel, connected_groups, normalised
 from photoclinometry.model.warning import warn
+from photoclinometry.photometry.relief_shading import ReliefShading, relief_shading
 from photoclinometry.sfm.completion import completed
 from photoclinometry.sfm.database import (
     add_relief_keypoints,
@@ -44,6 +45,22 @@ THIN_SHARE = 0.5
 
 NAMED = 5
 """Views of another place that the message about one of them names."""
+
+
+class _Given(NamedTuple):
+    """What is reconstructed from."""
+
+    images: list[Image]
+    cameras: list[Camera]
+    sun_in_cam: np.ndarray | None
+    """(K, 3) unit vectors towards the Sun in C, where they are known."""
+    work_dir: Path
+    options: SfmOptions
+    progress: Progress | None
+
+    def shading_of(self, model: SparseModel) -> ReliefShading:
+        assert self.sun_in_cam is not None
+        return relief_shading(model, self.images, self.cameras, self.sun_in_cam)
 
 
 class _Attempt(NamedTuple):
@@ -87,10 +104,11 @@ def reconstruct_sparse(
     names = [image.name for image in images]
     with disk_errors(work_dir), quiet_pycolmap(options.seed):
         work_dir.mkdir(parents=True, exist_ok=True)
-        plain = _by_brightness(images, cameras, work_dir, options, progress)
+        given = _Given(images, cameras, sun_in_cam, work_dir, options, progress)
+        plain = _by_brightness(given)
         found = plain
         if sun_in_cam is not None and options.relief_keypoints and _matches_little(plain, options):
-            found = _by_relief_too(images, cameras, sun_in_cam, plain, work_dir, options, progress)
+            found = _by_relief_too(given, sun_in_cam, plain)
     if len(found.registered) < MIN_VIEWS:
         raise ReconstructionError(_explain_failure(names, found, options))
     sparse = found.models[0]
@@ -102,70 +120,62 @@ def reconstruct_sparse(
     reason = _reasons(names, sparse.registered, places, found.inliers, options)
     for view in np.flatnonzero(~sparse.registered):
         warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
+    if sun_in_cam is not None:
+        _warn_if_inside_out(given.shading_of(sparse))
     brought_in = _brought_in(plain, found, options)
     for view in np.flatnonzero(brought_in != ""):
         log.info("%s registers by %s", names[view], brought_in[view])
     return replace(sparse, reason=reason, brought_in=brought_in)
 
 
-def _by_brightness(
-    images: list[Image], cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress | None
-) -> _Attempt:
-    write_views(images, cameras, work_dir, options, progress)
-    return _matched_and_mapped(cameras, work_dir, options, "matches", progress)
+def _by_brightness(given: _Given) -> _Attempt:
+    write_views(given.images, given.cameras, given.work_dir, given.options, given.progress)
+    return _matched_and_mapped(given, "matches")
 
 
-def _matched_and_mapped(
-    cameras: list[Camera], work_dir: Path, options: SfmOptions, stage: str, progress: Progress | None
-) -> _Attempt:
+def _matched_and_mapped(given: _Given, stage: str) -> _Attempt:
     """Each view is matched with the most similar ones, and all are mapped.
 
     If several models result, or views are in none, more pairs are matched: those views with all others, and each view
     of a model with the most similar ones of the other models. All are mapped once more, and models that are one are
     joined. stage: name for progress reports.
     """
-    count = len(cameras)
+    count, options = len(given.cameras), given.options
     pairs, likeness = all_pairs(count), None
     if count - 1 > options.partners:
-        likeness = likeness_of(read_keypoints(count, work_dir), options.max_ratio)
+        likeness = likeness_of(read_keypoints(count, given.work_dir), options.max_ratio)
         pairs = promising_pairs(likeness, options.partners)
-    found = _mapped(cameras, pairs, pairs, work_dir, options, stage, progress)
+    found = _mapped(given, pairs, pairs, stage)
     if likeness is not None:
         places = [np.flatnonzero(model.registered) for model in found.models]
         more = sorted({*pairs_between(places, likeness, options.partners)} - {*pairs})
         if more:
             log.info("%d models; %d more pairs of views are matched", len(places), len(more))
-            found = _mapped(cameras, pairs + more, more, work_dir, options, stage, progress)
-    return found._replace(models=_joined(found.models, cameras, work_dir, options))
+            found = _mapped(given, pairs + more, more, stage)
+    return found._replace(models=_joined(found.models, given))
 
 
-def _joined(models: list[SparseModel], cameras: list[Camera], work_dir: Path, options: SfmOptions) -> list[SparseModel]:
+def _joined(models: list[SparseModel], given: _Given) -> list[SparseModel]:
     """The models, those that are one joined, the largest first; that is completed where this brings in views."""
     if not models or models[0].registered.all():
         return models
-    matches = read_matches(len(cameras), work_dir)
-    first, *others = joined_models(models, matches, cameras, options.seed)
-    whole = completed(first, matches, cameras, work_dir, options)
+    matches = read_matches(len(given.cameras), given.work_dir)
+    first, *others = joined_models(models, matches, given.cameras, given.options.seed)
+    whole = completed(first, matches, given.cameras, given.work_dir, given.options)
     was_joined = len(others) + 1 < len(models)
     if was_joined or whole.registered.sum() > first.registered.sum():
-        first = normalised(whole, cameras)
+        first = normalised(whole, given.cameras)
     return [first, *others]
 
 
-def _mapped(
-    cameras: list[Camera],
-    pairs: list[tuple[int, int]],
-    new: list[tuple[int, int]],
-    work_dir: Path,
-    options: SfmOptions,
-    stage: str,
-    progress: Progress | None,
-) -> _Attempt:
+def _mapped(given: _Given, pairs: list[tuple[int, int]], new: list[tuple[int, int]], stage: str) -> _Attempt:
     """All views mapped after matching. new: those of the pairs that are not matched yet."""
+    cameras, work_dir, options, progress = given.cameras, given.work_dir, given.options, given.progress
     inliers = match_views(len(cameras), new, work_dir, options, stage, progress)
     log.info("%d of %d pairs match (%s)", np.count_nonzero(inliers) // 2, len(pairs), stage)
-    models = [from_colmap(model, len(cameras)) for model in map_views(cameras, work_dir, options, progress)]
-    return _Attempt(pairs, inliers, [normalised(model, cameras) for model in models])
+    shading_of = None if given.sun_in_cam is None else given.shading_of
+    models = map_views(cameras, work_dir, options, progress, shading_of)
+    return _Attempt(pairs, inliers, [normalised(from_colmap(model, len(cameras)), cameras) for model in models])
 
 
 def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
@@ -174,23 +184,26 @@ def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
     return bool(len(found.registered) < len(found.inliers) or matching < THIN_SHARE * len(found.pairs))
 
 
-def _by_relief_too(
-    images: list[Image],
-    cameras: list[Camera],
-    sun_in_cam: np.ndarray,
-    plain: _Attempt,
-    work_dir: Path,
-    options: SfmOptions,
-    progress: Progress | None,
-) -> _Attempt:
+def _by_relief_too(given: _Given, sun_in_cam: np.ndarray, plain: _Attempt) -> _Attempt:
     """All views matched again by both kinds of keypoints; of the two models the one with more views is kept.
 
     Not only the views that did not register: a view is located by points that others have in common with it, and
     matched by brightness alone, these lack the points found in the relief.
     """
-    add_relief_keypoints(images, sun_in_cam, work_dir, options)
-    found = _matched_and_mapped(cameras, work_dir, options, "relief matches", progress)
+    add_relief_keypoints(given.images, sun_in_cam, given.work_dir, given.options)
+    found = _matched_and_mapped(given, "relief matches")
     return found if len(found.registered) >= len(plain.registered) else plain
+
+
+def _warn_if_inside_out(shading: ReliefShading) -> None:
+    if shading.shows == "reverse":
+        warn(
+            log, "relief-inverted",
+            "the images' brightness contradicts the slopes of the sparse model (correlation %.2f), and agrees with "
+            "these inverted, hills for hollows (%.2f): either the Sun directions are wrong, or the poses. Check "
+            "sun_in_cam, or add images from other directions, or pose priors",
+            shading.correlation, shading.reverse,
+        )  # fmt: skip
 
 
 def _brought_in(plain: _Attempt, found: _Attempt, options: SfmOptions) -> np.ndarray:

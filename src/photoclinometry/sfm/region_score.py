@@ -47,7 +47,7 @@ def cell_scores(
         return np.zeros(shape)
     centers = sparse.body_from_cam.translation
     points = sparse.points[index]
-    normal = normals_from_neighbours(points, centers[sparse.registered])
+    normal = normals_from_neighbours(points, centers[sparse.registered].mean(0))
     mu = np.sum(normal * unit(centers[view] - points), -1)
     mu0 = np.sum(normal * sun_in_body[view], -1)
     score = _detail_seen(sparse, view, points, cameras) * mu.clip(0) * (mu0 / FULL_COSINE).clip(0, 1)

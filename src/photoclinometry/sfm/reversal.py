@@ -14,12 +14,14 @@ from __future__ import annotations
 
 import copy
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from photoclinometry.model.warning import warn
+from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_points
 
 log = logging.getLogger(__name__)
@@ -50,13 +52,15 @@ _DEPTH = np.diag([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True)
 class Oriented:
-    """A pycolmap reconstruction, adjusted, that explains the keypoints better than its reverse does."""
+    """A pycolmap reconstruction, adjusted, that explains the images better than its reverse does."""
 
     model: Any
     error_px: float
     """Mean reprojection error."""
     reverse_px: float
     """That of the reverse, adjusted as well unless that is HOPELESS."""
+    shading: ReliefShading | None = None
+    """Of the model; None where no Sun is known."""
 
     @property
     def is_doubtful(self) -> bool:
@@ -64,33 +68,54 @@ class Oriented:
         return self.reverse_px < DOUBTFUL * self.error_px
 
     def warn_if_undecided(self) -> None:
-        if self.reverse_px < ALIKE * self.error_px:
+        decided = self.shading is not None and self.shading.shows == "model"
+        if self.reverse_px < ALIKE * self.error_px and not decided:
             warn(
                 log, "reversal-undecided",
                 "rays are so nearly parallel that the relief may be reversed, hills for hollows: keypoints are "
-                "explained to %.3f px, and to %.3f px the other way round. Add images from other directions, or pose "
-                "priors",
+                "explained to %.3f px, and to %.3f px the other way round, and shading does not decide. Add images "
+                "from other directions or under other light, or pose priors",
                 self.error_px, self.reverse_px,
             )  # fmt: skip
 
 
-def right_way_round(model: Any, adjustment: RobustAdjustment) -> Oriented:
-    """The pycolmap reconstruction, adjusted in place, or its reverse where that explains the keypoints better.
+def right_way_round(
+    model: Any, adjustment: RobustAdjustment, shading_of: Callable[[Any], ReliefShading] | None = None
+) -> Oriented:
+    """The pycolmap reconstruction, adjusted in place, or its reverse where that explains the images better.
 
-    Views whose own pose is reversed are turned round, too.
+    Where the reprojection errors of the two are less than DOUBTFUL apart, shading decides if it can. Views whose own
+    pose is reversed are turned round, too. shading_of: of a reconstruction, by the images; None where no Sun is known.
     """
+    turned = 0
     while True:
-        adjustment.of_model(model)
-        other = reversed_model(model)
-        error, reverse = (each.compute_mean_reprojection_error() for each in (model, other))
-        if reverse < HOPELESS * error:
-            adjustment.of_model(other)
-            reverse = other.compute_mean_reprojection_error()
-        log.info("mean reprojection error %.3f px, with depth and rotations reversed %.3f px", error, reverse)
-        better = other if reverse < error else model
+        better, other_px = _better_of_both(model, adjustment, shading_of)
         model = with_views_turned_round(better, adjustment)
-        if model is better:
-            return Oriented(model, min(error, reverse), max(error, reverse))
+        turned += 1
+        if model is better or turned == model.num_reg_images():
+            error_px = model.compute_mean_reprojection_error()
+            return Oriented(model, error_px, other_px, shading_of(model) if shading_of else None)
+
+
+def _better_of_both(
+    model: Any, adjustment: RobustAdjustment, shading_of: Callable[[Any], ReliefShading] | None
+) -> tuple[Any, float]:
+    """The model, adjusted in place, or its reverse, and the mean reprojection error of the other one."""
+    adjustment.of_model(model)
+    other = reversed_model(model)
+    shading = shading_of(model) if shading_of else None
+    shown = shading.shows if shading else "neither"
+    error, reverse = (each.compute_mean_reprojection_error() for each in (model, other))
+    if reverse < HOPELESS * error or shown == "reverse":
+        adjustment.of_model(other)
+        reverse = other.compute_mean_reprojection_error()
+    log.info("mean reprojection error %.3g px, with depth and rotations reversed %.3g px", error, reverse)
+    if shading:
+        log.info("shading and brightness correlate by %.2f, reversed %.2f", shading.correlation, shading.reverse)
+    is_wrong = reverse < error
+    if shown != "neither" and max(error, reverse) < DOUBTFUL * min(error, reverse):
+        is_wrong = shown == "reverse"
+    return (other, error) if is_wrong else (model, reverse)
 
 
 def with_views_turned_round(model: Any, adjustment: RobustAdjustment) -> Any:

@@ -1,0 +1,110 @@
+"""Whether the brightness of images shows the relief of a sparse model, or its reverse.
+
+Keypoints hardly tell a model from its reverse where rays are nearly parallel (`sfm/reversal.py`): hills for hollows,
+and the cameras on the other side. Shading does, since the Sun's direction in each image is known: slopes towards the
+Sun are bright. Of the model and its reverse, that one is right whose slopes go with the images' brightness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.sparse import SparseModel
+from photoclinometry.photometry.sparse_planes import as_blurred, sparse_planes
+from photoclinometry.surface.sampling import sample_image
+
+NEIGHBOURS = 16
+"""Points, itself included, whose plane is the ground at a point: half as many as where slopes themselves are wanted
+(`initialize.PLANE_NEIGHBOURS`), since only their signs count here, and more patches tell more."""
+
+FEWEST_POINTS = NEIGHBOURS
+"""A view that sees fewer points than lie in one patch of ground says nothing."""
+
+CERTAIN = 3.0
+"""Standard deviations between the two correlations beyond which brightness decides."""
+
+
+@dataclass(frozen=True)
+class ReliefShading:
+    """How the shading of a model, and of its reverse, goes with the brightness of the images."""
+
+    correlation: float
+    """Of the predicted with the measured brightness, about the mean of each view."""
+    reverse: float
+    """The same of the reversed model."""
+    patches: float
+    """Patches of ground that were compared: points over NEIGHBOURS."""
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the two correlations' difference, were brightness that of albedo alone.
+
+        A correlation of n pairs that are independent has 1 / sqrt(n). The reverse of a slope is as dark as the slope is
+        bright, so that the difference has twice that.
+        """
+        return 2.0 / np.sqrt(max(self.patches, 1.0))
+
+    @property
+    def shows(self) -> Literal["model", "reverse", "neither"]:
+        """Which of the two the images show."""
+        difference = self.correlation - self.reverse
+        if not abs(difference) > CERTAIN * self.sigma:
+            return "neither"
+        return "model" if difference > 0 else "reverse"
+
+
+def relief_shading(
+    sparse: SparseModel, images: Sequence[Image], cameras: Sequence[Camera], sun_in_cam: np.ndarray
+) -> ReliefShading:
+    """The shading of a sparse model compared with the images.
+
+    images, cameras: all K. sun_in_cam: (K, 3) unit vectors towards the Sun in C. Brightness is predicted by the mean of
+    Lambert's and Lommel and Seeliger's laws at albedo 1; which law it is matters little for the sign of a correlation.
+
+    The reverse needs no model of its own: seen along a line of sight e, a normal n becomes 2 (n e) e - n. The cosine of
+    emission mu stays, and that of incidence, mu0, becomes 2 mu cos(phase) - mu0.
+    """
+    if len(sparse.points) < FEWEST_POINTS:
+        return ReliefShading(0.0, 0.0, 0.0)
+    normal, blur = sparse_planes(sparse, NEIGHBOURS)
+    point, compared = sparse.point_of_observation, np.zeros(len(sparse.points), bool)
+    products = np.zeros((2, 3))
+    for k in np.flatnonzero(sparse.registered).tolist():
+        own = np.flatnonzero(sparse.point_view == k)
+        at = point[own]
+        line = sparse.body_from_cam.translation[k] - sparse.points[at]
+        if len(own) < FEWEST_POINTS:
+            continue
+        gsd = float(np.median(np.linalg.norm(line, axis=-1)) / np.mean(cameras[k].focal_px))
+        brightness, valid = sample_image(as_blurred(images[k], blur, gsd), sparse.point_xy[own])
+        towards, sun = unit(line), sparse.body_from_cam.rotation[k] @ sun_in_cam[k]
+        mu, mu0 = np.sum(normal[at] * towards, -1), normal[at] @ sun
+        used = valid & (mu > 0)
+        if used.sum() < FEWEST_POINTS:
+            continue
+        compared[at[used]] = True
+        measured = _relative(brightness[used])
+        for n, cosine in enumerate((mu0, 2.0 * mu * (towards @ sun) - mu0)):
+            predicted = _relative(_shaded(cosine[used], mu[used]))
+            products[n] += measured @ predicted, measured @ measured, predicted @ predicted
+    covariance, *variances = products.T
+    scale = np.sqrt(np.prod(variances, axis=0))
+    correlation = np.divide(covariance, scale, out=np.zeros(2), where=scale > 0)
+    return ReliefShading(*correlation.tolist(), patches=compared.sum() / NEIGHBOURS)
+
+
+def _shaded(mu0: np.ndarray, mu: np.ndarray) -> np.ndarray:
+    lit = np.maximum(mu0, 0.0)
+    return 0.5 * lit + lit / (lit + mu)
+
+
+def _relative(brightness: np.ndarray) -> np.ndarray:
+    """Relative deviations from the mean; zeros where nothing is bright."""
+    mean = brightness.mean()
+    return brightness / mean - 1.0 if mean > 0 else np.zeros_like(brightness)

@@ -1,0 +1,31 @@
+"""The ground of a sparse model: planes through neighbouring points, and images as blurred as such planes are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.model.scene import Image
+from photoclinometry.model.sparse import SparseModel
+from photoclinometry.photometry.initialize import PLANE_NEIGHBOURS, normals_from_neighbours
+from photoclinometry.surface.sampling import blurred
+
+LEAST_BLUR_PX = 0.5
+"""Least standard deviation of the images' blur [px]: the point-spread function that they have anyway."""
+
+
+def sparse_planes(sparse: SparseModel, neighbours: int = PLANE_NEIGHBOURS) -> tuple[np.ndarray, float]:
+    """Outward normals (P, 3) of planes through neighbours, and the standard deviation of the blur that such a plane is.
+
+    That is half the radius of the neighbours: the standard deviation of a disk along each axis.
+    """
+    from scipy.spatial import KDTree
+
+    points = sparse.points
+    count = min(neighbours, len(points))
+    farthest = np.asarray(KDTree(points).query(points, k=count)[0])[:, -1]
+    return normals_from_neighbours(points, points + sparse.towards_views, count), 0.5 * float(np.median(farthest))
+
+
+def as_blurred(image: Image, blur: float, gsd: float) -> Image:
+    """The image as planes show the ground whose standard deviation is `blur`; both in units of B, gsd a pixel."""
+    return blurred(image, max(blur / gsd, LEAST_BLUR_PX))
