@@ -108,6 +108,22 @@ def test_normals_and_albedos_are_off_by_what_they_were_changed(ball):
     assert figures["albedo_rms_percent"] == pytest.approx(2.0, rel=0.05)
 
 
+@pytest.mark.parametrize("psf_px", [0.0, 0.5])
+def test_normals_and_albedos_are_compared_at_the_resolution_of_the_images(ball, psf_px):
+    """Waves of albedo that pixels and optics show with exp(-2 (pi s / wavelength)^2) of their height are right so."""
+    wavelength, surface = 6.0 * GSD, ball.surface
+    from_pole = RADIUS * np.arccos(np.clip(surface.vertices[:, 2] / RADIUS, -1.0, 1.0))
+    wave = np.sin(2.0 * np.pi * from_pole / wavelength)
+    truth = replace(ball, psf_sigma_px=psf_px, surface=replace(surface, albedo=1.0 + 0.2 * wave))
+    sigma = GSD * np.sqrt(psf_px**2 + np.var(np.linspace(-0.5, 0.5, 10001)))
+    height = 0.2 * np.exp(-2.0 * (np.pi * sigma / wavelength) ** 2)
+    shown, true = (
+        compare_body(replace(same(ball), albedo=1.0 + h * wave), truth)["albedo_rms_percent"] for h in (height, 0.2)
+    )
+    assert true == pytest.approx(100.0 * (0.2 - height) / np.sqrt(2.0), rel=0.25)
+    assert shown < 0.3 * true
+
+
 def test_the_volume_of_a_ball_is_that_of_a_sphere(ball):
     assert signed_volume(ball.surface.vertices, ball.surface.faces) == pytest.approx(
         4 / 3 * np.pi * RADIUS**3, rel=0.001

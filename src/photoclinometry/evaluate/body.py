@@ -27,12 +27,12 @@ FOUND_WITHIN_GSD = 1.0
 """Ground is found where the mesh is this near."""
 _SAMPLES = 40_000
 """Triangles of the truth, and points of the mesh, that take part: figures are good to a per cent."""
-MEAN_OVER_GSD = 0.5
-"""Width of the Gaussian that the truth's normals and albedos are averaged with: images resolve no less."""
+PIXEL_SIGMA_PX = 1.0 / np.sqrt(12.0)
+"""Standard deviation of a pixel's area along each axis [px]."""
 _NEAREST_WEIGHT = 1e-6
 """Weight of the nearest vertex in such a mean at least, so that it exists where none is in reach."""
-_NEIGHBOURS = 32
-"""Vertices that may take part in a mean."""
+_REACH = 3.0
+"""Vertices take part in a mean up to so many of its standard deviations away."""
 
 
 def align_body(
@@ -57,7 +57,7 @@ def align_body(
 
 
 def compare_body(
-    found: ShapeModel, truth: BodyTruth, *, mean_over_gsd: float = MEAN_OVER_GSD, seed: int = 0
+    found: ShapeModel, truth: BodyTruth, *, mean_over_gsd: float | None = None, seed: int = 0
 ) -> dict[str, float]:
     """Figures of a mesh in the truth's frame, by name; see `align_body`. Figures that do not exist are left out.
 
@@ -66,8 +66,9 @@ def compare_body(
     the whole area that is well seen (FEWEST_VIEWS, LARGEST_EMISSION_DEG); `normal_..._deg` and `albedo_..._percent` at
     the mesh's vertices within 1 GSD of well seen truth, albedos after their common factor; `..._sigma_...`: the same
     errors, and those of heights, over the mesh's standard deviations (`metrics.calibration`); `volume_percent`: how
-    much the mesh is too large. mean_over_gsd: resolution at which normals, albedos and sigmas are compared; 0 compares
-    with the truth's vertices. seed: of the samples. Raises InputError for meshes without faces.
+    much the mesh is too large. mean_over_gsd: standard deviation of the Gaussian that the truth's normals, albedos and
+    heights are averaged with; left out, that of the finest images' pixels and point-spread function (`resolution_gsd`).
+    0 compares with the truth's vertices. seed: of the samples. Raises InputError for meshes without faces.
     """
     if len(found.faces) == 0 or not np.isfinite(found.vertices).all():
         raise InputError("the mesh to compare has no faces, or vertices that are not finite")
@@ -89,10 +90,16 @@ def compare_body(
         figures["completeness_percent"] = float(
             100.0 * area[seen & (back <= FOUND_WITHIN_GSD)].sum() / area[seen].sum()
         )
-    figures |= _at_vertices(rng, found, truth, truth_mesh, corner.mean(1)[seen], mean_over_gsd)
+    width = resolution_gsd(truth) if mean_over_gsd is None else mean_over_gsd
+    figures |= _at_vertices(rng, found, truth, truth_mesh, corner.mean(1)[seen], width)
     volume = signed_volume(surface.vertices, surface.faces)
     figures["volume_percent"] = float(100.0 * (signed_volume(vertices, faces) / volume - 1.0))
     return figures
+
+
+def resolution_gsd(truth: BodyTruth) -> float:
+    """Standard deviation of what one pixel of the finest images averages over [GSD], seen from above."""
+    return float(np.hypot(truth.psf_sigma_px, PIXEL_SIGMA_PX))
 
 
 def _at_vertices(
@@ -143,7 +150,8 @@ def mean_around(
     Ground that faces away from the nearest vertex takes no part, such as the other side of a thin edge.
     """
     surface = truth.surface
-    distance, near = truth_mesh.tree.query(points, min(_NEIGHBOURS, len(surface.vertices)))
+    within = np.pi * (_REACH * width) ** 2 / (_area(truth) / len(surface.vertices))
+    distance, near = truth_mesh.tree.query(points, int(np.clip(np.ceil(within), 2, len(surface.vertices))))
     normals = surface.normals[near]
     weight = np.exp(-0.5 * (distance / width) ** 2) if width > 0 else np.zeros(distance.shape)
     weight[:, 0] = np.maximum(weight[:, 0], _NEAREST_WEIGHT)
