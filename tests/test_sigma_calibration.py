@@ -45,6 +45,17 @@ def test_what_cannot_be_normalised_is_left_out():
         normalised_square(np.ones((4, 2)), np.ones((4, 3)))
 
 
+def test_covariances_that_are_singular_but_for_rounding_are_left_out():
+    """Of rank 1 in floating point: some have a least eigenvalue above zero, and yet no inverse."""
+    axis = np.random.default_rng(0).normal(size=(2000, 3))
+    covariance = np.einsum("ni,nj->nij", axis, axis)
+    least = np.linalg.eigvalsh(covariance)[:, 0]
+    assert np.sum(least > 0) > 100
+    assert np.isnan(normalised_square(np.ones((2000, 3)), covariance)).all()
+    nearly = covariance + 1e-9 * np.eye(3)
+    assert normalised_square(axis, nearly) == pytest.approx(1.0 / 3.0, rel=1e-4)
+
+
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_draws_from_the_covariance_are_calibrated_and_half_the_sigma_is_four_times_off(size):
     rng = np.random.default_rng(size)

@@ -105,10 +105,11 @@ def normalised_square(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     if covariance.shape != (count, size, size):
         raise ValueError(f"covariance of shape {covariance.shape} does not go with errors of shape {error.shape}")
     usable = np.array(np.isfinite(covariance).all((-1, -2)) & np.isfinite(error).all(-1))
-    usable[usable] = np.linalg.eigvalsh(covariance[usable])[:, 0] > 0
+    variance, axis = np.linalg.eigh(covariance[usable])
+    along = np.einsum("nij,ni->nj", axis, error[usable])
+    is_definite = variance[:, 0] > size * np.finfo(float).eps * variance[:, -1]  # less is rounding
     found = np.full(count, np.nan)
-    weighted = np.linalg.solve(covariance[usable], error[usable, :, None])[..., 0]
-    found[usable] = np.sum(error[usable] * weighted, -1) / size
+    found[usable] = np.mean(along**2 / np.where(is_definite[:, None], variance, np.nan), -1)
     return found
 
 
