@@ -42,13 +42,13 @@ class CompareRenderings(Stage[RenderingQuality]):
         which = np.flatnonzero(self.posed.sparse.value.registered | self.placed.value.placed)
         for done, k in enumerate(which):
             drawn = rendered_shape(surface, views.cameras[k], views.body_from_cam[k], views.sun[k])
-            found[k] = _psnr(inputs.images[k], drawn, absolute=inputs.site.brightness == "iof")
+            found[k] = disk_psnr(inputs.images[k], drawn, absolute=inputs.site.brightness == "iof")
             tools.progress("renderings", done + 1, len(which))
         say_found(f"PSNR {np.nanmedian(found):.1f} dB in the median, of whole disks")
         return RenderingQuality(psnr_db=found)
 
 
-def _psnr(image: Image, rendering: np.ndarray, *, absolute: bool) -> float:
+def disk_psnr(image: Image, rendering: np.ndarray, *, absolute: bool) -> float:
     """Of one image, over the pixels that show the body; its gain is free unless its brightness is absolute."""
     mask = image.valid & np.isfinite(rendering)
     if not mask.any():
