@@ -227,8 +227,10 @@ class _Between:
         found = least_squares(residuals, np.zeros(7), loss="soft_l1", f_scale=AGREE_PX / 2.0)
         # A wrong depth shows in both images, so that the four numbers of a match count as two.
         spare = max(2 * len(rows) - len(found.x), 1)
-        covariance = np.linalg.pinv(found.jac.T @ found.jac) * 2.0 * found.cost / spare
-        return moved(found.x), float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
+        information, axes = np.linalg.eigh(found.jac.T @ found.jac)
+        known = np.maximum(information, np.finfo(float).eps * information[-1])  # what matches leave open is uncertain
+        covariance = (axes[:3] / known) @ axes[:3].T * 2.0 * found.cost / spare
+        return moved(found.x), float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
 
 
 def find_join(
