@@ -252,11 +252,12 @@ def find_join(
         return None
     refined = [between.fitted(similarity) for _, similarity in found]
     agreeing = [int(between.agreeing(similarity).sum()) for similarity, _ in refined]
-    best, turn_sigma_rad = refined[int(np.argmax(agreeing))]
+    best = refined[int(np.argmax(agreeing))][0]
     others = [number for number, (each, _) in zip(agreeing, refined, strict=True) if _apart(each, best)]
+    again, turn_sigma_rad = between.fitted(best)  # by all that agree now, which may be more than it was fitted to
     return Join(
-        first_from_second=best,
-        agreeing=max(agreeing),
+        first_from_second=again,
+        agreeing=int(between.agreeing(again).sum()),
         runner_up=max(others, default=0),
         turn_sigma_rad=turn_sigma_rad,
     )
