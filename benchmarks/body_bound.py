@@ -25,6 +25,7 @@ from photoclinometry.io.site_images import load_images
 from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
 from photoclinometry.registration.closest_points import MeshSurface
 from photoclinometry.simulate.bodies.truth import BodyTruth, read_body_truth
+from photoclinometry.simulate.photometry import Photometry, radiance_factor
 from photoclinometry.surface.mesh_rays import MeshRays
 
 PART = 200_000
@@ -35,15 +36,12 @@ PART = 200_000
 class AtMeanAlbedo:
     """The simulator's reflectance, whose shape depends a little on the albedo, at one albedo."""
 
-    photometry: Any
+    photometry: Photometry
     albedo: float
 
     def __call__(self, mu0: np.ndarray, mu: np.ndarray, phase: np.ndarray) -> np.ndarray:
-        seen = (mu0 > 0) & (mu > 0)
-        found = np.zeros(len(mu0))
-        angles = (each[seen] for each in (mu0, mu, np.broadcast_to(phase, mu0.shape)))
-        found[seen] = self.photometry.radiance_factor(np.full(seen.sum(), self.albedo), *angles) / self.albedo
-        return found
+        albedo = np.full(len(mu0), self.albedo)
+        return radiance_factor(self.photometry, albedo, mu0, mu, phase) / self.albedo
 
 
 def surfaces(truth: BodyTruth) -> dict[str, ShadedSurface]:

@@ -39,12 +39,12 @@ def why_untrusted(
 
     left_out: number of views that the map was made without, but for those held out. warnings: all of the run.
     """
-    scene, reasons = adjustment.scene, []
+    scene, reasons, codes = adjustment.scene, [], {warned.code for warned in warnings}
     if not adjustment.converged:
         reasons.append(f"the joint estimate has not converged: {adjustment.message}")
-    if any(warned.code == "most-suns-contradict" for warned in warnings):
+    if "most-suns-contradict" in codes:
         reasons.append("the Sun directions as a whole contradict the images: check the convention of `sun`")
-    if any(warned.code == "relief-inverted" for warned in warnings):
+    if "relief-inverted" in codes:
         reasons.append("brightness shows the relief with hills for hollows: check `sun`, and the poses")
     used = len(scene.views)
     if left_out > MOST_LEFT_OUT * (used + left_out):

@@ -250,10 +250,10 @@ def find_join(
     found = sorted(found, key=lambda each: each[0], reverse=True)[:REFINED]
     if not found:
         return None
-    refined = [between.fitted(similarity) for _, similarity in found]
-    agreeing = [int(between.agreeing(similarity).sum()) for similarity, _ in refined]
-    best = refined[int(np.argmax(agreeing))][0]
-    others = [number for number, (each, _) in zip(agreeing, refined, strict=True) if _apart(each, best)]
+    refined = [between.fitted(similarity)[0] for _, similarity in found]
+    agreeing = [int(between.agreeing(similarity).sum()) for similarity in refined]
+    best = refined[int(np.argmax(agreeing))]
+    others = [number for number, each in zip(agreeing, refined, strict=True) if _apart(each, best)]
     again, turn_sigma_rad = between.fitted(best)  # by all that agree now, which may be more than it was fitted to
     return Join(
         first_from_second=again,

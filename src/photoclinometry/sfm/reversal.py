@@ -87,20 +87,19 @@ def right_way_round(
     Where the reprojection errors of the two are less than DOUBTFUL apart, shading decides if it can. Views whose own
     pose is reversed are turned round, too. shading_of: of a reconstruction, by the images; None where no Sun is known.
     """
-    turned = 0
-    while True:
-        better, other_px = _better_of_both(model, adjustment, shading_of)
-        model = with_views_turned_round(better, adjustment)
-        turned += 1
-        if model is better or turned == model.num_reg_images():
-            error_px = model.compute_mean_reprojection_error()
-            return Oriented(model, error_px, other_px, shading_of(model) if shading_of else None)
+    found = _better_of_both(model, adjustment, shading_of)
+    for _ in range(model.num_reg_images()):
+        turned = with_views_turned_round(found.model, adjustment)
+        if turned is found.model:
+            break
+        found = _better_of_both(turned, adjustment, shading_of)
+    return found
 
 
 def _better_of_both(
     model: Any, adjustment: RobustAdjustment, shading_of: Callable[[Any], ReliefShading] | None
-) -> tuple[Any, float]:
-    """The model, adjusted in place, or its reverse, and the mean reprojection error of the other one."""
+) -> Oriented:
+    """The model, adjusted in place, or its reverse."""
     adjustment.of_model(model)
     other = reversed_model(model)
     shading = shading_of(model) if shading_of else None
@@ -115,7 +114,9 @@ def _better_of_both(
     is_wrong = reverse < error
     if shown != "neither" and max(error, reverse) < DOUBTFUL * min(error, reverse):
         is_wrong = shown == "reverse"
-    return (other, error) if is_wrong else (model, reverse)
+    if not is_wrong:
+        return Oriented(model, error, reverse, shading)
+    return Oriented(other, reverse, error, shading_of(other) if shading_of else None)
 
 
 def with_views_turned_round(model: Any, adjustment: RobustAdjustment) -> Any:
