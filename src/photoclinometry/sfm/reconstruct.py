@@ -201,7 +201,7 @@ def _warn_if_inside_out(shading: ReliefShading) -> None:
             log, "relief-inverted",
             "the images' brightness contradicts the slopes of the sparse model (correlation %.2f), and agrees with "
             "these inverted, hills for hollows (%.2f): either the Sun directions are wrong, or the poses. Check "
-            "sun_in_cam, or add images from other directions, or pose priors",
+            "`sun`, or add images from other directions, or pose priors",
             shading.correlation, shading.reverse,
         )  # fmt: skip
 
