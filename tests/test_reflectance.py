@@ -14,6 +14,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import (
     DEG,
     Reflectance,
+    continued_function,
     photometric_angles,
     photometric_function,
     photometric_parameters,
@@ -309,3 +310,14 @@ def test_a_step_within_the_bounds_is_left_as_it_is():
     assert model.limit_step(np.zeros(6), step).tolist() == step.tolist()
     cut = model.limit_step(np.zeros(6), np.array([2.0, 0, 0, 0, 0, 0]))  # w = 0.5 would become 1.5
     np.testing.assert_allclose(model.moved(cut).values[0], 0.5 + 0.9 * 0.5, atol=1e-5)
+
+
+def test_beyond_grazing_emission_estimates_see_what_they_see_there():
+    """rho is zero beyond 90 degrees and not before: an estimate that crosses that would see its cost jump."""
+    packed = published("lunar-lambert", "vesta").packed
+    seen = [continued_function(packed, 0.5, mu, 1.0)[0] for mu in np.linspace(-0.2, 0.2, 401)]
+    assert np.abs(np.diff(seen)).max() < 0.01 * max(seen)
+    assert continued_function(packed, 0.5, -0.1, 1.0)[2] == 0.0
+    assert continued_function(packed, 0.5, 0.3, 1.0) == photometric_function(packed, 0.5, 0.3, 1.0)
+    assert photometric_function(packed, 0.5, 1e-3, 1.0)[0] > 0.1 * max(seen)
+    assert photometric_function(packed, 0.5, -1e-3, 1.0)[0] == 0.0

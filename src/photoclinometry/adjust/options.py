@@ -7,8 +7,8 @@ from typing import Annotated
 
 from photoclinometry.adjust.solve.solver import SolverOptions
 from photoclinometry.model.ranges import Range, Ranged
+from photoclinometry.model.reflectance import GRAZING_DEG
 from photoclinometry.model.robust import HUBER_LIMIT
-from photoclinometry.photometry.initialize import GRAZING_DEG
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,9 +21,9 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.reflectance import MODELS, Reflectance, model_named, models_for, starting_model
+from photoclinometry.model.reflectance import GRAZING, MODELS, Reflectance, model_named, models_for, starting_model
 from photoclinometry.model.scene import Scene
-from photoclinometry.photometry.initialize import GRAZING, exposure_is_free, with_model
+from photoclinometry.photometry.initialize import exposure_is_free, with_model
 from photoclinometry.photometry.predict import phase_of_views, reflectance_of, shading
 
 log = logging.getLogger(__name__)

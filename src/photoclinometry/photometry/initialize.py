@@ -7,19 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.reflectance import GRAZING, Reflectance
 from photoclinometry.model.robust import REWEIGHTINGS, huber_weight, robust_sigma
 from photoclinometry.model.scene import Image, Scene, Tracks, Views
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import reflectance_of, shading
 from photoclinometry.surface.sampling import as_coarse, sample_image
-
-GRAZING_DEG = 85.0
-"""Observations at larger incidence or emission are not used: an error of the normal of 2.5 degrees halves or
-doubles their shading."""
-
-GRAZING = np.cos(np.radians(GRAZING_DEG))
-"""Cosine of GRAZING_DEG."""
 
 SHADOW_SHARE = 0.15
 """Brightness below this share of the median counts as shadow [-]. Shadows hold scattered light and

@@ -17,11 +17,11 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.model.projection import projected_keypoints
-from photoclinometry.model.reflectance import phase_angle, photometric_function
+from photoclinometry.model.reflectance import GRAZING, phase_angle, photometric_function
 from photoclinometry.model.robust import HUBER_LIMIT, robust_sigma
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.model.tiny import TINY
-from photoclinometry.photometry.initialize import GRAZING, landmark_spacing_px, sample_brightness
+from photoclinometry.photometry.initialize import landmark_spacing_px, sample_brightness
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.render import as_resolved, averaging_sigma, landmark_brightness
 from photoclinometry.surface.relief import in_sunlight, unobstructed

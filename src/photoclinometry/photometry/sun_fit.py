@@ -14,10 +14,9 @@ from numba import njit
 
 from photoclinometry.model.gauss_newton import gauss_newton
 from photoclinometry.model.geometry import angle_between, sphere_step, tangent_basis, unit
-from photoclinometry.model.reflectance import Reflectance, angles_at, photometric_value
+from photoclinometry.model.reflectance import GRAZING, Reflectance, angles_at, photometric_value
 from photoclinometry.model.robust import huber_weight, robust_sigma
 from photoclinometry.model.tiny import TINY
-from photoclinometry.photometry.initialize import GRAZING
 
 STARTS = 200
 """Sun directions that are tried first: one for each 10 x 10 degrees of the sky, within the reach of the steps.

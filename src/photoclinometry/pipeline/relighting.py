@@ -24,10 +24,10 @@ from photoclinometry.matching.relight import RelightMatcher, map_depth
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.reflectance import GRAZING
 from photoclinometry.model.scene import Image, Scene, Tracks
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import CONVENTION
-from photoclinometry.photometry.initialize import GRAZING
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 

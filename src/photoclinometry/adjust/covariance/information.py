@@ -26,7 +26,7 @@ from photoclinometry.adjust.graph.rows import (
 from photoclinometry.adjust.graph.slot import CameraState, LandmarkState
 from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE
 from photoclinometry.model.projection import project_point
-from photoclinometry.model.reflectance import photometric_function, photometric_parameters
+from photoclinometry.model.reflectance import continued_function, continued_parameters
 
 
 class Observed(NamedTuple):
@@ -107,7 +107,7 @@ def _set_brightness_row(
     e, inverse_range = direction(c[0] - p[0], c[1] - p[1], c[2] - p[2])
     mu0, mu, cosine, sine = angles(sun, e, normal)
     phase = math.atan2(sine, cosine)
-    rho, by_mu0, by_mu, by_phase = photometric_function(model.packed, mu0, mu, phase)
+    rho, by_mu0, by_mu, by_phase = continued_function(model.packed, mu0, mu, phase)
     gx, gy = observed.slope[i, 0], observed.slope[i, 1]
     predicted = scale * albedo * rho + cameras.bias[k] - gx * pixel[0] - gy * pixel[1]
     weight = observed.brightness_weight[i]
@@ -132,7 +132,7 @@ def _set_brightness_row(
     by_camera[2, 8] = weight * albedo * rho
     by_camera[2, 9] = weight
     if by_parameter.size:
-        photometric_parameters(model.packed, mu0, mu, phase, by_parameter)
+        continued_parameters(model.packed, mu0, mu, phase, by_parameter)
         for t in range(by_parameter.size):
             by_parameter[t] *= weight * scale * albedo * model.scale[t]
 

@@ -26,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.model.geometry import skew, tangent_basis
-from photoclinometry.model.reflectance import PHASE_FLOOR, photometric_function
+from photoclinometry.model.reflectance import PHASE_FLOOR, continued_function
 
 
 def projection(
@@ -72,7 +72,7 @@ def photometric(
     to_camera = offset / distance
     sine = np.linalg.norm(np.cross(sun, to_camera))
     phase = np.arctan2(sine, sun @ to_camera)
-    rho, by_mu0, by_mu, by_phase = photometric_function(packed, sun @ normal, to_camera @ normal, phase)
+    rho, by_mu0, by_mu, by_phase = continued_function(packed, sun @ normal, to_camera @ normal, phase)
     gain = scale * albedo
     by_phase_over_sine = by_phase / max(sine, PHASE_FLOOR)
     by_to_camera = gain * (by_mu * normal - by_phase_over_sine * sun)

@@ -27,7 +27,7 @@ from photoclinometry.adjust.graph.rows import (
 )
 from photoclinometry.adjust.graph.variables import CAMERA_SIZE
 from photoclinometry.model.projection import project_point
-from photoclinometry.model.reflectance import photometric_function, photometric_parameters
+from photoclinometry.model.reflectance import continued_function, continued_parameters
 
 STORED = 15
 """Rows kept of each slot. Of keypoints, 0: weight over depth, 1, 2: x / z and y / z. Of brightness, 3:6 by position,
@@ -142,7 +142,7 @@ def brightness_geometry(k, place, cameras, weights, packed, w):
         if weights[place + s] != 0.0:
             phase = math.atan2(w[_SINE * LANES + s], w[_COSINE * LANES + s])
             w[(_ANGLES + 2) * LANES + s] = phase
-            value = photometric_function(packed, w[_ANGLES * LANES + s], w[(_ANGLES + 1) * LANES + s], phase)
+            value = continued_function(packed, w[_ANGLES * LANES + s], w[(_ANGLES + 1) * LANES + s], phase)
         for i in range(4):
             w[(_RHO + i) * LANES + s] = value[i]
     return True
@@ -243,6 +243,6 @@ def parameter_rows(scale, packed, unit, w, row, out):
         row[:] = 0.0
         if gain != 0.0:
             mu0, mu, phase = w[_ANGLES * LANES + s], w[(_ANGLES + 1) * LANES + s], w[(_ANGLES + 2) * LANES + s]
-            photometric_parameters(packed, mu0, mu, phase, row)
+            continued_parameters(packed, mu0, mu, phase, row)
         for t in range(unit.size):
             out[t * LANES + s] = gain * unit[t] * row[t]

@@ -10,12 +10,16 @@ renderer, the simulator and the joint estimate call the compiled functions of th
 import photoclinometry.model.kernel_cache  # noqa: F401 - before anything below is compiled
 from photoclinometry.model.reflectance.angles import (
     DEG,
+    GRAZING,
+    GRAZING_DEG,
     PHASE_FLOOR,
     angles_at,
     phase_angle,
     photometric_angles,
 )
 from photoclinometry.model.reflectance.compiled import (
+    continued_function,
+    continued_parameters,
     photometric_function,
     photometric_parameters,
     photometric_value,
@@ -32,6 +36,8 @@ from photoclinometry.model.reflectance.reflectance import (
 
 __all__ = [
     "DEG",
+    "GRAZING",
+    "GRAZING_DEG",
     "MODELS",
     "PHASE_FLOOR",
     "Disk",
@@ -42,6 +48,8 @@ __all__ = [
     "Phase",
     "Reflectance",
     "angles_at",
+    "continued_function",
+    "continued_parameters",
     "has_published",
     "model_named",
     "models_for",

@@ -10,6 +10,13 @@ from numba import njit
 DEG = 180.0 / math.pi
 """Degrees in a radian."""
 
+GRAZING_DEG = 85.0
+"""Observations at larger incidence or emission are not used: an error of the normal of 2.5 degrees halves or doubles
+their shading."""
+
+GRAZING = math.cos(math.radians(GRAZING_DEG))
+"""Cosine of GRAZING_DEG."""
+
 PHASE_FLOOR = 1e-7
 """Sines of the phase angle are kept above this [rad]: 0.02 arc seconds."""
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from numba import njit
 
+from photoclinometry.model.reflectance.angles import GRAZING
 from photoclinometry.model.reflectance.entry import Compiled
 from photoclinometry.model.reflectance.models import MODELS
 
@@ -44,6 +45,25 @@ def photometric_function(packed, mu0, mu, phase):
     if mu0 <= 0.0 or mu <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
     return _function(packed, mu0, mu, phase)
+
+
+@njit(cache=True)
+def continued_function(packed, mu0, mu, phase):
+    """`photometric_function`, with emission beyond GRAZING_DEG as at that angle: what estimates minimise by.
+
+    rho is not zero at an emission of 90 degrees. Ground that is estimated to turn away from a camera that does see it
+    would make the cost jump there, and no step could cross.
+    """
+    if mu >= GRAZING:
+        return photometric_function(packed, mu0, mu, phase)
+    rho, by_mu0, _, by_phase = photometric_function(packed, mu0, GRAZING, phase)
+    return rho, by_mu0, 0.0, by_phase
+
+
+@njit(cache=True)
+def continued_parameters(packed, mu0, mu, phase, out):
+    """`photometric_parameters` of `continued_function`."""
+    photometric_parameters(packed, mu0, max(mu, GRAZING), phase, out)
 
 
 @njit(cache=True)
