@@ -34,6 +34,7 @@ KEYPOINT_SIGMA = 0.3
 TIGHT = SolverOptions(
     relative_decrease=1e-14,
     absolute_decrease=0.0,
+    settled=0.0,
     truncation=1e-10,
     final_truncation=1e-12,
     max_steps=100,

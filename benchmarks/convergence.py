@@ -21,7 +21,9 @@ MODELS = ("lunar-lambert", "minnaert", "akimov+", "mcewen", "akimov")
 DEFAULT = replace(
     OPTIONS, keypoint_sigma_px=0.3, keypoint_loss=3.0, brightness_loss=3.0, max_rounds=4, uncertainty=False
 )
-TIGHT = replace(DEFAULT, solver=SolverOptions(max_steps=150, relative_decrease=1e-7, absolute_decrease=0.1))
+TIGHT = replace(
+    DEFAULT, solver=SolverOptions(max_steps=150, relative_decrease=1e-7, absolute_decrease=0.1, settled=0.0)
+)
 
 
 def random_start(seed: int, fewest: int = 10, side: int = 30) -> tuple[Scene, Scene]:

@@ -324,3 +324,20 @@ def test_a_pose_prior_counts_the_turn_about_each_axis():
     assert prior.rows(estimate.step(step, np.zeros((36, 6))))[0].cost == pytest.approx(9.0)
     step[0, :6] = [0.0, 0.0, 2e-4, 0.0, 0.0, 0.0]
     assert np.sum(prior.rows(estimate.step(step, np.zeros((36, 6))))[0].residual[0, :3] ** 2) == pytest.approx(4.0)
+
+
+def test_costs_of_landmarks_are_of_their_own_observations_and_pairs():
+    """They add up to the cost of observations, and to that of smoothness twice; what moves one landmark's albedo
+    changes no other's."""
+    scene = synthetic_scene(size=7, views=4, keypoint_noise_px=0.3, brightness_noise=0.01)
+    graph = graph_of(scene, limits=(1.5, 1.5)).graph
+    estimate = perturbed(scene)
+    cost, of_landmarks = graph.costs(estimate)
+    names = dict(zip(graph.cost_names, cost, strict=True))
+    expected = names["keypoint"] + names["brightness"] + 2.0 * names["smoothness"]
+    assert of_landmarks.sum() == pytest.approx(expected, rel=1e-9)
+    np.testing.assert_array_equal(cost, graph.cost(estimate))
+    step = np.zeros((49, 6))
+    step[11, 5] = 0.05
+    moved = graph.costs(estimate.step(np.zeros((4, 10)), step, np.zeros(0)))[1]
+    np.testing.assert_array_equal(np.flatnonzero(np.abs(moved - of_landmarks) > 1e-6 * of_landmarks), [11])

@@ -40,6 +40,7 @@ def test_iterations_end_where_little_is_left_to_gain(system):
     lowest = -b @ np.linalg.solve(h, b)
     x = solve(system, enough=1.0).x
     assert 0.0 < x @ h @ x - 2.0 * b @ x - lowest < 1.0
+    assert not solve(system, enough=1.0).broke_down
 
 
 def test_an_indefinite_matrix_ends_the_iteration(system):
@@ -48,4 +49,5 @@ def test_an_indefinite_matrix_ends_the_iteration(system):
     spoilt = h - 2.0 * np.outer(b, b) / np.vdot(b, b)
     found = conjugate_gradients(lambda x: spoilt @ x, lambda r: r, b, max_iterations=500)
     assert found.iterations == 0
+    assert found.broke_down
     np.testing.assert_array_equal(found.x, 0.0)

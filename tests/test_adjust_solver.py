@@ -1,5 +1,7 @@
 """The minimum found, against an independent dense solver and against the truth that was simulated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -7,6 +9,8 @@ from scipy.optimize import least_squares
 from graphs import dense_jacobian, graph_of, perturbed, residuals_of, some_tracks_missing
 from photoclinometry.adjust.graph.smoothness import add_product
 from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.solve.damped import DampedSystem
+from photoclinometry.adjust.solve.krylov import conjugate_gradients
 from photoclinometry.adjust.solve.preconditioner import solve_approximately
 from photoclinometry.adjust.solve.solver import SolverOptions, minimize
 from photoclinometry.adjust.solve.step_control import descend
@@ -16,6 +20,7 @@ from scenes import synthetic_scene
 TIGHT = SolverOptions(
     relative_decrease=1e-13,
     absolute_decrease=0,
+    settled=0,
     truncation=1e-10,
     final_truncation=1e-12,
     max_steps=100,
@@ -118,3 +123,38 @@ def minus_newton(at):
     scale = (1.0 / np.sqrt(at.diagonal)).astype(np.float32)
     dense = np.array([at.multiply(axis * scale) * scale for axis in np.eye(size, dtype=np.float32)])
     return -scale * np.linalg.solve(dense, scale * at.gradient)
+
+
+def test_a_landmark_damped_alone_hardly_moves_and_the_others_find_their_minimum_about_it():
+    """Against a dense solution in which that landmark is held."""
+    scene = synthetic_scene(size=6, views=5, keypoint_noise_px=0.3, brightness_noise=0.01)
+    at = graph_of(scene).graph.linearize(perturbed(scene, size=0.2))
+    of_landmarks = np.zeros(36)
+    of_landmarks[20] = 1e6
+    system = DampedSystem(at, 1e-6, of_landmarks, 0.02, 10)
+    solve = conjugate_gradients(
+        system.multiply, system.precondition, -at.gradient.astype(np.float32), max_iterations=500, truncation=1e-8
+    )
+    scale = (1.0 / np.sqrt(at.diagonal)).astype(np.float32)
+    dense = np.array([at.multiply(axis * scale) * scale for axis in np.eye(len(scale), dtype=np.float32)])
+    free = np.ones(len(scale), bool)
+    free[50 + 6 * 20 : 50 + 6 * 21] = False
+    expected = np.zeros(len(scale))
+    damped = dense[np.ix_(free, free)] + 1e-6 * np.eye(free.sum())
+    expected[free] = -np.linalg.solve(damped, (scale * at.gradient)[free])
+    found = solve.x / scale
+    assert np.abs(found[~free]).max() < 1e-4 * np.abs(found).max()
+    np.testing.assert_allclose(found, expected, atol=0.01 * np.abs(expected).max())
+
+
+def test_an_estimate_that_counts_as_settled_is_near_the_minimum():
+    """Nine landmarks of ten are within their own standard deviation of where they end, and it takes fewer steps."""
+    scene = synthetic_scene(size=12, views=6, keypoint_noise_px=0.3, brightness_noise=0.01)
+    graph, start = graph_of(scene).graph, perturbed(scene, size=0.5)
+    settled, exact = (minimize(graph, start, replace(TIGHT, settled=share), step_limit=30.0) for share in (0.5, 0.0))
+    assert settled.converged
+    assert len(settled.log) < len(exact.log)
+    position, end = (solution.estimate.landmarks.position for solution in (settled, exact))
+    sigma = 1.0 / np.sqrt(np.einsum("jii->ji", graph.linearize(exact.estimate).landmarks.block)[:, :3])
+    off = np.sqrt(np.mean(((position - end) / sigma) ** 2, axis=1))
+    assert np.quantile(off, 0.9) < 1.0

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from graphs import graph_of, perturbed
 from photoclinometry.adjust.graph.variables import Estimate
-from photoclinometry.adjust.solve.step_control import MAX_TURN, common_motion, limited
+from photoclinometry.adjust.solve.solver import minimize
+from photoclinometry.adjust.solve.step_control import MAX_TURN, common_motion, descend, limited
 from scenes import synthetic_scene
 
 
@@ -67,3 +69,22 @@ def test_landmarks_have_limits_of_their_own():
     moves = limited(step, limit, estimate)
     assert moves[4, 2] == 10.0
     assert abs(moves[3, 2] - 2.0) < 0.3  # what all do is fitted, and pulled a little by these two
+
+
+def test_a_landmark_that_a_step_makes_worse_is_held_back_and_no_other():
+    """Away from the minimum all go back to it, but for one, whose normal turns by half a radian on its way."""
+    scene = synthetic_scene(size=10, views=4, keypoint_noise_px=0.3, brightness_noise=0.01)
+    graph, spoilt = graph_of(scene).graph, 34
+    estimate = minimize(graph, perturbed(scene, size=0.2)).estimate
+    away = np.zeros((len(estimate.landmarks), 6))
+    away[:, 5] = 0.005 * estimate.landmarks.albedo
+    begin, back = estimate.step(np.zeros((4, 10)), away, np.zeros(0)), -away
+    back[spoilt, 3] = 0.5
+    trial = descend(graph, begin, graph.cost(begin).sum(), (np.zeros((4, 10)), back, np.zeros(0)), np.inf)
+    assert trial.whole
+    assert trial.cost.sum() < graph.cost(begin).sum()
+    np.testing.assert_array_equal(np.flatnonzero(trial.held), [spoilt])
+    moves = trial.moves[40:].reshape(-1, 6)
+    others = np.arange(len(moves)) != spoilt
+    np.testing.assert_array_equal(moves[others], back[others])
+    assert np.linalg.norm(moves[spoilt]) < 0.3 * np.linalg.norm(back[spoilt])

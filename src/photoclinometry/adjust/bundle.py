@@ -21,7 +21,7 @@ from photoclinometry.model.sparse import SparseModel
 LOSS = 3.0
 """Huber's loss of keypoints turns linear beyond so many standard deviations."""
 
-TO_THE_MINIMUM = SolverOptions(relative_decrease=1e-9, absolute_decrease=1e-3, final_truncation=1e-6)
+TO_THE_MINIMUM = SolverOptions(relative_decrease=1e-9, absolute_decrease=1e-3, settled=0.0, final_truncation=1e-6)
 """Poses are to be right to a small part of their covariances, and steps are cheap here."""
 
 

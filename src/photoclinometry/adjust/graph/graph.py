@@ -70,8 +70,15 @@ class FactorGraph:
 
     def cost(self, estimate: Estimate) -> np.ndarray:
         """Squared whitened residuals by `cost_names` (C,), after the loss; the objective is their sum."""
+        return self.costs(estimate)[0]
+
+    def costs(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
+        """`cost`, and (J,) what the observations and neighbours of each landmark add to it. General groups do not
+        count for landmarks."""
+        observed, of_landmarks = self.observations.cost(estimate)
+        smooth, of_pairs = self.smoothness.cost(estimate)
         general = [_cost(group.rows(estimate)) for group in self.general]
-        return np.array([*self.observations.cost(estimate), self.smoothness.cost(estimate), *general])
+        return np.array([*observed, smooth, *general]), of_landmarks + of_pairs
 
     def linearize(self, estimate: Estimate) -> Linearization:
         """The normal equations at an estimate."""

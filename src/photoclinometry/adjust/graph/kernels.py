@@ -18,6 +18,7 @@ from photoclinometry.adjust.graph.slot import (
     BY_VIEW,
     BY_X,
     BY_Y,
+    COST,
     RESIDUAL,
     SCRATCH,
     STORED,
@@ -54,6 +55,8 @@ class Normal(NamedTuple):
     """(threads, T), likewise."""
     cost: np.ndarray
     """(threads, 2): squared whitened residuals of keypoints and of brightness, after the loss."""
+    landmark_cost: np.ndarray
+    """(J,) both of each landmark; (0,) where nobody asks."""
 
 
 @njit(parallel=True, **COMPILED)
@@ -78,7 +81,7 @@ def _linearize_part(
     """`linearize` for one thread's share of the groups."""
     w, scratch = np.zeros(SCRATCH * LANES), np.zeros(STORED * LANES, np.float32)
     of_landmarks, row, by_parameter = np.zeros(_BLOCK_SIZE * LANES), np.zeros(unit.size), np.zeros(unit.size * LANES)
-    with_parameters = np.zeros(unit.size * LANDMARK_SIZE * LANES)
+    with_parameters, cost = np.zeros(unit.size * LANDMARK_SIZE * LANES), np.zeros(LANES)
     normal.camera_block[part] = 0.0
     normal.camera_gradient[part] = 0.0
     normal.camera_by_parameter[part] = 0.0
@@ -90,12 +93,15 @@ def _linearize_part(
         gather_landmarks(LANES * group, landmarks, measured.keypoint_limit, w)
         of_landmarks[:] = 0.0
         with_parameters[:] = 0.0
+        cost[:] = 0.0
         for slot in range(layout.slot_start[group], layout.slot_start[group + 1]):
             k, place = layout.slot_view[slot], LANES * slot
             rows = stored[STORED * place : STORED * (place + LANES)] if with_jacobian else scratch
             keypoint_cost += keypoint_rows(k, place, cameras, measured, w, rows)
             lit = brightness_geometry(k, place, cameras, measured.brightness_weight, packed, w)
             brightness_cost += brightness_rows(k, place, lit, cameras, measured, w, rows)
+            for s in range(LANES):
+                cost[s] += w[COST * LANES + s]
             if with_jacobian:
                 _add_landmarks(w, of_landmarks)
                 view_rows(pivot, w)
@@ -106,6 +112,8 @@ def _linearize_part(
                         w, by_parameter, with_parameters, normal.camera_by_parameter[part, k],
                         normal.parameter_block[part], normal.parameter_gradient[part],
                     )  # fmt: skip
+        for lane in range(min(LANES, normal.landmark_cost.size - LANES * group)):
+            normal.landmark_cost[LANES * group + lane] = cost[lane]
         if with_jacobian:
             _scatter_landmarks(LANES * group, of_landmarks, normal.landmark_block, normal.landmark_gradient)
             _scatter_parameters(LANES * group, with_parameters, normal.by_parameter)

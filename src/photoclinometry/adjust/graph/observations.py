@@ -207,12 +207,12 @@ class Observations:
             self.brightness_limit,
         )
 
-    def cost(self, estimate: Estimate) -> np.ndarray:
-        """(2,) squared whitened residuals of keypoints and of brightness, after the loss."""
+    def cost(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
+        """Squared whitened residuals after the loss: (2,) of keypoints and of brightness, and (J,) of each landmark."""
         views, landmarks = states(estimate.views, estimate.landmarks)
-        normal = _empty_normal(0, len(estimate.views), 0)
+        normal = _empty_normal(0, len(estimate.views), 0)._replace(landmark_cost=np.zeros(len(estimate.landmarks)))
         self._pass(estimate, views, landmarks, False, np.zeros(0, np.float32), normal)
-        return normal.cost.sum(0)
+        return normal.cost.sum(0), normal.landmark_cost
 
     def linearize(self, estimate: Estimate) -> ObservationRows:
         views, landmarks = states(estimate.views, estimate.landmarks)
@@ -286,6 +286,7 @@ def _empty_normal(landmarks: int, views: int, parameters: int) -> Normal:
         np.empty((threads, parameters, parameters)),
         np.empty((threads, parameters)),
         np.empty((threads, 2)),
+        np.empty(0),
     )
 
 

@@ -41,8 +41,8 @@ BY_X, BY_Y, BY_LANDMARK = 14, 17, 20
 _SUN, _SCALE, _WEIGHT, RESIDUAL = 26, 28, 29, 30
 _TO_CAMERA, _COSINE, _SINE, _RHO, _RANGE = 33, 36, 37, 38, 42
 _SEEN, _TURN, _ANGLES = 43, 46, 49
-# and the rows by view: ten each of x, y and brightness.
-BY_VIEW, SCRATCH = 52, 52 + 3 * CAMERA_SIZE
+# the cost of keypoint and brightness, and the rows by view: ten each of x, y and brightness.
+COST, BY_VIEW, SCRATCH = 52, 53, 53 + 3 * CAMERA_SIZE
 
 
 class CameraState(NamedTuple):
@@ -107,6 +107,7 @@ def keypoint_rows(k, place, cameras, measured, w, rows):
         v = weight * (fy * y + cy - measured_y[s])
         cost, shrink = huber(math.sqrt(u * u + v * v), w[_LIMIT * LANES + s])
         total += cost
+        w[COST * LANES + s] = cost
         w[RESIDUAL * LANES + s] = u * shrink
         w[(RESIDUAL + 1) * LANES + s] = v * shrink
         weight *= shrink
@@ -173,6 +174,7 @@ def brightness_rows(k, place, lit, cameras, measured, w, rows):
         residual = weight * (gain * rho + bias - brightness[s] - gx * (fx * x + cx) - gy * (fy * y + cy))
         cost, shrink = huber(abs(residual), limit)
         total += cost
+        w[COST * LANES + s] += cost
         w[(RESIDUAL + 2) * LANES + s] = residual * shrink
         weight *= shrink
         e = w[_TO_CAMERA * LANES + s], w[(_TO_CAMERA + 1) * LANES + s], w[(_TO_CAMERA + 2) * LANES + s]

@@ -65,8 +65,11 @@ class Smoothness:
     """(P,) angles of the neighbours above the tangent planes, as known beforehand [rad]; without it, none."""
     name: str = "smoothness"
 
-    def cost(self, estimate: Estimate) -> float:
-        return self.linearize(estimate).cost
+    def cost(self, estimate: Estimate) -> tuple[float, np.ndarray]:
+        """Of all pairs, and (J,) of those that each landmark is in, so that a pair counts for both."""
+        rows, count = self.linearize(estimate), len(estimate.landmarks)
+        ends = (self.neighbours.source, self.neighbours.target)
+        return rows.cost, np.sum([np.bincount(end, rows.residual**2, count) for end in ends], axis=0)
 
     def linearize(self, estimate: Estimate, dtype: type = np.float32) -> SmoothnessRows:
         """dtype: of the rows; residuals are in double precision."""

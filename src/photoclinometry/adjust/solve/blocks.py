@@ -15,14 +15,14 @@ _SMALLEST_PIVOT = 1e-10
 
 @njit(parallel=True, **COMPILED)
 def invert_blocks(block, damping, out):
-    """Inverses (J, 6, 6) float32 of symmetric blocks (J, 6, 6) whose diagonal has grown by the share `damping`.
+    """Inverses (J, 6, 6) float32 of symmetric blocks (J, 6, 6) whose diagonals have grown by the shares `damping` (J,).
 
     From their Cholesky factors L: the inverse is L^-T L^-1.
     """
     for j in prange(block.shape[0]):
         lower = block[j].copy()
         for i in range(LANDMARK_SIZE):
-            lower[i, i] *= 1.0 + damping
+            lower[i, i] *= 1.0 + damping[j]
         _factorize(lower)
         _invert_triangle(lower)
         for i in range(LANDMARK_SIZE):

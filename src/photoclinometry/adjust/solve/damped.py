@@ -26,15 +26,18 @@ SINGLE = float(np.finfo(np.float32).eps)
 class DampedSystem:
     """(H + damping diag(H)) of one linearization, for vectors (10 K + 6 J + T,), float32."""
 
-    def __init__(self, at: Linearization, damping: float, low: float, degree: int):
-        """low, degree: of the Chebyshev polynomial, see `preconditioner.solve_approximately`."""
+    def __init__(self, at: Linearization, damping: float, of_landmarks: np.ndarray, low: float, degree: int):
+        """of_landmarks: (J,) damping of each landmark, where it is more than that of all. low, degree: of the Chebyshev
+        polynomial, see `preconditioner.solve_approximately`."""
         self.at, self.low, self.degree = at, low, degree
         border = at.border.block
+        of_landmarks = np.maximum(of_landmarks, damping)
         self.added = (damping * at.diagonal).astype(np.float32)
+        self.at.split(self.added)[1][:] *= (of_landmarks / damping)[:, None]
         self.parameter_inverse = np.linalg.inv(border + damping * np.diag(np.diag(border)))
         self.view_inverse = _inverse_of_views(at, damping)
         self.landmark_inverse = np.empty(at.landmarks.block.shape, np.float32)
-        invert_blocks(at.landmarks.block, damping, self.landmark_inverse)
+        invert_blocks(at.landmarks.block, of_landmarks, self.landmark_inverse)
         self.coarse, self.coarse_inverse = np.zeros((0, len(self.added)), np.float32), np.zeros((0, 0))
 
     def treat_exactly(self, directions: np.ndarray) -> None:

@@ -20,6 +20,8 @@ class Krylov:
     """(n,)."""
     alpha: list[float] = field(default_factory=list)
     beta: list[float] = field(default_factory=list)
+    broke_down: bool = False
+    """Whether rounding has made the matrix or the preconditioner indefinite."""
 
     @property
     def iterations(self) -> int:
@@ -61,6 +63,7 @@ def conjugate_gradients(
         product = multiply(direction)
         curvature = float(np.vdot(direction, product))
         if not curvature > 0.0 or not math.isfinite(curvature):
+            out.broke_down = True
             break
         alpha = fit / curvature
         out.x += alpha * direction
@@ -73,6 +76,7 @@ def conjugate_gradients(
         gained += gain
         out.alpha.append(alpha)
         out.beta.append(max(fit, 0.0) / last)
+        out.broke_down = fit < 0.0
         if out.iterations * gain <= max(truncation * gained, enough):
             break
     return out

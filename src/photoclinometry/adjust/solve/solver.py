@@ -6,8 +6,9 @@ H is never formed: observations are multiplied through their stored rows (`produ
 by pair. The preconditioner is each view's 10 x 10 block and, for landmarks, a Chebyshev polynomial that deals
 with the coupling of neighbours (`preconditioner`).
 
-Two safeguards keep it from stalling. Steps are limited, and shortened where they fail, before damping has to rise (see
-`descent`). And damping may fall far: turning and shifting a narrow-field camera are nearly the same.
+Three safeguards keep it from stalling. Steps are limited, and shortened where they fail, before damping has to rise
+(see `step_control`). Landmarks that a step makes worse are held back, and then damped more than the others. And damping
+may fall far: turning and shifting a narrow-field camera are nearly the same.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from typing import Annotated
 import numpy as np
 
 from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, Estimate
 from photoclinometry.adjust.solve.blocks import invert_blocks
-from photoclinometry.adjust.solve.damped import DampedSystem, parameter_moves
+from photoclinometry.adjust.solve.damped import SINGLE, DampedSystem, parameter_moves
 from photoclinometry.adjust.solve.krylov import Krylov, conjugate_gradients
 from photoclinometry.adjust.solve.preconditioner import chebyshev_degree, lowest_eigenvalue
 from photoclinometry.adjust.solve.step_control import Trial, descend
@@ -44,11 +45,19 @@ _LIGHT_DAMPING = 1e-4
 ROUGH_DECREASE, ROUGH_STEPS = 1e-3, 8
 """Relative decrease at which a rough estimate ends, and its steps at most."""
 
+RAGGED = 0.1
+"""Share of landmarks that `SolverOptions.settled` does not count. Where few views light the ground at the border of a
+map, single landmarks go on turning over for as many steps again, while the map no longer changes."""
+
 STALE = 10
 """Iterations of a step from which on the moves that follow the reflectance parameters are found anew."""
 
 MAX_DAMPING = 1e8
 """Damping at which no downhill step exists however short: the cost is flat to rounding."""
+
+ALONE, HELD_GROWTH, MOST_ALONE = 1e-2, 10.0, 1e4
+"""Damping of a single landmark before it is held back, the factor on it each time that it is, and the most: a landmark
+of that damping does not move."""
 
 MIN_RELIEF, MAX_RELIEF = 0.1, 2.0
 """Least and largest factor on the damping after an accepted step."""
@@ -63,7 +72,10 @@ class SolverOptions(Ranged):
     relative_decrease: Annotated[float, Range(least=0, below=1)] = 1e-5
     """Converged when two successive steps lower the cost by less than this share, or one that promised no more ..."""
     absolute_decrease: Annotated[float, Range(least=0)] = 1.0
-    """... or by less than this, in squared standard deviations: no variable then moves by a standard deviation."""
+    """... or by less than this, in squared standard deviations: no variable then moves by a standard deviation ..."""
+    settled: Annotated[float, Range(least=0)] = 0.5
+    """... or when two whole steps under light damping, solved well, move nine landmarks of ten by less than this, in
+    standard deviations of each with all else held; 0 for never."""
     initial_damping: Annotated[float, Range(above=0)] = 1e-5
     """Added to the diagonal of the normal equations, relative to it."""
     min_damping: Annotated[float, Range(above=0)] = 1e-12
@@ -136,6 +148,8 @@ class _State:
     estimate: Estimate
     at: Linearization
     damping: float
+    of_landmarks: np.ndarray
+    """(J,) damping of each landmark, where it is more than that of all."""
     growth: float = 4.0
     """Factor on the damping after the next step that fails."""
     fast: bool = True
@@ -161,7 +175,7 @@ def minimize(
     ends the solve. throw: raise NotConvergedError instead of returning a status.
     """
     options = options or SolverOptions()
-    state = _State(start, graph.linearize(start), options.initial_damping)
+    state = _State(start, graph.linearize(start), options.initial_damping, np.zeros(len(start.landmarks)))
     polynomial = _polynomial(state.at, options)
     history = [Iteration(_by_group(graph, state.at.cost), state.damping, 0, True, 0.0, 0.0, 0.0)]
     estimated = len(start.parameters) > 0
@@ -169,17 +183,18 @@ def minimize(
     message = f"no convergence within {options.max_steps} steps"
     for _ in range(options.max_steps):
         wall, cpu, used = time.perf_counter(), time.process_time(), state.damping
-        system = DampedSystem(state.at, state.damping, *polynomial)
+        system = DampedSystem(state.at, state.damping, state.of_landmarks, *polynomial)
         if stale:
             moves = parameter_moves(system, moves)
         if moves is not None:
             system.treat_exactly(moves)
         solve = _solve(system, options, fast=state.fast)
         trial = descend(graph, state.estimate, float(state.at.cost.sum()), state.at.split(solve.x), step_limit)
+        state.of_landmarks = _damped_alone(state.of_landmarks, trial.held)
         stale = estimated and solve.iterations > STALE
         accepted = bool(trial.cost.sum() <= state.at.cost.sum()) and solve.iterations > 0
         if accepted:
-            _accept(state, trial, options)
+            _accept(state, trial, options, solved=not solve.broke_down)
             del system, state.at  # the rows of one linearization at a time: a quarter of a gigabyte for four million
             if state.small < 2:
                 state.at = graph.linearize(state.estimate)
@@ -220,21 +235,46 @@ def _limit(total: float, options: SolverOptions) -> float:
     return max(options.relative_decrease * total, options.absolute_decrease)
 
 
-def _accept(state: _State, trial: Trial, options: SolverOptions) -> None:
+def _accept(state: _State, trial: Trial, options: SolverOptions, *, solved: bool) -> None:
     """Goes to a trial that lowers the cost, and sets the damping by the gain ratio.
 
-    The decrease that the linear model promised is that of one linearization: where the step began.
+    The decrease that the linear model promised is that of one linearization: where the step began. Where its solve
+    broke down (not `solved`), it says nothing of how far the minimum is: damping rises instead.
     """
     total = float(state.at.cost.sum())
     fell, promised, limit = total - float(trial.cost.sum()), state.at.decrease(trial.moves), _limit(total, options)
-    gain = fell / promised if promised > 0 else 1.0
-    state.small = state.small + 1 if fell <= limit else 0
+    tells = solved and trial.whole and state.damping <= _LIGHT_DAMPING
+    settled = tells and not state.fast and _usual_move(state.at, trial) < options.settled
     state.fast = fell > FAST * total
-    if state.small and trial.whole and promised <= limit and state.damping <= _LIGHT_DAMPING:
-        state.small = 2
-    state.growth = 4.0
-    state.damping = max(state.damping * _relief(gain), options.min_damping)
     state.estimate = trial.estimate
+    if not solved:
+        state.small = 0
+        state.damping, state.growth = max(state.damping, SINGLE) * state.growth, 2.0 * state.growth
+        return
+    state.small = state.small + 1 if fell <= limit or settled else 0
+    if fell <= limit and promised <= limit and tells:
+        state.small = 2
+    relief = _relief(fell / promised if promised > 0 else 1.0)
+    state.growth = 4.0
+    state.damping = max(state.damping * (min(relief, 1.0) if trial.whole else relief), options.min_damping)
+
+
+def _damped_alone(before: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """(J,) damping of single landmarks after a step that held each of them back `held` (J,) times.
+
+    A landmark that its part of a step makes worse is damped alone: the damping of all would have to rise for it, and
+    what all do together would come to a halt.
+    """
+    more = np.minimum(np.maximum(before, ALONE) * HELD_GROWTH**held, MOST_ALONE)
+    less = np.where(before > ALONE, MIN_RELIEF * before, 0.0)
+    return np.where(held > 0, more, less)
+
+
+def _usual_move(at: Linearization, trial: Trial) -> float:
+    """The longest move of a landmark but for the share RAGGED that moves most, in its standard deviations."""
+    moves, block = at.split(trial.moves)[1], at.landmarks.block
+    squared = np.einsum("ji,jik,jk->j", moves, block, moves) / LANDMARK_SIZE
+    return float(np.sqrt(np.quantile(squared, 1.0 - RAGGED)))
 
 
 def _relief(gain: float) -> float:
@@ -249,7 +289,7 @@ def _polynomial(at: Linearization, options: SolverOptions) -> tuple[float, int]:
         return 1.0, 1
     block = at.landmarks.block
     inverse = np.empty(block.shape, np.float32)
-    invert_blocks(block, 0.0, inverse)
+    invert_blocks(block, np.zeros(len(block)), inverse)
     found = lowest_eigenvalue(at.neighbours, at.smooth.rows, block.astype(np.float32), inverse)
     low = min(max(found, options.chebyshev_low), 1.0)
     return low, chebyshev_degree(low, options.chebyshev_reduction)

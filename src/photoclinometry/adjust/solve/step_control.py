@@ -3,8 +3,8 @@
 A landmark's own move is cut to half a ground sample: the smoothness residual saturates, and one landmark that leaps
 becomes a spike that spoils every later step of all. Its own is what differs from what the whole map does: a map that
 tilts, stretches or shears together with its cameras (the weakly determined motions of shape from shading are such) is
-let go, since to cut it landmark by landmark would tear it from the cameras. Where a step raises the cost, a shorter one
-along the same direction is tried before damping has to rise.
+let go, since to cut it landmark by landmark would tear it from the cameras. Where a step raises the cost, landmarks
+that it makes worse are held back, and shorter ones along the same direction are tried, before damping has to rise.
 """
 
 from __future__ import annotations
@@ -32,6 +32,13 @@ MAX_FALL = 0.9
 SHORTER = 0.25
 """Share of a step that is tried where the whole of it fails, twice, before damping rises."""
 
+WORSE = 9.0
+"""A landmark is held back that makes its own squared residuals larger by this: three standard deviations of one."""
+
+HOLDS = 5
+"""Times that landmarks are held back before the step of all is shortened. Neighbours of those that are held may have
+to be held, too."""
+
 _ROBUST_ITERATIONS = 10
 _SAMPLE = 10_000
 _RIDGE = 1e-12
@@ -44,10 +51,14 @@ class Trial(NamedTuple):
     estimate: Estimate
     cost: np.ndarray
     """(C,) by `FactorGraph.cost_names`."""
+    of_landmarks: np.ndarray
+    """(J,) as of `FactorGraph.costs`."""
     moves: np.ndarray
     """(10 K + 6 J + T,) made."""
     moved: float
     """Root mean square of the landmarks' moves."""
+    held: np.ndarray
+    """(J,) how many times each landmark was held back."""
     whole: bool
     """All variables may move as the linear model wants them to; single landmarks may have been held back."""
 
@@ -59,25 +70,44 @@ def descend(
     step: tuple[np.ndarray, np.ndarray, np.ndarray],
     step_limit: float | np.ndarray,
 ) -> Trial:
-    """The first of the whole step, a quarter and a sixteenth of it that does not raise the cost, else the last.
+    """The first of these that does not raise the cost, else the last: the whole step, the step with those landmarks
+    held back that it makes worse, a quarter and a sixteenth of that.
 
-    Trying a shorter step costs a thirtieth of solving for another. (The lowest point of the parabola through what is
-    known makes shorter steps than a quarter, and three times as many: along a curved valley the cost rises with the
-    fourth power.)
+    A few landmarks for which the linear model is wrong, such as spikes, would otherwise stop all the others. Trying
+    costs a thirtieth of solving for another step. (The lowest point of the parabola through what is known makes shorter
+    steps than a quarter, and three times as many: along a curved valley the cost rises with the fourth power.)
     """
     camera, landmark, parameter = (part.astype(float) for part in step)
     if graph.reflectance is not None:
         parameter = graph.reflectance.limit_step(estimate.parameters, parameter)
     whole = _global_share(camera, parameter, estimate)
-    for share in (whole, SHORTER * whole, SHORTER**2 * whole):
-        moves = limited(share * landmark, step_limit, estimate)
+
+    def along(share: float, own: np.ndarray) -> Trial:
+        """share: of all; own: (J,) of that, of each landmark."""
+        moves = limited(share * own[:, None] * landmark, step_limit, estimate)
         candidate = estimate.step(share * camera, moves, share * parameter)
-        new_cost = graph.cost(candidate)
-        if new_cost.sum() <= cost:
+        moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
+        made = np.concatenate([share * camera.ravel(), moves.ravel(), share * parameter])
+        return Trial(candidate, *graph.costs(candidate), made, moved, held, share == 1.0)
+
+    own, held = np.ones(len(landmark)), np.zeros(len(landmark), int)
+    trial = along(whole, own)
+    if trial.cost.sum() > cost:
+        before = graph.costs(estimate)[1]
+        for less in (SHORTER, SHORTER, *(HOLDS - 2) * (0.0,)):
+            worse = trial.of_landmarks > before + WORSE
+            if not worse.any():
+                break
+            own[worse] *= less
+            held[worse] += 1
+            trial = along(whole, own)
+            if trial.cost.sum() <= cost:
+                break
+    for share in (SHORTER * whole, SHORTER**2 * whole):
+        if trial.cost.sum() <= cost:
             break
-    moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
-    made = np.concatenate([share * camera.ravel(), moves.ravel(), share * parameter])
-    return Trial(candidate, new_cost, made, moved, share == 1.0)
+        trial = along(share, own)
+    return trial
 
 
 def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
