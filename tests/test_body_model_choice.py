@@ -1,5 +1,6 @@
-"""Which tile chooses a body's reflectance model, and what happens where none is mapped."""
+"""Which tile chooses a body's reflectance model, and what happens where tiles are not mapped."""
 
+import pickle
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -7,10 +8,11 @@ import numpy as np
 import pytest
 
 from photoclinometry.body import model_choice
+from photoclinometry.body import tile as tiles
 from photoclinometry.body.model_choice import TRIED, ChooseBodyModel, chooses_reflectance, most_telling
 from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.plan import Plan, Tile
-from photoclinometry.body.tile import BodyModel
+from photoclinometry.body.tile import BodyModel, MapTile
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.progress import no_progress
@@ -81,3 +83,16 @@ def test_the_next_tile_chooses_where_one_is_not_mapped(stage, tmp_path, monkeypa
 def test_a_model_that_is_given_is_not_chosen(stage, name, chooses):
     run = replace(stage.model.options.run, reflectance=name)
     assert chooses_reflectance(replace(stage.model, options=replace(stage.model.options, run=run))) is chooses
+
+
+def test_an_unexpected_error_names_the_tile_and_its_folder(stage, tmp_path, monkeypatch):
+    """One of a hundred tiles ended a body with a traceback that did not tell which."""
+
+    def broken(folder, model, number, progress):
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(tiles, "map_tile", broken)
+    with pytest.raises(ZeroDivisionError) as caught:
+        MapTile(number=3, model=stage.model, body=stage.body).make(Tools(progress=no_progress, scratch=tmp_path))
+    assert caught.value.__notes__ == [f"while tile 3 was mapped, in {tmp_path / 'tiles' / '0003'}"]
+    assert pickle.loads(pickle.dumps(caught.value)).__notes__ == caught.value.__notes__, "lost on the way from a worker"

@@ -112,6 +112,9 @@ class MapTile(Stage[TileMap]):
         except ReconstructionError as error:
             warn(log, "tile-failed", "tile %d is not mapped: %s", self.number, error)
             return TileMap(landmarks=TileLandmarks.none(), ties=TiePoints.none(), gsd=tile.gsd, failure=str(error))
+        except Exception as error:
+            error.add_note(f"while tile {self.number} was mapped, in {tile_folder(self.body.value, self.number)}")
+            raise
         for why in found.distrust:
             warn(log, "tile-untrusted", "tile %d is not to be trusted: %s", self.number, why)
         say_found(f"{len(found.scene.landmarks):,} landmarks")
