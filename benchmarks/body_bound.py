@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from photoclinometry.body.renderings import disk_psnr
 from photoclinometry.evaluate.body import mean_around, resolution_gsd
 from photoclinometry.io.site import read_site
 from photoclinometry.io.site_images import load_images
-from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
+from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape, through_optics
 from photoclinometry.registration.closest_points import MeshSurface
 from photoclinometry.simulate.bodies.truth import BodyTruth, read_body_truth
 from photoclinometry.simulate.photometry import Photometry, radiance_factor
@@ -77,8 +76,7 @@ def main() -> None:
         for k in chosen:
             drawn = rendered_shape(surface, views.cameras[k], views.body_from_cam[k], views.sun[k])
             drawn = views.scale[k] * drawn + views.bias[k]
-            blurred = gaussian_filter(np.nan_to_num(drawn), truth.psf_sigma_px)
-            blurred[np.isnan(drawn)] = np.nan
+            blurred = through_optics(drawn, truth.psf_sigma_px)
             absolute = site.brightness == "iof"
             found.append([disk_psnr(images[k], each, absolute=absolute) for each in (drawn, blurred)])
         sharp, blurry = np.mean(found, axis=0)

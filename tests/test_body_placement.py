@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from photoclinometry.body.placement import place_view
+from photoclinometry.body.renderings import OPTICS_PX, best_optics, psnr_by_optics
 from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.scene import Camera, Image, Views
-from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
+from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape, through_optics
 from photoclinometry.simulate.trajectory import looking_at
 from photoclinometry.surface.closed_mesh import icosahedron, refine
 from photoclinometry.surface.mesh_rays import MeshRays
@@ -101,3 +102,28 @@ def test_the_sun_turns_with_the_camera():
     turn = so3_exp(np.array([0.1, 0.2, 0.3]))
     moved = view.at_poses(Rigid((turn @ POSE.rotation)[None], POSE.translation[None]))
     assert moved.body_from_cam.rotation[0].T @ moved.sun[0] == pytest.approx(POSE.rotation.T @ SUN)
+
+
+def test_the_optics_of_each_camera_are_found_from_its_images():
+    """Two cameras that see the same, one through optics of 0.75 px and one sharply; a view without a pose tells
+    nothing, and has what its camera has."""
+    drawn, rng = rendered_shape(ball(spots), CAMERA, POSE, SUN), np.random.default_rng(1)
+    quality = []
+    for width in (0.75, 0.0):
+        seen = np.nan_to_num(through_optics(drawn, width)) + rng.normal(0.0, 1e-4, drawn.shape)
+        image = Image("0", seen.astype(np.float32), np.ones(seen.shape, bool))
+        quality.append(psnr_by_optics(image, drawn, absolute=True))
+    other = replace(CAMERA, params=(FOCAL + 1.0, *CAMERA.params[1:]))
+    best = best_optics((CAMERA, other, CAMERA), np.array([*quality, np.full(len(OPTICS_PX), np.nan)]))
+    np.testing.assert_array_equal(OPTICS_PX[best], [0.75, 0.0, 0.75])
+    assert quality[0].max() > quality[0][0] + 5.0
+
+
+def test_optics_spread_brightness_and_lose_none_of_it_inside_the_disk():
+    drawn = np.full((41, 41), np.nan)
+    drawn[5:-5, 5:-5] = 0.0
+    drawn[20, 20] = 1.0
+    seen = through_optics(drawn, 1.0)
+    assert np.nansum(seen) == pytest.approx(1.0)
+    assert seen[20, 20] == pytest.approx(1.0 / (2.0 * np.pi), rel=0.05)
+    np.testing.assert_array_equal(np.isnan(seen), np.isnan(drawn))

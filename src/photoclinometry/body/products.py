@@ -14,6 +14,7 @@ from photoclinometry.adjust.bundle import landmarks_of, tracks_of
 from photoclinometry.body.cameras import SharedCameras
 from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.placement import PlacedViews
+from photoclinometry.body.renderings import RenderingQuality
 from photoclinometry.body.tile import BodyModel
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
@@ -60,8 +61,7 @@ class BodyParts:
     cameras: SharedCameras
     surface: MergedSurface
     placed: PlacedViews
-    psnr_db: np.ndarray
-    """(K,) of renderings, as of `RenderingQuality`."""
+    renderings: RenderingQuality
 
     @property
     def poses(self) -> Rigid:
@@ -170,7 +170,7 @@ def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
     names = ("height", "normal", "albedo")
     found |= {f"{name}_sigma_factor": float(f) for name, f in zip(names, surface.sigma_factor, strict=True)}
     found |= spread(overlap, "step_between_tiles", "gsd") if len(overlap) else {}
-    known = made.psnr_db[np.isfinite(made.psnr_db)]
+    known = made.renderings.psnr_db[np.isfinite(made.renderings.psnr_db)]
     return found | ({"psnr_mean_db": float(known.mean()), "psnr_min_db": float(known.min())} if len(known) else {})
 
 
@@ -209,7 +209,8 @@ def _view_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
             "sparse_points": int(points[k]),
             "tiles": int(used_by[k]),
             "placed_by_surface": bool(made.placed.placed[k]),
-            "psnr_db": round(float(made.psnr_db[k]), 1),
+            "psnr_db": round(float(made.renderings.psnr_db[k]), 1),
+            "optics_px": float(made.renderings.optics_px[k]),
             "left_out": why.get(k, ""),
         }
         for k, view in enumerate(model.site.views)

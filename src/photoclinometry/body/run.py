@@ -113,7 +113,7 @@ def map_body(
             cameras=cameras.value,
             surface=merged.value,
             placed=placed.value,
-            psnr_db=renderings.value.psnr_db,
+            renderings=renderings.value,
         )
         return write_body_products(folder, model, made, _config(site_file, options))
 

@@ -47,6 +47,13 @@ def rendered_shape(surface: ShadedSurface, camera: Camera, body_from_cam: Rigid,
     return np.where(met, value.reshape(of_pixel).mean((1, 3)), np.nan)
 
 
+def through_optics(rendering: np.ndarray, sigma_px: float) -> np.ndarray:
+    """A rendering (height, width) as a Gaussian point-spread function shows it; its sky is dark, and stays NaN."""
+    from scipy.ndimage import gaussian_filter
+
+    return np.where(np.isfinite(rendering), gaussian_filter(np.nan_to_num(rendering), sigma_px), np.nan)
+
+
 def _brightness(
     surface: ShadedSurface, triangle: np.ndarray, weight: np.ndarray, center: np.ndarray, sun: np.ndarray
 ) -> np.ndarray:
