@@ -155,7 +155,10 @@ class _State:
     fast: bool = True
     """The cost falls fast: no use in solving well."""
     small: int = 0
-    """Steps one after the other that lowered the cost by no more than what counts as convergence; two are enough."""
+    """Steps one after the other that lowered the cost, or moved landmarks, by no more than what counts as convergence;
+    two are enough."""
+    settled: bool = False
+    """Whether the last of these moved landmarks by no more than that, though the cost fell."""
 
 
 def minimize(
@@ -207,7 +210,7 @@ def minimize(
             progress(history[-1])
         log.debug("step %d: %s", len(history) - 1, history[-1])
         if state.small == 2:
-            message = "converged: the cost no longer falls"
+            message = f"converged: {'landmarks no longer move' if state.settled else 'the cost no longer falls'}"
             break
         if state.damping > MAX_DAMPING:
             message, state.small = "converged: no step lowers the cost", 2
@@ -244,14 +247,15 @@ def _accept(state: _State, trial: Trial, options: SolverOptions, *, solved: bool
     total = float(state.at.cost.sum())
     fell, promised, limit = total - float(trial.cost.sum()), state.at.decrease(trial.moves), _limit(total, options)
     tells = solved and trial.whole and state.damping <= _LIGHT_DAMPING
-    settled = tells and not state.fast and _usual_move(state.at, trial) < options.settled
+    settles = tells and not state.fast and _usual_move(state.at, trial) < options.settled
+    state.settled = settles and fell > limit
     state.fast = fell > FAST * total
     state.estimate = trial.estimate
     if not solved:
         state.small = 0
         state.damping, state.growth = max(state.damping, SINGLE) * state.growth, 2.0 * state.growth
         return
-    state.small = state.small + 1 if fell <= limit or settled else 0
+    state.small = state.small + 1 if fell <= limit or settles else 0
     if fell <= limit and promised <= limit and tells:
         state.small = 2
     relief = _relief(fell / promised if promised > 0 else 1.0)
