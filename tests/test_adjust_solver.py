@@ -117,11 +117,15 @@ def test_the_gain_ratio_of_a_quadratic_cost_is_one():
     assert graph.linearize(trial.estimate).decrease(trial.moves) < 0.5 * at.decrease(trial.moves)
 
 
+def scaled_matrix(at):
+    """Scales (n,) that make the diagonal of H one, and the dense matrix (n, n) so scaled."""
+    scale = (1.0 / np.sqrt(at.diagonal)).astype(np.float32)
+    return scale, np.array([at.multiply(axis * scale) * scale for axis in np.eye(len(scale), dtype=np.float32)])
+
+
 def minus_newton(at):
     """The step to the minimum of the linear model, by a dense solution."""
-    size = len(at.gradient)
-    scale = (1.0 / np.sqrt(at.diagonal)).astype(np.float32)
-    dense = np.array([at.multiply(axis * scale) * scale for axis in np.eye(size, dtype=np.float32)])
+    scale, dense = scaled_matrix(at)
     return -scale * np.linalg.solve(dense, scale * at.gradient)
 
 
@@ -135,8 +139,7 @@ def test_a_landmark_damped_alone_hardly_moves_and_the_others_find_their_minimum_
     solve = conjugate_gradients(
         system.multiply, system.precondition, -at.gradient.astype(np.float32), max_iterations=500, truncation=1e-8
     )
-    scale = (1.0 / np.sqrt(at.diagonal)).astype(np.float32)
-    dense = np.array([at.multiply(axis * scale) * scale for axis in np.eye(len(scale), dtype=np.float32)])
+    scale, dense = scaled_matrix(at)
     free = np.ones(len(scale), bool)
     free[50 + 6 * 20 : 50 + 6 * 21] = False
     expected = np.zeros(len(scale))

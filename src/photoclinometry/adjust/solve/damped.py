@@ -30,10 +30,10 @@ class DampedSystem:
         """of_landmarks: (J,) damping of each landmark, where it is more than that of all. low, degree: of the Chebyshev
         polynomial, see `preconditioner.solve_approximately`."""
         self.at, self.low, self.degree = at, low, degree
-        border = at.border.block
-        of_landmarks = np.maximum(of_landmarks, damping)
-        self.added = (damping * at.diagonal).astype(np.float32)
-        self.at.split(self.added)[1][:] *= (of_landmarks / damping)[:, None]
+        border, diagonal, of_landmarks = at.border.block, at.diagonal, np.maximum(of_landmarks, damping)
+        share = np.full(len(diagonal), damping)
+        at.split(share)[1][:] = of_landmarks[:, None]
+        self.added = (share * diagonal).astype(np.float32)
         self.parameter_inverse = np.linalg.inv(border + damping * np.diag(np.diag(border)))
         self.view_inverse = _inverse_of_views(at, damping)
         self.landmark_inverse = np.empty(at.landmarks.block.shape, np.float32)

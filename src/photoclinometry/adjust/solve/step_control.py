@@ -82,8 +82,8 @@ def descend(
         parameter = graph.reflectance.limit_step(estimate.parameters, parameter)
     whole = _global_share(camera, parameter, estimate)
 
-    def along(share: float, own: np.ndarray) -> Trial:
-        """share: of all; own: (J,) of that, of each landmark."""
+    def along(share: float, own: np.ndarray, held: np.ndarray) -> Trial:
+        """share: of all; own: (J,) of that, of each landmark, which was held back `held` (J,) times."""
         moves = limited(share * own[:, None] * landmark, step_limit, estimate)
         candidate = estimate.step(share * camera, moves, share * parameter)
         moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
@@ -91,22 +91,20 @@ def descend(
         return Trial(candidate, *graph.costs(candidate), made, moved, held, share == 1.0)
 
     own, held = np.ones(len(landmark)), np.zeros(len(landmark), int)
-    trial = along(whole, own)
-    if trial.cost.sum() > cost:
-        before = graph.costs(estimate)[1]
-        for less in (SHORTER, SHORTER, *(HOLDS - 2) * (0.0,)):
-            worse = trial.of_landmarks > before + WORSE
-            if not worse.any():
-                break
-            own[worse] *= less
-            held[worse] += 1
-            trial = along(whole, own)
-            if trial.cost.sum() <= cost:
-                break
+    trial = along(whole, own, held)
+    if trial.cost.sum() <= cost:
+        return trial
+    before = graph.costs(estimate)[1]
+    for less in (SHORTER, SHORTER, *(HOLDS - 2) * (0.0,)):
+        worse = trial.of_landmarks > before + WORSE
+        if trial.cost.sum() <= cost or not worse.any():
+            break
+        own, held = np.where(worse, less * own, own), held + worse
+        trial = along(whole, own, held)
     for share in (SHORTER * whole, SHORTER**2 * whole):
         if trial.cost.sum() <= cost:
             break
-        trial = along(share, own)
+        trial = along(share, own, held)
     return trial
 
 
