@@ -49,6 +49,18 @@ def test_a_sphere_stays_closed_and_round(ball):
     assert signed_volume(vertices, faces) == pytest.approx(signed_volume(*ball), rel=0.01)
 
 
+def test_rough_ground_is_made_as_coarse_as_asked(ball):
+    """Collapses leave vertices with three neighbours; these have to go as well, or nothing may in the end."""
+    vertices, faces = ball
+    rough = vertices * (1.0 + 0.02 * np.random.default_rng(0).normal(size=(len(vertices), 1)))
+    for share in (16, 64):
+        coarse, left = decimate(rough, faces, len(faces) // share)
+        assert len(left) == pytest.approx(len(faces) // share, abs=2)
+        assert is_watertight(left)
+        assert np.bincount(left.ravel()).min() >= 3
+        assert euler(coarse, left) == 2
+
+
 def test_a_hole_through_the_body_is_kept():
     given = torus()
     vertices, faces = decimate(*given, 600)

@@ -156,7 +156,7 @@ def _collapse(points, faces, quadrics, edges, place, around, start, collapses):
         n_b = _neighbours(b, faces, around, start, near_b)
         if n_a < 0 or n_b < 0 or locked[near_a[:n_a]].any() or locked[near_b[:n_b]].any():
             continue
-        if not _may_collapse(a, b, near_a[:n_a], near_b[:n_b]):
+        if not _may_collapse(near_a[:n_a], near_b[:n_b], start):
             continue
         if _folds(a, b, place[e], points, faces, around, start) or _folds(b, a, place[e], points, faces, around, start):
             continue
@@ -193,14 +193,17 @@ def _neighbours(vertex, faces, around, start, out):
 
 
 @njit(cache=True)
-def _may_collapse(a, b, near_a, near_b):
-    """Whether a and b have exactly two neighbours in common, and neither of these is left with two faces."""
+def _may_collapse(near_a, near_b, start):
+    """Whether the ends of an edge have exactly two neighbours in common (their neighbours are given), and no vertex is
+    left with two faces: a common neighbour loses one, and of those around the ends four go."""
     common = 0
     for v in near_a:
         for w in near_b:
             if v == w:
                 common += 1
-    return common == 2 and len(near_a) + len(near_b) > 7 and len(near_a) > 3 and len(near_b) > 3
+                if start[v + 1] - start[v] <= 3:
+                    return False
+    return common == 2 and len(near_a) + len(near_b) >= 7
 
 
 @njit(cache=True)
