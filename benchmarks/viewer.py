@@ -1,9 +1,11 @@
 """How large, how quick and how true the viewer of a run is, in a headless Chromium that draws by the processor.
 
     python benchmarks/viewer.py RUN [VIEW ...]       # a finished run, and numbers of views; default: the reference view
+    python benchmarks/viewer.py BODY                 # a finished body
 
 Size of the page with the run's images [MB], time until its map is drawn, time of a frame under another Sun and from
-another camera [ms, median], and the difference of its brightness from `render` [% of the mean brightness].
+another camera [ms, median], and the difference of its brightness from `render` [% of the mean brightness]. Of a body
+the page of its report, and times of frames at both levels of detail; its brightness is compared in the tests.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from photoclinometry.evaluate.body_folder import is_body
 from photoclinometry.io.run_files import read_run, run_images, site_path
 from photoclinometry.output.viewer import write_viewer
 from photoclinometry.photometry.render import render_view
@@ -29,12 +32,12 @@ SUNS_DEG = ((315.0, 50.0), (90.0, 25.0), (200.0, 12.0))
 FRAMES = 9
 
 FRAME_MS = """
-const [frames, what, shadows] = arguments, { gl } = viewer.renderer, { state } = viewer.store, times = [];
+const [frames, what, shadows, level] = arguments, { gl } = viewer.renderer, { state } = viewer.store, times = [];
 Object.assign(state, { shadows, layer: "rendering" });
 for (let i = 0; i < frames; i++) {
   const start = performance.now();
   state[what] = (state[what] + 7) % 360;
-  viewer.draw();
+  viewer.draw(level);
   gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));  // waits until all is drawn
   times.push(performance.now() - start);
 }
@@ -49,17 +52,34 @@ return btoa(parts.join(""));
 
 
 def main(run: Path, chosen: list[int]) -> None:
+    if is_body(run):
+        return main_body(run.resolve() / "report" / "viewer.html")
     scene = read_run(run)
     with tempfile.TemporaryDirectory() as folder, browser(Path(folder)) as page:
         path = write_viewer(Path(folder) / "viewer.html", scene, run_images(site_path(run), scene.views.name))
         print(f"{len(scene.landmarks)} landmarks, {len(scene.views)} images: {path.stat().st_size / 1e6:.1f} MB")
         page.open(path)
         print(f"drawn after {page.run('return viewer.openedIn'):.0f} ms")
-        for what in ("azimuth", "heading"):
-            times = [page.run(FRAME_MS, FRAMES, what, shadows) for shadows in (False, True)]
-            print(f"frame, other {what}: {times[0]:.0f} ms, with shadows {times[1]:.0f} ms")
+        print_frames(page, 0)
         for view in chosen or [scene.reference]:
             compare(page, scene, view)
+
+
+def main_body(path: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder, browser(Path(folder)) as page:
+        print(f"{path.stat().st_size / 1e6:.1f} MB")
+        page.open(path)
+        print(f"drawn after {page.run('return viewer.openedIn'):.0f} ms")
+        for level, indices in enumerate(page.run("return viewer.renderer.levels.map(level => level.indices)")):
+            print(f"{indices // 3} facets")
+            print_frames(page, level)
+
+
+def print_frames(page: Page, level: int) -> None:
+    """Prints the times of frames at a level of detail."""
+    for what in ("azimuth", "heading"):
+        times = [page.run(FRAME_MS, FRAMES, what, shadows, level) for shadows in (False, True)]
+        print(f"frame, other {what}: {times[0]:.0f} ms, with shadows {times[1]:.0f} ms")
 
 
 def compare(page: Page, scene, view: int) -> None:

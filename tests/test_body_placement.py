@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.body.placement import place_view
-from photoclinometry.body.renderings import OPTICS_PX, best_optics, psnr_by_optics
+from photoclinometry.body.renderings import OPTICS_PX, best_optics, disk_psnr, median_gain, psnr_by_optics
 from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import published
@@ -117,6 +117,16 @@ def test_the_optics_of_each_camera_are_found_from_its_images():
     best = best_optics((CAMERA, other, CAMERA), np.array([*quality, np.full(len(OPTICS_PX), np.nan)]))
     np.testing.assert_array_equal(OPTICS_PX[best], [0.75, 0.0, 0.75])
     assert quality[0].max() > quality[0][0] + 5.0
+
+
+def test_uncalibrated_images_have_the_gain_of_their_lit_ground():
+    """Whatever an eighth of the pixels shows; and nothing is known where all is dark."""
+    drawn, rng = rendered_shape(ball(spots), CAMERA, POSE, SUN), np.random.default_rng(0)
+    seen = np.where(rng.random(drawn.shape) < 0.125, 9.0, 340.0 * np.nan_to_num(drawn))
+    image = Image("0", seen.astype(np.float32), np.ones(seen.shape, bool))
+    assert median_gain(image, drawn) == pytest.approx(340.0, rel=1e-5)
+    assert disk_psnr(image, drawn, absolute=False) == pytest.approx(disk_psnr(image, 340.0 * drawn, absolute=True))
+    assert median_gain(image, 0.0 * drawn) == 1.0
 
 
 def test_optics_spread_brightness_and_lose_none_of_it_inside_the_disk():

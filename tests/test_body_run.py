@@ -17,6 +17,7 @@ from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.output.viewer.run_page import run_page
 from photoclinometry.pipeline.records import write_record
 from photoclinometry.pipeline.run_folder import check_run, claimed_run
 from photoclinometry.pipeline.run_mark import MARK, PRODUCTS
@@ -27,6 +28,7 @@ from photoclinometry.simulate.bodies.truth import read_body_truth
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.surface.closed_mesh import is_watertight, signed_volume
+from test_viewer import data_of
 
 pytest.importorskip("embreex")
 
@@ -118,6 +120,10 @@ def test_a_body_is_mapped_by_processes_to_one_closed_surface(body, mapped):
     assert mapped.metrics["tiles_mapped"] == 2
     assert 0.2 < np.mean(written.views > 0) < 0.95  # elsewhere it is coarse, with few vertices
     assert mapped.report.is_file()
+    assert run_page(folder / "body") == folder / "body" / "report" / "viewer.html"
+    page = data_of((folder / "body" / "report" / "viewer.html").read_text())["scene"]
+    assert page["facets"] == len(written.faces)
+    assert len(page["views"]) == sum(picture is not None for picture in page["pictures"])
     document = json.loads((folder / "body" / "metrics.json").read_text())
     assert max(row["tie_points_px"] for row in document["tiles"]) < 0.4
     placed = {row["name"] for row in document["views"] if row["placed_by_surface"]}

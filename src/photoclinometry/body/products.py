@@ -12,6 +12,7 @@ import numpy as np
 
 from photoclinometry.adjust.bundle import landmarks_of, tracks_of
 from photoclinometry.body.cameras import SharedCameras
+from photoclinometry.body.finished_surface import reflectance_of_tiles
 from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.placement import PlacedViews
 from photoclinometry.body.renderings import RenderingQuality
@@ -25,11 +26,12 @@ from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import Region, Scene
+from photoclinometry.model.scene import BODY_FIXED, Region, Scene
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.model.sparse import of_views
 from photoclinometry.model.warning import Warned
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
+from photoclinometry.output.viewer import ViewedBody
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.stage import Keyed
 from photoclinometry.surface.closed_mesh import area_vectors, signed_volume
@@ -92,6 +94,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     with folder.timed("products"):
         write_shape_ply(folder.path / BODY_FILE, shape)
         write_colmap(folder.path / POSES_FOLDER, _poses(model, made))
+    viewed = _viewed(model, made, shape)
     with folder.timed("report"):
         content = BodyContent(
             name=model.site.name,
@@ -102,7 +105,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
             options=config,
             warnings=[f"{warned.words} [{warned.code}]" for warned in warnings],
         )
-        page = write_body_report(folder.path / "report", shape, surface.gsd, surface.step, content)
+        page = write_body_report(folder.path / "report", viewed, surface.step, content, model.posed.inputs.value.images)
     document = {
         "warnings": [warned.as_row() for warned in warnings],
         "metrics": json_numbers(metrics),
@@ -112,6 +115,23 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     }
     write_text(folder.path / "metrics.json", json.dumps(document, indent=2) + "\n")
     return BodyResult(folder=folder.path, model=model, surface=surface, metrics=metrics, report=page, warnings=warnings)
+
+
+def _viewed(model: BodyModel, made: BodyParts, shape: ShapeModel) -> ViewedBody:
+    """The body for its page: views that have a pose, and brightness by the reflectance of the tiles."""
+    used = np.flatnonzero(model.posed.sparse.value.registered | made.placed.placed)
+    views = model.posed.views.at_poses(made.poses)[used]
+    gain = made.renderings.gain[used]
+    return ViewedBody(
+        name=model.site.name,
+        body=model.site.body,
+        shape=shape,
+        views=replace(views, scale=np.where(np.isfinite(gain), gain, 1.0)),
+        reflectance=reflectance_of_tiles([tile.value for tile in made.tiles]),
+        gsd=made.surface.gsd,
+        brightness=model.site.brightness,
+        body_fixed=model.posed.frame == BODY_FIXED,
+    )
 
 
 def _still_true(warnings: Sequence[Warned], model: BodyModel, placed: PlacedViews) -> tuple[Warned, ...]:

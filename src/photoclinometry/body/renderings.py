@@ -28,6 +28,8 @@ class RenderingQuality:
     """(K,) over the body's disk, cast shadows included; NaN of views without a pose."""
     optics_px: np.ndarray
     """(K,) width of the point-spread function with which the images of the view's camera are predicted best [px]."""
+    gain: np.ndarray
+    """(K,) brightness of an image over that of its rendering: 1 where brightness is absolute; NaN as `psnr_db`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,19 +44,21 @@ class CompareRenderings(Stage[RenderingQuality]):
 
     def make(self, tools: Tools) -> RenderingQuality:
         inputs, views = self.posed.inputs.value, self.posed.views.at_poses(self.placed.value.body_from_cam)
-        found = np.full((len(views), len(OPTICS_PX)), np.nan)
+        found, gain = np.full((len(views), len(OPTICS_PX)), np.nan), np.full(len(views), np.nan)
         surface = self.surface.shaded
         which = np.flatnonzero(self.posed.sparse.value.registered | self.placed.value.placed)
         if surface is None:
-            return RenderingQuality(psnr_db=found[:, 0], optics_px=found[:, 0])
+            return RenderingQuality(psnr_db=found[:, 0], optics_px=found[:, 0], gain=gain)
+        absolute = inputs.site.brightness == "iof"
         for done, k in enumerate(which):
             drawn = rendered_shape(surface, views.cameras[k], views.body_from_cam[k], views.sun[k])
-            found[k] = psnr_by_optics(inputs.images[k], drawn, absolute=inputs.site.brightness == "iof")
+            found[k] = psnr_by_optics(inputs.images[k], drawn, absolute=absolute)
+            gain[k] = 1.0 if absolute else median_gain(inputs.images[k], drawn)
             tools.progress("renderings", done + 1, len(which))
         best = best_optics(views.cameras, found)
         quality = found[np.arange(len(found)), best]
         say_found(f"PSNR {np.nanmedian(quality):.1f} dB in the median, of whole disks")
-        return RenderingQuality(psnr_db=quality, optics_px=OPTICS_PX[best])
+        return RenderingQuality(psnr_db=quality, optics_px=OPTICS_PX[best], gain=gain)
 
 
 def psnr_by_optics(image: Image, rendering: np.ndarray, *, absolute: bool) -> np.ndarray:
@@ -79,6 +83,11 @@ def disk_psnr(image: Image, rendering: np.ndarray, *, absolute: bool) -> float:
     mask = image.valid & np.isfinite(rendering)
     if not mask.any():
         return float("nan")
-    lit = mask & (rendering > 0)
-    gain = 1.0 if absolute or not lit.any() else float(np.median(image.brightness[lit] / rendering[lit]))
+    gain = 1.0 if absolute else median_gain(image, rendering)
     return psnr(image.brightness.astype(float), gain * rendering, mask, float(image.brightness[image.valid].max()))
+
+
+def median_gain(image: Image, rendering: np.ndarray) -> float:
+    """Brightness of an image over that of its rendering, the median over lit ground; 1 where none is lit."""
+    lit = image.valid & np.isfinite(rendering) & (rendering > 0)
+    return float(np.median(image.brightness[lit] / rendering[lit])) if lit.any() else 1.0

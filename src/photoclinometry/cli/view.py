@@ -1,4 +1,4 @@
-"""`phomo view`: a run's map in the browser, under any Sun."""
+"""`phomo view`: the map of a run or a body in the browser, under any Sun."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from pathlib import Path
 def view(run: Path, /, browser: bool = True) -> Path:
     """Open a map in the browser: move the Sun, compare with the images, measure.
 
-    The page is report/viewer.html of the run, one file that needs no network and can be given to others. A run whose
-    report lacks it gets it now, with its images where they still are.
+    The page is report/viewer.html of the run or body, one file that needs no network and can be given to others. A run
+    whose report lacks it gets it now, with its images where they still are.
 
     Args:
-        run: Folder of a finished run.
+        run: Folder of a finished run, or of a body.
         browser: Also open the page in the default browser.
     """
     from photoclinometry.output.viewer.run_page import run_page

@@ -14,9 +14,12 @@ import numpy as np
 from photoclinometry import __version__
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.model.scene import Image
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.output.report import page
 from photoclinometry.output.report.sides import draw_sides
+from photoclinometry.output.viewer import ViewedBody, write_body_viewer
+from photoclinometry.output.viewer.page import NAME as VIEWER
 from photoclinometry.surface.mesh_rays import MeshRays
 
 
@@ -36,23 +39,29 @@ class BodyContent:
     distrust: Sequence[str] = ()
 
 
-def write_body_report(folder: Path, shape: ShapeModel, gsd: float, step: np.ndarray, content: BodyContent) -> Path:
-    """`index.html` with its figures, and `summary.json`; returns the page's path.
+def write_body_report(
+    folder: Path, body: ViewedBody, step: np.ndarray, content: BodyContent, images: Sequence[Image] = ()
+) -> Path:
+    """`index.html` with its figures, `viewer.html`, and `summary.json`; returns the path of the first.
 
-    gsd: of the tiles; step: (V,) standard deviation of heights between tiles, NaN where there is but one, both in the
-    shape's unit of length. The folder appears whole, replacing an older one, or not at all (RunFolderError).
+    step: (V,) standard deviation of heights between tiles, NaN where there is but one, in the shape's unit of length.
+    images: of the body's views, for the viewer. The folder appears whole, replacing an older one, or not at all
+    (RunFolderError).
     """
+    shape = body.shape
     with atomic_path(folder) as work:
         work.mkdir()
+        write_body_viewer(work / VIEWER, body, images)
         rays = MeshRays(shape.vertices, shape.faces, _spacing(shape))
+        link = page.link(VIEWER, "Move the Sun over the body, and measure on it")
         sections = [
-            ("Summary", "", page.tiles(content.metrics)),
+            ("Summary", "", page.tiles(content.metrics) + link),
             (
                 "Six sides",
                 "Orthographic; north is up, 0° E is up in the views of the poles.",
                 _sides(work, shape, rays),
             ),
-            ("What is known where", "Grey: nothing was mapped.", _figures(work, shape, rays, gsd, step)),
+            ("What is known where", "Grey: nothing was mapped.", _figures(work, shape, rays, body.gsd, step)),
             ("Tiles", "Each is the folder of a run, with a report of its own.", page.mapping_table(content.tiles)),
             ("Images", "", page.mapping_table(content.views)),
             ("Stages", "", page.mapping_table(content.stages)),

@@ -15,20 +15,20 @@ import numpy as np
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
 from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.viewer.arrays import packed, share_of_peak, three_digits
 from photoclinometry.output.viewer.pictures import pictures
+from photoclinometry.output.viewer.views import reflectance_content, views_content
 from photoclinometry.photometry.render import averaging_sigma, landmark_faces
-from photoclinometry.surface.relief import angles_from_sun, local_frame
+from photoclinometry.surface.relief import local_frame
 
 FORMAT = 1
 """Version of what the page's program reads."""
-_POSITION_STEP_GSD = 1e-3
+POSITION_STEP_GSD = 1e-3
 """Step of stored positions: a thousandth of a ground sample, a tenth of their smallest standard deviations."""
-_NORMAL_STEP = 1.0 / 2**15
+NORMAL_STEP = 1.0 / 2**15
 """Step of stored components of normals: 0.002 degrees."""
-_ALBEDO_LEVELS = 20_000
+ALBEDO_LEVELS = 20_000
 """Steps from zero to the greatest albedo: 0.005 %."""
 
 Content = dict[str, Any]
@@ -40,6 +40,7 @@ def viewer_content(scene: Scene, images: Sequence[Image] = ()) -> Content:
     length = 1.0 if scene.unit else 1.0 / scene.gsd
     return {
         "format": FORMAT,
+        "kind": "region",
         "name": scene.name,
         "body": scene.body,
         "brightness": scene.brightness,
@@ -54,53 +55,15 @@ def viewer_content(scene: Scene, images: Sequence[Image] = ()) -> Content:
             "stride": scene.region.stride,
         },
         "reference": scene.reference,
-        "views": _views(scene, frame, length),
-        "reflectance": _reflectance(scene.reflectance),
+        "views": views_content(
+            scene.views, frame, length, [averaging_sigma(scene, k) for k in range(len(scene.views))]
+        ),
+        "reflectance": reflectance_content(scene.reflectance),
         "place": _place(scene, frame),
         "landmarks": _landmarks(scene, frame, length),
         "faces": packed(landmark_faces(scene), 1.0),
         "surroundings": _surroundings(scene, length),
-        "pictures": pictures(scene, images),
-    }
-
-
-def _views(scene: Scene, frame: Rigid, length: float) -> list[Content]:
-    """Camera, pose, Sun and exposure of each view; `averaging` is `render.averaging_sigma` [landmarks]."""
-    views, found = scene.views, []
-    for k, name in enumerate(views.name):
-        camera, pose = views.cameras[k], frame.inverse() @ views.body_from_cam[k]
-        azimuth, elevation = np.degrees(angles_from_sun(frame, views.sun[k]))
-        found.append(
-            {
-                "name": name,
-                "width": camera.width,
-                "height": camera.height,
-                "focal": list(camera.focal_px),
-                "principal": list(camera.principal_px),
-                "local_from_cam": pose.rotation.tolist(),
-                "center": (pose.translation * length).tolist(),
-                "sun_azimuth_deg": azimuth,
-                "sun_elevation_deg": elevation,
-                "scale": float(views.scale[k]),
-                "bias": float(views.bias[k]),
-                "averaging": averaging_sigma(scene, k),
-            }
-        )
-    return found
-
-
-def _reflectance(reflectance: Reflectance | None) -> Content | None:
-    """The model's statement for the graphics processor, and its numbers; None where the page cannot render."""
-    if reflectance is None or reflectance.model.shader is None or not np.isfinite(reflectance.packed).all():
-        return None
-    names, units, _ = reflectance.described
-    return {
-        "name": reflectance.name,
-        "shader": reflectance.model.shader,
-        "packed": reflectance.packed.tolist(),
-        "parameters": names,
-        "units": units,
-        "absolute": reflectance.predicts_absolute_brightness,
+        "pictures": pictures(scene.views, scene.landmarks.position, images),
     }
 
 
@@ -120,12 +83,12 @@ def _landmarks(scene: Scene, frame: Rigid, length: float) -> Content:
     landmarks = scene.landmarks
     found = {
         "cell": packed(cell, 1.0),
-        "position": packed(frame.inverse()(landmarks.position) * length, _POSITION_STEP_GSD * scene.gsd * length),
-        "normal": packed(landmarks.normal @ frame.rotation, _NORMAL_STEP),
+        "position": packed(frame.inverse()(landmarks.position) * length, POSITION_STEP_GSD * scene.gsd * length),
+        "normal": packed(landmarks.normal @ frame.rotation, NORMAL_STEP),
         "views": packed(np.diff(scene.tracks.start), 1.0),
     }
     if scene.reflectance is not None:
-        found["albedo"] = packed(landmarks.albedo, share_of_peak(landmarks.albedo, _ALBEDO_LEVELS))
+        found["albedo"] = packed(landmarks.albedo, share_of_peak(landmarks.albedo, ALBEDO_LEVELS))
         residual = 100.0 * landmark_photometric_error(scene, remove_scale_and_bias=True)
         found["residual"] = packed(residual, three_digits(residual))
     return found | _sigmas(scene, length)
@@ -146,6 +109,6 @@ def _surroundings(scene: Scene, length: float) -> Content | None:
     around = scene.surroundings
     if around is None:
         return None
-    depth = packed(around.depth.ravel() * length, _POSITION_STEP_GSD * scene.gsd * length)
+    depth = packed(around.depth.ravel() * length, POSITION_STEP_GSD * scene.gsd * length)
     rows, cols = around.depth.shape
     return {"depth": depth, "rows": rows, "cols": cols, "stride": around.stride}

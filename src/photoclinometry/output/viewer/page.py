@@ -13,6 +13,7 @@ from photoclinometry import __version__
 from photoclinometry.io.atomic import write_text
 from photoclinometry.model.reflectance.shader import shader_functions
 from photoclinometry.model.scene import Image, Scene
+from photoclinometry.output.viewer.body_content import ViewedBody, body_content
 from photoclinometry.output.viewer.colours import colour_tables
 from photoclinometry.output.viewer.content import viewer_content
 
@@ -30,6 +31,7 @@ SCRIPTS = (
     "camera",
     "graphics",
     "grid_passes",
+    "shadow_map",
     "renderer",
     "layers",
     "state",
@@ -38,7 +40,11 @@ SCRIPTS = (
     "legend",
     "overlay",
     "sky",
+    "sun_map",
     "measure",
+    "section",
+    "region",
+    "body",
     "chart",
     "values",
     "save",
@@ -54,6 +60,9 @@ SCRIPTS = (
 SHADERS = (
     "grid.vert",
     "shadow.frag",
+    "sun_heights.vert",
+    "sun_heights.frag",
+    "sunlit.frag",
     "brightness.frag",
     "average.frag",
     "surface.vert",
@@ -73,8 +82,18 @@ def write_viewer(path: Path | str, scene: Scene, images: Sequence[Image] = ()) -
     return path
 
 
+def write_body_viewer(path: Path | str, body: ViewedBody, images: Sequence[Image] = ()) -> Path:
+    """Writes the page of a whole body, as `write_viewer` does that of a map."""
+    path = Path(path)
+    write_text(path, viewer_page(body_content(body, images)))
+    return path
+
+
 def viewer_page(content: dict[str, Any]) -> str:
-    """The HTML of `viewer_content`'s scene. No part of it names another file, and its policy forbids every request."""
+    """The HTML of what `viewer_content` or `body_content` gives.
+
+    No part of it names another file, and its policy forbids every request.
+    """
     about = {"version": __version__, "shaders": shaders(), "colours": colour_tables(), "scene": content}
     data = json.dumps(about, separators=(",", ":"), allow_nan=False)
     parts = {

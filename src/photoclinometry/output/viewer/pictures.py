@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.scene import Image, Views
 from photoclinometry.output.viewer.arrays import packed
 
 LEVELS = 255
@@ -19,22 +19,25 @@ _MOST_PIXELS = 9_000_000
 """Of all pictures together; of more, blocks of pixels are averaged, so that these stay below some 8 MB."""
 
 
-def pictures(scene: Scene, images: Sequence[Image]) -> list[dict[str, Any] | None]:
-    """One entry per view: place in the image [px], pixels per cell, and brightness; None where there is no image."""
+def pictures(views: Views, points: np.ndarray, images: Sequence[Image]) -> list[dict[str, Any] | None]:
+    """One entry per view: place in the image [px], pixels per cell, and brightness; None where there is no image.
+
+    points: (n, 3) of the ground that is shown.
+    """
     by_name = {image.name: image for image in images}
-    windows = [neighbourhood(scene, k) if name in by_name else None for k, name in enumerate(scene.views.name)]
+    windows = [neighbourhood(views, k, points) if name in by_name else None for k, name in enumerate(views.name)]
     total = sum((w[1] - w[0]) * (w[3] - w[2]) for w in windows if w is not None)
     block = max(1, math.ceil(math.sqrt(total / _MOST_PIXELS)))
     return [
         None if window is None else _picture(by_name[name], window, block)
-        for name, window in zip(scene.views.name, windows, strict=True)
+        for name, window in zip(views.name, windows, strict=True)
     ]
 
 
-def neighbourhood(scene: Scene, view: int) -> tuple[int, int, int, int] | None:
-    """First and end row, first and end column of the map with a margin in a view; None where it is outside."""
-    camera = scene.views.cameras[view]
-    pixel = scene.views.project(view, scene.landmarks.position)
+def neighbourhood(views: Views, view: int, points: np.ndarray) -> tuple[int, int, int, int] | None:
+    """First and end row, first and end column of points with a margin in a view; None where they are outside."""
+    camera = views.cameras[view]
+    pixel = views.project(view, points)
     if not np.isfinite(pixel).all():
         return None
     low, high = pixel.min(axis=0), pixel.max(axis=0)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from photoclinometry.model.geometry import unit
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.registration.closest_points import MeshSurface
+from photoclinometry.registration.coarser_shape import carried_to
 from photoclinometry.surface.decimate import decimate
 
 LEVELS = (49_152, 196_608, 786_432, 3_145_728)
@@ -41,28 +39,3 @@ def levels_of(shape: ShapeModel) -> list[Level]:
 def thousands(count: int) -> str:
     """49152 as "49k"; fewer than a thousand as they are."""
     return f"{count // 1000}k" if count >= 1000 else str(count)
-
-
-def carried_to(shape: ShapeModel, surface: MeshSurface, vertices: np.ndarray, faces: np.ndarray) -> ShapeModel:
-    """A mesh with what a model has at the nearest points of its surface: interpolated, counts of the nearest vertex.
-
-    surface: the model's mesh. A figure that is not known at one of the three corners is not known between them.
-    """
-    face, weight = surface.weights(vertices)
-    corner = shape.faces[face]
-    nearest = np.take_along_axis(corner, weight.argmax(1)[:, None], 1)[:, 0]
-
-    def mean(values: np.ndarray | None) -> np.ndarray | None:
-        return None if values is None else np.einsum("nk,nk...->n...", weight, values[corner])
-
-    normals = mean(shape.normals)
-    return ShapeModel(
-        vertices=vertices,
-        faces=faces,
-        normals=None if normals is None else unit(normals),
-        albedo=mean(shape.albedo),
-        sigma={name: np.einsum("nk,nk->n", weight, values[corner]) for name, values in shape.sigma.items()},
-        views=None if shape.views is None else shape.views[nearest],
-        tile=None if shape.tile is None else shape.tile[nearest],
-        unit=shape.unit,
-    )

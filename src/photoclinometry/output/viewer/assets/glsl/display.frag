@@ -2,7 +2,8 @@
 uniform sampler2D u_surface;     // surface.frag's
 uniform sampler2D u_colours;     // colour table, and below it that of differences
 uniform sampler2D u_image;       // brightness of a view's pixels; MISSING where not valid
-uniform sampler2D u_drawn;       // surface.frag's at the same pixels, for differences
+uniform sampler2D u_drawn;       // surface.frag's at the image's pixels, for differences
+uniform int u_block;             // pixels of u_drawn per cell of u_image, across and down
 uniform vec2 u_size;             // of the picture [px]
 uniform vec4 u_image_from_screen; // cell of u_image = xy * pixel + zw
 uniform vec2 u_limits;           // values at the colour table's ends
@@ -75,17 +76,22 @@ vec3 image_colour(float value) {
     return value < MISSING ? SKY : vec3(clamp(place, 0.0, 1.0));
 }
 
-// At the pixels of the image, where both are known. u_drawn has its rows from the bottom.
+// At the cells of the image, where both are known. u_drawn has its rows from the bottom.
 vec3 difference_colour(vec2 from_top) {
     ivec2 cell = ivec2(floor(u_image_from_screen.xy * from_top + u_image_from_screen.zw));
     ivec2 size = textureSize(u_drawn, 0);
     float value = image_at(from_top);
-    if (value < MISSING || size != textureSize(u_image, 0)) {
+    if (value < MISSING || size != u_block * textureSize(u_image, 0)) {
         return SKY;
     }
-    vec4 drawn = texelFetch(u_drawn, ivec2(cell.x, size.y - 1 - cell.y), 0);
-    bool none = drawn.w == 0.0 || drawn.x < MISSING;
-    return none ? SKY : from_table(0.5 + 0.5 * (drawn.x - value) * u_difference.x / u_difference.y, 1.0);
+    vec2 sum = vec2(0.0);
+    for (int i = 0; i < u_block * u_block; i++) {
+        ivec2 pixel = u_block * cell + ivec2(i % u_block, i / u_block);
+        vec4 drawn = texelFetch(u_drawn, ivec2(pixel.x, size.y - 1 - pixel.y), 0);
+        sum += drawn.w == 0.0 || drawn.x < MISSING ? vec2(0.0) : vec2(drawn.x, 1.0);
+    }
+    float off = sum.x / sum.y - value;
+    return sum.y == 0.0 ? SKY : from_table(0.5 + 0.5 * off * u_difference.x / u_difference.y, 1.0);
 }
 
 void main() {

@@ -11,6 +11,7 @@ uniform vec2 u_factors;         // value shown = x * value + y
 uniform vec3 u_shade_sun;
 in uint a_cell;
 out vec4 v_surface;
+flat out vec2 v_vertex;         // column and row, plus 1, of one of the triangle's corners
 
 const float MISSING = -1e30;
 
@@ -22,6 +23,7 @@ void main() {
     float value = sums.y > 0.0 ? u_factors.x * sums.x / sums.y + u_factors.y : MISSING;
     float shade = max(dot(texelFetch(u_normal, cell, 0).xyz, u_shade_sun), 0.0);
     v_surface = vec4(value, shade, vec2(cell) + 1.0);
+    v_vertex = vec2(cell) + 1.0;
 
     float depth = u_offset.z + turned.z;
     float nearest = u_depths.x;

@@ -70,6 +70,7 @@ function playOn(viewer, now) {
   const { state, update } = viewer.store;
   const seconds = clamp((now - viewer.playing) / 1000, 0, 0.25);
   viewer.playing = now;
-  update(anglesFromSun(laterSun(axisOfDay(viewer.map.scene), sunOf(state), (2 * Math.PI * seconds) / DAY_SECONDS)));
+  const { scene, ground } = viewer.map;
+  update(anglesFromSun(ground.laterSun(scene, sunOf(state), (2 * Math.PI * seconds) / DAY_SECONDS)));
   requestAnimationFrame((later) => playOn(viewer, later));
 }

@@ -2,13 +2,12 @@
 //   pixel = focal * (x, y) / z + principal,   (x, y, z) = camFromLocal * point + offset
 
 const FIELD = 1.8; // focal length of the free camera over the picture's height: 31 degrees
-const MOST_TILT = 85; // degrees from the vertical
 
 function pinhole(camFromLocal, center, focal, principal) {
   return { camFromLocal, center, offset: times(turned(camFromLocal, center), -1), focal, principal };
 }
 
-/** The free camera: it looks at state.target from a distance, tilted from the vertical towards its heading. */
+/** The free camera: it looks at state.target from a distance, tilted from the z axis towards its heading. */
 function freeCamera(state, size) {
   const [heading, tilt] = [state.heading * DEGREE, state.tilt * DEGREE];
   const ahead = [Math.sin(heading), Math.cos(heading), 0];
@@ -48,17 +47,17 @@ function rayThrough(camera, pixel) {
   return unit(turned(transposed(camera.camFromLocal), inCam));
 }
 
-/** Where a pixel's ray meets the plane z = height; null where it does not. */
-function onPlane(camera, pixel, height = 0) {
+/** Where a pixel's ray meets the plane through a point across a normal; null where it does not. */
+function onPlane(camera, pixel, point, normal) {
   const ray = rayThrough(camera, pixel);
-  const along = (height - camera.center[2]) / ray[2];
+  const along = dot(subtract(point, camera.center), normal) / dot(ray, normal);
   return along > 0 && Number.isFinite(along) ? add(camera.center, times(ray, along)) : null;
 }
 
-/** State of the free camera that shows the whole map. */
+/** State of the free camera that shows the whole map, from where the ground is looked at first. */
 function wholeMap(map, size) {
-  const focal = FIELD * size[1];
-  return { target: [0, 0, 0], distance: (1.8 * map.radius * focal) / Math.min(size[0], size[1]), heading: 0, tilt: 0 };
+  const distance = (map.ground.margin * map.radius * FIELD * size[1]) / Math.min(size[0], size[1]);
+  return { target: [0, 0, 0], distance, ...map.ground.firstLook(map) };
 }
 
 /** Zoom and middle that show a view's picture, or the map in it. */

@@ -5,8 +5,8 @@ const FAR = 1e30; // depth where there is no ground: nothing lies behind it
 /** Textures of the map, and the programs over its grid. */
 function gridPasses(gl, map, shaders) {
   const reference = wholeImage(map.scene.views[map.scene.reference]);
-  const passes = { gl, map, reference, textures: mapTextures(gl, map, reference), ...groundDepths(gl, map, reference) };
-  passes.shadow = programOf(gl, shaders["grid.vert"], shaders["shadow.frag"]);
+  const passes = { gl, map, reference, textures: mapTextures(gl, map) };
+  passes.shadows = map.ground.shadowPasses(passes, shaders);
   passes.average = programOf(gl, shaders["grid.vert"], shaders["average.frag"]);
   const model = map.scene.reflectance;
   if (model) {
@@ -27,7 +27,7 @@ function mapTextures(gl, map) {
   const [position, normal] = [new Float32Array(4 * cells), new Float32Array(4 * cells)];
   for (let j = 0; j < map.count; j++) {
     position.set([...positionOf(map, j), 1], 4 * map.cell[j]);
-    normal.set([...normalOf(map, j), map.albedo ? map.albedo[j] : 1], 4 * map.cell[j]);
+    normal.set([...normalOf(map, j), albedoOf(map, j)], 4 * map.cell[j]);
   }
   return {
     position: textureOf(gl, "RGBA32F", map.cols, map.rows, position),
@@ -35,8 +35,9 @@ function mapTextures(gl, map) {
   };
 }
 
-/** Depths of the map and of its surroundings in the reference camera, less that of the local frame's origin. */
-function groundDepths(gl, map, reference) {
+/** What shadows on a region take: the program, and depths of the map and of its surroundings in the reference camera,
+ * less that of the local frame's origin. */
+function shadowsByDepths({ gl, map, reference }, shaders) {
   const depth = new Float32Array(map.rows * map.cols).fill(FAR);
   const down = reference.camFromLocal.slice(6, 9);
   let [nearest, farthest] = [Infinity, -Infinity];
@@ -49,6 +50,7 @@ function groundDepths(gl, map, reference) {
   const around = map.scene.surroundings || { rows: 1, cols: 1, stride: 1 };
   const values = Float32Array.from(map.around || [NaN], (d) => (Number.isNaN(d) ? FAR : note(d - reference.offset[2])));
   return {
+    program: programOf(gl, shaders["grid.vert"], shaders["shadow.frag"]),
     depth: textureOf(gl, "R32F", map.cols, map.rows, depth),
     around: textureOf(gl, "R32F", around.cols, around.rows, values),
     aroundStride: around.stride,
@@ -69,7 +71,12 @@ function overGrid(passes, program, target, uniforms, textures) {
 function castShadows(passes, sun) {
   if (passes.sunOfShadows && passes.sunOfShadows.every((x, i) => x === sun[i])) return;
   passes.sunOfShadows = sun;
-  const { map, reference, depths } = passes;
+  passes.map.ground.castShadows(passes, sun);
+}
+
+/** By rays over the depths of the reference camera. */
+function castByDepths(passes, sun) {
+  const { map, reference, shadows } = passes;
   const { grid, spacing } = map.scene;
   const uniforms = {
     u_cam_from_local: ["Matrix3fv", reference.camFromLocal],
@@ -77,15 +84,15 @@ function castShadows(passes, sun) {
     u_towards: ["3f", ...turned(reference.camFromLocal, sun)],
     u_intrinsics: ["4f", ...reference.focal, ...reference.principal],
     u_first: ["3f", grid.row, grid.col, grid.stride],
-    u_around_stride: ["1f", passes.aroundStride],
-    u_depths: ["2f", ...depths],
+    u_around_stride: ["1f", shadows.aroundStride],
+    u_depths: ["2f", ...shadows.depths],
     u_step: ["1f", spacing],
   };
   const { position } = passes.textures;
-  overGrid(passes, passes.shadow, passes.lit, uniforms, {
+  overGrid(passes, shadows.program, passes.lit, uniforms, {
     u_position: position,
-    u_depth: passes.depth,
-    u_around: passes.around,
+    u_depth: shadows.depth,
+    u_around: shadows.around,
   });
 }
 
@@ -96,7 +103,7 @@ function brightnessOf(passes, sun, center, shadows, sigma = 0) {
   const uniforms = {
     u_sun: ["3f", ...sun],
     u_center: ["3f", ...center],
-    u_around: ["1i", shadows ? (passes.map.scene.grid.stride === 1 ? 1 : 0) : -1],
+    u_around: ["1i", shadows ? passes.map.ground.cellsOfPenumbra(passes.map.scene) : -1],
     p: ["1fv", new Float32Array(model.packed)],
     p_count: ["1i", model.packed.length],
   };

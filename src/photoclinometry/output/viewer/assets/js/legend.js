@@ -46,14 +46,14 @@ function drawColourBar(pen, size, table, limits, title) {
 }
 
 /** Length of ground of one pixel of the picture, in the middle of it. */
-function groundPerPixel(camera, size) {
-  const middle = onPlane(camera, [size[0] / 2, size[1] / 2]) ?? [0, 0, 0];
+function groundPerPixel(camera, size, ground) {
+  const middle = onPlane(camera, [size[0] / 2, size[1] / 2], [0, 0, 0], ground.planeNormal(camera)) ?? [0, 0, 0];
   return projected(camera, middle)[2] / camera.focal[0];
 }
 
-function drawScaleBar(pen, size, camera, scene) {
+function drawScaleBar(pen, size, camera, { scene, ground }) {
   const r = pen.ratio;
-  const perPixel = groundPerPixel(camera, size);
+  const perPixel = groundPerPixel(camera, size, ground);
   const bar = roundStep(perPixel * 160 * r, 1.6);
   const pixels = bar / perPixel;
   const [x, y] = [20 * r, size[1] - 24 * r];
@@ -67,7 +67,7 @@ function drawScaleBar(pen, size, camera, scene) {
   outlined(pen, words, x, y - 7 * r);
 }
 
-/** An arrow from the middle of a small dial along a direction of the mean plane, as the camera sees it. */
+/** An arrow from the middle of a small dial along a direction, as the camera sees it. */
 function drawArrow(pen, camera, from, direction, name, colour, length) {
   const r = pen.ratio;
   const here = projected(camera, [0, 0, 0]);
@@ -96,19 +96,11 @@ function drawArrow(pen, camera, from, direction, name, colour, length) {
   outlined(pen, name, from[0] + x * (length + 13 * r), from[1] + y * (length + 13 * r), colour);
 }
 
-function drawArrows(pen, camera, scene, state) {
+function drawArrows(pen, camera, { scene, ground }, state) {
   const r = pen.ratio;
   const from = [68 * r, 92 * r];
-  const north = northOf(scene);
+  const north = ground.northOf(scene);
   drawArrow(pen, camera, from, north.direction, north.name, "#fff", 32 * r);
-  const sun = sunOf(state);
-  drawArrow(
-    pen,
-    camera,
-    from,
-    unit([sun[0], sun[1], 1e-9]),
-    "Sun",
-    INK,
-    (10 + 26 * Math.cos(state.elevation * DEGREE)) * r,
-  );
+  const sun = ground.arrowToSun(sunOf(state), camera);
+  drawArrow(pen, camera, from, sun.direction, "Sun", INK, (10 + 26 * sun.across) * r);
 }

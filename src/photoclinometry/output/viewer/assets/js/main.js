@@ -53,7 +53,7 @@ async function open() {
     () => (byId("message").textContent = "The graphics stopped; reload the page."),
   );
   listenToPointer(overlay, viewer);
-  listenToSky(byId("sky"), store);
+  listenToSky(byId("sky"), store, map.ground.sky);
   listenToKeys(viewer);
   keepLink(store);
   store.update(linked(map, layers, size));
@@ -63,8 +63,8 @@ async function open() {
   viewer.openedIn = performance.now() - started;
   window.viewer = Object.assign(viewer, {
     sunFromAngles,
-    laterSun,
-    draw: () => draw(viewer),
+    laterSun: laterSunByDay,
+    draw: (level) => draw(viewer, level),
     renderingOf: (k, azimuth, elevation, shadows) =>
       renderingOf(viewer.renderer, k, sunFromAngles(azimuth, elevation), shadows),
   });

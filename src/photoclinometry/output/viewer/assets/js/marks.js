@@ -46,7 +46,7 @@ function footprintOf(view) {
     [view.width, 0],
     [view.width, view.height],
     [0, view.height],
-  ].map((pixel) => onPlane(camera, pixel));
+  ].map((pixel) => onPlane(camera, pixel, [0, 0, 0], [0, 0, 1]));
   return corners.every(Boolean) ? corners : null;
 }
 
@@ -77,7 +77,8 @@ function drawCameras(pen, camera, map, chosen) {
     line(pen, camera, [times(towards, 0.02 * map.radius), middle]);
     line(pen, camera, [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)], true);
     const [u, v, depth] = projected(camera, corner(1, 0));
-    if (depth > 0) outlined(pen, shortName(view.name), u + 4 * pen.ratio, v, k === chosen ? INK : OTHER_INK);
+    const named = k === chosen || map.scene.views.length <= MANY_VIEWS;
+    if (depth > 0 && named) outlined(pen, shortName(view.name), u + 4 * pen.ratio, v, k === chosen ? INK : OTHER_INK);
   });
 }
 
@@ -93,12 +94,14 @@ function drawMeasure(pen, camera, map, state) {
     line(
       pen,
       camera,
-      profileOf(map, places)
+      map.ground
+        .profileOf(map, places)
         .filter((step) => step.position)
         .map((step) => step.position),
     );
   } else line(pen, camera, joined);
   grounds.forEach((point, i) => {
+    if (map.ground.isHidden(camera, point, vectorAt(map, map.normal, places[i]))) return;
     const [u, v] = projected(camera, point);
     pen.beginPath();
     pen.arc(u, v, 5 * pen.ratio, 0, 2 * Math.PI);

@@ -1,10 +1,10 @@
-// Measurements on the map. Points are places on the grid; lengths are in the page's unit.
+// Measurements on the map. Points are places; lengths are in the page's unit.
 
 const STEP_SHARE = 0.5; // of the landmarks' spacing: distance of a profile's points
 const MOST_STEPS = 4000;
 
 /** Points along the straight line between two places on the mean plane, each as profilePoint has it. */
-function profileOf(map, [first, last]) {
+function profileOverPlane(map, [first, last]) {
   const [from, to] = [first, last].map((place) => vectorAt(map, map.position, place));
   if (!from || !to) return [];
   const along = Math.hypot(to[0] - from[0], to[1] - from[1]);
@@ -68,16 +68,28 @@ function isInside(x, y, points) {
   return inside;
 }
 
-/** Area of the map's triangles whose middle lies above a polygon (x, y): of the surface, and across the vertical. */
-function areaOfSurface(map, points) {
+/** Coordinates (x, y) across a direction. */
+function flattener(up) {
+  const right = unit(cross(Math.abs(up[1]) < 0.9 ? [0, 1, 0] : [0, 0, -1], up));
+  const ahead = cross(up, right);
+  return (point) => [dot(point, right), dot(point, ahead)];
+}
+
+/** Area of the ground's triangles whose middle lies over a polygon: of the surface, and across a direction. */
+function areaOfSurface(map, grounds, up) {
   const count = map.faces.length / 3;
+  const flat = flattener(up);
+  const corners = grounds.map(flat);
+  const isOver = map.ground.isOver(map, grounds, up);
   let [surface, plane] = [0, 0];
   for (let f = 0; f < count; f++) {
     const [a, b, c] = [0, 1, 2].map((i) => positionOf(map, map.faces[i * count + f]));
-    if (!isInside((a[0] + b[0] + c[0]) / 3, (a[1] + b[1] + c[1]) / 3, points)) continue;
+    const middle = times(add(add(a, b), c), 1 / 3);
+    if (!isInside(...flat(middle), corners)) continue;
     const normal = cross(subtract(b, a), subtract(c, a));
+    if (!isOver(middle, normal)) continue;
     surface += length(normal) / 2;
-    plane += Math.abs(normal[2]) / 2;
+    plane += Math.abs(dot(normal, up)) / 2;
   }
   return { surface, plane };
 }
@@ -87,18 +99,23 @@ function measured(map, state) {
   const { tool, points } = state;
   const grounds = points.map((place) => vectorAt(map, map.position, place));
   if (grounds.some((point) => !point)) return { rows: [], profile: null };
-  if (tool === "profile" && points.length === 2) return profileRows(map, grounds, profileOf(map, points));
-  if (tool === "angle" && points.length === 3) return { rows: angleRows(map, grounds), profile: null };
-  if (tool === "area" && points.length > 2) return { rows: areaRows(map, grounds), profile: null };
-  return { rows: [], profile: null };
+  if (tool === "profile" && points.length === 2) {
+    const profile = map.ground.profileOf(map, points);
+    if (!profile.length) return { rows: [["no profile", "no ground joins A and B"]], profile: null };
+    return { rows: map.ground.profileRows(map, grounds, profile), profile };
+  }
+  if (points.length < 3) return { rows: [], profile: null };
+  const up = map.ground.upOf(map, points);
+  if (tool === "angle" && points.length === 3) return { rows: angleRows(map, grounds, up), profile: null };
+  return { rows: tool === "area" ? areaRows(map, grounds, up) : [], profile: null };
 }
 
-function profileRows(map, [a, b], profile) {
+function rowsOverPlane(map, [a, b], profile) {
   const { unit: name } = map.scene;
   const across = Math.hypot(b[0] - a[0], b[1] - a[1]);
   const [first, last] = [profile[0], profile[profile.length - 1]];
   const sigma = Math.hypot(first.sigma, last.sigma);
-  const rows = [
+  return [
     ["distance", `${four(length(subtract(b, a)))} ${name}`],
     ["along the mean plane", `${four(across)} ${name}`],
     ["along the surface", `${four(pathLength(profile))} ${name}`],
@@ -106,26 +123,38 @@ function profileRows(map, [a, b], profile) {
     ["slope from A to B", `${four(Math.atan2(b[2] - a[2], across) / DEGREE)}°`],
     ["azimuth from A to B", `${four(anglesFromSun([b[0] - a[0], b[1] - a[1], 0]).azimuth)}°`],
   ];
-  return { rows, profile };
 }
 
-function angleRows(map, [a, b, c]) {
-  const flat = (v) => [v[0], v[1], 0];
+function rowsOfSection(map, [a, b], profile) {
+  const { unit: name } = map.scene;
+  const heights = profile.map((point) => point.height);
+  const [low, high] = [Math.min(...heights), Math.max(...heights)];
+  const sigma = Math.hypot(profile[0].sigma, profile[profile.length - 1].sigma);
+  return [
+    ["distance", `${four(length(subtract(b, a)))} ${name}`],
+    ["along the surface", `${four(pathLength(profile))} ${name}`],
+    ["lowest and highest above A to B", `${four(low)}, ${four(high)} ${name}`],
+    ["radius of B less that of A", withSigma(length(b) - length(a), sigma, ` ${name}`)],
+  ];
+}
+
+function angleRows(map, [a, b, c], up) {
+  const flat = (v) => subtract(v, times(up, dot(v, up)));
   const [to, from] = [subtract(a, b), subtract(c, b)];
   return [
     ["angle at B", `${four(angleBetween(to, from) / DEGREE)}°`],
-    ["in the mean plane", `${four(angleBetween(flat(to), flat(from)) / DEGREE)}°`],
+    [`in the ${map.ground.planeName}`, `${four(angleBetween(flat(to), flat(from)) / DEGREE)}°`],
     ["A to B", `${four(length(to))} ${map.scene.unit}`],
     ["B to C", `${four(length(from))} ${map.scene.unit}`],
   ];
 }
 
-function areaRows(map, grounds) {
+function areaRows(map, grounds, up) {
   const square = `${map.scene.unit}²`;
-  const { surface, plane } = areaOfSurface(map, grounds);
+  const { surface, plane } = areaOfSurface(map, grounds, up);
   const round = grounds.reduce((sum, point, i) => sum + length(subtract(grounds[(i + 1) % grounds.length], point)), 0);
   return [
-    ["area in the mean plane", `${four(polygonArea(grounds))} ${square}`],
+    [`area in the ${map.ground.planeName}`, `${four(polygonArea(grounds.map(flattener(up))))} ${square}`],
     ["of it mapped", `${four(plane)} ${square}`],
     ["area of the surface", `${four(surface)} ${square}`],
     ["circumference", `${four(round)} ${map.scene.unit}`],

@@ -13,7 +13,7 @@ function penOf(canvas, ratio) {
 /** The words of a picture: layer, Sun, camera. */
 function caption(map, state, layer, compare) {
   const view = shortName(map.scene.views[state.view].name);
-  const sun = `Sun ${digits(state.azimuth, 0.1)}° ${digits(state.elevation, 0.1)}°`;
+  const sun = `Sun ${digits(map.ground.shownAzimuth(state.azimuth), 0.1)}° ${digits(state.elevation, 0.1)}°`;
   const what = {
     map: layer.title,
     image: `image ${view}`,
@@ -28,7 +28,7 @@ function drawOverlay(canvas, renderer, state, layer, shown, camera, ratio) {
   const { map } = renderer;
   const size = [canvas.width, canvas.height];
   const pen = penOf(canvas, ratio);
-  if (state.footprints) drawFootprints(pen, camera, map, state.view);
+  if (state.footprints && map.ground.footprints) drawFootprints(pen, camera, map, state.view);
   if (state.cameras) drawCameras(pen, camera, map, state.view);
   drawMeasure(pen, camera, map, state);
   if (shown.compare === "difference") {
@@ -39,8 +39,8 @@ function drawOverlay(canvas, renderer, state, layer, shown, camera, ratio) {
     const table = renderer.tables[shown.compare === "image" ? "gray" : shown.table];
     drawColourBar(pen, size, table, limits, shown.compare === "image" ? shown.imageUnit : layer.unit);
   }
-  drawScaleBar(pen, size, camera, map.scene);
-  drawArrows(pen, camera, map.scene, state);
+  drawScaleBar(pen, size, camera, map);
+  drawArrows(pen, camera, map, state);
   pen.textAlign = "left";
   pen.textBaseline = "top";
   outlined(pen, caption(map, state, layer, shown.compare), 14 * ratio, 10 * ratio);

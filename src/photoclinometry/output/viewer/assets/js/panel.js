@@ -54,6 +54,7 @@ function panelOf(viewer) {
   fill(byId("sun-of"), [["", "– free –"], ...views]);
   fill(byId("camera-of"), [["", "– free –"], ...views]);
   byId("contour-unit").textContent = scene.unit;
+  showKind(map.ground);
   byId("compare-section").hidden = !scene.reflectance || scene.pictures.every((picture) => !picture);
   const showCompare = choices(byId("compare"), COMPARE, (name) => viewer.compare(name));
   const showTool = choices(byId("tools"), TOOLS, (tool) => store.update({ tool, points: [] }));
@@ -65,7 +66,19 @@ function panelOf(viewer) {
 function subtitle(map) {
   const { scene } = map;
   const model = scene.reflectance ? scene.reflectance.name : "no reflectance model";
-  return [scene.body, `${map.count} landmarks`, `${scene.views.length} views`, model].filter(Boolean).join(" · ");
+  const facets = map.faces.length / 3;
+  const of = scene.facets > facets ? ` of ${scene.facets}` : "";
+  const size = scene.kind === "body" ? `${facets}${of} facets` : `${map.count} landmarks`;
+  return [scene.body, size, `${scene.views.length} views`, model].filter(Boolean).join(" · ");
+}
+
+/** Names of controls that regions and bodies have different ones for. */
+function showKind(ground) {
+  ["azimuth", "elevation"].forEach((id, i) => (byId(`${id}-name`).textContent = ground.angleNames[i]));
+  byId("footprints").parentElement.hidden = !ground.footprints;
+  document.querySelectorAll("[data-kind]").forEach((part) => {
+    part.hidden = part.dataset.kind !== (ground === BODY ? "body" : "region");
+  });
 }
 
 function listenToInputs(viewer) {
@@ -76,7 +89,10 @@ function listenToInputs(viewer) {
   on("layer", (input) => store.update({ layer: input.value }));
   for (const name of ["shading", "shadows", "cameras", "footprints"])
     on(name, (input) => store.update({ [name]: input.checked }));
-  for (const name of ["azimuth", "elevation", "swipe"]) number(name, name);
+  for (const name of ["elevation", "swipe"]) number(name, name);
+  on("azimuth", ({ valueAsNumber: shown }) => {
+    if (Number.isFinite(shown)) store.update({ azimuth: map.ground.shownAzimuth(shown) });
+  });
   on("difference", (input) => input.valueAsNumber > 0 && store.update({ difference: input.valueAsNumber }));
   on("contour", (input) => store.update({ contour: Math.max(input.valueAsNumber || 0, 0) }));
   on(
@@ -91,8 +107,11 @@ function listenToButtons(viewer) {
   const { store, map } = viewer;
   const on = (id, action) => byId(id).addEventListener("click", action);
   on("play", () => viewer.play());
-  on("above", () => viewer.free({ ...wholeMap(map, viewer.size()) }));
-  on("oblique", () => viewer.free({ ...wholeMap(map, viewer.size()), tilt: 60 }));
+  for (const [id, name, look] of map.ground.looks) {
+    const button = Object.assign(document.createElement("button"), { id, type: "button", textContent: name });
+    button.addEventListener("click", () => viewer.free({ ...wholeMap(map, viewer.size()), ...look }));
+    byId("looks").append(button);
+  }
   on("clear", () => store.update({ points: [] }));
   on("save-csv", () => viewer.saveCsv());
   on("save-chart", () => savePng(byId("chart"), `${map.scene.name}-profile.png`));
@@ -109,8 +128,9 @@ function showPanel(viewer, showCompare, showTool) {
   const layer = layers.find((one) => one.key === state.layer);
   byId("layer").value = state.layer;
   for (const name of ["shading", "shadows", "cameras", "footprints"]) byId(name).checked = state[name];
+  const shown = { ...state, azimuth: map.ground.shownAzimuth(state.azimuth) };
   for (const name of ["azimuth", "elevation", "contour", "swipe", "difference"]) {
-    if (document.activeElement !== byId(name)) byId(name).value = Number(state[name].toFixed(4));
+    if (document.activeElement !== byId(name)) byId(name).value = Number(shown[name].toFixed(4));
   }
   byId("shading").disabled = !layer.shaded;
   byId("contour").disabled = !layer.contours;

@@ -2,6 +2,8 @@
 
 const MOST_RATIO = 2; // pixels of the picture per pixel of the page, at most
 const SHADING = 1; // of coloured layers by the hillshade
+const SLOW_MS = 60; // a frame that takes longer is drawn coarser while things move
+const REST_MS = 250; // after the last change all is drawn at its finest
 
 /** What drawing needs of the present state: the camera and what drawColours takes. */
 function shownNow(viewer, size) {
@@ -28,6 +30,7 @@ function shownNow(viewer, size) {
     shading: layer.shaded && state.shading ? SHADING : 0,
     contour: layer.contours ? state.contour : 0,
     compare,
+    block,
     view: state.view,
     swipe: state.swipe * size[0],
     imageFromScreen: [
@@ -61,9 +64,10 @@ function layerTexture(viewer, layer, camera, factors, imageLimits) {
   return { texture: layer.texture, limits: limitsOf(layer) };
 }
 
-/** Draws all: the picture, what is above it, and the sky. */
-function draw(viewer) {
+/** Draws all: the picture at a level of detail, what is above it, and the sky. */
+function draw(viewer, level = 0) {
   const { renderer, map, picture, overlay, store } = viewer;
+  useLevel(renderer, level);
   const ratio = viewer.ratio();
   const size = [picture, overlay].map((canvas) => fitted(canvas, ratio))[0];
   const now = shownNow(viewer, size);
@@ -87,10 +91,28 @@ function fitted(canvas, ratio) {
   return size;
 }
 
-/** Draws with the next frame of the browser. */
+/** Draws with the next frame of the browser: coarser where changes follow each other faster than the finest is drawn. */
 function schedule(viewer) {
   viewer.waiting ??= requestAnimationFrame(() => {
     viewer.waiting = null;
-    draw(viewer);
+    const moves = performance.now() - (viewer.drawnAt ?? -REST_MS) < REST_MS;
+    if (viewer.renderer.levels.length < 2) draw(viewer);
+    else if (viewer.isSlow && moves) drawCoarse(viewer);
+    else drawTimed(viewer);
+    viewer.drawnAt = performance.now();
   });
+}
+
+function drawCoarse(viewer) {
+  draw(viewer, 1);
+  clearTimeout(viewer.resting);
+  viewer.resting = setTimeout(() => drawTimed(viewer), REST_MS);
+}
+
+/** Draws the finest level, and notes whether that takes long. */
+function drawTimed(viewer) {
+  const started = performance.now();
+  draw(viewer);
+  readBack(viewer.renderer.gl, viewer.renderer.target, 0, 0, 1, 1); // waits until all is drawn
+  viewer.isSlow = performance.now() - started > SLOW_MS;
 }

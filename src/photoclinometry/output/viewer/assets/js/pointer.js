@@ -56,7 +56,7 @@ function drag(viewer, event, before, now) {
   } else if (event.shiftKey || event.buttons === 2 || state.camera === "image") pan(viewer, before, now);
   else {
     const turn = TURN / viewer.ratio();
-    viewer.store.update({ heading: state.heading + turn * du, tilt: clamp(state.tilt - turn * dv, 0, MOST_TILT) });
+    viewer.store.update({ heading: state.heading + turn * du, tilt: clamp(state.tilt - turn * dv, 0, viewer.map.ground.mostTilt) });
   }
 }
 
@@ -64,7 +64,9 @@ function drag(viewer, event, before, now) {
 function dragSun(viewer, du, dv) {
   const { state, update } = viewer.store;
   const turn = TURN / viewer.ratio();
-  update({ azimuth: (state.azimuth + turn * du + 360) % 360, elevation: clamp(state.elevation - turn * dv, 0, 90) });
+  const lowest = viewer.map.ground.lowestSun;
+  const elevation = clamp(state.elevation - turn * dv, lowest, 90);
+  update({ azimuth: (state.azimuth + turn * du + 360) % 360, elevation });
 }
 
 /** Ground, or the image, follows the pointer. */
@@ -75,7 +77,8 @@ function pan(viewer, before, now) {
     return;
   }
   const camera = viewer.camera();
-  const [from, to] = [before, now].map((pixel) => onPlane(camera, pixel, state.target[2]));
+  const normal = viewer.map.ground.planeNormal(camera);
+  const [from, to] = [before, now].map((pixel) => onPlane(camera, pixel, state.target, normal));
   if (from && to)
     update({
       target: add(state.target, subtract(from, to)).map((x) => clamp(x, -3 * viewer.map.radius, 3 * viewer.map.radius)),
@@ -92,9 +95,10 @@ function zoomBy(viewer, factor, pixel) {
     update({ zoom, middle: state.middle.map((m, i) => m + (pixel[i] - size[i] / 2) * shift) });
     return;
   }
-  const { radius } = viewer.map;
+  const { radius, ground: kind } = viewer.map;
   const distance = clamp(state.distance / factor, 0.02 * radius, 40 * radius);
-  const ground = onPlane(viewer.camera(), pixel, state.target[2]);
+  const camera = viewer.camera();
+  const ground = onPlane(camera, pixel, state.target, kind.planeNormal(camera));
   const share = 1 - distance / state.distance;
   const near = ground && length(subtract(ground, state.target)) < 3 * radius;
   update({ distance, target: near ? add(state.target, times(subtract(ground, state.target), share)) : state.target });

@@ -1,7 +1,7 @@
 // The picture: the landmarks' mesh in a camera, then its colours.
 
 const MISSING_VALUE = -1e30; // as in the shaders
-const SHADE_SUN = sunFromAngles(315, 35); // of hillshades: from the upper left, the cartographers' convention
+const SHADE_SUN = sunFromAngles(315, 35); // of hillshades of a region: from the upper left, as cartographers have it
 
 function rendererOf(canvas, map, about) {
   const gl = graphicsOf(canvas);
@@ -9,33 +9,47 @@ function rendererOf(canvas, map, about) {
   const renderer = { gl, canvas, map, passes: gridPasses(gl, map, shaders), images: [] };
   renderer.surface = programOf(gl, shaders["surface.vert"], shaders["surface.frag"]);
   renderer.display = programOf(gl, shaders["grid.vert"], shaders["display.frag"]);
-  renderer.mesh = meshOf(gl, map);
+  renderer.levels = [map.faces, map.coarseFaces].filter(Boolean).map((faces) => meshOf(gl, map, faces));
+  useLevel(renderer, 0);
   renderer.tables = Object.fromEntries(Object.entries(about.colours).map(([name, text]) => [name, coloursOf(text)]));
-  renderer.shadeMean = meanShade(map);
+  renderer.shadeMean = map.ground.shadeMean(map);
   return renderer;
 }
 
-function meshOf(gl, map) {
+/** Draws with a level of detail from now on: 0 is the finest. */
+function useLevel(renderer, number) {
+  const mesh = renderer.levels[Math.min(number, renderer.levels.length - 1)];
+  if (renderer.mesh === mesh) return;
+  renderer.mesh = renderer.passes.mesh = mesh;
+  renderer.passes.sunOfShadows = null;
+}
+
+function meshOf(gl, map, triangles) {
   const array = gl.createVertexArray();
   gl.bindVertexArray(array);
   gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
   gl.bufferData(gl.ARRAY_BUFFER, new Uint32Array(map.cell), gl.STATIC_DRAW);
   gl.enableVertexAttribArray(0);
   gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
-  const faces = new Uint32Array(map.faces.length);
+  const faces = new Uint32Array(triangles.length);
   const count = faces.length / 3;
-  for (let f = 0; f < count; f++) for (let i = 0; i < 3; i++) faces[3 * f + i] = map.faces[i * count + f];
+  for (let f = 0; f < count; f++) for (let i = 0; i < 3; i++) faces[3 * f + i] = triangles[i * count + f];
   gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
   gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.STATIC_DRAW);
   return { array, indices: faces.length };
 }
 
+function drawMesh(gl, mesh) {
+  gl.bindVertexArray(mesh.array);
+  gl.drawElements(gl.TRIANGLES, mesh.indices, gl.UNSIGNED_INT, 0);
+}
+
 /** Colours (n, 3) in [0, 1] of a table's hexadecimal digits. */
 const coloursOf = (text) => Float32Array.from(text.match(/../g), (two) => parseInt(two, 16) / 255);
 
-function meanShade(map) {
+function meanCosine(map, sun) {
   let sum = 0;
-  for (let j = 0; j < map.count; j++) sum += Math.max(dot(normalOf(map, j), SHADE_SUN), 0);
+  for (let j = 0; j < map.count; j++) sum += Math.max(dot(normalOf(map, j), sun), 0);
   return Math.max(sum / map.count, 1e-6);
 }
 
@@ -54,22 +68,22 @@ function drawSurface(renderer, target, camera, values, factors) {
   gl.enable(gl.DEPTH_TEST);
   gl.clearColor(0, 0, 0, 0);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-  gl.bindVertexArray(renderer.mesh.array);
   const uniforms = {
+    u_closed: ["1i", map.scene.kind === "body" ? 1 : 0],
     u_cam_from_local: ["Matrix3fv", camera.camFromLocal],
     u_offset: ["3f", ...camera.offset],
     u_intrinsics: ["4f", ...camera.focal, ...camera.principal],
     u_size: ["2f", target.width, target.height],
     u_depths: ["2f", nearest, beyondMiddle],
     u_factors: ["2f", ...factors],
-    u_shade_sun: ["3f", ...SHADE_SUN],
+    u_shade_sun: ["3f", ...map.ground.shadeSun(camera)],
   };
   use(gl, renderer.surface, uniforms, {
     u_position: passes.textures.position,
     u_normal: passes.textures.normal,
     u_values: values,
   });
-  gl.drawElements(gl.TRIANGLES, renderer.mesh.indices, gl.UNSIGNED_INT, 0);
+  drawMesh(gl, renderer.mesh);
 }
 
 /** The picture's target, as large as the canvas. */
@@ -100,17 +114,17 @@ function imageTexture(renderer, k) {
   return (renderer.images[k] ??= textureOf(renderer.gl, "R32F", picture.cols, picture.rows, values()));
 }
 
-/** Draws the surface at the cells of a view's picture, for differences that are exact at any zoom. */
+/** Draws the surface at all pixels of a view's picture, for differences that are exact at any zoom. */
 function drawOfPicture(renderer, view, picture, values, factors) {
-  const { rows, cols, row, col, block } = picture;
-  const size = [cols, rows];
-  const middle = [col + (cols * block) / 2, row + (rows * block) / 2];
+  const { row, col, block } = picture;
+  const size = [picture.cols * block, picture.rows * block];
+  const middle = [col + size[0] / 2, row + size[1] / 2];
   const old = renderer.ofPicture;
-  if (!old || old.width !== cols || old.height !== rows) {
+  if (!old || old.width !== size[0] || old.height !== size[1]) {
     if (old) release(renderer.gl, old);
-    renderer.ofPicture = targetOf(renderer.gl, "RGBA32F", cols, rows, true);
+    renderer.ofPicture = targetOf(renderer.gl, "RGBA32F", ...size, true);
   }
-  drawSurface(renderer, renderer.ofPicture, cameraOfView(view, { zoom: 1 / block, middle }, size), values, factors);
+  drawSurface(renderer, renderer.ofPicture, cameraOfView(view, { zoom: 1, middle }, size), values, factors);
 }
 
 const COMPARISONS = { map: 0, image: 1, swipe: 2, difference: 3 };
@@ -132,6 +146,7 @@ function drawColours(renderer, shown) {
     u_contour: ["1f", shown.contour],
     u_compare: ["1i", COMPARISONS[shown.compare]],
     u_swipe: ["1f", shown.swipe],
+    u_block: ["1i", shown.block],
   };
   const textures = { u_surface: renderer.target.texture, u_colours: tableTexture(renderer, shown.table) };
   const image = imageTexture(renderer, shown.view);

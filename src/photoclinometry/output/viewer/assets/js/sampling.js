@@ -1,7 +1,7 @@
 // Values of the map between landmarks, and places above the mean plane. A place is [column, row] of the grid.
 
-/** Landmarks and weights of bilinear interpolation at a place; null where one of the four is missing. */
-function cornersAt(map, place) {
+/** Landmarks and weights of bilinear interpolation at a place of the grid; null where one of the four is missing. */
+function cornersOnGrid(map, place) {
   const col = clamp(Math.floor(place[0]), 0, map.cols - 2);
   const row = clamp(Math.floor(place[1]), 0, map.rows - 2);
   const [u, v] = [place[0] - col, place[1] - row];
@@ -20,13 +20,13 @@ function cornersAt(map, place) {
 
 /** An array (J,) between landmarks; NaN where there is none. */
 function valueAt(map, values, place) {
-  const at = cornersAt(map, place);
+  const at = map.ground.cornersAt(map, place);
   return at ? at.landmarks.reduce((sum, j, i) => sum + at.weights[i] * values[j], 0) : NaN;
 }
 
 /** Three columns (J,) between landmarks; null where there are none. */
 function vectorAt(map, values, place) {
-  const at = cornersAt(map, place);
+  const at = map.ground.cornersAt(map, place);
   if (!at) return null;
   return [0, 1, 2].map((k) => at.landmarks.reduce((sum, j, i) => sum + at.weights[i] * values[k * map.count + j], 0));
 }

@@ -23,10 +23,9 @@ const savePng = (canvas, name) => canvas.toBlob((blob) => download(blob, safeNam
 
 /** A profile as CSV; names of columns end in the unit. */
 function profileCsv(profile, unitName) {
-  const columns = ["distance", "x", "y", "height", "sigma"].map(
-    (name) => `${name === "sigma" ? "height_sigma" : name}_${unitName.toLowerCase()}`,
-  );
-  const rows = profile.map((p) => [p.distance, p.x, p.y, p.height, p.sigma, p.slope, p.albedo]);
+  const lengths = ["distance", "x", "y", ...("z" in profile[0] ? ["z"] : []), "height", "sigma"];
+  const columns = lengths.map((name) => `${name === "sigma" ? "height_sigma" : name}_${unitName.toLowerCase()}`);
+  const rows = profile.map((p) => [...lengths.map((name) => p[name]), p.slope, p.albedo]);
   const cell = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(8))) : "");
   return (
     [[...columns, "slope_deg", "albedo"].join(","), ...rows.map((row) => row.map(cell).join(","))].join("\n") + "\n"

@@ -1,0 +1,70 @@
+// The ground of a whole body: a closed surface about the origin. A place is the column and row of a vertex in the grid
+// that holds the vertices; there is nothing between them.
+
+const LIGHT_IN_CAM = [-0.58, -0.58, -0.57]; // of hillshades: from the upper left, behind the camera
+const SPHERE_MEAN = 0.44; // cosine of incidence on a sphere in that light, in the mean over its disk (Lambert)
+
+const BODY = {
+  heightName: "radius",
+  slopeName: "slope against the radius",
+  footprints: false,
+  margin: 2.3,
+  mostTilt: 180,
+  lowestSun: -90,
+  heightOf: length,
+  upAt: unit,
+  firstLook: (map) => lookAlong(unit(map.scene.views[map.scene.reference].center)),
+  looks: [
+    ["north", "north", { heading: 0, tilt: 0 }],
+    ["equator", "equator", { tilt: 90 }],
+    ["south", "south", { heading: 0, tilt: 180 }],
+  ],
+  angleNames: ["longitude", "latitude"],
+  // Azimuths count clockwise from y, east longitudes counter-clockwise from x.
+  shownAzimuth: (azimuth) => (450 - azimuth) % 360,
+  laterSun: (scene, sun, turn) => laterSun([0, 0, 1], sun, turn),
+  northOf: (scene) => ({ direction: [0, 0, 1], name: scene.place.body_fixed ? "N" : "z" }),
+  arrowToSun: (sun, camera) => ({ direction: sun, across: Math.hypot(...turned(camera.camFromLocal, sun).slice(0, 2)) }),
+  planeNormal: (camera) => camera.camFromLocal.slice(6, 9),
+  isHidden: (camera, point, normal) => dot(subtract(camera.center, point), normal) < 0,
+  shadeSun: (camera) => turned(transposed(camera.camFromLocal), unit(LIGHT_IN_CAM)),
+  shadeMean: () => SPHERE_MEAN,
+  cornersAt(map, place) {
+    const vertex = Math.round(place[1]) * map.cols + Math.round(place[0]);
+    return vertex >= 0 && vertex < map.count ? { landmarks: [vertex], weights: [1] } : null;
+  },
+  placeRows(scene, place, position) {
+    const inBody = add(position, scene.place.origin);
+    return [
+      ["x, y, z", `${inBody.map(four).join(", ")} ${scene.unit}`],
+      ...(scene.place.body_fixed ? [lonLatRow(inBody)] : []),
+    ];
+  },
+  profileOf: profileOfSection,
+  profileRows: rowsOfSection,
+  upOf: meanNormal,
+  isOver: (map, grounds, up) => closeAndFacing(map, grounds, up),
+  planeName: "plane across the mean normal",
+  shadowPasses: shadowsByMap,
+  castShadows: castByMap,
+  cellsOfPenumbra: () => 0,
+  sky: SUN_MAP,
+};
+
+/** Heading and tilt of the free camera that looks from a direction (unit vector) towards the middle. */
+function lookAlong(from) {
+  return { heading: Math.atan2(-from[0], -from[1]) / DEGREE, tilt: Math.acos(clamp(from[2], -1, 1)) / DEGREE };
+}
+
+/** The mean of the normals at places, a unit vector. */
+function meanNormal(map, places) {
+  return unit(places.map((place) => vectorAt(map, map.normal, place)).reduce(add));
+}
+
+/** Whether the ground at a point belongs to a region around points: it faces their side and is no farther below or above
+ * them than they are from each other. */
+function closeAndFacing(map, grounds, up) {
+  const middle = times(grounds.reduce(add), 1 / grounds.length);
+  const reach = 2 * Math.max(...grounds.map((point) => length(subtract(point, middle))));
+  return (point, normal) => dot(normal, up) > 0 && Math.abs(dot(subtract(point, middle), up)) < reach;
+}

@@ -1,0 +1,56 @@
+"""Views and reflectance models for the page: what regions and whole bodies have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Views
+from photoclinometry.surface.relief import angles_from_sun
+
+
+def views_content(views: Views, frame: Rigid, length: float, averaging: Sequence[float]) -> list[dict[str, Any]]:
+    """Camera, pose, Sun and exposure of each view, in the frame B from `frame` and lengths of `length` of B's unit.
+
+    averaging: (K,) standard deviation of the Gaussian by which each view averages brightness over the map [landmarks].
+    """
+    found = []
+    for k, name in enumerate(views.name):
+        camera, pose = views.cameras[k], frame.inverse() @ views.body_from_cam[k]
+        azimuth, elevation = np.degrees(angles_from_sun(frame, views.sun[k]))
+        found.append(
+            {
+                "name": name,
+                "width": camera.width,
+                "height": camera.height,
+                "focal": list(camera.focal_px),
+                "principal": list(camera.principal_px),
+                "local_from_cam": pose.rotation.tolist(),
+                "center": (pose.translation * length).tolist(),
+                "sun_azimuth_deg": azimuth,
+                "sun_elevation_deg": elevation,
+                "scale": float(views.scale[k]),
+                "bias": float(views.bias[k]),
+                "averaging": float(averaging[k]),
+            }
+        )
+    return found
+
+
+def reflectance_content(reflectance: Reflectance | None) -> dict[str, Any] | None:
+    """The model's statement for the graphics processor, and its numbers; None where the page cannot render."""
+    if reflectance is None or reflectance.model.shader is None or not np.isfinite(reflectance.packed).all():
+        return None
+    names, units, _ = reflectance.described
+    return {
+        "name": reflectance.name,
+        "shader": reflectance.model.shader,
+        "packed": reflectance.packed.tolist(),
+        "parameters": names,
+        "units": units,
+        "absolute": reflectance.predicts_absolute_brightness,
+    }

@@ -1,0 +1,389 @@
+"""The viewer of whole bodies in a real browser: brightness and shadows as by rays, measures on a sphere, levels."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import binary_erosion
+from scipy.spatial import cKDTree
+
+from browser import browser, why_no_browser
+from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.reflectance import starting_model
+from photoclinometry.model.scene import Camera, Image, Views
+from photoclinometry.model.shape_model import ShapeModel
+from photoclinometry.output.viewer import ViewedBody, write_body_viewer
+from photoclinometry.output.viewer import body_content as content
+from photoclinometry.output.viewer.run_page import run_page
+from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
+from photoclinometry.surface.closed_mesh import area_vectors, icosahedron, refine, vertex_normals
+from photoclinometry.surface.mesh_rays import MeshRays
+from scenes import look_at_origin
+from test_viewer import unpacked
+from test_viewer_page import downloaded, rows_of
+
+pytest.importorskip("embreex")
+needs_browser = pytest.mark.skipif(why_no_browser() is not None, reason=str(why_no_browser()))
+
+RADIUS = 200.0
+DIRECTIONS = ((1.0, 0.2, 0.3), (-0.4, 1.0, -0.2), (0.3, -0.5, 1.0), (-0.6, -0.6, -0.8))
+"""From the body to its cameras."""
+LIMIT = 0.005
+"""Of the mean brightness: largest mean difference from pictures by rays."""
+
+
+def round_one(points):
+    """A sphere."""
+    return RADIUS * points / np.linalg.norm(points, axis=-1, keepdims=True)
+
+
+def dented(points):
+    """A sphere with a deep hollow, whose rim casts shadows into it, and with low waves."""
+    way = points / np.linalg.norm(points, axis=-1, keepdims=True)
+    hollow = np.exp(-0.5 * ((1.0 - way @ (0.8, 0.0, 0.6)) / 0.05) ** 2)
+    waves = 0.02 * np.sin(6.0 * way[:, 0]) * np.cos(5.0 * way[:, 1])
+    return RADIUS * way * (1.0 + waves - 0.35 * hollow)[:, None]
+
+
+def body_of(form=dented, model="lunar-lambert", spacing=4.0):
+    """A body with all that a map of it has, in four views; nothing is known of its south pole."""
+    corners, faces = icosahedron()
+    vertices, faces = refine(form(corners), faces, spacing, form)
+    albedo = 0.3 + 0.05 * np.sin(vertices[:, 2] / 30.0)
+    known = vertices[:, 2] > -0.9 * RADIUS
+    stated = {"height": 0.5, "normal": np.radians(1.5), "albedo": 0.02}
+    shape = ShapeModel(
+        vertices=vertices,
+        faces=faces,
+        normals=vertex_normals(vertices, faces),
+        albedo=np.where(known, albedo, np.nan),
+        sigma={name: np.where(known, value, np.nan) for name, value in stated.items()},
+        views=np.where(known, 4, 0),
+        tile=np.where(known, (vertices[:, 0] > 0).astype(int), -1),
+        unit="m",
+    )
+    ways = np.array(DIRECTIONS) / np.linalg.norm(DIRECTIONS, axis=-1, keepdims=True)
+    suns = ways + 0.8 * np.roll(ways, 1, axis=-1)
+    suns /= np.linalg.norm(suns, axis=-1, keepdims=True)
+    poses = [look_at_origin(3000.0 * way, 0.3) for way in ways]
+    views = Views(
+        name=("a", "b", "c", "d"),
+        cameras=(Camera(model="PINHOLE", width=150, height=140, params=(900.0, 900.0, 74.0, 71.0)),) * 4,
+        body_from_cam=Rigid(np.array([p.rotation for p in poses]), np.array([p.translation for p in poses])),
+        sun=suns,
+        scale=np.array([1.0, 2.0, 1.0, 1.0]),
+        bias=np.zeros(4),
+        sun_measured=suns,
+        sun_sigma=np.zeros(4),
+        sun_common_sigma=np.zeros(4),
+    )
+    return ViewedBody(
+        name="dented",
+        body="vesta",
+        shape=shape,
+        views=views,
+        reflectance=starting_model(model, "vesta"),
+        gsd=10.0 / 3.0,
+        brightness="iof",
+        body_fixed=True,
+    )
+
+
+def by_rays(body, view, sun):
+    """A view's picture under a Sun, with its scale: brightness (height, width), NaN beside the body."""
+    shape, views = body.shape, body.views
+    albedo = np.where(np.isfinite(shape.albedo), shape.albedo, np.nanmedian(shape.albedo))
+    rays = MeshRays(shape.vertices, shape.faces, 4.0)
+    surface = ShadedSurface(rays=rays, normals=shape.normals, albedo=albedo, reflectance=body.reflectance)
+    return views.scale[view] * rendered_shape(surface, views.cameras[view], views.body_from_cam[view], np.asarray(sun))
+
+
+def images_of(body):
+    """Its four images, without noise."""
+    found = []
+    for k, name in enumerate(body.views.name):
+        picture = by_rays(body, k, body.views.sun[k])
+        found.append(Image(name, np.nan_to_num(picture).astype(np.float32), np.ones(picture.shape, bool)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def body():
+    return body_of()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("pages")
+
+
+@pytest.fixture(scope="module")
+def file(body, folder):
+    return write_body_viewer(folder / "viewer.html", body, images_of(body))
+
+
+@pytest.fixture(scope="module")
+def window(folder):
+    with browser(folder) as found:
+        yield found
+
+
+@pytest.fixture
+def page(window, file):
+    """The page, just opened; whatever a test does, nothing is logged."""
+    window.open(file)
+    window.settle()
+    yield window
+    assert window.messages() == []
+
+
+RENDERED = "return Array.from(viewer.renderingOf(...arguments), x => Number.isNaN(x) ? null : x)"
+
+
+def rendered(page, body, view, sun):
+    """The page's picture of a view under a Sun (unit vector) with cast shadows."""
+    azimuth, elevation = np.degrees([np.arctan2(sun[0], sun[1]), np.arcsin(sun[2])])
+    camera = body.views.cameras[view]
+    got = page.run(RENDERED, view, azimuth, elevation, True)
+    return np.array(got, float).reshape(camera.height, camera.width)
+
+
+def test_vertices_come_back_in_another_order():
+    """Neighbours in space are neighbours in the file; faces are the same triangles, with their orientation."""
+    body = body_of(spacing=30.0)
+    stored = content.body_content(body)
+    position, faces = unpacked(stored["landmarks"]["position"]), unpacked(stored["faces"]).astype(int)
+    vertices, triangles = body.shape.vertices, body.shape.faces
+    off, same = cKDTree(position[faces].mean(1)).query(vertices[triangles].mean(1))
+    assert off.max() < 1e-2
+    assert sorted(same) == list(range(len(triangles)))
+    np.testing.assert_allclose(area_vectors(position, faces)[same], area_vectors(vertices, triangles), atol=0.5)
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=-1)
+    assert np.median(steps) < 60.0
+
+
+def test_what_is_not_known_is_missing():
+    stored = content.body_content(body_of(spacing=30.0))["landmarks"]
+    south = unpacked(stored["position"])[:, 2] < -0.95 * RADIUS
+    for name in ("albedo", "sigma_height", "sigma_normal", "sigma_albedo", "tile"):
+        assert np.isnan(unpacked(stored[name])[south]).all()
+        assert np.isfinite(unpacked(stored[name])[~south]).mean() > 0.9
+    assert unpacked(stored["sigma_normal"])[~south][0] == pytest.approx(1.5, rel=1e-3)
+    assert unpacked(stored["sigma_albedo"])[~south][0] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_lengths_without_a_unit_are_ground_samples_about_the_middle():
+    """In the frame of the images alone the body may lie anywhere, in any unit."""
+    body = body_of(round_one, spacing=30.0)
+    away = np.array([1000.0, -400.0, 300.0])
+    shape = replace(body.shape, vertices=body.shape.vertices + away, unit=None)
+    poses = Rigid(body.views.body_from_cam.rotation, body.views.body_from_cam.translation + away)
+    stored = content.body_content(replace(body, shape=shape, views=body.views.at_poses(poses), body_fixed=False))
+    assert stored["unit"] == "GSD"
+    radius = np.linalg.norm(unpacked(stored["landmarks"]["position"]), axis=-1)
+    np.testing.assert_allclose(radius, RADIUS / body.gsd, rtol=2e-3)
+    np.testing.assert_allclose(np.array(stored["place"]["origin"]) * body.gsd, away, atol=1.0)
+
+
+def test_large_surfaces_are_made_coarser_and_have_a_level_for_moving(monkeypatch):
+    monkeypatch.setattr(content, "MOST_FACETS", 4000)
+    monkeypatch.setattr(content, "MOVING_FACETS", 1000)
+    body = body_of(round_one, spacing=9.0)
+    stored = content.body_content(body)
+    assert stored["facets"] == len(body.shape.faces) > 6000
+    faces, coarse = (unpacked(stored[name]).astype(int) for name in ("faces", "coarse_faces"))
+    position = unpacked(stored["landmarks"]["position"])
+    assert len(faces) == pytest.approx(4000, rel=0.01)
+    assert len(coarse) == pytest.approx(1000, rel=0.05)
+    for level in (faces, coarse):
+        outward = np.sum(area_vectors(position, level) * position[level].mean(1), axis=-1)
+        assert (outward > 0).mean() > 0.99
+        assert outward.sum() / 3.0 == pytest.approx(4.0 / 3.0 * np.pi * RADIUS**3, rel=0.03)
+
+
+def test_a_body_whose_page_is_missing_says_what_makes_it(tmp_path):
+    (tmp_path / "body.ply").write_text("")
+    with pytest.raises(RunFolderError, match="run `phomo body`"):
+        run_page(tmp_path)
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "viewer.html").write_text("the page")
+    assert run_page(tmp_path) == tmp_path / "report" / "viewer.html"
+
+
+@needs_browser
+def test_it_asks_for_nothing_but_itself(window, file):
+    window.open(file)
+    window.settle()
+    assert [address.split("#")[0] for address in window.requests()] == [file.as_uri()]
+    assert window.messages() == []
+
+
+@needs_browser
+def test_every_layer_is_shown_and_no_two_are_alike(page):
+    keys = page.run("return viewer.layers.map(layer => layer.key)")
+    sigmas = ["sigma_height", "sigma_normal", "sigma_albedo"]
+    assert keys == ["rendering", "relief", "albedo", "height", "slope", *sigmas, "views", "tile"]
+    pictures = []
+    page.run("viewer.free({ tilt: 120 })")
+    for key in ("rendering", "relief", "albedo", "height", "slope", "views", "tile"):
+        page.set("layer", key)
+        pictures.append(page.picture())
+    assert all((a != b).any(-1).mean() > 0.05 for i, a in enumerate(pictures) for b in pictures[:i])
+
+
+@needs_browser
+@pytest.mark.parametrize("model", ["lunar-lambert", "hapke"])
+def test_brightness_and_shadows_are_those_of_rays(page, body, folder, model):
+    """Under each view's own Sun, and under one that leaves the hollow in its own shadow.
+
+    Two pixels inside the limb, since rays go to four places of a pixel.
+    """
+    seen = replace(body, reflectance=starting_model(model, "vesta"))
+    page.open(write_body_viewer(folder / f"{model}.html", seen))
+    shaded = []
+    low = np.array([0.0, 0.8, 0.6])
+    for view, sun in [*((k, body.views.sun[k]) for k in range(4)), (0, low), (2, low)]:
+        wanted, got = by_rays(seen, view, sun), rendered(page, seen, view, sun)
+        disk = np.isfinite(wanted)
+        assert (disk != np.isfinite(got)).sum() < 0.05 * disk.sum()
+        inside = binary_erosion(disk, iterations=2)
+        off = np.abs(got - wanted)[inside] / wanted[disk].mean()
+        assert off.mean() < LIMIT
+        assert (off > 0.1).mean() < 0.01  # the edges of shadows, a pixel wide
+        shaded.append((wanted[inside] == 0).mean())
+    assert max(shaded) > 0.2
+
+
+@needs_browser
+def test_the_difference_of_a_body_and_its_exact_image_is_small(page):
+    for view in ("0", "1"):
+        page.set("camera-of", view)
+        page.click("#compare [data-value=difference]")
+        page.settle()
+        picture = page.picture()
+        inside = (picture.min(-1) > 100) & (picture.max(-1) > 200)
+        assert inside.sum() > 10_000
+        assert (picture[inside].min(-1) > 225).mean() > 0.85
+
+
+@needs_browser
+def test_values_under_the_cursor_are_those_of_a_vertex(page, body):
+    page.set("layer", "height")
+    page.hover(430.0, 400.0)
+    shown = rows_of(page, "values")
+    point = np.array([float(x) for x in shown["x, y, z"].removesuffix(" m").split(", ")])
+    index = np.argmin(np.linalg.norm(body.shape.vertices - point, axis=-1))
+    vertex = body.shape.vertices[index]
+    np.testing.assert_allclose(point, vertex, atol=0.2)
+    assert shown["radius"] == f"{np.linalg.norm(vertex):.2f} ± 0.50 m"
+    longitude, latitude = (float(x.strip(" °E")) for x in shown["longitude, latitude"].split("° E,"))
+    assert longitude == pytest.approx(np.degrees(np.arctan2(vertex[1], vertex[0])) % 360, abs=0.01)
+    assert latitude == pytest.approx(np.degrees(np.arcsin(vertex[2] / np.linalg.norm(vertex))), abs=0.01)
+    assert float(shown["albedo"].split(" ± ")[0]) == pytest.approx(body.shape.albedo[index], abs=6e-4)
+    assert shown["tile"] == str(body.shape.tile[index])
+    page.hover(5.0, 300.0)
+    assert rows_of(page, "values") == {}
+
+
+@needs_browser
+def test_the_sun_has_longitude_and_latitude(page):
+    sun = "const s = viewer.store.state; return viewer.sunFromAngles(s.azimuth, s.elevation)"
+    page.set("azimuth", 30)
+    page.set("elevation", -20)
+    along = np.cos(np.radians(-20)) * np.array([np.cos(np.radians(30)), np.sin(np.radians(30))])
+    np.testing.assert_allclose(page.run(sun), [*along, np.sin(np.radians(-20))], atol=1e-9)
+    box = page.run(
+        "const b = document.getElementById('sky').getBoundingClientRect(); return [b.x, b.y, b.width, b.height]"
+    )
+    page.drag((box[0] + 0.25 * box[2], box[1] + 0.5 * box[3]), (box[0] + 0.5 * box[2], box[1] + 0.25 * box[3]))
+    np.testing.assert_allclose(page.run(sun), [-(0.5**0.5), 0.0, 0.5**0.5], atol=0.03)
+    assert float(page.run("return document.getElementById('azimuth').value")) == pytest.approx(180, abs=2)
+
+
+@needs_browser
+def test_north_is_up_and_the_poles_can_be_seen(page):
+    up = "const c = viewer.camera(); return [c.camFromLocal.slice(3, 6), c.camFromLocal.slice(6, 9)]"
+    for look, forward in (("north", [0, 0, -1]), ("south", [0, 0, 1])):
+        page.click(f"#{look}")
+        np.testing.assert_allclose(page.run(up)[1], forward, atol=1e-9)
+    page.click("#equator")
+    np.testing.assert_allclose(page.run(up)[0], [0, 0, -1], atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def sphere(folder):
+    body = body_of(round_one, spacing=8.0)
+    stored = content.body_content(body)
+    return write_body_viewer(folder / "sphere.html", body), unpacked(stored["landmarks"]["position"])
+
+
+def places_near(vertices, *points):
+    """Places of the vertices nearest to points, and the vertices."""
+    index = [int(np.argmin(np.linalg.norm(vertices - point, axis=-1))) for point in points]
+    return [[i % 1024, i // 1024] for i in index], vertices[index]
+
+
+@needs_browser
+def test_a_profile_over_a_sphere_is_an_arc(window, sphere, folder):
+    """Its length is radius times angle, and it stands above its chord as a circle does."""
+    file, vertices = sphere
+    window.open(file)
+    places, (a, b) = places_near(vertices, [200, 0, 0], [80, 120, 139])
+    window.run("viewer.store.update({ tool: 'profile', points: arguments[0] })", places)
+    shown = rows_of(window, "measures")
+    chord, angle = np.linalg.norm(b - a), np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
+    assert float(shown["distance"].split()[0]) == pytest.approx(chord, rel=1e-3)
+    assert float(shown["along the surface"].split()[0]) == pytest.approx(RADIUS * angle, rel=5e-3)
+    window.click("#save-csv")
+    with open(downloaded(folder, "dented-profile.csv"), encoding="utf-8") as stream:
+        table = [{name: float(value or "nan") for name, value in row.items()} for row in csv.DictReader(stream)]
+    along, height = (np.array([row[name] for row in table]) for name in ("distance_m", "height_m"))
+    circle = np.sqrt(np.maximum(RADIUS**2 - (along - chord / 2) ** 2, 0)) - np.sqrt(RADIUS**2 - chord**2 / 4)
+    np.testing.assert_allclose(height, circle, atol=0.5)
+    assert (np.diff(along) > 0).all()
+    np.testing.assert_allclose([np.hypot(np.hypot(r["x_m"], r["y_m"]), r["z_m"]) for r in table], RADIUS, atol=0.5)
+
+
+@needs_browser
+def test_areas_are_of_the_side_that_is_pointed_at(window, sphere):
+    """A region around a point of a sphere: neither the ground behind the body nor more than its own."""
+    file, vertices = sphere
+    window.open(file)
+    tilt, turns = np.radians(25.0), np.radians(np.arange(0, 360, 30))
+    ring = RADIUS * np.stack([np.sin(tilt) * np.cos(turns), np.sin(tilt) * np.sin(turns), np.cos(tilt) + 0 * turns], -1)
+    places, _ = places_near(vertices, *ring)
+    window.run("viewer.store.update({ tool: 'area', points: arguments[0] })", places)
+    shown = rows_of(window, "measures")
+    plane = float(shown["area in the plane across the mean normal"].split()[0])
+    assert plane == pytest.approx(0.5 * 12 * (RADIUS * np.sin(tilt)) ** 2 * np.sin(np.radians(30)), rel=0.03)
+    assert float(shown["of it mapped"].split()[0]) == pytest.approx(plane, rel=0.03)
+    # The area of a cap over that of its base is 2 / (1 + cos(tilt)); that of the polygon in it is nearly so.
+    ratio = float(shown["area of the surface"].split()[0]) / float(shown["of it mapped"].split()[0])
+    assert ratio == pytest.approx(2.0 / (1.0 + np.cos(tilt)), rel=0.01)
+
+
+@needs_browser
+def test_while_it_moves_a_slow_page_draws_the_coarse_level(window, folder, body, monkeypatch):
+    monkeypatch.setattr(content, "MOVING_FACETS", 6000)
+    window.open(write_body_viewer(folder / "levels.html", body))
+    levels = window.run("return viewer.renderer.levels.map(level => level.indices)")
+    assert levels[1] == pytest.approx(3 * 6000, rel=0.05)
+    assert levels[0] > 5 * levels[1]
+    is_drawn = "viewer.renderer.levels.indexOf(viewer.renderer.mesh) === {}"
+    window.settle()
+    window.run("viewer.isSlow = true; viewer.drawnAt = performance.now(); viewer.store.update({ heading: 20 })")
+    window.wait(is_drawn.format(1))
+    window.wait(is_drawn.format(0))  # at rest
+
+
+@needs_browser
+def test_a_permalink_restores_a_body(page, window, file):
+    page.run("viewer.store.update({ layer: 'slope', azimuth: 123.4, elevation: -21, tilt: 150, heading: 200 })")
+    page.settle()
+    window.wait("location.hash.includes('slope')")
+    fragment, picture = page.run("return location.hash"), page.picture()
+    window.open(file, fragment)
+    window.settle()
+    assert (window.picture() != picture).any(-1).mean() < 1e-3
