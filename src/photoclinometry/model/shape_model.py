@@ -45,17 +45,21 @@ class ShapeModel:
     def with_used_vertices(self) -> ShapeModel:
         """The same without vertices that belong to no face."""
         used, faces = np.unique(self.faces, return_inverse=True)
+        return self.of_vertices(used, faces.reshape(-1, 3))
+
+    def of_vertices(self, rows: np.ndarray, faces: np.ndarray) -> ShapeModel:
+        """Vertices (n,) of the model in a given order, with what is known at them, and faces (F, 3) of these."""
 
         def kept(values: np.ndarray | None) -> np.ndarray | None:
-            return None if values is None else np.asarray(values)[used]
+            return None if values is None else np.asarray(values)[rows]
 
         return replace(
             self,
-            vertices=np.asarray(self.vertices, float)[used],
-            faces=faces.reshape(-1, 3),
+            vertices=np.asarray(self.vertices, float)[rows],
+            faces=faces,
             normals=kept(self.normals),
             albedo=kept(self.albedo),
-            sigma={name: values[used] for name, values in self.sigma.items()},
+            sigma={name: values[rows] for name, values in self.sigma.items()},
             views=kept(self.views),
             tile=kept(self.tile),
         )

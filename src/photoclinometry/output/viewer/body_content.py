@@ -141,20 +141,7 @@ def in_neighbours_order(shape: ShapeModel) -> ShapeModel:
     first = faces.argmin(1)
     faces = np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, 1)
     faces = faces[np.lexsort((faces[:, 1], faces[:, 0]))]
-
-    def ordered(values: np.ndarray | None) -> np.ndarray | None:
-        return None if values is None else values[order]
-
-    return ShapeModel(
-        vertices=shape.vertices[order],
-        faces=faces,
-        normals=ordered(shape.normals),
-        albedo=ordered(shape.albedo),
-        sigma={name: values[order] for name, values in shape.sigma.items()},
-        views=ordered(shape.views),
-        tile=ordered(shape.tile),
-        unit=shape.unit,
-    )
+    return shape.of_vertices(order, faces)
 
 
 def level_on(shape: ShapeModel, facets: int) -> np.ndarray:
