@@ -260,6 +260,14 @@ def two_maps(rng, shared, stated_over_true):
     return sigma_factors(overlap, position, normal, albedo, stated, np.full(count, shared))
 
 
+def test_sigmas_that_are_infinite_tell_nothing_even_where_two_tiles_have_all_images_in_common():
+    """Nor does arithmetic warn of them, which would be an error here."""
+    up = np.tile([0.0, 0.0, 1.0], (200, 1))
+    overlap = Overlap(first=np.arange(100), second=100 + np.arange(100))
+    stated = np.full((200, 3), np.inf)
+    assert (sigma_factors(overlap, up, up, np.ones(200), stated, np.ones(100)) == 1.0).all()
+
+
 @pytest.mark.parametrize("shared", [0.0, 0.6])
 def test_sigmas_grow_to_the_errors_that_overlapping_tiles_show(shared):
     rng = np.random.default_rng(0)

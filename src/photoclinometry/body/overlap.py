@@ -105,9 +105,10 @@ def sigma_factors(
         }
     found = np.ones(len(differences))
     for column, (name, difference) in enumerate(differences.items()):
-        variance = (1.0 - correlation) * (sigmas[first, column] ** 2 + sigmas[second, column] ** 2)
-        usable = np.isfinite(difference) & np.isfinite(variance) & (variance > 0) & (correlation < MOST_SHARED)
+        both = sigmas[first, column] ** 2 + sigmas[second, column] ** 2
+        usable = np.isfinite(difference) & np.isfinite(both) & (both > 0) & (correlation < MOST_SHARED)
+        variance = (1.0 - correlation[usable]) * both[usable]
         if usable.sum() >= FEWEST_PAIRS:
-            square = float(np.median(difference[usable] ** 2 / variance[usable]))
+            square = float(np.median(difference[usable] ** 2 / variance))
             found[column] = max(1.0, np.sqrt(square / _MEDIAN_SQUARE[name]))
     return found
