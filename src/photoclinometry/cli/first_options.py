@@ -67,6 +67,7 @@ FIRST = {
         "spc.poses",
         "splat.iterations",
         "splat.degree",
+        "ngp.iterations",
     ),
     "export": (
         "products",

@@ -31,6 +31,7 @@ def rivals(
         run: Folder of a finished run with a reflectance model.
         methods: spc: classic stereophotoclinometry. mvs: geometry alone, textured with the mean brightness.
             splat: Gaussian splatting. splat-reflectance: Gaussian splatting with a reflectance model.
+            ngp: instant-NGP, a neural radiance field.
         hold_out: Which of the views that the run held out are to be predicted. Default: all of them.
         truth: truth.h5 of a simulated site: compares surface, normals and albedos.
         reference: Another map of the place, to compare surface, normals and albedos with; as for `phomo evaluate`.

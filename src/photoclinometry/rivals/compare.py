@@ -19,6 +19,7 @@ from photoclinometry.model.ranges import Ranged
 from photoclinometry.rivals.figure import draw_comparison
 from photoclinometry.rivals.measure import common_masks, image_figures, map_figures
 from photoclinometry.rivals.mvs import run_mvs
+from photoclinometry.rivals.ngp import NgpOptions, run_ngp
 from photoclinometry.rivals.outcome import Outcome, costed, rendered_map
 from photoclinometry.rivals.problem import Problem, read_problem
 from photoclinometry.rivals.spc import SpcOptions, run_spc
@@ -35,7 +36,7 @@ OURS = "phomo"
 NOT_THE_MAP = ("products", "report", "held_out")
 """Stages of a run whose time is not counted: no rival writes a report, or places views."""
 
-Method = Literal["spc", "mvs", "splat", "splat-reflectance"]
+Method = Literal["spc", "mvs", "splat", "splat-reflectance", "ngp"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
@@ -45,6 +46,7 @@ class RivalOptions(Ranged):
 
     spc: SpcOptions = field(default_factory=SpcOptions)
     splat: SplatOptions = field(default_factory=SplatOptions)
+    ngp: NgpOptions = field(default_factory=NgpOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,8 +82,8 @@ def compare_rivals(
 
     Args:
         run: Folder of a finished run with a reflectance model.
-        methods: "spc" (classic stereophotoclinometry), "mvs" (geometry alone), "splat" (Gaussian splatting) and
-            "splat-reflectance" (Gaussian splatting with a reflectance model).
+        methods: "spc" (classic stereophotoclinometry), "mvs" (geometry alone), "splat" (Gaussian splatting),
+            "splat-reflectance" (Gaussian splatting with a reflectance model) and "ngp" (a neural radiance field).
         predict: Which of the views that the run held out are to be predicted. Default: all of them.
         truth: truth.h5 of a simulated site, to compare surface, normals and albedos with.
         reference: Another map to compare with, as for `evaluate`.
@@ -112,6 +114,7 @@ def compare_rivals(
         "mvs": lambda: run_mvs(problem, run, folder / "mvs", given, say),
         "splat": lambda: run_splat(problem, options.splat, say),
         "splat-reflectance": lambda: run_splat_reflectance(problem, options.splat, say),
+        "ngp": lambda: run_ngp(problem, options.ngp, say),
     }
     _check(methods, makers)
     outcomes = [_own(problem, run)]

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.model.scene import Scene, join_views
+from photoclinometry.model.scene import Landmarks, Scene, join_views
 from photoclinometry.photometry.render import landmark_faces, render_view
+from photoclinometry.rivals.integrate import surface_normals
 from photoclinometry.rivals.problem import Problem
 
 _RESET_PEAK = "5"
@@ -48,6 +49,19 @@ def rendered_map(problem: Problem, scene: Scene) -> tuple[list[np.ndarray], list
     joined, faces = scene.with_estimate(views, scene.landmarks), landmark_faces(scene)
     drawn = [render_view(joined, k, faces=faces, cast_shadows=True) for k in range(len(views))]
     return [image for image, _ in drawn], [mask for _, mask in drawn]
+
+
+def surface_map(scene: Scene, position: np.ndarray) -> Scene:
+    """A map of geometry alone, by the positions (J, 3) of the scene's landmarks, NaN where there is none.
+
+    Its normals are those of this surface.
+    """
+    normal = surface_normals(scene.grid(position), scene.views.body_from_cam.translation[scene.reference])[scene.cells]
+    kept = np.flatnonzero(np.isfinite(position).all(-1) & np.isfinite(normal).all(-1))
+    pixel = scene.landmarks.pixel
+    found = Landmarks(position=position, normal=normal, albedo=np.ones(len(position)), pixel=pixel)[kept]
+    tracks = scene.tracks.of_landmarks(kept)[0]
+    return replace(scene, landmarks=found, tracks=tracks, uncertainty={}, reflectance=None)
 
 
 def costed(method: Callable[[], Outcome]) -> Outcome:

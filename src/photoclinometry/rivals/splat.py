@@ -23,8 +23,7 @@ from photoclinometry.rivals.gaussians.harmonics import MOST_DEGREE, first_coeffi
 from photoclinometry.rivals.gaussians.loss import Target, draw, draw_values
 from photoclinometry.rivals.gaussians.projection import Pinhole
 from photoclinometry.rivals.gaussians.train import Training, train
-from photoclinometry.rivals.integrate import surface_normals
-from photoclinometry.rivals.outcome import Outcome
+from photoclinometry.rivals.outcome import Outcome, surface_map
 from photoclinometry.rivals.problem import Problem
 
 FIRST_OPACITY = 0.1
@@ -130,14 +129,10 @@ def cloud_map(scene: Scene, cloud: Cloud, colour: Colour) -> Scene:
     position = pose(camera.ray_in_cam(scene.landmarks.pixel[:, ::-1] + 0.5) * drawn[row, col, :1])
     position = np.where(there[:, None], position, np.nan)
     if isinstance(colour, HarmonicColour):
-        normal = surface_normals(scene.grid(position), center)[scene.cells]
-        there &= np.isfinite(normal).all(-1)
-        found = Landmarks(position=position, normal=normal, albedo=np.ones(len(there)), pixel=scene.landmarks.pixel)
-        scene = replace(scene, reflectance=None)
-    else:
-        normal = drawn[row, col, 1:4]
-        normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-        found = Landmarks(position=position, normal=normal, albedo=drawn[row, col, 4], pixel=scene.landmarks.pixel)
+        return surface_map(scene, position)
+    normal = drawn[row, col, 1:4]
+    normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    found = Landmarks(position=position, normal=normal, albedo=drawn[row, col, 4], pixel=scene.landmarks.pixel)
     kept = np.flatnonzero(there)
     return replace(scene, landmarks=found[kept], tracks=scene.tracks.of_landmarks(kept)[0], uncertainty={})
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from photoclinometry.rivals.adam import Adam
 from photoclinometry.rivals.gaussians.cloud import Cloud
 from photoclinometry.rivals.gaussians.colour import Colour, HarmonicColour
 from photoclinometry.rivals.gaussians.density import densified
@@ -24,8 +25,8 @@ POSITION_RATES = (1.6e-4, 1.6e-6)
 """Of positions at the begin and at the end, over the map's radius; between these geometrically."""
 EXPOSURE_RATE = 1e-3
 """Of the gain and offset of each view."""
-MOMENTS, FLOOR = (0.9, 0.999), 1e-15
-"""Adam's decays, and what keeps it from dividing by 0 (Kerbl et al. 2023)."""
+MOMENTS = (0.9, 0.999)
+"""Adam's decays (Kerbl et al. 2023)."""
 DEGREE_EVERY = 0.1
 """Harmonics get a further degree after each such share of the iterations."""
 DENSIFY_FROM, DENSIFY_TO, DENSIFY_EVERY = 0.05, 0.5, 100
@@ -59,36 +60,6 @@ class Trained:
     """Mean loss of every HISTORY_EVERY iterations."""
 
 
-class Adam:
-    """Adam's moments for a set of arrays by name."""
-
-    def __init__(self, parameters: dict[str, np.ndarray]):
-        self.first = {name: np.zeros_like(values) for name, values in parameters.items()}
-        self.second = {name: np.zeros_like(values) for name, values in parameters.items()}
-        self.steps = 0
-
-    def step(self, by: dict[str, np.ndarray], rates: dict[str, float | np.ndarray]) -> dict[str, np.ndarray]:
-        """What is to be subtracted from the parameters."""
-        self.steps += 1
-        a, b = MOMENTS
-        change = {}
-        for name, gradient in by.items():
-            first, second = self.first[name], self.second[name]
-            first += (1.0 - a) * (gradient - first)
-            second += (1.0 - b) * (gradient**2 - second)
-            size = np.sqrt(second / (1.0 - b**self.steps)) + FLOOR
-            change[name] = rates[name] / (1.0 - a**self.steps) * first / size
-        return change
-
-    def follow(self, origin: np.ndarray) -> None:
-        """The moments of arrays whose rows have come from rows `origin` (n,); those of new ones (-1) are 0."""
-        for moments in (self.first, self.second):
-            for name, values in moments.items():
-                taken = values[np.maximum(origin, 0)]
-                taken[origin < 0] = 0.0
-                moments[name] = taken
-
-
 def train(
     cloud: Cloud,
     colour: Colour,
@@ -99,8 +70,8 @@ def train(
     """The cloud that explains the targets best."""
     rng = np.random.default_rng(training.seed)
     most = int(training.growth * len(cloud))
-    exposure, exposed = np.tile([1.0, 0.0], (len(targets), 1)), Adam({"exposure": np.zeros((len(targets), 2))})
-    adam, order, history, losses = Adam(cloud.parameters), [], [], []
+    exposure, exposed = np.tile([1.0, 0.0], (len(targets), 1)), Adam({"exposure": np.zeros((len(targets), 2))}, MOMENTS)
+    adam, order, history, losses = Adam(cloud.parameters, MOMENTS), [], [], []
     pulled, times = np.zeros(len(cloud)), np.zeros(len(cloud))
     for n in range(training.iterations):
         if not order:
