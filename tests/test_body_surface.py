@@ -302,6 +302,24 @@ def test_the_merged_surface_is_the_mean_of_its_tiles_weighted_by_their_sigmas(ba
     assert (found.views[inside] == 9).all()
 
 
+def test_waves_of_slopes_that_a_map_resolves_are_kept(ball):
+    """A wave of 6 GSD in the normals, from pole to pole: means over 0.4 GSD leave exp(-2 pi^2 0.4^2 / 6^2) = 0.92 of
+    it, over 0.6 GSD 0.82."""
+    tile = patch((1, 0, 0), 60)
+    length = 6.0 * tile.gsd
+
+    def tilted(points):
+        wave = 0.1 * np.sin(2.0 * np.pi * points[:, 2] / length)
+        return unit(unit(points) + wave[:, None] * (0.0, 1.0, 0.0))
+
+    wavy = replace(tile.landmarks, normal=tilted(tile.landmarks.position))
+    found = merged(Cloud.of([replace(tile, landmarks=wavy)]), ball.vertices, ball.faces)
+    inside = unit(ball.vertices)[:, 0] > np.cos(np.radians(40))
+    plain = unit(ball.vertices[inside])
+    given, left = (normals[:, 1] - plain[:, 1] for normals in (tilted(ball.vertices[inside]), found.normals[inside]))
+    assert np.sum(left * given) / np.sum(given**2) == pytest.approx(0.92, abs=0.03)
+
+
 def test_heights_that_images_do_not_determine_count_for_nothing(ball):
     good, none = patch((1, 0, 0), 60, offset=0.03, sigma=0.01), patch((1, 0, 0), 60, offset=-5.0, sigma=np.inf)
     unknown = replace(none.landmarks, albedo_sigma=none.landmarks.height_sigma)

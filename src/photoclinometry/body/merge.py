@@ -30,9 +30,10 @@ log = logging.getLogger(__name__)
 
 NEAR_GSD = 1.5
 """Landmarks up to this far from a vertex determine it [GSD]."""
-WIDTH_GSD = 0.6
-"""Standard deviation of the Gaussian that weighs them by distance [GSD]: half the spacing of vertices, so that the
-surface keeps what the maps resolve."""
+WIDTH_GSD, ALBEDO_WIDTH_GSD = 0.4, 0.6
+"""Standard deviations of the Gaussians that weigh them by distance [GSD], for places and normals and for albedos. The
+maps resolve 0.6 GSD, and what is wider smooths them further; narrower ones leave noise of single landmarks, of which
+albedos have more (decision 0049 has the figures)."""
 NEIGHBOURS = 24
 """At most so many landmarks determine a vertex: two to three tiles have about as many in reach."""
 FILL_GSD = 4.0
@@ -227,10 +228,11 @@ def _means(cloud: Cloud, tree: Any, at: np.ndarray, outward: np.ndarray) -> _Mea
     # Sideways distance alone counts: a vertex may begin somewhat off the surface.
     up = np.einsum("mkd,md->mk", off, outward)
     sideways = np.sqrt(np.maximum(np.sum(off**2, -1) - up**2, 0.0))
-    weight = there * cloud.weight[near] * np.exp(-0.5 * (sideways / (WIDTH_GSD * cloud.gsd)) ** 2)
-    total = weight.sum(1)
-    known = total > 0
-    share = weight / np.where(known, total, 1.0)[:, None]
+    share, of_albedo = (
+        _shares(there * cloud.weight[near] * np.exp(-0.5 * (sideways / (width * cloud.gsd)) ** 2))
+        for width in (WIDTH_GSD, ALBEDO_WIDTH_GSD)
+    )
+    known = np.any(share > 0, axis=1)
     # Between a landmark and the vertex the surface follows the mean of the normals at both (the trapezoidal rule).
     normal = np.einsum("mk,mkd->md", share, cloud.normal[near])
     between = cloud.normal[near] + unit(np.where(known[:, None], normal, outward))[:, None]
@@ -238,15 +240,21 @@ def _means(cloud: Cloud, tree: Any, at: np.ndarray, outward: np.ndarray) -> _Mea
     height = np.einsum("mkd,mkd->mk", off, between) / np.where(there, rise, 1.0)
     mean = np.sum(share * height, 1)
     scatter, tile = _by_tile(cloud, near, share, height, mean)
-    figures = np.column_stack([_mean_albedo(cloud.albedo[near], share), _sigmas(cloud, near, share), scatter])
+    albedo, sigmas = _mean_albedo(cloud.albedo[near], of_albedo), _sigmas(cloud, near, (share, share, of_albedo))
     return _Means(
         known=known,
         height=mean,
         normal=normal,
-        figures=figures,
+        figures=np.column_stack([albedo, sigmas, scatter]),
         views=np.max(np.where(there, cloud.views[near], 0), axis=1),
         tile=tile,
     )
+
+
+def _shares(weight: np.ndarray) -> np.ndarray:
+    """(m, k) weights over their sums; 0 where all are."""
+    total = weight.sum(1, keepdims=True)
+    return weight / np.where(total > 0, total, 1.0)
 
 
 def _mean_albedo(albedo: np.ndarray, share: np.ndarray) -> np.ndarray:
@@ -264,15 +272,15 @@ def _known_albedo(tile: TileMap) -> np.ndarray:
     return np.where((sigma >= 0) & (sigma <= MAX_ALBEDO_SIGMA), albedo, np.nan)
 
 
-def _sigmas(cloud: Cloud, near: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """(m, 3) standard deviations of means of landmarks (m, k).
+def _sigmas(cloud: Cloud, near: np.ndarray, shares: tuple[np.ndarray, ...]) -> np.ndarray:
+    """(m, 3) standard deviations of means of landmarks (m, k); shares: (m, k) in heights, normals and albedos.
 
     Errors of neighbours in one tile are taken to be common, those of two tiles to be correlated by the images that both
     have. Landmarks of unknown or infinite sigma are left out.
     """
     correlation = cloud.correlation[cloud.tile[near][:, :, None], cloud.tile[near][:, None, :]]
     found = []
-    for column in range(3):
+    for column, share in enumerate(shares):
         stated = cloud.sigmas[near, column]
         counted = np.where(np.isfinite(stated), share, 0.0)
         part = counted * np.where(counted > 0, stated, 0.0)
