@@ -117,6 +117,17 @@ def test_every_file_of_the_program_is_used_and_short():
         assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_FILE, path
 
 
+def test_regions_and_bodies_answer_the_same_questions():
+    """What differs between them is named in both: a name that one of them lacks would be undefined in its page."""
+    names = {}
+    for kind in ("region", "body"):
+        stated = re.search(r"const [A-Z]+ = \{\n(.*?)\n\};", (ASSETS / "js" / f"{kind}.js").read_text(), re.S)
+        assert stated
+        names[kind] = set(re.findall(r"^  (\w+)(?=[:(,])", stated[1], re.M))
+    assert names["region"] == names["body"]
+    assert len(names["body"]) > 20
+
+
 def test_pictures_are_the_images_around_the_map():
     scene = synthetic_scene(size=24, views=4)
     images = synthetic_images(scene)

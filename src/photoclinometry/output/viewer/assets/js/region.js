@@ -1,4 +1,5 @@
-// The ground of a region: landmarks on a grid above a mean plane, z upwards.
+// The ground of a region: landmarks on a grid above a mean plane, z upwards. What bodies have otherwise is in body.js,
+// under the same names: a map's `ground` is one of the two.
 
 const REGION = {
   heightName: "height",
@@ -6,24 +7,25 @@ const REGION = {
   footprints: true,
   margin: 1.8, // of the first picture: its shorter side over the map's half diagonal
   mostTilt: 85, // degrees from the vertical
-  lowestSun: 0,
+  lowestSun: 0, // degrees of elevation
   heightOf: (position) => position[2],
-  upAt: () => [0, 0, 1],
+  upAt: () => [0, 0, 1], // of a point: the vertical that slopes are against
+  // Headings and tilts of the free camera: the first, and those of buttons.
   firstLook: () => ({ heading: 0, tilt: 0 }),
   looks: [
     ["above", "from above", { tilt: 0 }],
     ["oblique", "oblique", { tilt: 60 }],
   ],
   angleNames: ["azimuth", "elevation"],
-  shownAzimuth: (azimuth) => azimuth,
+  shownAzimuth: (azimuth) => azimuth, // of the state, as people are told it; and back
   laterSun: (scene, sun, turn) => laterSunByDay(axisOfDay(scene), sun, turn),
   northOf,
   arrowToSun: ([x, y]) => ({ direction: unit([x, y, 1e-9]), across: Math.hypot(x, y) }),
-  planeNormal: () => [0, 0, 1],
-  isHidden: () => false,
+  planeNormal: () => [0, 0, 1], // of the plane in which the ground follows the pointer
+  isHidden: () => false, // whether a mark on the ground is on its far side
   shadeSun: () => SHADE_SUN,
   shadeMean: (map) => meanCosine(map, SHADE_SUN),
-  cornersAt: cornersOnGrid,
+  cornersAt: cornersOnGrid, // landmarks and weights of a place
   placeRows(scene, place, position) {
     const { grid, unit: name } = scene;
     const [col, row] = [grid.col + 0.5 + grid.stride * place[0], grid.row + 0.5 + grid.stride * place[1]];
@@ -35,11 +37,12 @@ const REGION = {
   },
   profileOf: profileOverPlane,
   profileRows: rowsOverPlane,
-  upOf: () => [0, 0, 1],
-  isOver: () => () => true,
+  upOf: () => [0, 0, 1], // of the corners of an area: across what plane it is seen
   planeName: "mean plane",
+  isOver: () => () => true, // whether ground over that polygon belongs to the area
   shadowPasses: shadowsByDepths,
   castShadows: castByDepths,
+  // Shadows are averaged over so many landmarks on each side, as render does.
   cellsOfPenumbra: (scene) => (scene.grid.stride === 1 ? 1 : 0),
   sky: SKY_DISC,
 };
