@@ -87,7 +87,7 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
         mine = members.of_map[tracks.landmark]
         found["keypoint_correlation_px"] = correlation_px(residual[mine], tracks.view[mine], pixel[mine], stride)
     if lit.any():
-        residual = brightness_residuals(scene)
+        residual = brightness_residuals(scene) / setup.footprint
         if options.brightness_sigma is None:
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:

@@ -112,19 +112,19 @@ def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> flo
     return max(fitted_sigma(residual[lit], parameters=3 * landmarks), floor)
 
 
-def local_noise(scene: Scene, lit: np.ndarray, sigma: float, mapped: np.ndarray) -> np.ndarray:
+def local_noise(scene: Scene, lit: np.ndarray, sigma: np.ndarray | float, mapped: np.ndarray) -> np.ndarray:
     """Mean square of the brightness residuals about each landmark of the map, over that of noise of `sigma`.
 
-    mapped: (J,) bool; returns one number for each of these, 1 where no brightness counts. Each landmark's normal and
-    albedo take three of freedom. The average is a Gaussian of LOCAL landmarks: some twelve landmarks, of whose
-    residuals the mean square is known to a tenth or so.
+    sigma: of each observation (N,), or of all; mapped: (J,) bool; returns one number for each of these, 1 where no
+    brightness counts. Each landmark's normal and albedo take three of freedom. The average is a Gaussian of LOCAL
+    landmarks: some twelve landmarks, of whose residuals the mean square is known to a tenth or so.
     """
     tracks, count = scene.tracks, len(scene.landmarks)
     of = tracks.landmark[lit]
     number = np.bincount(of, minlength=count)[mapped]
-    if sigma == 0.0 or not number.any():
+    if not np.all(sigma) or not number.any():
         return np.ones(len(number))
-    square = np.bincount(of, (brightness_residuals(scene)[lit] / sigma) ** 2, count)[mapped]
+    square = np.bincount(of, (brightness_residuals(scene) / sigma)[lit] ** 2, count)[mapped]
     cells = scene.region.cells(scene.landmarks.pixel[mapped])
     grid = np.full((*scene.region.grid_shape, 2), np.nan)
     grid[cells] = np.stack([square, np.maximum(number - 3.0, MIN_FREEDOM * number)], -1)

@@ -105,7 +105,8 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     estimate = fit.solution.estimate
     on_map = replace(fit.scene, views=estimate.views, landmarks=estimate.landmarks[: setup.members.count])
     if found and setup.reflectance is not None:
-        local = local_noise(fit.scene, fit.lit, fit.noise.brightness_sigma, setup.members.of_map)
+        sigma_of_each = fit.noise.brightness_sigma * setup.footprint
+        local = local_noise(fit.scene, fit.lit, sigma_of_each, setup.members.of_map)
         relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
         found = with_local_errors(found, local, relief, stated.in_common)
     if {"position", "rotation", "center"} <= set(found) and not setup.fixes_frame:

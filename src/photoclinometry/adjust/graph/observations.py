@@ -99,8 +99,8 @@ class Brightness:
     """(N,) bool."""
     brightness: np.ndarray
     """(N,) as sampled."""
-    sigma: float
-    """In the images' brightness."""
+    sigma: np.ndarray | float
+    """In the images' brightness: of each observation (N,), or of all."""
     limit: float = np.inf
     """Huber's limit, in sigmas."""
     gradients: ImageGradients | None = None
