@@ -22,6 +22,7 @@ from photoclinometry.surface.closed_mesh import area_vectors, icosahedron, refin
 from photoclinometry.surface.mesh_rays import MeshRays
 from scenes import look_at_origin
 from test_viewer import unpacked
+from test_viewer_light import RENDERED
 from test_viewer_page import downloaded, rows_of
 
 pytest.importorskip("embreex")
@@ -137,9 +138,6 @@ def page(window, file):
     window.settle()
     yield window
     assert window.messages() == []
-
-
-RENDERED = "return Array.from(viewer.renderingOf(...arguments), x => Number.isNaN(x) ? null : x)"
 
 
 def rendered(page, body, view, sun):

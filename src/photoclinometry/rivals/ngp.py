@@ -17,7 +17,8 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Scene
 from photoclinometry.rivals.adam import Adam
-from photoclinometry.rivals.outcome import Outcome, surface_map
+from photoclinometry.rivals.gaussians.train import EXPOSURE_RATE, HISTORY_EVERY
+from photoclinometry.rivals.outcome import COVERED, Outcome, surface_map
 from photoclinometry.rivals.problem import Problem
 from photoclinometry.rivals.radiance.field import Parameters, draw, draw_back, first_parameters
 from photoclinometry.rivals.radiance.hash_grid import resolutions
@@ -28,19 +29,15 @@ COARSEST = 16
 FINEST_SPACING = 0.5
 """Cell of the finest grid over the landmarks' spacing: finer ground shows in no image."""
 RATE = 1e-2
-"""Adam's step (Mueller et al. 2022, section 4); EXPOSURE_RATE: of gains and offsets, as `splat` has it."""
-EXPOSURE_RATE = 1e-3
+"""Adam's step (Mueller et al. 2022, section 4)."""
 DECAYS = (0.9, 0.99)
 """Of Adam's moments (Mueller et al. 2022, section 4)."""
 SLOWER, SLOWER_AFTER = 0.33, (2 / 3, 5 / 6)
 """Steps become smaller by this factor after each of these shares of the iterations (Mueller et al. 2022, 5.4)."""
 WEIGHT_DECAY = 1e-6
 """Factor of the networks' squared weights in the loss (Mueller et al. 2022, section 4)."""
-COVERED = 0.5
-"""Pixels are covered where less light than this passes through."""
 RAYS_AT_ONCE = 4096
-HISTORY_EVERY = 50
-"""Iterations over which the recorded losses are means."""
+"""Bounds the memory of a picture to some hundred megabytes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +73,7 @@ def run_ngp(problem: Problem, options: NgpOptions | None = None, progress: Progr
     """The predictions of a radiance field; its map has the depths of the reference view."""
     options = options or NgpOptions()
     box = Box.around(problem.scene)
-    peak = max(float(image.brightness[image.valid].max()) for image in problem.images[: problem.train])
-    field = train(problem, box, options, peak, progress)
+    field = train(problem, box, options, progress)
     rendered, covered = [], []
     for k, image in enumerate(problem.images):
         mask = problem.footprint[k]
@@ -85,7 +81,7 @@ def run_ngp(problem: Problem, options: NgpOptions | None = None, progress: Progr
         seen, opaque, _ = _seen(field, box.rays(problem.views, k, _middles(row, col)), options.samples)
         gain, offset = field.exposure[k] if k < problem.train else (1.0, 0.0)
         whole, there = np.zeros(image.valid.shape), np.zeros(image.valid.shape, bool)
-        whole[row, col], there[row, col] = peak * (gain * seen + offset), opaque > COVERED
+        whole[row, col], there[row, col] = problem.peak * (gain * seen + offset), opaque > COVERED
         rendered.append(whole)
         covered.append(there)
     scene = field_map(problem.scene, field, box, options.samples)
@@ -94,14 +90,14 @@ def run_ngp(problem: Problem, options: NgpOptions | None = None, progress: Progr
     )
 
 
-def train(problem: Problem, box: Box, options: NgpOptions, peak: float, progress: Progress = no_progress) -> Field:
-    """The field that explains the views that the run has used best. peak: brightness that is 1 in the field."""
+def train(problem: Problem, box: Box, options: NgpOptions, progress: Progress = no_progress) -> Field:
+    """The field that explains the views that the run has used best; the problem's peak is 1 in it."""
     rng = np.random.default_rng(0)
     parts, values, views = [], [], []
     for k in range(problem.train):
         row, col = np.nonzero(problem.footprint[k])
         parts.append(box.rays(problem.views, k, _middles(row, col)))
-        values.append(problem.images[k].brightness[row, col].astype(float) / peak)
+        values.append(problem.images[k].brightness[row, col].astype(float) / problem.peak)
         views.append(np.full(len(row), k))
     rays, value, view = joined(parts), np.concatenate(values), np.concatenate(views)
     finest = max(COARSEST, round(box.side / (FINEST_SPACING * problem.scene.spacing)))

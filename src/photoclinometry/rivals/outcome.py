@@ -15,6 +15,8 @@ from photoclinometry.photometry.render import landmark_faces, render_view
 from photoclinometry.rivals.integrate import surface_normals
 from photoclinometry.rivals.problem import Problem
 
+COVERED = 0.5
+"""Pixels of a cloud or a field are covered where less light than this passes through."""
 _RESET_PEAK = "5"
 """Written to `clear_refs`, Linux begins the peak of the resident size anew (proc(5))."""
 

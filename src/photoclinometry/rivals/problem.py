@@ -40,6 +40,11 @@ class Problem:
         return len(self.scene.views)
 
     @cached_property
+    def peak(self) -> float:
+        """The greatest brightness of the views to learn from."""
+        return max(float(image.brightness[image.valid].max()) for image in self.images[: self.train])
+
+    @cached_property
     def footprint(self) -> list[np.ndarray]:
         """(K + H,) of (height, width) bool: valid pixels of each image that the run's map covers."""
         scene, faces = self.scene.with_estimate(self.views, self.scene.landmarks), landmark_faces(self.scene)

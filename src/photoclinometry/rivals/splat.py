@@ -23,7 +23,7 @@ from photoclinometry.rivals.gaussians.harmonics import MOST_DEGREE, first_coeffi
 from photoclinometry.rivals.gaussians.loss import Target, draw, draw_values
 from photoclinometry.rivals.gaussians.projection import Pinhole
 from photoclinometry.rivals.gaussians.train import Training, train
-from photoclinometry.rivals.outcome import Outcome, surface_map
+from photoclinometry.rivals.outcome import COVERED, Outcome, surface_map
 from photoclinometry.rivals.problem import Problem
 
 FIRST_OPACITY = 0.1
@@ -32,8 +32,6 @@ FLATNESS = 0.3
 """Thickness over width at the start of Gaussians that have a normal: less would be thinner than a pixel shows."""
 MARGIN_PX = 8
 """Pixels around the map's part of an image that are drawn with it: half a tile."""
-COVERED = 0.5
-"""Pixels are covered where less light than this passes through."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,9 +57,8 @@ def run_splat(problem: Problem, options: SplatOptions | None = None, progress: P
 
 def splatted(problem: Problem, options: SplatOptions, colour: Colour, name: str, progress: Progress) -> Outcome:
     """The predictions of a cloud with a colour, trained on the views that the run has used."""
-    peak = max(float(image.brightness[image.valid].max()) for image in problem.images[: problem.train])
     boxes = [_box(mask) for mask in problem.footprint]
-    targets = [_target(problem, k, boxes[k], peak) for k in range(len(problem.images))]
+    targets = [_target(problem, k, boxes[k]) for k in range(len(problem.images))]
     start = first_cloud(problem, options.stride, colour, targets)
     offset = start.position - np.median(start.position, axis=0)
     training = Training(
@@ -76,7 +73,7 @@ def splatted(problem: Problem, options: SplatOptions, colour: Colour, name: str,
         drawn = draw(done.cloud, colour, target.camera, target.light, target.mask.shape)
         gain, bias = done.exposure[k] if k < problem.train else (1.0, 0.0)
         whole, there = np.zeros(image.valid.shape), np.zeros(image.valid.shape, bool)
-        whole[box], there[box] = peak * (gain * drawn.picture + bias), 1.0 - drawn.made.left > COVERED
+        whole[box], there[box] = problem.peak * (gain * drawn.picture + bias), 1.0 - drawn.made.left > COVERED
         rendered.append(whole)
         covered.append(there)
     return Outcome(
@@ -137,9 +134,9 @@ def cloud_map(scene: Scene, cloud: Cloud, colour: Colour) -> Scene:
     return replace(scene, landmarks=found[kept], tracks=scene.tracks.of_landmarks(kept)[0], uncertainty={})
 
 
-def _target(problem: Problem, k: int, box: tuple[slice, slice], peak: float) -> Target:
+def _target(problem: Problem, k: int, box: tuple[slice, slice]) -> Target:
     """What a view shows of the map, of peak 1."""
-    image, views = problem.images[k], problem.views
+    image, views, peak = problem.images[k], problem.views, problem.peak
     return Target(
         camera=_pinhole(problem.scene.with_estimate(views, problem.scene.landmarks), k, box[0].start, box[1].start),
         light=Light(

@@ -43,7 +43,7 @@ const BODY = {
   profileOf: profileOfSection,
   profileRows: rowsOfSection,
   upOf: meanNormal,
-  isOver: (map, grounds, up) => closeAndFacing(map, grounds, up),
+  isOver: closeAndFacing,
   planeName: "plane across the mean normal",
   shadowPasses: shadowsByMap,
   castShadows: castByMap,
@@ -63,7 +63,7 @@ function meanNormal(map, places) {
 
 /** Whether the ground at a point belongs to a region around points: it faces their side and is no farther below or above
  * them than they are from each other. */
-function closeAndFacing(map, grounds, up) {
+function closeAndFacing(grounds, up) {
   const middle = times(grounds.reduce(add), 1 / grounds.length);
   const reach = 2 * Math.max(...grounds.map((point) => length(subtract(point, middle))));
   return (point, normal) => dot(normal, up) > 0 && Math.abs(dot(subtract(point, middle), up)) < reach;

@@ -80,7 +80,7 @@ function areaOfSurface(map, grounds, up) {
   const count = map.faces.length / 3;
   const flat = flattener(up);
   const corners = grounds.map(flat);
-  const isOver = map.ground.isOver(map, grounds, up);
+  const isOver = map.ground.isOver(grounds, up);
   let [surface, plane] = [0, 0];
   for (let f = 0; f < count; f++) {
     const [a, b, c] = [0, 1, 2].map((i) => positionOf(map, map.faces[i * count + f]));
