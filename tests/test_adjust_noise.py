@@ -6,10 +6,6 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from graphs import gradients_of
-from photoclinometry.adjust.graph.observations import Brightness
-from photoclinometry.adjust.groups import factor_groups, setup_of
-from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
 from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
@@ -20,9 +16,6 @@ from photoclinometry.adjust.noise import (
     scale_scatter,
     view_prior_factor,
 )
-from photoclinometry.adjust.options import AdjustOptions
-from photoclinometry.adjust.stated import in_solver_order
-from photoclinometry.model.geometry import unit
 from photoclinometry.model.projection import (
     keypoint_residuals,
 )
@@ -30,7 +23,6 @@ from photoclinometry.photometry.predict import (
     brightness_residuals,
 )
 from scenes import synthetic_scene
-from test_render import with_coarse_view
 
 SIZE = 160
 
@@ -156,42 +148,3 @@ def test_where_no_brightness_counts_noise_is_as_everywhere():
     row, _ = scene.cells
     lit = (row < 4)[scene.tracks.landmark]
     assert np.all(local_noise(scene, lit, 1e-3, everywhere)[row == 11] == 1.0)
-
-
-def test_pixels_that_cover_more_ground_tell_less_of_each_landmark():
-    """By the square root of the landmarks that one covers: twice as coarse by 2, seen from 60 degrees by 2 again over
-    the root of 2; and as they are where brightness was sampled at matches."""
-    scene = with_coarse_view(synthetic_scene(size=12, views=4), 2)
-    gradients = gradients_of(scene)
-    given = in_solver_order(scene, gradients)
-    setup = setup_of(given.scene, given.members, AdjustOptions(), scene.reflectance, gradients=given.gradients)
-    tracks, views, landmarks = given.scene.tracks, scene.views, given.scene.landmarks
-    towards = views.body_from_cam.translation[tracks.view] - landmarks.position[tracks.landmark]
-    cosine = np.sum(unit(towards) * landmarks.normal[tracks.landmark], -1)
-    finer = np.array(
-        [views.gsd(0, scene.landmarks.position) / views.gsd(k, scene.landmarks.position) for k in range(4)]
-    )
-    assert finer[2] == pytest.approx(0.5, rel=0.15)
-    expected = np.maximum(1.0 / finer, 1.0)[tracks.view] / np.sqrt(cosine)
-    np.testing.assert_allclose(setup.footprint, expected, rtol=1e-12)
-    noise = starting_noise(setup, tracks.lit)
-    light = next(group for group in factor_groups(setup, tracks.lit, noise, None) if isinstance(group, Brightness))
-    shared = setup.correlation(noise.brightness_correlation_px)
-    np.testing.assert_allclose(light.sigma, noise.brightness_sigma * shared * expected)
-    plain = setup_of(given.scene, given.members, AdjustOptions(), scene.reflectance)
-    assert (plain.footprint == 1.0).all()
-
-
-def test_noise_of_brightness_is_that_of_a_pixel_from_above():
-    """Errors that grow with the ground that a pixel covers are found as what they would be without it."""
-    scene = with_coarse_view(synthetic_scene(size=40, views=6), 2)
-    given = in_solver_order(scene, gradients_of(scene))
-    setup = setup_of(given.scene, given.members, AdjustOptions(), scene.reflectance, gradients=given.gradients)
-    tracks, rng, sigma = given.scene.tracks, np.random.default_rng(3), 0.02 * float(np.median(scene.tracks.brightness))
-    noisy = tracks.brightness + sigma * setup.footprint * rng.normal(size=len(tracks))
-    measured = replace(given.scene, tracks=replace(tracks, brightness=noisy))
-    lit = tracks.lit
-    before = starting_noise(setup, lit)
-    found = measured_noise(setup, measured, lit, before).brightness_sigma
-    # The scene is not fitted to this noise, which counts as if three of six numbers per landmark had been.
-    assert found == pytest.approx(sigma * np.sqrt(6.0 / 3.0), rel=0.1)

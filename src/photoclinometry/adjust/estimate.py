@@ -13,13 +13,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from photoclinometry.adjust.brightness_weights import gate
 from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import ImageGradients
 from photoclinometry.adjust.graph.priors import KnownPoses, PosePriors
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
-from photoclinometry.adjust.measured_noise import gate, measured_noise, starting_noise
+from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.solve.solver import Iteration, minimize
@@ -129,7 +130,7 @@ def _reweighted(
     options, members, scene = setup.options, setup.members, setup.scene
     limit = scene.spacing * np.where(members.of_map, LONGEST_STEP, LONGEST_TIE_POINT_STEP)
     history: list[Iteration] = []
-    lit = gate(scene, estimate, options)
+    lit = gate(scene, options)
     noise = starting_noise(setup, lit, before)
     final, moves, graph, solution = options.max_rounds == 1, None, None, None
     for number in range(1, options.max_rounds + 1):
@@ -143,7 +144,7 @@ def _reweighted(
         if final:
             break
         scene = _scene_at(setup, graph, estimate)
-        new_lit = gate(scene, estimate, options)
+        new_lit = gate(scene, options)
         new_noise = measured_noise(setup, scene, new_lit, noise)
         alike = np.mean(new_lit != lit) < CHANGED_GATES and new_noise.close_to(noise)
         final = bool(alike) or number == options.max_rounds - 1

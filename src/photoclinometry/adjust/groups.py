@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from photoclinometry.adjust.brightness_weights import gate, relative_sigma
 from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import FactorGroup
 from photoclinometry.adjust.graph.graph import Group
@@ -32,11 +33,9 @@ from photoclinometry.adjust.graph.sun_directions import SunDirections
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, GroundControl, Members
-from photoclinometry.model.geometry import unit
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.reflectance.angles import GRAZING
 from photoclinometry.model.scene import Landmarks, Scene
-from photoclinometry.photometry.initialize import landmark_spacing_px, neighbours
+from photoclinometry.photometry.initialize import neighbours
 from photoclinometry.photometry.predict import BIAS_SIGMA
 
 BALANCED_CORRELATION_PX = 3.0
@@ -93,8 +92,9 @@ class Setup:
     """(K,) as stated; infinite where free."""
     bias_sigma: np.ndarray
     """(K,) as stated."""
-    footprint: np.ndarray
-    """(N,) factor on the standard deviation of brightness (`footprint_of`); ones where it does not follow landmarks."""
+    relative_sigma: np.ndarray
+    """(N,) factor on the standard deviation of brightness (`brightness_weights.relative_sigma`); ones where it does not
+    follow landmarks."""
 
     def correlation(self, side_px: float) -> float:
         """The side of a square of reference pixels that share an error in landmarks, whose square do so."""
@@ -136,6 +136,9 @@ def setup_of(
         sigma = np.where(dense[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
     scale_sigma, bias_sigma = exposure_sigmas(scene, options)
+    relative = np.ones(len(scene.tracks))
+    if gradients is not None and reflectance is not None:
+        relative = relative_sigma(scene, gradients, gate(scene, options), members.count)
     return Setup(
         scene=scene,
         members=members,
@@ -148,24 +151,8 @@ def setup_of(
         control=control,
         scale_sigma=scale_sigma,
         bias_sigma=bias_sigma,
-        footprint=np.ones(len(scene.tracks)) if gradients is None else footprint_of(scene, members),
+        relative_sigma=relative,
     )
-
-
-def footprint_of(scene: Scene, members: Members) -> np.ndarray:
-    """(N,) square root of the ground that the pixel of each observation covers, over that of a view as fine as the map
-    from straight above.
-
-    A pixel shows the mean of the n landmarks that it covers: more of them where a view is coarser than the map, and
-    where it sees the ground obliquely. They share what it measures, which counts once, as noise of square root of n
-    times the standard deviation in each of them does. How they differ it does not show; of coarse views that is taken
-    from the map itself (`shading.detail_beyond`), so that they speak for the map as it is.
-    """
-    tracks, views, landmarks = scene.tracks, scene.views, scene.landmarks
-    spacing = landmark_spacing_px(views, landmarks.position[: members.count], scene.reference)
-    towards = unit(views.body_from_cam.translation[tracks.view] - landmarks.position[tracks.landmark])
-    emission = np.sum(towards * landmarks.normal[tracks.landmark], -1)
-    return np.maximum(1.0 / spacing, 1.0)[tracks.view] / np.sqrt(np.maximum(emission, GRAZING))
 
 
 def factor_groups(setup: Setup, lit: np.ndarray, noise: Noise, smoothness: Smoothness | None) -> list[Group]:
@@ -215,7 +202,7 @@ def _brightness(setup: Setup, reflectance: Reflectance, lit: np.ndarray, noise: 
         reflectance=reflectance,
         used=lit,
         brightness=setup.table.tracks.brightness,
-        sigma=noise.brightness_sigma * shared * setup.footprint,
+        sigma=noise.brightness_sigma * shared * setup.relative_sigma,
         limit=setup.options.brightness_loss / shared,
         gradients=setup.gradients,
     )

@@ -1,4 +1,4 @@
-"""Which brightness counts, and the noise of an estimate measured from its residuals."""
+"""The noise of an estimate, measured from its residuals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.adjust.graph.sun_directions import sun_offsets
-from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup
 from photoclinometry.adjust.noise import (
     MAX_VIEW_PRIOR_FACTOR,
@@ -18,29 +17,16 @@ from photoclinometry.adjust.noise import (
     scale_scatter,
     view_prior_factor,
 )
-from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.scene import Scene, Views
-from photoclinometry.photometry.predict import brightness_residuals, phase_of_views, shading
+from photoclinometry.photometry.predict import brightness_residuals, phase_of_views
 
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
 """Correlations until they are measured."""
 
 STARTING_BRIGHTNESS_SIGMA = 0.02
 """Noise of brightness until it is measured, as a share of its median."""
-
-
-def gate(scene: Scene, estimate: Estimate, options: AdjustOptions) -> np.ndarray:
-    """Observations (N,) whose brightness counts: lit in the image, and neither Sun nor camera too low."""
-    if scene.reflectance is None:
-        return np.zeros(len(scene.tracks), bool)
-    tracks, points = scene.tracks, estimate.landmarks
-    mu0, mu, _ = shading(
-        tracks.landmark, tracks.view, estimate.views, points.position, points.normal, scene.reflectance
-    )
-    high = mu0 > np.cos(np.radians(options.max_incidence_deg))
-    return tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
 
 
 def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -> Noise:
@@ -87,7 +73,7 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
         mine = members.of_map[tracks.landmark]
         found["keypoint_correlation_px"] = correlation_px(residual[mine], tracks.view[mine], pixel[mine], stride)
     if lit.any():
-        residual = brightness_residuals(scene) / setup.footprint
+        residual = brightness_residuals(scene) / setup.relative_sigma
         if options.brightness_sigma is None:
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from photoclinometry.adjust.brightness_weights import gate
 from photoclinometry.adjust.covariance.resolution import unresolved_relief
 from photoclinometry.adjust.covariance.uncertainty import (
     OF_LANDMARKS,
@@ -25,7 +26,7 @@ from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.sun_directions import unexplained_variance
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
-from photoclinometry.adjust.measured_noise import gate, measured_noise, starting_noise
+from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
 from photoclinometry.adjust.noise import Noise, local_noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.solve.solver import Iteration, Solution
@@ -105,7 +106,7 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     estimate = fit.solution.estimate
     on_map = replace(fit.scene, views=estimate.views, landmarks=estimate.landmarks[: setup.members.count])
     if found and setup.reflectance is not None:
-        sigma_of_each = fit.noise.brightness_sigma * setup.footprint
+        sigma_of_each = fit.noise.brightness_sigma * setup.relative_sigma
         local = local_noise(fit.scene, fit.lit, sigma_of_each, setup.members.of_map)
         relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
         found = with_local_errors(found, local, relief, stated.in_common)
@@ -141,7 +142,7 @@ def uncertainty_at(
     parameters = np.zeros(len(scene.reflectance.parameters) if scene.reflectance and setup.estimates_reflectance else 0)
     pivot = np.median(scene.landmarks.position, axis=0)
     estimate = Estimate(scene.views, given.scene.landmarks, pivot, parameters)
-    lit = gate(given.scene, estimate, options)
+    lit = gate(given.scene, options)
     noise = noise or measured_noise(setup, given.scene, lit, starting_noise(setup, lit))
     smoothness = smoothness_group(setup, estimate.landmarks, noise)
     surface = smoothness_group(_bent(setup), estimate.landmarks, noise) if bent else None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit, prange
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between
-from photoclinometry.model.reflectance import Reflectance, angles_at, photometric_value
+from photoclinometry.model.reflectance import Reflectance, angles_at, photometric_function, photometric_value
 from photoclinometry.model.scene import Scene, Views
 
 BIAS_SIGMA = {"iof": 1e-3, "dn": 0.1}
@@ -69,3 +71,30 @@ def _shade(landmark, view, center, sun, position, normal, packed, out):
         mu0, mu, phase = angles_at(sun[k], center[k], position[j], normal[j])
         out[0, n], out[1, n] = mu0, mu
         out[2, n] = photometric_value(packed, mu0, mu, phase)
+
+
+def brightness_by_slope(scene: Scene) -> np.ndarray:
+    """(N,) how fast each observation's predicted brightness changes as its landmark's normal turns, in the direction in
+    which it changes fastest [per rad]. Zero where unlit or unseen. Raises InputError."""
+    views, landmarks, tracks = scene.views, scene.landmarks, scene.tracks
+    out = np.empty(len(tracks))
+    center = np.ascontiguousarray(views.body_from_cam.translation)
+    packed = reflectance_of(scene).packed
+    _turn(tracks.landmark, tracks.view, center, views.sun, landmarks.position, landmarks.normal, packed, out)
+    return out * landmarks.albedo[tracks.landmark] * views.scale[tracks.view]
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def _turn(landmark, view, center, sun, position, normal, packed, out):
+    """Length of the derivative of rho by the normal, in the tangent plane, into out (N,)."""
+    for n in prange(view.size):
+        j, k = landmark[n], view[n]
+        mu0, mu, phase = angles_at(sun[k], center[k], position[j], normal[j])
+        _, by_mu0, by_mu, _ = photometric_function(packed, mu0, mu, phase)
+        to_x, to_y, to_z = center[k, 0] - position[j, 0], center[k, 1] - position[j, 1], center[k, 2] - position[j, 2]
+        by_mu /= math.sqrt(to_x * to_x + to_y * to_y + to_z * to_z)
+        x = by_mu0 * sun[k, 0] + by_mu * to_x
+        y = by_mu0 * sun[k, 1] + by_mu * to_y
+        z = by_mu0 * sun[k, 2] + by_mu * to_z
+        along = x * normal[j, 0] + y * normal[j, 1] + z * normal[j, 2]
+        out[n] = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0))

@@ -1,0 +1,140 @@
+"""Which brightness counts, and how its errors differ from one observation to the next.
+
+Errors of brightness that follows its landmark have three sources, which are told apart by their sizes (estimation of
+variance components, Foerstner 1979): noise, alike everywhere; the place in the image where it was taken, which counts
+by the image's gradient; and relief below a pixel, which counts by how brightness changes with slope. Boulders and rims
+have steep gradients, and low Suns make steep changes. There brightness is several times less certain than elsewhere.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import NamedTuple
+
+import numpy as np
+
+from photoclinometry.adjust.graph.observations import ImageGradients
+from photoclinometry.adjust.noise import MIN_BRIGHTNESS_SHARE
+from photoclinometry.adjust.options import AdjustOptions
+from photoclinometry.model.geometry import unit
+from photoclinometry.model.reflectance.angles import GRAZING
+from photoclinometry.model.robust import robust_sigma
+from photoclinometry.model.scene import Scene
+from photoclinometry.photometry.initialize import landmark_spacing_px
+from photoclinometry.photometry.predict import brightness_by_slope, brightness_residuals, shading
+
+log = logging.getLogger(__name__)
+
+SAMPLE = 200_000
+"""Observations, evenly chosen, that tell the variances: thousands in each of the cells below."""
+
+GRADIENT_CELLS, SLOPE_CELLS = 12, 6
+"""Parts of equal number into which observations are divided by the image's gradient and, within each, by the response
+to slope. The variance of each cell is a median's, which outliers do not move."""
+
+FEWEST_IN_CELL = 50
+"""Observations of which a variance is known to a quarter or so."""
+
+REWEIGHTINGS = 5
+"""Fits of the components to the cells' variances, which are as uncertain as they are large."""
+
+LEAST_SIGMA = 0.25
+"""Least standard deviation over the median one: errors alike everywhere may be too small to be found beside others."""
+
+
+class VarianceComponents(NamedTuple):
+    """Where errors of brightness come from, as standard deviations."""
+
+    noise: float
+    """Alike everywhere [brightness]."""
+    place_px: float
+    """Of where brightness is taken, along the image's gradient [px]."""
+    slope_rad: float
+    """Of the relief's slopes below a pixel [rad]."""
+
+    def sigma(self, gradient: np.ndarray, by_slope: np.ndarray) -> np.ndarray:
+        """(n,) standard deviations of brightness. gradient: (n,) of the image [brightness/px]; by_slope: (n,)
+        `brightness_by_slope`."""
+        return np.sqrt(self.noise**2 + (self.place_px * gradient) ** 2 + (self.slope_rad * by_slope) ** 2)
+
+
+def gate(scene: Scene, options: AdjustOptions) -> np.ndarray:
+    """Observations (N,) whose brightness counts: lit in the image, and neither Sun nor camera too low."""
+    if scene.reflectance is None:
+        return np.zeros(len(scene.tracks), bool)
+    tracks, points = scene.tracks, scene.landmarks
+    mu0, mu, _ = shading(tracks.landmark, tracks.view, scene.views, points.position, points.normal, scene.reflectance)
+    high = mu0 > np.cos(np.radians(options.max_incidence_deg))
+    return tracks.lit & high & (mu > np.cos(np.radians(options.max_emission_deg)))
+
+
+def footprint_of(scene: Scene, mapped: int) -> np.ndarray:
+    """(N,) square root of the ground that the pixel of each observation covers, over that of a view as fine as the map
+    from straight above. mapped: how many landmarks are the map's, the first ones.
+
+    A pixel shows the mean of the n landmarks that it covers: more of them where a view is coarser than the map, and
+    where it sees the ground obliquely. They share what it measures, which counts once, as noise of square root of n
+    times the standard deviation in each of them does. How they differ it does not show; of coarse views that is taken
+    from the map itself (`shading.detail_beyond`), so that they speak for the map as it is.
+    """
+    tracks, views, landmarks = scene.tracks, scene.views, scene.landmarks
+    spacing = landmark_spacing_px(views, landmarks.position[:mapped], scene.reference)
+    towards = unit(views.body_from_cam.translation[tracks.view] - landmarks.position[tracks.landmark])
+    emission = np.sum(towards * landmarks.normal[tracks.landmark], -1)
+    return np.maximum(1.0 / spacing, 1.0)[tracks.view] / np.sqrt(np.maximum(emission, GRAZING))
+
+
+def relative_sigma(scene: Scene, gradients: ImageGradients, lit: np.ndarray, mapped: int) -> np.ndarray:
+    """(N,) standard deviation of each brightness over that of the median pixel as fine as the map, from straight above.
+
+    scene: as estimated before, of whose residuals the variances are. lit: (N,) brightness that counts; mapped: how many
+    landmarks are the map's, the first ones. By the footprint alone where residuals are too few or too small to tell.
+    """
+    footprint = footprint_of(scene, mapped)
+    gradient, by_slope = np.linalg.norm(gradients.gradient, axis=-1), brightness_by_slope(scene)
+    which = np.flatnonzero(lit)
+    which = which[:: max(1, len(which) // SAMPLE)]
+    residual = brightness_residuals(scene)[which] / footprint[which]
+    found = variance_components(residual, gradient[which], by_slope[which])
+    if found is None or robust_sigma(residual) < MIN_BRIGHTNESS_SHARE * np.median(scene.tracks.brightness[which]):
+        return footprint
+    log.info(
+        "errors of brightness: noise of %.2g, %.3f px of place, %.4f rad of slopes below a pixel",
+        found.noise, found.place_px, found.slope_rad,
+    )  # fmt: skip
+    middle = float(np.median(found.sigma(gradient[which], by_slope[which])))
+    return footprint * np.maximum(found.sigma(gradient, by_slope) / middle, LEAST_SIGMA)
+
+
+def variance_components(residual: np.ndarray, gradient: np.ndarray, by_slope: np.ndarray) -> VarianceComponents | None:
+    """Components of the variance of residuals (n,) that grow with gradients (n,) and responses to slope (n,).
+
+    By non-negative least squares on robust variances of cells of alike observations. None where there are too few
+    observations to tell, or no errors.
+    """
+    from scipy.optimize import nnls
+
+    rows, variance, count = [], [], []
+    for steep in _parts(gradient, np.arange(len(residual)), GRADIENT_CELLS):
+        for cell in _parts(by_slope, steep, SLOPE_CELLS):
+            if len(cell) >= FEWEST_IN_CELL:
+                rows.append([1.0, np.mean(gradient[cell] ** 2), np.mean(by_slope[cell] ** 2)])
+                variance.append(robust_sigma(residual[cell]) ** 2)
+                count.append(len(cell))
+    if len(rows) < GRADIENT_CELLS or not np.median(variance) > 0.0:
+        return None
+    matrix, measured = np.array(rows), np.array(variance)
+    unit_of = np.where(matrix.max(0) > 0.0, matrix.max(0), 1.0)  # columns of one size, for the solver's tolerance
+    level = float(np.median(measured))
+    matrix, measured = matrix / unit_of, measured / level
+    predicted, component = np.ones(len(measured)), np.zeros(3)
+    for _ in range(REWEIGHTINGS):
+        weight = np.sqrt(count) / predicted
+        component, _ = nnls(matrix * weight[:, None], measured * weight)
+        predicted = np.maximum(matrix @ component, LEAST_SIGMA**2)
+    return VarianceComponents(*map(float, np.sqrt(level * component / unit_of)))
+
+
+def _parts(value: np.ndarray, which: np.ndarray, count: int) -> list[np.ndarray]:
+    """Indices `which` (m,) divided into `count` parts of equal number, by value (n,)."""
+    return np.array_split(which[np.argsort(value[which], kind="stable")], count)
