@@ -139,6 +139,32 @@ def test_controls_change_the_picture_and_the_state(page, control):
     assert differ(before, page.picture()) > 0.005
 
 
+def test_contours_are_labelled_with_the_height_where_they_are(page):
+    """At every label the height goes through its value from one pixel to the next."""
+    page.set("layer", "height")
+    page.set("contour", 0.4)
+    found = page.run("""
+        const heightAt = (x, y) => viewer.surfaceAt([x, y]).value;
+        return viewer.contourLabels(0.4).map(({ x, y, number }) => [x, y, number, heightAt(x - 1, y), heightAt(x, y)]);
+    """)
+    x, y, number, before, here = np.array(found).T
+    assert len(found) >= 5
+    assert np.all(np.minimum(before, here) < 0.4 * number + 1e-6)
+    assert np.all(np.maximum(before, here) >= 0.4 * number - 1e-6)
+    assert np.all((np.diff(y) != 0) | (np.diff(x) >= 150))
+    labelled = page.picture("overlay")
+    page.set("contour", 0)
+    assert differ(labelled, page.picture("overlay")) > 1e-3
+
+
+def test_where_many_contours_are_only_every_fifth_is_labelled(page):
+    numbers = page.run("""
+        const crossings = Array.from({ length: 40 }, (_, i) => ({ x: 200 * i, y: 10, number: i - 20 }));
+        return [crossings, crossings.slice(0, 9)].map((some) => viewer.labelledCrossings(some, 150).map((one) => one.number));
+    """)
+    assert numbers == [list(range(-20, 20, 5)), list(range(-20, -11))]
+
+
 @pytest.mark.parametrize("mark", ["cameras", "footprints"])
 def test_cameras_and_footprints_are_drawn_above_the_map(page, mark):
     page.click("#oblique")

@@ -38,6 +38,7 @@ SCRIPTS = (
     "link",
     "marks",
     "legend",
+    "contours",
     "overlay",
     "sky",
     "sun_map",

@@ -65,6 +65,9 @@ async function open() {
     sunFromAngles,
     laterSun: laterSunByDay,
     draw: (level) => draw(viewer, level),
+    surfaceAt: (pixel) => surfaceAt(viewer.renderer, pixel),
+    contourLabels: (interval) => labelledCrossings(contourCrossings(viewer.renderer, interval, LABEL_ROWS), LABEL_APART),
+    labelledCrossings,
     renderingOf: (k, azimuth, elevation, shadows) =>
       renderingOf(viewer.renderer, k, sunFromAngles(azimuth, elevation), shadows),
   });

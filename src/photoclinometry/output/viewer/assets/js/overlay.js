@@ -28,6 +28,7 @@ function drawOverlay(canvas, renderer, state, layer, shown, camera, ratio) {
   const { map } = renderer;
   const size = [canvas.width, canvas.height];
   const pen = penOf(canvas, ratio);
+  if (shown.contour > 0 && shown.compare === "map") drawContourLabels(pen, renderer, shown.contour);
   if (state.footprints && map.ground.footprints) drawFootprints(pen, camera, map, state.view);
   if (state.cameras) drawCameras(pen, camera, map, state.view);
   drawMeasure(pen, camera, map, state);
