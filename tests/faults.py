@@ -886,6 +886,33 @@ def disks() -> Iterator[Fault]:
     yield row("full at a choice of views", f"{VIEWS} 10 5 --out new", f"new/site.toml: {large}", disk=300)
     far = "cannot be written: File too large"
     begun = ("finished stages",)
+    computes = "test_disk_full.py::test_a_command_that_computes"
+    yield row("full at the truth of a place", "simulate --out out", f"out/truth.h5: {far}", test=computes)
+    yield row(
+        "full at the truth of a body", "simulate --preset bilobed --out out", f"out/truth.h5: {far}", test=computes
+    )
+    yield row(
+        "full at a site of a study",
+        "study --out out",
+        f"out/sites/.../truth.h5: {far}",
+        left=("out/study.toml", "finished cells"),
+        test=computes,
+    )
+    yield row(
+        "full at a refinement",
+        REFINE,
+        f"out/config.toml: {far}",
+        left=("out/run.json", "out/log", "finished stages"),
+        test=computes,
+    )
+    full = "test_a_full_disk_ends_the_command_with_one_line"
+    yield row("full at a plan", "plan priors", f"priors/plan/plan.json: {far}", test=f"test_plan.py::{full}")
+    yield row(
+        "full at a ranking of models",
+        "photometry mapped/run",
+        f"mapped/run/photometry/photometry.png: {far}",
+        test=f"test_model_ranking.py::{full}",
+    )
     yield row(
         "full in structure from motion",
         RUN,

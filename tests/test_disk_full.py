@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shlex
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from commands import phomo
 from fault_place import small_disk
+from photoclinometry.io.models.text_model import write_text_model
 from photoclinometry.io.site import read_site
 from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import OutputError, RunFolderError
@@ -95,3 +97,36 @@ def test_missing_files_of_the_program_are_no_disk_errors(tmp_path, monkeypatch):
     monkeypatch.setattr(pipeline, "run", fails)
     with pytest.raises(FileNotFoundError):
         phomo("run", write_small_site(tmp_path / "site"), "--out", tmp_path / "run")
+
+
+SMALL = "--image-size 32 --views 3"
+PLACE, BODY = f"simulate {SMALL} --reflectance akimov+ --out", f"simulate {SMALL} --preset bilobed --out"
+REFINE = "refine model --min-observations 1 --min-view-observations 1 --out"
+LARGEST_IMAGE = 10_000
+"""Bytes that hold an image of 32 x 32 pixels, and no truth."""
+
+
+@pytest.mark.parametrize(
+    ("command", "size", "file", "like"),
+    [
+        (PLACE, LARGEST_IMAGE, "truth.h5", PLACE),
+        (BODY, LARGEST_IMAGE, "truth.h5", BODY),
+        (f"study {SMALL} --presets demo --out", LARGEST_IMAGE, "sites/demo-moderate-akimov+-0/truth.h5", PLACE),
+        (REFINE, 300, "config.toml", REFINE),
+    ],
+    ids=["simulate a place", "simulate a body", "study", "refine"],
+)
+def test_a_command_that_computes(tmp_path, monkeypatch, capsys, command, size, file, like):
+    """like: what compiles and caches the same kernels. Their files would not fit on the small disk, either."""
+    if "bilobed" in command:
+        pytest.importorskip("embreex")
+    monkeypatch.chdir(tmp_path)
+    model = synthetic_scene(size=8, views=4, keypoint_noise_px=0.05, brightness_noise=1e-3)
+    write_text_model(tmp_path / "model", model)
+    assert phomo(*shlex.split(like), "first") == 0
+    capsys.readouterr()
+    with small_disk(size):
+        assert phomo(*shlex.split(command), "out") == 1
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert last.startswith(f"phomo: out/{file}: cannot be written: File too large")
+    assert not list((tmp_path / "out").rglob("*.partial-*"))

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import photoclinometry as pcm
+from commands import phomo
+from fault_place import small_disk
 from photoclinometry.adjust.graph.sun_directions import common_turn
 from photoclinometry.cli import main
 from photoclinometry.evaluate.model_ranking import (
@@ -202,3 +204,15 @@ def test_the_command_writes_a_table_and_a_figure(tmp_path, scene, capsys):
     printed = capsys.readouterr().out
     assert "lunar-lambert *" in printed
     assert f"Phases seen: {low:.0f} to {high:.0f} degrees" in printed
+
+
+def test_a_full_disk_ends_the_command_with_one_line(tmp_path, scene, capsys):
+    file = tmp_path / "scene.h5"
+    pcm.write_scene(file, scene)
+    arguments = ["--landmarks", "100", "--models", "lunar-lambert"]
+    assert phomo("photometry", file, "--out", tmp_path / "first", *arguments) == 0  # compiles and caches the kernels
+    with small_disk(300):
+        assert phomo("photometry", file, "--out", tmp_path / "out", *arguments) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith(f"phomo: {tmp_path}/out/photometry.png: cannot be written: File too large")
+    assert not (tmp_path / "out").exists()

@@ -9,6 +9,7 @@ import pytest
 
 import photoclinometry as pcm
 from commands import phomo
+from fault_place import small_disk
 from photoclinometry.evaluate.sigma_calibration import scene_errors
 from photoclinometry.evaluate.sigmas import size
 from photoclinometry.io.site import Site, SiteView, read_site
@@ -251,6 +252,16 @@ def test_a_candidate_that_does_not_show_the_map_brings_nothing(planned):
     moved: Views = replace(tried[0].view, body_from_cam=away)
     (gain,) = gains(planned.forecast, [replace(tried[0], view=moved)])
     assert gain.drop_percent == {}
+
+
+def test_a_full_disk_ends_the_command_with_one_line(table, tmp_path, capsys):
+    arguments = ["--point", 0, 0, RADIUS, "--normal", 0, 0, 1, "--patch-px", 28, "--tie-points", 500, "--no-candidates"]
+    assert phomo("plan", table, "--out", tmp_path / "first", *arguments) == 0  # compiles and caches the kernels
+    with small_disk(300):
+        assert phomo("plan", table, "--out", tmp_path / "plan", *arguments) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith(f"phomo: {tmp_path}/plan/plan.json: cannot be written: File too large")
+    assert not (tmp_path / "plan").exists()
 
 
 def test_the_command_writes_a_plan_in_80_columns(table, tmp_path, capsys):

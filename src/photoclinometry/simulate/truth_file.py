@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from photoclinometry.io.atomic import atomic_path
-from photoclinometry.io.hdf5 import check_hdf5
+from photoclinometry.io.hdf5 import check_hdf5, new_hdf5
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import VIEW_ARRAYS, Camera, Views
@@ -47,10 +46,8 @@ _GRIDS = {
 
 def write_truth(path: Path | str, truth: Truth) -> None:
     """The truth as one file, the surface's grids in single precision, compressed. Raises RunFolderError."""
-    import h5py
-
     surface = truth.surface
-    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+    with new_hdf5(path) as file:
         write_facts(file, truth, FORMAT, VERSION)
         group = file.create_group("surface")
         group.attrs["spacing_m"], group.attrs["origin_m"] = surface.spacing, surface.origin

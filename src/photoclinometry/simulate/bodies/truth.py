@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.hdf5 import new_hdf5
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 from photoclinometry.simulate.bodies.surface import BodySurface
@@ -31,10 +31,8 @@ class BodyTruth(SiteFacts):
 
 def write_body_truth(path: Path | str, truth: BodyTruth) -> None:
     """The truth as one HDF5 file, the mesh in single precision, compressed. Raises RunFolderError."""
-    import h5py
-
     surface = truth.surface
-    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+    with new_hdf5(path) as file:
         write_facts(file, truth, BODY_FORMAT, VERSION)
         file.attrs["gsd_m"] = truth.gsd
         group = file.create_group("mesh")
