@@ -4,10 +4,8 @@ import logging
 import re
 
 import pytest
-from rich.console import Console
 
 from photoclinometry.cli.stage_lines import NAMES, StageLines, shown_name, stage_line
-from photoclinometry.cli.terminal import progress_bars, time_left
 from photoclinometry.pipeline.stage import say_found
 
 
@@ -58,12 +56,19 @@ def test_every_stage_of_a_run_has_a_name(mapped):
     assert names <= set(NAMES.values())
 
 
-def test_findings_of_a_run_fit_their_column(mapped, tmp_path, shown):
+def test_findings_of_a_run_fit_their_column_and_its_work_ends_at_its_totals(mapped, tmp_path, shown):
     """All stages anew, from the images."""
     from photoclinometry.pipeline import run as pipeline
     from photoclinometry.pipeline.options import RelightOptions, RunOptions
 
-    pipeline.run(mapped.site, tmp_path / "run", RunOptions(relight=RelightOptions(rounds=1)))
+    last: dict[str, tuple[int, int]] = {}
+
+    def progress(what, done, total):
+        last[what] = (done, total)
+
+    pipeline.run(mapped.site, tmp_path / "run", RunOptions(relight=RelightOptions(rounds=1)), progress)
+    assert {"images", "features", "matches", "mapping", "match 1", "relight 1"} <= set(last)
+    assert all(done == total for done, total in last.values() if total)
     lines = {line[:16].strip(): line for line in shown}
     assert "6 of 6 views, " in lines["sparse"]
     assert "32 x 32 px of images/" in lines["region"]
@@ -72,20 +77,3 @@ def test_findings_of_a_run_fit_their_column(mapped, tmp_path, shown):
     assert "landmarks in 6 views" in lines["last estimate"]
     assert all(len(line) <= 80 for line in shown)
     assert not any("Noise(" in line for line in shown)
-
-
-@pytest.mark.parametrize(
-    ("elapsed", "done", "total", "left"),
-    [(10.0, 1, 3, "left 0:20"), (61.0, 50, 100, "left 1:01"), (10.0, 3, 3, ""), (10.0, 5, 0, ""), (None, 0, 3, "")],
-)
-def test_the_time_left_is_that_of_the_mean_speed_and_nothing_where_the_total_is_unknown(elapsed, done, total, left):
-    assert time_left(elapsed, done, total) == left
-
-
-def test_a_bar_goes_when_other_work_begins():
-    console = Console(file=open("/dev/null", "w"), force_terminal=True)  # noqa: SIM115
-    with progress_bars(console) as progress:
-        progress("images", 3, 3)
-        progress("adjust", 1, 0)
-        progress("adjust", 2, 0)
-    console.file.close()

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from photoclinometry.body.options import BodyOptions
+from photoclinometry.cli.bars import progress_bars
 from photoclinometry.cli.site_path import site_file
-from photoclinometry.cli.terminal import log_to, progress_bars, say_warnings
+from photoclinometry.cli.terminal import log_to, say_warnings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -70,7 +71,7 @@ def body(
         return
     check_run(out, library.owner_of_body(described), overwrite=overwrite)
     console = Console(stderr=True)
-    with progress_bars(console) as progress, log_to(out, console, overwrite=overwrite):
+    with progress_bars(console) as progress, log_to(out, console, progress, overwrite=overwrite):
         if plan_only:
             model = library.plan_body(site, out, options, progress, overwrite=overwrite)
             _say_plan(console, model)

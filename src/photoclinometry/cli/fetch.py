@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from photoclinometry.cli.terminal import progress_bars
+from photoclinometry.cli.bars import progress_bars
 from photoclinometry.io.hub import AUTHORS_DATA
 
 

@@ -30,19 +30,13 @@ def ingest(
         options: Facts that the files do not hold.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+    from photoclinometry.cli.bars import progress_bars
     from photoclinometry.ingest.ingest import ingest as library
 
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description:30}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task("ingest", total=None)
-
-        def progress(what: str, done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total, description=what[-30:])
-
-        result = library(files, out, options, progress)
+    with progress_bars(console) as bars:
+        result = library(files, out, options, lambda _, done, total: bars("files", done, total))
     for reason in result.refused:
         console.print(f"left out: {reason}", highlight=False, markup=False)
     _print_sources(console, result)

@@ -34,7 +34,7 @@ def photometry(
     from rich.console import Console
 
     import photoclinometry as pcm
-    from photoclinometry.cli.terminal import progress_bars
+    from photoclinometry.cli.bars import progress_bars
     from photoclinometry.output.photometry import write_photometry
 
     with progress_bars(Console(stderr=True)) as progress:

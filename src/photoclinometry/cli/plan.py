@@ -42,7 +42,7 @@ def plan(
     from rich.console import Console
 
     import photoclinometry as pcm
-    from photoclinometry.cli.terminal import progress_bars
+    from photoclinometry.cli.bars import progress_bars
 
     path = site_file(site)
     folder = out or path.parent / "plan"

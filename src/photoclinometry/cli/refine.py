@@ -7,7 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from photoclinometry.cli.terminal import log_to, progress_bars, say_result
+from photoclinometry.cli.bars import progress_bars
+from photoclinometry.cli.terminal import log_to, say_result
 from photoclinometry.pipeline.refine import RefineOptions
 
 
@@ -38,6 +39,6 @@ def refine(
     start = library.read_start(model, options)  # a mistake there leaves no run folder behind
     check_run(out, owner_of_model(model, start.model.scene), overwrite=overwrite)
     console = Console(stderr=True)
-    with progress_bars(console) as progress, log_to(out, console, overwrite=overwrite):
+    with progress_bars(console) as progress, log_to(out, console, progress, overwrite=overwrite):
         result = library.refine(start, out, options, progress, overwrite)
     say_result(console, result)

@@ -42,7 +42,7 @@ def rivals(
     """
     from rich.console import Console
 
-    from photoclinometry.cli.terminal import progress_bars
+    from photoclinometry.cli.bars import progress_bars
     from photoclinometry.rivals.compare import compare_rivals
 
     console = Console(stderr=True)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from photoclinometry.cli.bars import progress_bars
 from photoclinometry.cli.site_path import site_file
-from photoclinometry.cli.terminal import log_to, progress_bars, say_result
+from photoclinometry.cli.terminal import log_to, say_result
 from photoclinometry.pipeline.presets import PRESETS, preset
 from photoclinometry.pipeline.run import RunOptions
 
@@ -54,7 +55,7 @@ def run(
     check_run(out, owner_of_site(described), overwrite=overwrite)
 
     console = Console(stderr=True)
-    with progress_bars(console) as progress, log_to(out, console, overwrite=overwrite):
+    with progress_bars(console) as progress, log_to(out, console, progress, overwrite=overwrite):
         result = pipeline.run(site, out, options, progress, overwrite)
     say_result(console, result)
 

@@ -29,17 +29,12 @@ def simulate(arguments: Annotated[Simulate, tyro.conf.arg(name="")]) -> Path:
     Prints the path of its site.toml.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from photoclinometry.cli.bars import progress_bars
 
     check_output_folder(arguments.out, arguments.overwrite)
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description:8}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task("terrain", total=None)
-
-        def progress(what: str, done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total, description=what)
-
+    with progress_bars(console) as progress:
         path = simulate_site(arguments.options, arguments.out, progress, arguments.overwrite)
     console.print(f"site: {path}\ntruth: {path.with_name('truth.h5')}", soft_wrap=True, highlight=False)
     return path

@@ -63,6 +63,11 @@ class StageLines:
         return None
 
 
+def has_ended(record: logging.LogRecord) -> bool:
+    """Whether a record says that a stage has ended."""
+    return _ended(record) is not None
+
+
 def _ended(record: logging.LogRecord) -> tuple[str, float | None] | None:
     """The stage that a record says has ended, and its time [s], None where it was read back; None for other records."""
     if record.name != _FOLDER or record.msg != "%s: %s" or not isinstance(record.args, tuple):

@@ -1,63 +1,21 @@
-"""The terminal output of long commands: progress bars, log and result."""
+"""The terminal output of long commands: log and result."""
 
 from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from photoclinometry.cli.stage_lines import StageLines
-from photoclinometry.model.progress import Progress
+from photoclinometry.cli.bars import Bars
+from photoclinometry.cli.stage_lines import StageLines, has_ended
 from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline.products import RunResult
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-
-@contextmanager
-def progress_bars(console: Any) -> Iterator[Progress]:
-    """A progress bar on the console for the work that is reported, with the time that it still takes.
-
-    A bar is there while its work is, and goes when other work begins: what came of it is in the stage's line. Work
-    without a known total shows its count and no time left.
-    """
-    from rich import progress as bar
-
-    columns = (
-        bar.TextColumn("{task.description:18}"),
-        bar.BarColumn(),
-        bar.TextColumn("{task.fields[count]}"),
-        bar.TimeElapsedColumn(),
-        bar.TextColumn("{task.fields[left]}"),
-    )
-    with bar.Progress(*columns, console=console, transient=True) as bars:
-        now: dict[str, bar.TaskID] = {}
-
-        def progress(what: str, done: int, total: int) -> None:
-            if what not in now:
-                for old in now.values():
-                    bars.remove_task(old)
-                now.clear()
-                now[what] = bars.add_task(what, total=None, count="", left="")
-            elapsed = bars.tasks[0].elapsed if bars.tasks else None
-            count = f"{done}/{total}" if total else f"{done}"
-            bars.update(
-                now[what], completed=done, total=total or None, count=count, left=time_left(elapsed, done, total)
-            )
-
-        yield progress
-
-
-def time_left(elapsed_s: float | None, done: int, total: int) -> str:
-    """The time that the rest takes at the mean speed so far, as "left 0:12"; empty where that is not known."""
-    if not elapsed_s or not 0 < done < total:
-        return ""
-    seconds = round(elapsed_s * (total - done) / done)
-    return f"left {seconds // 60}:{seconds % 60:02d}"
 
 
 def say_result(console: Any, result: RunResult) -> None:
@@ -93,11 +51,11 @@ def say_warnings(console: Any, warnings: Sequence[Warned]) -> None:
 class log_to:
     """Context in which the package's log goes to OUT/log (everything) and to the terminal (stages, warnings).
 
-    overwrite: begin the file anew.
+    bars: those of the work, which go when their stage has ended. overwrite: begin the file anew.
     """
 
-    def __init__(self, out: Path, console: Console, *, overwrite: bool = False):
-        self.out, self.console = Path(out), console
+    def __init__(self, out: Path, console: Console, bars: Bars, *, overwrite: bool = False):
+        self.out, self.console, self.bars = Path(out), console, bars
         self.mode = "w" if overwrite else "a"
 
     def __enter__(self) -> Self:
@@ -113,7 +71,7 @@ class log_to:
         except OSError as error:
             raise unwritable(self.out / "log", error) from error
         file.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-        terminal = _Terminal(self.console)
+        terminal = _Terminal(self.console, self.bars)
         terminal.setLevel(logging.INFO)
         self.handlers = [file, terminal]
         self.logger.setLevel(logging.DEBUG)
@@ -143,11 +101,13 @@ class _LogFile(logging.FileHandler):
 
 
 class _Terminal(logging.Handler):
-    def __init__(self, console: Console):
+    def __init__(self, console: Console, bars: Bars):
         super().__init__()
-        self.console, self.stages = console, StageLines()
+        self.console, self.bars, self.stages = console, bars, StageLines()
 
     def emit(self, record: logging.LogRecord) -> None:
+        if has_ended(record):
+            self.bars.end()
         line = self.stages.line(record)
         if line is not None:
             self.console.print(line, highlight=False, markup=False, soft_wrap=True)

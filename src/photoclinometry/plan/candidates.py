@@ -131,6 +131,7 @@ def gains(found: Forecast, tried: Sequence[Candidate], progress: Progress = no_p
             after, _ = stated_at(found, scene, images, tie_points, noise=noise, fitted=last)
             drop = {kind: 100.0 * (1.0 - known_mean(after[kind]) / before[kind]) for kind in KINDS}
         out.append(Gain(candidate=candidate, drop_percent=drop, angles=view_angles(candidate.view, 0)))
+    progress("candidates", len(tried), len(tried))
     return out
 
 

@@ -263,6 +263,7 @@ def _images(ground: Ground, views: Views, progress: Progress) -> list[Image]:
     for k in range(len(views)):
         progress("images", k, len(views))
         images.append(ground.image(views, k))
+    progress("images", len(views), len(views))
     return images
 
 

@@ -93,6 +93,7 @@ def run_spc(problem: Problem, options: SpcOptions | None = None, progress: Progr
         log.info("spc: iteration %d: residual %.3f %%, heights moved %.4f GSD", n + 1, 100.0 * residual, step)
         if step < options.settled_gsd:
             break
+    progress("spc", options.iterations, options.iterations)
     rendered, covered = rendered_map(problem, scene)
     return Outcome(
         name="spc", rendered=rendered, covered=covered, knows_light=True, scene=scene, history=tuple(history)

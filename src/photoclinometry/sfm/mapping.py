@@ -122,15 +122,22 @@ def _mapped(
     else:
         mapped = 0
 
-        def one_more() -> None:
+        def more(views: int) -> None:
             nonlocal mapped
-            mapped += 1
+            mapped += views
             if progress:
                 progress("mapping", min(mapped, len(cameras)), len(cameras))
 
         models = pycolmap.incremental_mapping(
-            database, images, out, _incremental_options(cameras, options), next_image_callback=one_more
+            database,
+            images,
+            out,
+            _incremental_options(cameras, options),
+            initial_image_pair_callback=lambda: more(2),
+            next_image_callback=lambda: more(1),
         )
+    if progress:
+        progress("mapping", len(cameras), len(cameras))  # views that match nothing are not counted above
     adjustment = RobustAdjustment(options.threads)
     by_images = None if shading_of is None else lambda model: shading_of(from_colmap(model, len(cameras)))
     found = [right_way_round(model, adjustment, by_images) for model in models.values() if model.num_points3D()]
