@@ -558,6 +558,18 @@ def others() -> Iterator[Fault]:
     yield row(
         "no truth", f"{EVALUATE} --truth none.h5", "none.h5: there is no such truth file; `phomo simulate` writes one"
     )
+    yield row(
+        "the truth of another site",
+        f"{EVALUATE} --truth other/truth.h5",
+        "other/truth.h5: is the truth of another site: its Suns by ... give the truth.h5 that lies beside the map's site",
+        test="test_same_site.py::test_evaluate_refuses_the_truth_of_another_site",
+    )
+    yield row(
+        "the truth of another body",
+        "evaluate site/body --truth other/truth.h5",
+        "other/truth.h5: is the truth of another site: the relative rotations of its cameras by ... give the truth.h5",
+        test="test_same_site.py::test_evaluate_refuses_the_truth_of_another_body",
+    )
     yield row("a map for a truth", f"{EVALUATE} --truth {scene}", f"{scene}: is an HDF5 file, but not the truth of")
     yield row(
         "truth and reference",

@@ -13,6 +13,7 @@ from photoclinometry.api.given import given_folder, given_scene, scene_at
 from photoclinometry.evaluate.body_folder import evaluate_body, is_body
 from photoclinometry.evaluate.evaluation import Evaluation, evaluate_map
 from photoclinometry.evaluate.model_ranking import ModelRanking, RankingOptions, rank_models
+from photoclinometry.evaluate.same_site import read_truth_of
 from photoclinometry.io import run_files, scene_file
 from photoclinometry.io import site as site_file
 from photoclinometry.io.held_out import NAME as HELD_OUT_FILE
@@ -36,7 +37,6 @@ from photoclinometry.registration import view_choice
 from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
-from photoclinometry.simulate.truth_file import read_truth
 
 
 def read_site(path: str | Path) -> Site:
@@ -282,7 +282,7 @@ def evaluate(
         scene,
         images=pictures,
         held_out=held_out,
-        truth=None if truth is None else read_truth(Path(truth)),
+        truth=None if truth is None else read_truth_of(truth, scene),
         reference=None if reference is None else _reference(reference, cameras),
         unit=unit,
     )

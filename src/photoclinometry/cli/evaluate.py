@@ -29,7 +29,8 @@ def evaluate(
 
     Args:
         run: Folder of a finished run.
-        truth: truth.h5 of a simulated site: compares surface, normals, albedos, poses, Suns and keypoints.
+        truth: truth.h5 of the simulated site: compares surface, normals, albedos, poses, Suns and keypoints. That of
+            another site is refused.
         reference: Another map of the place, to compare surface, normals and albedos with: a PLY file (mesh or
             points), a GeoTIFF of heights (needs the extra `geo`), another run's folder, or its scene.h5. Of a whole
             body: a mesh (PLY, OBJ).

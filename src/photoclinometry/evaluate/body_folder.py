@@ -10,9 +10,12 @@ from photoclinometry.evaluate.body import align_body, compare_body
 from photoclinometry.evaluate.body_reference import compare_shapes
 from photoclinometry.evaluate.evaluation import Evaluation
 from photoclinometry.evaluate.metrics import spread
+from photoclinometry.evaluate.same_site import check_same_site
 from photoclinometry.io.ground import Mesh, read_ground
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.io.models.colmap import read_colmap
+from photoclinometry.io.run_files import site_path
+from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.shape_model import ShapeModel
@@ -43,7 +46,7 @@ def evaluate_body(
         )
     shape = read_shape_ply(folder / BODY_FILE)
     if truth is not None:
-        return _by_truth(shape, folder, read_body_truth(Path(truth)))
+        return _by_truth(shape, folder, Path(truth))
     assert reference is not None
     mesh = read_ground(reference)
     if not isinstance(mesh, Mesh):
@@ -52,15 +55,26 @@ def evaluate_body(
     return Evaluation(name=folder.name, metrics=compare_shapes(shape, known, unit), unit=unit)
 
 
-def _by_truth(shape: ShapeModel, folder: Path, truth: BodyTruth) -> Evaluation:
+def _by_truth(shape: ShapeModel, folder: Path, path: Path) -> Evaluation:
     """The figures of `compare_body` after the alignment of `align_body`, and errors of projections by the poses."""
-    names, _, poses, _ = read_colmap(folder / POSES_FOLDER)
+    truth = read_body_truth(path)
+    names, cameras, poses, _ = read_colmap(folder / POSES_FOLDER)
+    check_same_site(path, truth, names, cameras, poses, _stated_suns(folder, names))
     truth_from_body = align_body(shape, truth, poses, names)
     metrics = compare_body(shape.moved(truth_from_body), truth)
     moved = transform_poses(truth_from_body, poses)
     metrics |= spread(projection_errors(moved, names, truth), "projection_error", "px")
     metrics["images_placed"] = len(names)
     return Evaluation(name=truth.name, metrics=metrics)
+
+
+def _stated_suns(folder: Path, names: tuple[str, ...]) -> np.ndarray | None:
+    """(K, 3) Suns of the views in C, as the body's site states them; None where the site is not there any more."""
+    try:
+        views = {view.name: view for view in read_site(site_path(folder)).views}
+    except InputError:
+        return None
+    return np.array([views[name].sun for name in names]) if set(names) <= set(views) else None
 
 
 def projection_errors(body_from_cam: Rigid, names: tuple[str, ...], truth: BodyTruth) -> np.ndarray:

@@ -66,7 +66,7 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
     """
     from photoclinometry.simulate.truth import nearest_surface, truth_maps
 
-    index = _indices(scene.views.name, truth.views.name)
+    index = view_indices(scene.views.name, truth.views.name)
     if len(index) < len(scene.views):
         raise InputError(f"the truth has {len(index)} of the scene's {len(scene.views)} views; is it another site's?")
 
@@ -171,7 +171,7 @@ def evaluate_against_map(
     """
     by_poses, metrics = initial or Similarity(1.0, np.eye(3), np.zeros(3)), {}
     if names is not None and body_from_cam is not None:
-        index = _indices(scene.views.name, names)
+        index = view_indices(scene.views.name, names)
         if len(index) < 2:
             raise InputError(
                 f"{len(index)} views are among the {len(names)} reference poses by name, 2 are needed: "
@@ -263,7 +263,7 @@ def _keypoint_error(scene: Scene, true_views: Views, true_position: np.ndarray) 
     return error
 
 
-def _indices(ours: Sequence[str], theirs: Sequence[str]) -> dict[int, int]:
+def view_indices(ours: Sequence[str], theirs: Sequence[str]) -> dict[int, int]:
     """Index in `theirs` by index in `ours`: equal names, or else equal file names where those are unique."""
     full = {name: k for k, name in enumerate(theirs)}
     found = {k: full[name] for k, name in enumerate(ours) if name in full}

@@ -30,16 +30,21 @@ def pose_metrics(found: Rigid, true: Rigid, true_from_found: Similarity, unit: s
     moved = transform_poses(true_from_found, found)
     offset = np.linalg.norm(moved.translation - true.translation, axis=-1)
     pointing = angle_between(moved.rotation[..., 2], true.rotation[..., 2])
-    i, j = np.triu_indices(len(found), 1)
-
-    def relative(poses: Rigid) -> np.ndarray:
-        return np.einsum("kji,kjl->kil", poses.rotation[i], poses.rotation[j])
-
-    error = so3_log(np.einsum("kji,kjl->kil", relative(found), relative(true)))
-    angle = np.degrees(np.linalg.norm(error, axis=-1))
+    angle = relative_rotation_errors(found, true)
     return {
         **spread(offset, "camera_position_error", unit),
         **spread(np.degrees(pointing), "camera_pointing_error", "deg"),
         **spread(angle, "camera_relative_rotation_error", "deg"),
         "camera_relative_rotation_error_max_deg": float(angle.max()),
     }
+
+
+def relative_rotation_errors(found: Rigid, true: Rigid) -> np.ndarray:
+    """(K (K - 1) / 2,) errors of the rotations between two cameras of paired poses (K,) [degrees], of every pair."""
+    i, j = np.triu_indices(len(found), 1)
+
+    def relative(poses: Rigid) -> np.ndarray:
+        return np.einsum("kji,kjl->kil", poses.rotation[i], poses.rotation[j])
+
+    error = so3_log(np.einsum("kji,kjl->kil", relative(found), relative(true)))
+    return np.degrees(np.linalg.norm(error, axis=-1))

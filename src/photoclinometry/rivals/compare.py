@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from photoclinometry.evaluate.same_site import read_truth_of
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io import run_files
 from photoclinometry.io.atomic import atomic_path, write_text
@@ -26,7 +27,6 @@ from photoclinometry.rivals.spc import SpcOptions, run_spc
 from photoclinometry.rivals.splat import SplatOptions, run_splat
 from photoclinometry.rivals.splat_reflectance import run_splat_reflectance
 from photoclinometry.rivals.table import comparison_table
-from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study.summary import Table
 
 log = logging.getLogger(__name__)
@@ -104,10 +104,9 @@ def compare_rivals(
     if truth is not None and reference is not None:
         raise InputError("truth and reference are both given; compare with one at a time")
     folder, options = Path(out) if out is not None else run / "rivals", options or RivalOptions()
-    true, other = None if truth is None else read_truth(Path(truth)), None
-    if reference is not None:
-        other = read_reference(reference)
+    other = None if reference is None else read_reference(reference)
     problem = read_problem(run, given, predict)
+    true = None if truth is None else read_truth_of(truth, problem.scene)
     say = progress or no_progress
     makers: dict[str, Callable[[], Outcome]] = {
         "spc": lambda: run_spc(problem, options.spc, say),
