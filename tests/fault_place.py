@@ -184,6 +184,23 @@ def geometry_alone() -> None:
     write_scene(Path("mapped/run/scene.h5"), synthetic_scene(size=12, views=4, reflectance=None))
 
 
+def exported_map(out: str) -> Change:
+    """An export of another map than that of `mapped`."""
+
+    def change() -> None:
+        from dataclasses import replace
+
+        from photoclinometry.output.export import ExportOptions, export_scene
+        from scenes import synthetic_scene
+
+        scene = synthetic_scene(size=12, views=4)
+        suns = -scene.views.sun_measured
+        other = replace(scene, name="other", views=replace(scene.views, sun_measured=suns))
+        export_scene(other, out, ExportOptions(products=("csv",)))
+
+    return change
+
+
 def lock(**content: object) -> Change:
     """A lock of a process that lives, in the run folder `mapped/run`."""
 

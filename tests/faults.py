@@ -16,6 +16,7 @@ from fault_place import (
     cube_fits,
     cut,
     edit,
+    exported_map,
     folder,
     frame,
     frames,
@@ -509,6 +510,23 @@ def folders() -> Iterator[Fault]:
         "a map is exported among files", "export mapped/run --out photos --products csv", "... photos: holds 2019"
     )
     yield row(
+        "a map is exported over another one",
+        "export mapped/run --out out --products csv",
+        "... out: holds an export of the map 'other' (4 images); this is the map 'bumps' ... or give",
+        exported_map("out"),
+    )
+    yield row(
+        "a picture is rendered over an image of the site",
+        "render mapped/run --out mapped/images/000.fits",
+        "mapped/images/000.fits: exists; choose another --out, or give --overwrite",
+    )
+    yield row(
+        "a figure is drawn over another file",
+        FIGURE,
+        "a.pdf: exists; choose another --out, or give --overwrite",
+        put("a.pdf", "x"),
+    )
+    yield row(
         "a map is exported to a file", f"export mapped/run --out {PHOTO} --products csv", "... .png: is a file, not"
     )
     yield row("a body among files", f"{BODY} --out photos", "photos: exists and is not a run folder; choose another")
@@ -561,7 +579,7 @@ def others() -> Iterator[Fault]:
     yield row(
         "the truth of another site",
         f"{EVALUATE} --truth other/truth.h5",
-        "other/truth.h5: is the truth of another site: its Suns by ... give the truth.h5 that lies beside the map's site",
+        "other/truth.h5: is the truth of another site: its Suns by ... give the truth.h5 that lies beside",
         test="test_same_site.py::test_evaluate_refuses_the_truth_of_another_site",
     )
     yield row(

@@ -15,6 +15,7 @@ from photoclinometry.io.rasters.globe import geographic
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.similarity import write_similarity
 from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.geometry import so3_exp
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.output.export.formats import FORMATS, Format
 from photoclinometry.output.export.meshes import albedo_texture, srgb
@@ -238,6 +239,25 @@ def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path):
     (out / "mine.txt").unlink()
     with pytest.raises(RunFolderError, match="which no earlier export wrote"):
         export_scene(scene, out, ExportOptions(products=("csv",)))
+
+
+def test_an_export_of_another_map_is_replaced_only_where_that_is_asked_for(tmp_path):
+    scene, out, csv = synthetic_scene(size=8, views=4), tmp_path / "out", ExportOptions(products=("csv",))
+    views = scene.views
+    again = replace(scene, name="renamed", views=replace(views, sun=views.sun @ so3_exp(np.array([0.1, 0.0, 0.0]))))
+    other = replace(scene, views=replace(views, sun_measured=-views.sun_measured))
+    export_scene(scene, out, csv)
+    export_scene(again, out, csv)
+    before = (out / "export.json").read_bytes()
+    with pytest.raises(RunFolderError, match=r"out: holds an export of the map 'renamed' \(4 images\); this .*--ov"):
+        export_scene(other, out, csv)
+    assert (out / "export.json").read_bytes() == before
+    export_scene(other, out, csv, overwrite=True)
+    content = json.loads((out / "export.json").read_text())
+    assert content["owner"]["name"] == scene.name
+    (out / "export.json").write_text(json.dumps({key: content[key] for key in content if key != "owner"}))
+    with pytest.raises(RunFolderError, match="holds an export, and not of what; this is the map"):
+        export_scene(scene, out, csv)
 
 
 def test_an_export_that_fails_half_way_leaves_what_was_there(tmp_path, monkeypatch):

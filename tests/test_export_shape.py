@@ -14,6 +14,7 @@ from photoclinometry.io.meshes.shape_ply import read_shape_ply, write_shape_ply
 from photoclinometry.io.models.icq import icq_faces, read_icq
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.owner import Owner
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.output.export.options import ExportOptions
 from photoclinometry.output.export.shape import levels
@@ -192,3 +193,16 @@ def test_options_of_bodies_are_refused_for_places(tmp_path, capsys):
     (tmp_path / "run" / "scene.h5").write_bytes(b"-")
     assert phomo("export", tmp_path / "run", "--out", tmp_path / "out", "--density-kg-m3", 1000) == 2
     assert "--density-kg-m3 is for a whole body (a folder with body.ply)" in " ".join(capsys.readouterr().err.split())
+
+
+def test_an_export_of_another_body_is_replaced_only_where_that_is_asked_for(egg, tmp_path):
+    out, ply = tmp_path / "out", ExportOptions(products=("ply",))
+    site, other = (Owner("site", "egg", None, "", (f"{name}0", f"{name}1")) for name in ("a", "b"))
+    for _ in range(2):
+        export_shape(egg, out, ply, owner=site)
+    with pytest.raises(RunFolderError, match=r"holds an export of the site 'egg' \(2 images\); this is the site 'egg'"):
+        export_shape(egg, out, ply, owner=other)
+    with pytest.raises(RunFolderError, match=r"this is the body 'body\.ply'"):
+        export_shape(egg, out, ply)
+    export_shape(egg, out, ply, overwrite=True)
+    export_shape(egg, out, ply)

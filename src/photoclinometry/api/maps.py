@@ -321,16 +321,18 @@ def export(
     *,
     products: str | Sequence[str] = (),
     options: ExportOptions | None = None,
+    overwrite: bool = False,
     **changes: Any,
 ) -> dict[str, str]:
     """Write a map for GIS, viewers and other reconstruction programs.
 
     Args:
         scene: The map.
-        out: Folder for the products; new, empty, or an earlier export, which is replaced.
+        out: Folder for the products; new, empty, or an earlier export of the map, which is replaced.
         products: What to write: "dtm", "albedo", "normals", "slope", "reflectance", "sigma" (GeoTIFF), "obj", "gltf",
             "ply", "colmap", "text-model", "sumfile", "csv". Default: all that the scene holds and its frame allows.
         options: The products, and what is known of the map's frame.
+        overwrite: Replace an export of another map, too.
         **changes: Fields of `ExportOptions`, such as unit_m=1000.0.
 
     Returns:
@@ -341,7 +343,7 @@ def export(
     """
     if products:
         changes["products"] = (products,) if isinstance(products, str) else tuple(products)
-    return export_scene(scene, Path(out), changed(options or ExportOptions(), changes))["files"]
+    return export_scene(scene, Path(out), changed(options or ExportOptions(), changes), overwrite=overwrite)["files"]
 
 
 def reflectance_models() -> tuple[str, ...]:

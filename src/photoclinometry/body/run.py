@@ -26,11 +26,12 @@ from photoclinometry.body.workers import in_processes
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.io.site_images import input_fingerprint
 from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.owner import Owner
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import BODY_FIXED, SHARED
 from photoclinometry.pipeline.run_folder import RunFolder, claimed_run, joined_run
-from photoclinometry.pipeline.run_owner import Owner, owner_of_site
+from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs, without_priors
 from photoclinometry.pipeline.stage import Keyed
 from photoclinometry.registration.georeference import MIN_PRIORS

@@ -18,6 +18,7 @@ def export(
     run: tyro.conf.Positional[Path],
     /,
     out: Path,
+    overwrite: bool = False,
     options: Annotated[ExportOptions, tyro.conf.arg(name="")] = ExportOptions(),  # noqa: B008
     body_options: Annotated[ShapeOptions, tyro.conf.arg(name="")] = ShapeOptions(),  # noqa: B008
 ) -> None:
@@ -35,7 +36,8 @@ def export(
 
     Args:
         run: Folder of a finished run, or of a whole body.
-        out: Folder for the products; new, empty, or an earlier export, which is replaced.
+        out: Folder for the products; new, empty, or an earlier export of the same map, which is replaced.
+        overwrite: Replace an export of another map or body; without it, such a folder is refused.
         options: What to export, and what is known of the map's frame.
         body_options: Of whole bodies.
     """
@@ -50,13 +52,16 @@ def export(
         is_body,
         read_body,
     )
+    from photoclinometry.pipeline.run_mark import owner_of_folder
 
     if is_body(run):
         name = run.name if run.is_file() else BODY_FILE
-        exported = export_shape(read_body(run), out, options, body_options, name=name)
+        owner = owner_of_folder(run)
+        shape = read_body(run)
+        exported = export_shape(shape, out, options, body_options, name=name, owner=owner, overwrite=overwrite)
     else:
         check_no_shape_options(body_options)
-        exported = export_scene(pcm.read_scene(run), out, options)
+        exported = export_scene(pcm.read_scene(run), out, options, overwrite=overwrite)
     console = Console(stderr=True, soft_wrap=True)
     for name, about in exported["files"].items():
         console.print(f"{name}: {about}", highlight=False, markup=False)

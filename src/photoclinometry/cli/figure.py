@@ -14,6 +14,7 @@ def figure(
     run: tyro.conf.Positional[Path],
     /,
     out: Path,
+    overwrite: bool = False,
     options: Annotated[FigureOptions, tyro.conf.arg(name="")] = FigureOptions(),  # noqa: B008
 ) -> None:
     """Draw a figure for publication: lettered maps and a profile, at the width of a journal's columns.
@@ -24,13 +25,16 @@ def figure(
     Args:
         run: Folder of a finished run.
         out: File to write; .pdf, .svg or .png.
+        overwrite: Replace a file that is there; without it, such a file is refused.
         options: What the figure shows, and how large it is.
     """
     from rich.console import Console
 
     import photoclinometry as pcm
+    from photoclinometry.cli.render import check_new_file
     from photoclinometry.output.figures.layers import LAYERS
 
+    check_new_file(out, overwrite)
     pcm.figure(run, out, options=options)
     shown = [LAYERS[name].title for name in options.layers]
     shown += [f"profile of the {options.profile_layer}"] if options.profile else []

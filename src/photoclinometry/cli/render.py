@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from photoclinometry.model.errors import InputError
+from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.scene import Image
 
 PNG_PEAK = 65534.0
@@ -18,6 +18,7 @@ def render(
     run: Path,
     /,
     out: Path,
+    overwrite: bool = False,
     view: str | None = None,
     sun: tuple[float, float, float] | None = None,
     sun_azimuth_deg: float | None = None,
@@ -31,6 +32,7 @@ def render(
         run: Folder of a finished run.
         out: Image to write. FITS keeps the brightness, NaN outside the map. PNG has 16 bits, linear from 0
             to the greatest brightness at 65534 (65535 means saturated), 0 outside the map.
+        overwrite: Replace a file that is there; without it, such a file is refused.
         view: Name of the view whose camera, Sun, scale and bias to use. Default: the reference view.
         sun: Direction towards the Sun in the body-fixed frame, of any length.
         sun_azimuth_deg: Sun's azimuth, clockwise from up in the reference image, along the map's mean plane.
@@ -43,6 +45,7 @@ def render(
     import photoclinometry as pcm
 
     check_suffix(out)
+    check_new_file(out, overwrite)
     scene = pcm.read_scene(run)
     image = pcm.render(
         scene,
@@ -66,6 +69,12 @@ def check_suffix(out: Path) -> None:
     """Raises InputError unless the suffix is that of PNG or FITS."""
     if out.suffix.lower() not in (".png", ".fits", ".fit"):
         raise InputError(f"{out}: cannot write {out.suffix or 'a file without suffix'}; use .fits or .png")
+
+
+def check_new_file(out: Path, overwrite: bool) -> None:
+    """Raises RunFolderError for a file that is there, such as an image of the site, unless it may be replaced."""
+    if out.is_file() and not overwrite:
+        raise RunFolderError(f"{out}: exists; choose another --out, or give --overwrite to replace it")
 
 
 def write_rendering(out: Path, image: Image) -> float:

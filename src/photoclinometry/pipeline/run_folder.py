@@ -19,12 +19,12 @@ from typing import Any, TypeVar
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.options import write_options
 from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.owner import Owner
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.warning import Warned, collected_warnings, distinct
 from photoclinometry.pipeline import run_lock
 from photoclinometry.pipeline.records import read_record, write_record
 from photoclinometry.pipeline.run_mark import FORMAT, MARK, check_format, check_new, clear, must_clear, write_mark
-from photoclinometry.pipeline.run_owner import Owner
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools
 
 __all__ = [

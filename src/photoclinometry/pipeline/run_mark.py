@@ -11,8 +11,8 @@ from typing import Any
 from photoclinometry import __version__
 from photoclinometry.io.atomic import unwritable, write_text
 from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.owner import Owner, read_owner
 from photoclinometry.pipeline import run_lock
-from photoclinometry.pipeline.run_owner import Owner, read_owner
 
 log = logging.getLogger(__name__)
 
@@ -38,6 +38,14 @@ def write_mark(folder: Path, owner: Owner | None = None) -> None:
     """Marks a folder as that of a run, of a site if that is known. Raises RunFolderError."""
     about = {} if owner is None else {"owner": owner.as_json()}
     write_text(folder / MARK, json.dumps({"format": FORMAT, "version": __version__, **about}) + "\n")
+
+
+def owner_of_folder(folder: Path) -> Owner | None:
+    """What the results in a run folder are of; None where it has no mark, or one that does not say.
+
+    Raises RunFolderError where the mark is damaged.
+    """
+    return _read_mark(folder)[1] if (folder / MARK).is_file() else None
 
 
 def check_new(path: Path) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 from photoclinometry import __version__
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.owner import Owner, read_owner
 from photoclinometry.model.warning import warn
 from photoclinometry.output.export.formats import Format
 
@@ -22,13 +23,22 @@ FORMAT = "photoclinometry export"
 
 
 def write_export(
-    out: Path, formats: Mapping[str, Format], placed: Any, what: str, options: Any, about: Mapping[str, Any]
+    out: Path,
+    formats: Mapping[str, Format],
+    placed: Any,
+    what: str,
+    options: Any,
+    about: Mapping[str, Any],
+    owner: Owner,
+    *,
+    overwrite: bool = False,
 ) -> dict[str, Any]:
     """The products of `formats` that `options.products` names, all possible by default, in the folder `out`.
 
-    placed: what the writers take; what: it in words, for errors; about: what export.json says besides the files. `out`
-    is new, empty, or an earlier export, which is replaced. Returns what export.json holds. Raises InputError for
-    products that cannot be written, and RunFolderError; `out` then is as it was.
+    placed: what the writers take; what: it in words, for errors; about: what export.json says besides the files;
+    owner: what is exported. `out` is new, empty, or an earlier export of it, which is replaced; one of something else
+    with `overwrite` only. Returns what export.json holds. Raises InputError for products that cannot be written, and
+    RunFolderError; `out` then is as it was.
     """
     out = out.resolve()
     products = _chosen(formats, placed, what, options)
@@ -36,7 +46,7 @@ def write_export(
     products = [name for name in products if name not in missing]
     for reason, names in _by_reason(missing).items():
         warn(log, "product-left-out", "left out: %s: %s", ", ".join(names), reason)
-    _check_folder(out)
+    _check_folder(out, owner, overwrite)
     with atomic_path(out) as temporary:
         temporary.mkdir()
         files = _write(temporary, formats, placed, products, options)
@@ -45,6 +55,7 @@ def write_export(
             "version": 1,
             "written_by": f"photoclinometry {__version__}",
             **about,
+            "owner": owner.as_json(),
             "files": files,
             "left_out": missing,
         }
@@ -101,18 +112,25 @@ def _by_reason(missing: dict[str, str]) -> dict[str, list[str]]:
     return found
 
 
-def _check_folder(out: Path) -> None:
-    """Raises RunFolderError for a folder that holds anything but an earlier export."""
+def _check_folder(out: Path, owner: Owner, overwrite: bool) -> None:
+    """Raises RunFolderError for a folder that holds anything but an earlier export, of `owner` unless `overwrite`."""
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     cure = "choose another --out"
     if not out.is_dir():
         raise RunFolderError(f"{out}: is a file, not a folder; {cure}")
+    found = None
     try:
         before = json.loads((out / MANIFEST).read_text(encoding="utf-8"))
         own = {MANIFEST, *before["files"]} if before["format"] == FORMAT else set()
-    except (OSError, ValueError, KeyError, TypeError):
+        found = read_owner(before)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         own = set()
     others = sorted(path.name for path in out.iterdir() if path.name not in own)
     if others:
         raise RunFolderError(f"{out}: holds {others[0]}, which no earlier export wrote; {cure}")
+    if not overwrite and (found is None or not found.is_same(owner)):
+        whose = "an export, and not of what" if found is None else f"an export of {found}"
+        raise RunFolderError(
+            f"{out}: holds {whose}; this is {owner}: {cure}, or give --overwrite (overwrite=True) to replace it"
+        )

@@ -12,6 +12,7 @@ import numpy as np
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES, Similarity
+from photoclinometry.model.owner import Owner
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.output.export.folder import write_export
 from photoclinometry.output.export.formats import FORMATS
@@ -45,13 +46,17 @@ def export_shape(
     shape_options: ShapeOptions | None = None,
     *,
     name: str = BODY_FILE,
+    owner: Owner | None = None,
+    overwrite: bool = False,
 ) -> dict[str, Any]:
     """The products of a closed, body-fixed model in the folder `out`, with export.json, which says what each file is.
 
     The frame's origin is inside, z is the axis of rotation, x at longitude zero. Without `options.products`, all that
     the model and the options allow are written, the others are in "not_possible" with the reason. name: of the model,
-    for files and errors. Returns what export.json holds. Raises InputError for options that are wrong or do not apply,
-    models that are not closed, and products that are not possible; RunFolderError; `out` then is as it was.
+    for files and errors. owner: what it was made of; by default its name stands for it. An earlier export of another
+    owner is replaced with `overwrite` only. Returns what export.json holds. Raises InputError for options that are
+    wrong or do not apply, models that are not closed, and products that are not possible; RunFolderError; `out` then is
+    as it was.
     """
     options, shape_options = options or ExportOptions(), shape_options or ShapeOptions()
     _check_options(options)
@@ -69,7 +74,8 @@ def export_shape(
         "options": asdict(options) | asdict(shape_options),
         "not_possible": {} if options.products else _not_possible(placed),
     }
-    return write_export(Path(out), SHAPE_FORMATS, placed, name, options, about)
+    owner = owner or Owner("body", name, options.body, "", ())
+    return write_export(Path(out), SHAPE_FORMATS, placed, name, options, about, owner, overwrite=overwrite)
 
 
 def check_no_shape_options(options: ShapeOptions) -> None:
