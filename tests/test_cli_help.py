@@ -8,7 +8,7 @@ import pytest
 
 import photoclinometry as pcm
 from commands import phomo
-from photoclinometry.cli.arguments import COMMANDS, command_named, option_fields
+from photoclinometry.cli.arguments import COMMANDS, command_named, first_clause, option_fields
 from photoclinometry.cli.first_options import FIRST
 from photoclinometry.cli.run import prepared
 from photoclinometry.cli.site_path import site_file
@@ -46,6 +46,28 @@ def test_help_shows_the_first_options_and_help_all_shows_every_one(command, caps
 
     assert shown(said(capsys, command, "--help")) == first <= options
     assert shown(said(capsys, command, "--help-all")) == options
+
+
+@pytest.mark.parametrize("option", ["--help", "--help-all"])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_sentences_of_help_are_whole(command, option, capsys):
+    text = " ".join(said(capsys, command, option).replace("│", " ").split())
+    assert not re.search(r"[;,:] (Range: [^.]*\. )?\((default|required)", text)
+    assert not re.search(r"[;,:(] Range:", text)
+    open_brackets = 0
+    for part in re.split(r"(?=╭─)|(?<=\))", text):
+        open_brackets += part.count("(") - part.count(")")
+        assert 0 <= open_brackets <= 2, part
+    assert open_brackets == 0
+
+
+def test_a_clause_ends_outside_of_brackets():
+    assert first_clause("Range [degrees]: moderate (25; 30 to 60. Or so), strong. More.") == (
+        "Range [degrees]: moderate (25; 30 to 60. Or so), strong."
+    )
+    assert first_clause("Size [px]; by\n   default the preset's.") == "Size [px]."
+    assert first_clause("Sigma 0.1 px") == "Sigma 0.1 px"
+    assert first_clause("") == ""
 
 
 def test_help_says_the_range_of_a_number(capsys):

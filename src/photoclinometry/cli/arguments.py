@@ -5,10 +5,10 @@ from __future__ import annotations
 import difflib
 import importlib
 import inspect
-import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
+from itertools import pairwise
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import tyro
@@ -200,10 +200,20 @@ def _explained(kind: type, field: Any, shown: set[tuple[type, str]] | None) -> A
     def explanation() -> str:
         words = str((text() if callable(text) else text) or "")
         if shown is not None:
-            words = re.split(r"(?<=[.;]) ", " ".join(words.split()))[0]
+            words = first_clause(words)
         return f"{words} Range: {limits}." if limits else words
 
     return replace(field, helptext=explanation)
+
+
+def first_clause(text: str) -> str:
+    """The words up to the first full stop or semicolon that is not in brackets, as a sentence."""
+    words, depth = " ".join(text.split()), 0
+    for n, (character, after) in enumerate(pairwise(words)):
+        depth += (character in "([") - (character in ")]")
+        if depth == 0 and character in ".;" and after == " ":
+            return f"{words[:n]}."
+    return words
 
 
 def _fields_below(kind: type, prefix: str) -> Iterator[tuple[str, type, str]]:

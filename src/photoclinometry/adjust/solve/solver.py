@@ -88,7 +88,7 @@ class SolverOptions(Ranged):
     max_cg_iterations: Annotated[int, Range(least=1, most=100_000)] = 200
     """Conjugate-gradient iterations at most, per step."""
     chebyshev_low: Annotated[float, Range(above=0, most=2)] = 0.02
-    """Lowest eigenvalue that the landmarks' preconditioner treats, out of (0, 2]; fewer where there are none so low."""
+    """Lowest eigenvalue that the landmarks' preconditioner treats; fewer where there are none so low."""
     chebyshev_reduction: Annotated[float, Range(above=0, below=1)] = 0.4
     """By how much it shrinks errors; sets the polynomial's degree."""
 
