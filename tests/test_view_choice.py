@@ -331,7 +331,7 @@ def test_real_cubes_of_bennu_are_listed_for_the_place_that_the_spacecraft_touche
     assert first.split()[:3] == ["*", "20200303T213031S138_ncm_L0-reduced", "0.61"]
     assert second.split()[:3] == ["*", "20201020T214241S004_nft_L0-reduced", "0.00806"]
     assert "2 views see 45.48 E, 53.73 N" in said.err
-    assert "Not seen from 1, beside 0 images" in said.err
+    assert "Of the others, 1 have it beyond the limb, 0 have it beside the image" in said.err
 
 
 def read_three(exposure):

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from photoclinometry.cli.columns import plain_number, short_names
 from photoclinometry.io.run_files import read_metrics, read_run
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import BODY_FIXED
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
+
+    from photoclinometry.io.site import Site
 
 TIGHT = (0, 1, 0, 0)
 """Padding of tables: two blanks between columns."""
+_LONGEST_NAME = 20
+"""Longer names of views leave no room for the columns [characters]: what all have in common is left out."""
 
 
 def info(path: Path, /) -> None:
@@ -53,37 +60,55 @@ def show_site(path: Path) -> None:
             parts |= {"stride [px]": region.stride}
         listed = ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items())
         console.print("region: " + listed.replace("[", r"\["))
-    table = view_table()
-    for head in ("camera", "size\n[px]", "focal\n[px]", "phase\n[°]", "Sun sigma\n[°]", "pose", "file"):
-        table.add_column(head.replace("[", r"\["))
-    for view in site.views:
-        camera = view.camera
-        # In C the body lies along +z, so the Sun is at -z at zero phase angle.
-        phase = np.degrees(np.arctan2(np.hypot(*view.sun[:2]), -view.sun[2]))
-        table.add_row(
-            view.name,
-            camera.model,
-            f"{camera.width}\u00a0x\u00a0{camera.height}",
-            f"{camera.focal_px[0]:.1f}",
-            f"{phase:.1f}",
-            f"{np.degrees(view.sun_sigma_rad):.3g}",
-            "prior" if view.pose_prior is not None else "-",
-            "found" if view.image.is_file() else "[red]missing[/red]",
-        )
-    console.print(table)
+    _show_views(console, site)
     own, common = np.degrees(site.sun_sigmas)
     if common.any():
         console.print(f"Suns: each {np.median(own):.2g}° by itself, all {np.median(common):.2g}° together")
 
 
-def view_table() -> Table:
-    """A table that begins with names of views. Where the terminal is narrow, long ones are folded, not cut."""
+def _show_views(console: Console, site: Site) -> None:
+    """The views with their cameras, Suns and pose priors; what is the same of all is told once, above the table."""
+    columns: dict[tuple[str, str], list[str]] = {
+        ("camera", ""): [view.camera.model for view in site.views],
+        ("size", "px"): [f"{view.camera.width}\u00a0x\u00a0{view.camera.height}" for view in site.views],
+        ("focal", "px"): [f"{view.camera.focal_px[0]:.1f}" for view in site.views],
+        # In C the body lies along +z, so the Sun is at -z at zero phase angle.
+        ("phase", "°"): [f"{np.degrees(np.arctan2(np.hypot(*v.sun[:2]), -v.sun[2])):.1f}" for v in site.views],
+        ("Sun sigma", "°"): [plain_number(float(np.degrees(view.sun_sigma_rad))) for view in site.views],
+        ("pose prior", ""): ["yes" if view.pose_prior is not None else "none" for view in site.views],
+        ("file", ""): ["found" if view.image.is_file() else "missing" for view in site.views],
+    }
+    same = {head: values[0] for head, values in columns.items() if len(set(values)) == 1}
+    told = (f"{name} {value}\u00a0{unit}".rstrip() for (name, unit), value in same.items())
+    _say(console, f"all views: {', '.join(told)}")
+    names, table = _names_and_table(console, [view.name for view in site.views])
+    shown = {head: values for head, values in columns.items() if head not in same}
+    for name, unit in shown:
+        table.add_column(f"{name}\n\\[{unit}]" if unit else name, justify="right")
+    for name, *values in zip(names, *shown.values(), strict=True):
+        table.add_row(name, *(f"[red]{value}[/red]" if value == "missing" else value for value in values))
+    console.print(table)
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, markup=False)
+
+
+def _names_and_table(console: Console, names: Sequence[str]) -> tuple[list[str], Table]:
+    """Names of views, and a table that begins with them.
+
+    Of long names what all have in common is told above the table. Where the terminal is narrow, names are folded, not
+    cut.
+    """
     from rich import box
     from rich.table import Table
 
+    short, pattern = short_names(names, _LONGEST_NAME)
+    if pattern:
+        _say(console, f"view: * of {pattern}")
     table = Table(box=box.SIMPLE_HEAD, padding=TIGHT, pad_edge=False)
     table.add_column("view", overflow="fold", min_width=15)
-    return table
+    return short, table
 
 
 def show_run(run: Path) -> None:
@@ -109,13 +134,13 @@ def show_run(run: Path) -> None:
         f"{scene.views.name[scene.reference]}{every}; ground sample distance {scene.gsd:.4g} ({unit})"
     )
     console.print(f"frame: {'body-fixed, by pose priors' if scene.frame == BODY_FIXED else 'of the images alone'}")
-    table = view_table()
+    names, table = _names_and_table(console, scene.views.name)
     sigmas = view_sigmas(scene)
     heads = [f"{words(name)} \\[{unit}]".replace(" ", "\n") for name, unit in map(split_unit, sigmas)]
     for head in ("keypoints", "scale", "bias", *heads):
         table.add_column(head, justify="right", overflow="fold")
     keypoints = np.bincount(scene.tracks.view, minlength=len(scene.views))
-    for k, name in enumerate(scene.views.name):
+    for k, name in enumerate(names):
         shown = (f"{scene.views.scale[k]:.4g}", f"{scene.views.bias[k]:.1e}", *(f"{s[k]:.3g}" for s in sigmas.values()))
         table.add_row(name, str(keypoints[k]), *shown)
     console.print(table)

@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from photoclinometry.cli.columns import plain_number, rows_as_text, short_names
 from photoclinometry.cli.site_path import site_file
 from photoclinometry.io.rasters.projection import degrees_words
 from photoclinometry.registration.view_choice import ViewLimits
 
 if TYPE_CHECKING:
     from photoclinometry.registration.view_choice import ViewChoice
+
+_LONGEST_NAME = 36
+"""Longer names of images leave no room for the numbers [characters]: what all have in common is left out."""
 
 
 def views(
@@ -56,18 +60,26 @@ def views(
 def show(choice: ViewChoice) -> None:
     """A line for each view that sees the place, chosen ones marked, and how many there are of each kind."""
     found = choice.sightings
-    names = [Path(s.name).stem for s in found.seen]
-    width = max(5, *(len(name) for name in names))
+    names, pattern = short_names([Path(s.name).stem for s in found.seen], _LONGEST_NAME)
     chosen = {s.name for s in choice.chosen}
-    print(f"  {'image':{width}}    m/px emis.  inc. phase sub-sc      km")
-    for name, s in zip(names, found.seen, strict=True):
-        angles = f"{s.emission_deg:6.1f}{s.incidence_deg:6.1f}{s.phase_deg:6.1f}{s.sub_spacecraft_deg:7.1f}"
-        numbers = f"{s.gsd_m:8.3g}{angles}{s.distance_m / 1e3:8.3g}"
-        print(f"{'*' if s.name in chosen else ' '} {name:{width}}{numbers}")
+    rows = [
+        (
+            f"{'*' if s.name in chosen else ' '} {name}",
+            plain_number(s.gsd_m),
+            *(f"{angle:.1f}" for angle in (s.emission_deg, s.incidence_deg, s.phase_deg, s.sub_spacecraft_deg)),
+            plain_number(s.distance_m / 1e3),
+        )
+        for name, s in zip(names, found.seen, strict=True)
+    ]
+    for line in rows_as_text(("  image", "m/px", "emis.", "inc.", "phase", "sub-sc", "km"), rows):
+        print(line)
+    if pattern:
+        _say(f"image: * of {pattern}")
     place = degrees_words(found.place.lon_deg, found.place.lat_deg)
     _say(
-        f"{len(found.seen)} views see {place}; {len(chosen)} are chosen (*). Not seen "
-        f"from {found.beyond_limb}, beside {found.outside_image} images; {found.without_prior} have no pose prior"
+        f"{len(found.seen)} views see {place}; {len(chosen)} are chosen (*). Of the others, "
+        f"{found.beyond_limb} have it beyond the limb, {found.outside_image} have it beside the image, and "
+        f"{found.without_prior} have no pose prior"
     )
 
 
