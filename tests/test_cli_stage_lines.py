@@ -2,9 +2,11 @@
 
 import logging
 import re
+from pathlib import Path
 
 import pytest
 
+import photoclinometry
 from photoclinometry.cli.stage_lines import NAMES, StageLines, shown_name, stage_line
 from photoclinometry.pipeline.stage import say_found
 
@@ -54,6 +56,17 @@ def test_every_stage_of_a_run_has_a_name(mapped):
     stages = {file.stem for file in (mapped.run / "stages").glob("*.npz")}
     names = {re.sub(r" \d+$", "", shown_name(stage)) for stage in stages}
     assert names <= set(NAMES.values())
+
+
+def test_every_stage_of_the_program_has_a_name():
+    """A name with an underscore is one that developers write."""
+    source = Path(photoclinometry.__file__).parent
+    text = "".join(
+        file.read_text(encoding="utf-8") for part in ("pipeline", "body") for file in (source / part).glob("*.py")
+    )
+    stages = set(re.findall(r'^    name = "(\w+)"|\.timed\("(\w+)"\)', text, flags=re.MULTILINE))
+    assert {name or part for name, part in stages} <= set(NAMES)
+    assert not any("_" in name for name in NAMES.values())
 
 
 def test_findings_of_a_run_fit_their_column_and_its_work_ends_at_its_totals(mapped, tmp_path, shown):

@@ -23,6 +23,9 @@ log = logging.getLogger(__name__)
 BLOCK = 2**21
 """Observations that are triangulated at a time, in whole rows of the map's grid: bounds the memory to 100 MB."""
 
+FEW_VIEWS = 3
+"""In two views a wrong match along the epipolar line cannot be noticed."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DensifyOptions(Ranged):
@@ -114,12 +117,18 @@ def densify(
     merged = {name: np.concatenate([part.pop(name) for part in parts]) for name in tuple(parts[0])}
     landmarks, observations = len(merged["count"]), len(merged["view"])
     if not landmarks:
-        raise ReconstructionError(
-            f"no pixel of the region was matched in {options.min_views} views or more; lower min_views "
-            f"(there are {len(index)} views) or choose a region that more views see"
-        )
+        raise ReconstructionError(_unmatched(len(index), options))
     log.info("%d landmarks from %d pixels, %.1f views each", landmarks, rows * cols, observations / landmarks)
     return DenseTracks(start=row_starts(merged.pop("count")), **merged)
+
+
+def _unmatched(views: int, options: DensifyOptions) -> str:
+    few = f"ask for fewer views of a landmark (--densify.min-views {FEW_VIEWS}, or --preset few-views), or "
+    return (
+        f"no pixel of the region was matched in {options.min_views} of the {views} views; "
+        f"{few if options.min_views > FEW_VIEWS else ''}choose a region that more views see "
+        "([region] in site.toml), or add views of like light"
+    )
 
 
 def _densify_rows(part: Region, rows: slice, views: _MatchedViews, options: DensifyOptions) -> dict[str, np.ndarray]:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
+from photoclinometry.matching.densify import FEW_VIEWS
 from photoclinometry.model.errors import InputError
 from photoclinometry.pipeline.options import RunOptions
 
@@ -30,8 +31,7 @@ class RunPreset:
 PRESETS = {
     "few-views": RunPreset(
         about="nine images or fewer",
-        # In two views a wrong match along the epipolar line cannot be noticed.
-        values={"densify.min_views": 3, "sfm.max_features": 10_000},
+        values={"densify.min_views": FEW_VIEWS, "sfm.max_features": 10_000},
     ),
     "uncalibrated": RunPreset(
         about="brightness is not I/F, or not certainly",

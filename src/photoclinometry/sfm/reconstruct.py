@@ -227,7 +227,8 @@ def _explain_failure(names: list[str], found: _Attempt, options: SfmOptions) -> 
         message += " The views fall into groups that share no matches: " + _listing(names, groups) + "."
     return message + (
         " Use images that overlap more and whose light differs less (Sun within about 30 degrees), views 3 "
-        f"to 30 degrees apart, more features (now {options.max_features}), or the {other} mapper."
+        f"to 30 degrees apart, more features (--sfm.max-features {2 * options.max_features}; now "
+        f"{options.max_features}), or the {other} mapper (--sfm.mapper {other})."
     )
 
 
