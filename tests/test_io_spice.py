@@ -145,12 +145,14 @@ def test_a_time_that_kernels_do_not_cover_is_told_with_their_times():
     folder = SPICE / "osiris_rex_mapcam_bennu"
     with spice.loaded_kernels([folder]) as kernels:
         time = kernels.time_of_utc("2021-06-01T00:00:00")
-        said = r"V001_0\.bsp \(2019-03-03T\S+ to 2019-03-03T\S+\).*: load the kernels of that time"
-        with pytest.raises(
-            InputError, match=r"the position of SUN.*the time 2021-06-01T00:00:00 is outside of .*" + said
-        ):
+        said = (
+            r"V001_0\.bsp \(2019-03-03T\S+ to 2019-03-03T\S+\).* does not give the position of SUN seen from 2101955 "
+        )
+        begins = r"^the time 2021-06-01T00:00:00 is outside of what the kernels cover: load kernels of that time\. .*"
+        with pytest.raises(InputError, match=begins + said) as raised:
             kernels.position("SUN", time, "J2000", "LT+S", "2101955")
-        with pytest.raises(InputError, match=r"rotation.*2021-06-01T00:00:00 is outside of .*\.bc \(2019"):
+        assert len(str(raised.value)) < 500
+        with pytest.raises(InputError, match=begins + r"\.bc \(2019.* give the rotation from IAU_BENNU"):
             kernels.rotation("IAU_BENNU", "ORX_OCAMS_MAPCAM", time)
         with pytest.raises(InputError, match=r"does not give the position of JUPITER") as raised:
             kernels.position("JUPITER", kernels.time_of_utc("2019-03-03T10:51:00"), "J2000", "LT+S", "2101955")

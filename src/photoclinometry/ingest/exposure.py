@@ -98,11 +98,11 @@ def _exposure(
     sumfile = sumfile_of(product.path, facts, auxiliary.sumfiles)
     row = (auxiliary.suns or {}).get(product.path.name) or (auxiliary.suns or {}).get(product.data.name)
     optics = find_optics(product, facts, known, sumfile, options, auxiliary.kernels)
-    missing = [] if optics else [_no_camera(facts)]
+    missing, fault = [] if optics else [_no_camera(facts)], None
     try:
         geometry = _geometry(product, facts, known, sumfile, options, auxiliary.kernels)
     except InputError as error:
-        geometry = None
+        geometry, fault = None, error
         missing.append(str(error))
         if row is None:
             missing.append("so the Sun's direction is unknown: correct that, or pass --sumfiles or --suns")
@@ -110,7 +110,7 @@ def _exposure(
         if geometry is None and row is None:
             missing.append("the Sun's direction is unknown: pass --kernels, --sumfiles, or --suns")
     if missing or optics is None:
-        raise InputError("; ".join(missing))
+        raise InputError("; ".join(missing)) from fault
     detector = replace(optics.detector, distortion=None) if options.undistorted else optics.detector
     camera, cam_from_instrument, _ = upright(detector)
     if geometry is not None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from photoclinometry.ingest.exposure import AuxiliaryData, Exposure, read_exposure
 from photoclinometry.ingest.options import IngestOptions
+from photoclinometry.ingest.refusals import Refusal, counted, message, sentences
 from photoclinometry.ingest.sumfiles import read_sumfiles
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.bodies import is_known
@@ -33,8 +34,6 @@ SOURCES_FILE = "sources.json"
 ALIGNMENT_SIGMA_DEG = 0.05
 """By how much the alignment of a camera with the spacecraft's star trackers is typically off: the pointing that mission
 teams find from images differs from kernels by some hundredths of a degree, alike in all images of a phase."""
-_LISTED = 20
-"""Files that cannot be used which an error names; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class IngestResult:
     site: Path
     exposures: tuple[Exposure, ...]
     refused: tuple[str, ...]
-    """The reasons for files left out (`keep_going`), one sentence each."""
+    """The reasons for files left out (`keep_going`), one sentence for all files with the same."""
 
 
 def ingest(
@@ -66,13 +65,13 @@ def ingest(
         auxiliary = AuxiliaryData(kernels, sumfiles, suns)
         exposures, refused = _read_all(files, options, auxiliary, progress)
     if refused and not (options.keep_going and exposures):
-        raise InputError(_listed(refused, len(files)))
+        raise InputError(message(refused, counted(files)))
     exposures = _one_unit(exposures)
     with atomic_path(out) as folder:
         _write(folder, out, exposures, options)
     if len(exposures) < MIN_VIEWS:
         warn(logger, "few-views", "the site has %d views; phomo run needs at least %d", len(exposures), MIN_VIEWS)
-    return IngestResult(out / SITE_FILE, tuple(exposures), tuple(refused))
+    return IngestResult(out / SITE_FILE, tuple(exposures), tuple(sentences(refused)))
 
 
 def check_out(out: Path) -> None:
@@ -83,16 +82,16 @@ def check_out(out: Path) -> None:
 
 def _read_all(
     files: Sequence[Path], options: IngestOptions, auxiliary: AuxiliaryData, progress: Progress | None
-) -> tuple[list[Exposure], list[str]]:
+) -> tuple[list[Exposure], list[Refusal]]:
     """The exposures, each once, and the faults of the files that cannot be used."""
     exposures: list[Exposure] = []
-    refused: list[str] = []
+    refused: list[Refusal] = []
     seen: set[Path] = set()
     for number, path in enumerate(files, start=1):
         try:
             exposure = _read_one(Path(path), options, auxiliary)
         except InputError as error:
-            refused.append(str(error))
+            refused.append(Refusal.of(Path(path), error))
         else:
             if exposure.data.resolve() not in seen:
                 exposures.append(exposure)
@@ -111,14 +110,6 @@ def _read_one(path: Path, options: IngestOptions, auxiliary: AuxiliaryData) -> E
     if misplaced:
         raise InputError(f"{path}: {misplaced}; correct --pinhole, or the camera in its label or kernels")
     return exposure
-
-
-def _listed(refused: Sequence[str], count: int) -> str:
-    if count == 1:
-        return refused[0]
-    shown = "\n  ".join(refused[:_LISTED])
-    more = f"\n  and {len(refused) - _LISTED} more" if len(refused) > _LISTED else ""
-    return f"{len(refused)} of {count} files cannot be used (--keep-going leaves them out):\n  {shown}{more}"
 
 
 def _one_unit(exposures: list[Exposure]) -> list[Exposure]:

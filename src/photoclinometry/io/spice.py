@@ -26,6 +26,8 @@ _BINARY = (".bsp", ".bc", ".bpc", ".bds")
 _META = (".tm", ".mk")
 _NOT_COVERED = ("SPKINSUFFDATA", "NOFRAMECONNECT", "CKINSUFFDATA")
 """SPICE's errors for times, or bodies and frames, that no kernel covers."""
+_COVERS = 2
+"""Kernels whose times an error names; the others are counted."""
 _LISTED = 4
 """Kernels that an error names; the others are counted."""
 _KNOWN_HEADS = (b"KPL/", b"DAF/", b"NAIF/DAF", b"DAS/", b"\\begin")
@@ -35,6 +37,15 @@ _TIMEOUT_S = 120.0
 """Longest wait for one answer [s]; the slowest, loading a large text kernel, takes seconds."""
 _HEAD_BYTES = 1024
 """A kernel's type stands in its first bytes; text kernels may begin with comments."""
+
+
+class TimeNotCoveredError(InputError):
+    """No loaded kernel covers a time."""
+
+    def __init__(self, time: str, rest: str):
+        super().__init__(f"the time {time} is {rest}")
+        self.time = time
+        """As UTC, or in seconds where no leap seconds are loaded."""
 
 
 class Kernels:
@@ -79,17 +90,18 @@ class Kernels:
 
     def position(self, target: str, time: float, frame: str, correction: str, observer: str) -> np.ndarray:
         """(3,) [km] of `target` as seen from `observer`."""
-        what = f"the position of {target} seen from {observer} at {time:.3f} s"
+        what = f"the position of {target} seen from {observer}"
         place = np.array(self._ask_at(time, what, "position", target, time, frame, correction, observer))
         if not (np.abs(place) < _FARTHEST_KM).all():
             raise InputError(
-                f"SPICE gives {place.tolist()} km as {what}; one of the position kernels (*.bsp) is damaged"
+                f"SPICE gives {place.tolist()} km as {what} at {time:.3f} s; one of the position kernels (*.bsp) is "
+                "damaged"
             )
         return place
 
     def rotation(self, source: str, target: str, time: float) -> np.ndarray:
         """(3, 3) target_from_source."""
-        what = f"the rotation from {source} to {target} at {time:.3f} s"
+        what = f"the rotation from {source} to {target}"
         return np.array(self._ask_at(time, what, "rotation", source, target, time))
 
     def keyword(self, name: str) -> tuple[Any, ...] | None:
@@ -118,20 +130,25 @@ class Kernels:
     def _ask_at(self, time: float, what: str, question: str, *arguments: Any) -> Any:
         """As `_ask`, of a time [s TDB past J2000]; the error names the kernels that do not cover it."""
         try:
-            return self._ask(what, question, *arguments)
+            return self._ask(f"{what} at {time:.3f} s", question, *arguments)
         except InputError as error:
             if not any(code in str(error) for code in _NOT_COVERED):
                 raise
             lacking = self._ask("the times of the kernels", "uncovered", time)
             if not lacking:
                 raise
+            # Attitudes are in *.bc, positions in *.bsp: those that were asked for come first.
+            lacking.sort(key=lambda each: (Path(each[0]).suffix.lower() == ".bc") != (question == "rotation"))
             listed = ", ".join(
                 f"{Path(file).name} ({self._date(begin)} to {self._date(end)})"
-                for file, begin, end in lacking[:_LISTED]
+                for file, begin, end in lacking[:_COVERS]
             )
-            more = f" and {len(lacking) - _LISTED} more" if len(lacking) > _LISTED else ""
-            raise InputError(
-                f"{error}; the time {self._date(time)} is outside of {listed}{more}: load the kernels of that time"
+            more = f" and {len(lacking) - _COVERS} more" if len(lacking) > _COVERS else ""
+            code = next(code for code in _NOT_COVERED if code in str(error))
+            raise TimeNotCoveredError(
+                self._date(time),
+                f"outside of what the kernels cover: load kernels of that time. Loaded are {listed}{more}, and SPICE "
+                f"does not give {what} ({code})",
             ) from error
 
     def _date(self, time: float) -> str:

@@ -39,12 +39,12 @@ def _read(path: Path, linear: bool) -> Product:
     if start.startswith(b"<?xml") or start.startswith(b"<Product_Observational"):
         return read_pds4(path)
     if head.startswith(b"SIMPLE"):
-        label = _label_beside(path)
+        label = label_beside(path)
         return _read(label, linear) if label else _read_fits(path)
     if head.startswith((b"\x89PNG", b"II*\0", b"MM\0*")):
         image = read_image(path, linear=linear, remedy="pass --linear")
         return Product(path=path, data=path, kind="plain", image=image)
-    label = _label_beside(path)
+    label = label_beside(path)
     if label is not None:
         return _read(label, linear)
     raise ImageError(
@@ -58,7 +58,8 @@ def _is_isis(start: bytes) -> bool:
     return len(words) > 2 and words[0].upper() == b"OBJECT" and words[2].upper() == b"ISISCUBE"
 
 
-def _label_beside(path: Path) -> Path | None:
+def label_beside(path: Path) -> Path | None:
+    """The label of the same name beside a data file; None without one."""
     for suffix in (".lbl", ".LBL", ".xml", ".XML"):
         label = path.with_suffix(suffix)
         if label != path and label.is_file():
