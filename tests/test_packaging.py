@@ -12,6 +12,8 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 CONDA_NAMES = {"opencv-python-headless": "py-opencv", "matplotlib": "matplotlib-base", "astropy": "astropy-base"}
 """Names of packages in conda-forge that differ from those of PyPI."""
+SYSTEMS = {"ubuntu": "POSIX :: Linux", "macos": "MacOS", "windows": "Microsoft :: Windows"}
+"""Of the runners of the public CI, as the package index calls them."""
 
 
 def text(name):
@@ -33,6 +35,13 @@ def test_the_version_is_one():
 def test_every_version_of_the_changelog_names_its_tag():
     for heading in re.findall(r"^## (\d.*)$", text("CHANGELOG.md"), re.M):
         assert f"`v{heading.split()[0]}`" in heading
+
+
+def test_the_citation_has_the_date_of_the_newest_version_once_it_has_one():
+    newest = next(heading for heading in re.findall(r"^## (.+)$", text("CHANGELOG.md"), re.M) if heading[0].isdigit())
+    dates = re.findall(r"\d{4}-\d{2}-\d{2}", newest)
+    assert dates or "not yet tagged" in newest
+    assert re.findall(r"^date-released: [\"']?([\d-]+)", text("CITATION.cff"), re.M) == dates
 
 
 def test_licence_and_authors_are_the_same_everywhere():
@@ -63,7 +72,7 @@ def test_the_source_distribution_has_what_a_checkout_has():
     stated = text("MANIFEST.in")
     for name in ("constraints.txt", "CHANGELOG.md", "CITATION.cff", "DESIGN.md", "Makefile"):
         assert name in stated
-    for folder in ("docs", "examples", "tests", "benchmarks", ".ci", "recipe"):
+    for folder in ("docs", "examples", "tests", "benchmarks", ".ci", ".github", "recipe"):
         assert f"graft {folder}\n" in stated
         assert (ROOT / folder).is_dir()
 
@@ -81,6 +90,7 @@ def test_the_conda_recipe_asks_for_what_the_package_does():
 def test_public_ci_runs_what_ours_runs_on_every_system_and_python(system):
     workflow = text(".github/workflows/ci.yml")
     assert f"{system}-" in workflow
+    assert any(f"Operating System :: {SYSTEMS[system]}" in name for name in PROJECT["classifiers"])
     named = {name.rpartition(" ")[2] for name in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", name)}
     assert set(re.search(r"python: \[(.*)\]", workflow)[1].replace('"', "").split(", ")) == named
     assert "run: .ci/run\n" in workflow
