@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from photoclinometry.ingest.cameras import known_camera
 from photoclinometry.ingest.facts import read_facts, time_of
 from photoclinometry.io.archives.product import Product
 from photoclinometry.io.archives.pvl import parse_pvl
@@ -49,6 +50,26 @@ def test_an_exposure_without_unit_is_that_which_start_and_stop_allow():
     assert facts(times + "EXPOSURE_DURATION = 30710").exposure_s == pytest.approx(30.71)
 
 
+OCAMS = (
+    "HOSTNAME = OREX\nCAMERAID = {}\nFILTNAME = V\nTARGET = BENNU\nEXPTIME = 5.285275\nSCLK_STR = '3/0604882742.23115'"
+)
+
+
+@pytest.mark.parametrize(("number", "camera"), [(0, "orex-mapcam"), (1, "orex-samcam"), (2, "orex-polycam"), (7, None)])
+def test_headers_of_ocams_number_their_camera_and_count_milliseconds(number, camera):
+    """An exposure taken for seconds would put the image 2.6 s late: 0.06 degrees of Bennu's rotation."""
+    said = facts(OCAMS.format(number), "FITS")
+    known = known_camera(said)
+    assert (known and known.name) == camera
+    assert (said.filter, said.target, said.clock) == ("V", "bennu", "3/0604882742.23115")
+    assert said.exposure_s == pytest.approx(0.005285275)
+
+
+def test_a_camera_s_number_of_another_spacecraft_says_nothing():
+    assert facts("CAMERAID = 0\nHOSTNAME = VOYAGER", "FITS").instrument is None
+    assert facts("CAMERAID = 0\nHOSTNAME = OREX\nINSTRUME = NAVCAM", "FITS").instrument == "NAVCAM"
+
+
 @pytest.mark.parametrize(
     ("text", "kind", "name", "unit"),
     [
@@ -60,6 +81,7 @@ def test_an_exposure_without_unit_is_that_which_start_and_stop_allow():
         ("DATA_SET_ID = 'DAWN-A-FC2-2-EDR-CERES-IMAGES-V1.0'", "PDS3", "a", "dn"),
         ("BUNIT = 'RAW-DN'\nNEAR-013 = 2", "FITS", "a", "iof"),
         ("A = 1", "ISIS", "20190303T100344S990_map_iofL2pan.cub", "iof"),
+        ("A = 1", "PDS4", "20190303T100344S990_map_iofL2pan.xml", "iof"),
         ("A = 1", "plain", "ocams20190314t190123s972_map_iofl2pan.png", None),
         ("A = 1", "FITS", "a", None),
     ],

@@ -22,6 +22,12 @@ _SECONDS = {
 }
 """Units of durations in labels, in seconds."""
 _MISSING = ("N/A", "NULL", "UNK", "NONE", "")
+_OCAMS = {"0": "MapCam", "1": "SamCam", "2": "PolyCam"}
+"""OSIRIS-REx's cameras by their number in labels and headers, which name only the suite (ISIS, ocams2isis)."""
+_CAMERA_NUMBERS = ("CAMERAID", "CAMERA_ID")
+"""Where that number stands: in FITS headers, in PDS4 labels."""
+_MILLISECOND_HEADERS = ("NEAR-010", "CAMERAID")
+"""Keywords of the FITS headers that count exposures in milliseconds: NEAR's, OCAMS's (ISIS, OsirisRexOcamsCamera)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,9 +54,16 @@ class Facts:
 
 
 _KEYS = {
-    "spacecraft": ("SPACECRAFTNAME", "INSTRUMENT_HOST_NAME", "SPACECRAFT_NAME", "INSTRUMENT_HOST_ID", "SPCECRFT"),
+    "spacecraft": (
+        "SPACECRAFTNAME",
+        "INSTRUMENT_HOST_NAME",
+        "SPACECRAFT_NAME",
+        "INSTRUMENT_HOST_ID",
+        "SPCECRFT",
+        "HOSTNAME",
+    ),
     "instrument": ("INSTRUMENTID", "INSTRUMENT_ID", "INSTRUME", "NEAR-005"),
-    "filter": ("FILTERNAME", "FILTER_NUMBER", "FILTER_NAME", "FILTERNUMBER", "FILTER", "NEAR-009"),
+    "filter": ("FILTERNAME", "FILTER_NUMBER", "FILTER_NAME", "FILTERNUMBER", "FILTNAME", "FILTER", "NEAR-009"),
     "target": ("TARGETNAME", "TARGET_NAME", "TARGET", "OBJECT", "NEAR-047"),
     "start": ("STARTTIME", "START_TIME", "START_DATE_TIME", "DATE-BEG", "DATE-OBS", "DATE_OBS", "OBS_DATE"),
     "exposure": ("EXPOSUREDURATION", "EXPOSURE_DURATION", "EXPTIME", "EXPOSURE", "XPOSURE", "NEAR-010"),
@@ -67,9 +80,10 @@ def read_facts(product: Product) -> Facts:
     found = {fact: _first(label, keys) for fact, keys in _KEYS.items()}
     instrument = _text(found["instrument"])
     if product.kind == "PDS4":
-        found["spacecraft"], instrument = _pds4_component(label, "HOST"), _pds4_component(label, "INSTRUMENT")
+        found["spacecraft"], instrument = _pds4_component(label, *_PDS4_HOSTS), _pds4_component(label, "INSTRUMENT")
         target = label_block(label, "TARGET_IDENTIFICATION")
         found["target"] = target.get("NAME") if target else None
+    instrument = _ocams_camera(label, _text(found["spacecraft"]), instrument) or instrument
     kernels = label.block("ISISCUBE", "KERNELS")
     code = kernels.get("NAIFFRAMECODE") if kernels else None
     return Facts(
@@ -85,6 +99,14 @@ def read_facts(product: Product) -> Facts:
         frame_code=code if isinstance(code, int) else None,
         scanner=any(label.find(key) is not None for key in _SCANS) or (instrument or "").upper() in _SCANNERS,
     )
+
+
+def _ocams_camera(label: Block, spacecraft: str | None, instrument: str | None) -> str | None:
+    """The camera that the number in a label of OSIRIS-REx's camera suite stands for; None for other labels."""
+    ours = any(name in (spacecraft or "").upper() for name in ("OREX", "OSIRIS-REX"))
+    if not ours or (instrument or "OCAMS").upper() != "OCAMS":
+        return None
+    return _OCAMS.get(_text(_first(label, _CAMERA_NUMBERS)) or "")
 
 
 def label_block(label: Block, name: str) -> Block | None:
@@ -127,8 +149,9 @@ def _seconds(value: Any, product: Product) -> float | None:
         return value.value * factor if factor else None
     if not isinstance(value, int | float) or isinstance(value, bool):
         return None
-    # PDS3's dictionary has milliseconds for EXPOSURE_DURATION, FITS and ISIS have seconds; NEAR's headers count in ms.
-    by_format = float(value) * (1e-3 if product.kind == "PDS3" or product.label.get("NEAR-010") is not None else 1.0)
+    # PDS3's dictionary has milliseconds for EXPOSURE_DURATION, FITS and ISIS have seconds, but for some headers.
+    in_ms = product.kind == "PDS3" or any(product.label.find(key) is not None for key in _MILLISECOND_HEADERS)
+    by_format = float(value) * (1e-3 if in_ms else 1.0)
     between = _seconds_between(_text(product.label.find("START_TIME")), _text(product.label.find("STOP_TIME")))
     # Labels of Rosetta's NavCam give seconds nevertheless, as start and stop times show.
     return by_format if between is None or abs(by_format - between) <= abs(value - between) else float(value)
@@ -174,8 +197,8 @@ def _unit(product: Product) -> str | None:
 
 
 def _unit_of_name(product: Product) -> str | None:
-    """The unit of OCAMS's cubes, which only their names give. PNG files are excluded: their integers are stretched."""
-    return "iof" if product.kind in ("ISIS", "FITS") and "_iof" in product.path.name.lower() else None
+    """The unit of OCAMS's files, which only their names give. PNG files are excluded: their integers are stretched."""
+    return "iof" if product.kind in ("ISIS", "FITS", "PDS4") and "_iof" in product.path.name.lower() else None
 
 
 def _unit_of_words(label: Block) -> str | None:
@@ -201,9 +224,14 @@ def _unit_of_words(label: Block) -> str | None:
     return "dn" if words & {"DN", "DU", "RAW_INSTRUMENT_COUNT", "EDR", "COUNTS", "ADU"} else None
 
 
-def _pds4_component(label: Block, kind: str) -> str | None:
-    """The name of the observing system's component of a type (Host, Instrument)."""
+_PDS4_HOSTS = ("HOST", "SPACECRAFT")
+"""Types of the component that carries the instrument; labels until 2019 have the second."""
+
+
+def _pds4_component(label: Block, *kinds: str) -> str | None:
+    """The name of the observing system's component of one of some types."""
     for block in label.walk():
-        if block.name == "OBSERVING_SYSTEM_COMPONENT" and kind in str(block.get("TYPE")).upper():
+        kind = str(block.get("TYPE")).upper()
+        if block.name == "OBSERVING_SYSTEM_COMPONENT" and any(k in kind for k in kinds):
             return _text(block.get("NAME"))
     return None
