@@ -5,11 +5,11 @@ import pytest
 
 from archives import FORMATS, SPICE, needs_formats, needs_spice
 from photoclinometry.ingest.cameras import CAMERAS, camera_named, known_camera
-from photoclinometry.ingest.detector import fitted, seen_pixels, turned_about, upright
+from photoclinometry.ingest.detector import fitted, seen_pixels, upright
 from photoclinometry.ingest.facts import Facts, read_facts
 from photoclinometry.ingest.keywords import detector_from_keywords, keywords_of_label
 from photoclinometry.io.archives.archive import read_product
-from photoclinometry.io.spice import loaded_kernels
+from photoclinometry.io.spice import kernel_files, loaded_kernels
 from photoclinometry.model.errors import InputError
 
 GRID = np.stack(np.meshgrid(np.linspace(5, 1015, 9), np.linspace(5, 1015, 9)), -1)
@@ -20,11 +20,6 @@ def assert_same(one, other):
     np.testing.assert_allclose(seen_pixels(one, GRID), seen_pixels(other, GRID), atol=1e-9)
     np.testing.assert_allclose(upright(one)[0].params, upright(other)[0].params, rtol=1e-12)
     np.testing.assert_allclose(upright(one)[1], upright(other)[1], atol=1e-12)
-
-
-def in_cube_order(camera, filter_name=None):
-    detector = camera.with_filter(filter_name)
-    return turned_about(detector, lines=True, samples=False) if camera.cube_lines_turned else detector
 
 
 @pytest.mark.data
@@ -46,7 +41,33 @@ def test_the_table_says_what_the_kernels_say(folder, name, filters):
             found = detector_from_keywords(
                 kernels.keyword, camera.code_with_filter(filter_name), filter_name, (1024, 1024)
             )
-            assert_same(in_cube_order(camera, filter_name), found)
+            assert_same(camera.in_cube_order(filter_name), found)
+
+
+@pytest.mark.data
+@needs_spice
+@pytest.mark.parametrize(
+    ("folder", "name", "filter_name"),
+    [
+        ("dawn_fc_ceres", "dawn-fc2", "6"),
+        ("hayabusa_amica_itokawa", "hayabusa-amica", "V"),
+        ("osiris_rex_mapcam_bennu", "orex-mapcam", "PAN"),
+    ],
+)
+def test_instrument_kernels_without_isis_s_addendum_mean_the_same_camera(folder, name, filter_name):
+    """NAIF's kernels tell neither how the detector is turned nor OCAMS's distortion: MapCam came out mirrored and
+    turned by a quarter, AMICA mirrored, without a word."""
+    camera = CAMERAS[name]
+    files = [file for file in kernel_files([SPICE / folder]) if "addendum" not in file.name.lower()]
+    with loaded_kernels(files) as kernels:
+        found = detector_from_keywords(
+            kernels.keyword,
+            camera.code_with_filter(filter_name),
+            filter_name,
+            (1024, 1024),
+            camera.in_cube_order(filter_name),
+        )
+    assert_same(camera.in_cube_order(filter_name), found)
 
 
 @pytest.mark.data
@@ -66,7 +87,7 @@ def test_the_table_says_what_cubes_say(path, name):
     assert camera.name == name
     assert camera.code == facts.frame_code
     found = detector_from_keywords(keywords_of_label(product.label), camera.code, facts.filter, (2592, 1944))
-    assert_same(in_cube_order(camera, facts.filter), found)
+    assert_same(camera.in_cube_order(facts.filter), found)
 
 
 @pytest.mark.parametrize("name", CAMERAS)

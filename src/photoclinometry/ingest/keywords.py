@@ -45,11 +45,15 @@ def keywords_of_label(label: Block) -> Keywords:
     return get
 
 
-def detector_from_keywords(get: Keywords, code: int, filter_name: str | None, size: tuple[int, int]) -> Detector | None:
+def detector_from_keywords(
+    get: Keywords, code: int, filter_name: str | None, size: tuple[int, int], table: Detector | None = None
+) -> Detector | None:
     """The detector of instrument `code`, with lines and samples as in ISIS's cubes; None if a keyword is missing.
 
-    size: (width, height) of the whole detector, used if no keyword gives it. Raises InputError for keywords that
-    cannot be those of a camera.
+    size: (width, height) of the whole detector, used if no keyword gives it. table: the camera of the table in the
+    order of ISIS's cubes: its axes are taken where keywords give none, as in NAIF's instrument kernels without an
+    addendum of ISIS, and then its distortion, if keywords give none of that either. Raises InputError for keywords
+    that cannot be those of a camera.
     """
 
     def numbers(name: str, count: int = 1) -> tuple[float, ...] | None:
@@ -61,7 +65,7 @@ def detector_from_keywords(get: Keywords, code: int, filter_name: str | None, si
     if focal is None or center is None or (matrix is None and pitch is None):
         return None
     focal_mm = focal[0] * 1e3 if focal[0] < _SHORTEST_FOCAL_MM else focal[0]
-    axes = np.eye(2) if matrix is None else matrix
+    axes = np.array(table.axes if table else np.eye(2)) if matrix is None else matrix
     if matrix is not None and pitch is not None:
         axes = matrix / np.linalg.norm(matrix, axis=1, keepdims=True)
     samples, lines = numbers("PIXEL_SAMPLES"), numbers("PIXEL_LINES")
@@ -75,6 +79,8 @@ def detector_from_keywords(get: Keywords, code: int, filter_name: str | None, si
     )
     model = str((get(f"INS{code}_DISTORTION_MODEL") or ("",))[0]).upper()
     distortion, principal = _distortion(numbers, plain, filter_name, model)
+    if distortion is None and matrix is None and table is not None:
+        distortion = table.distortion
     return Detector(
         width=width,
         height=height,

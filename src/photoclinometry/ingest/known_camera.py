@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from photoclinometry.ingest.detector import Detector
+from photoclinometry.ingest.detector import Detector, turned_about
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +42,11 @@ class KnownCamera:
     def with_filter(self, name: str | None) -> Detector:
         """The whole detector behind that filter, in the order of the archive's files."""
         return self.filters.get(filter_key(name), self.detector)
+
+    def in_cube_order(self, name: str | None) -> Detector:
+        """As `with_filter`, in the order of ISIS's cubes."""
+        detector = self.with_filter(name)
+        return turned_about(detector, lines=True, samples=False) if self.cube_lines_turned else detector
 
     def code_with_filter(self, name: str | None) -> int:
         """NAIF identifier of the camera with that filter."""

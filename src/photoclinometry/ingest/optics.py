@@ -60,22 +60,21 @@ def _whole_detector(
     size = (known.detector.width, known.detector.height) if known else product.image.brightness.shape[::-1]
     code = facts.frame_code or (known.code_with_filter(facts.filter) if known else None)
     lines_turned = known is not None and known.cube_lines_turned
+    in_cube = known.in_cube_order(facts.filter) if known else None
     if product.kind == "ISIS" and code is not None:
-        found = detector_from_keywords(keywords_of_label(product.label), code, facts.filter, size)
+        found = detector_from_keywords(keywords_of_label(product.label), code, facts.filter, size, in_cube)
         if found is not None:
             return Optics(found, "ISIS keywords")
     # Addenda assume ISIS's frames, with the boresight along z. For other frames the table is more reliable.
     if kernels is not None and code is not None and (known is None or known.detector.frame == BORESIGHT_Z):
-        found = detector_from_keywords(kernels.keyword, code, facts.filter, size)
+        found = detector_from_keywords(kernels.keyword, code, facts.filter, size, in_cube)
         if found is not None:
             turn = lines_turned and product.kind != "ISIS"
             return Optics(turned_about(found, lines=True, samples=False) if turn else found, "instrument kernel")
     if known is None:
         return None
-    detector = known.with_filter(facts.filter)
-    turn = lines_turned and product.kind == "ISIS"
     return Optics(
-        turned_about(detector, lines=True, samples=False) if turn else detector,
+        known.in_cube_order(facts.filter) if product.kind == "ISIS" else known.with_filter(facts.filter),
         f"table of cameras ({known.name}): {known.source}",
     )
 
