@@ -56,6 +56,17 @@ def rows_of(path):
         return list(csv.DictReader(stream))
 
 
+def test_noise_below_zero_does_not_keep_a_map_from_being_exported(place, tmp_path):
+    """The authors' format marks what is not lit by negative brightness; the whole export was refused for it."""
+    tracks = place.scene.tracks
+    brightness = tracks.brightness.copy()
+    brightness[:3] = -1e-4
+    scene = replace(place.scene, tracks=replace(tracks, brightness=brightness, lit=np.ones(len(brightness), bool)))
+    files = export_scene(scene, tmp_path / "out", ExportOptions(products=("text-model",)))["files"]
+    assert "3 keypoints of negative brightness are marked as not lit" in files["model"]
+    assert (~read_text_model(tmp_path / "out" / "model").scene.tracks.lit).sum() == 3
+
+
 def test_everything_that_there_is_is_written_and_named(exported):
     out, _ = exported
     expected = MAPS | OTHERS | TABLES | {"sigma_height.tif", "sigma_albedo.tif"}
