@@ -5,13 +5,15 @@
     python benchmarks/run_documents.py --pages README.md        # some of them
 
 Each page runs in a copy of the repository's files and in a virtual environment of its own, to which nothing is
-installed but what the page says. What cannot run is left out and listed with its reason: commands that need downloaded
-data, and those that need the result of such a command. Exit code 1 if a command fails.
+installed but what the page says; the package's name at the package index stands for the copy. Where a page downloads
+files of an archive, stand-ins lie in place (`stand_ins.py`). What cannot run is left out and listed with its reason:
+commands that need downloaded data, and those that need the result of such a command. Exit code 1 if a command fails.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import re
 import shlex
@@ -27,17 +29,36 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 _MISSIONS = sorted(page for page in (ROOT / "docs" / "missions").glob("*.md") if page.name != "index.md")
-PAGES = ("README.md", "docs/tutorial/first-map.md", *(f"docs/missions/{page.name}" for page in _MISSIONS))
+PAGES = ("README.md", "PACKAGE.md", "docs/tutorial/first-map.md", *(f"docs/missions/{page.name}" for page in _MISSIONS))
 EXCEPTIONS = {
     r"make test\b": "the suite is run by itself",
-    r"phomo ingest\b": "needs images of an archive",
+    r"wget\b": "downloads from an archive",
     r"phomo fetch\b": "downloads published data",
     r"phomo \S+ .*\bpublished/": "needs published data",
 }
 """Commands that are not run, by a pattern of their beginning, and why."""
+NO_STAND_INS = {
+    "hayabusa.md": "needs images of the archive; stand-ins are made for MapCam and FC2 alone",
+    "hayabusa2.md": "needs images of the archive, and kernels of ONC, of which none are at hand",
+    "near.md": "needs images of one place; those at hand show three places",
+    "rosetta.md": "needs images of the archive, and kernels of OSIRIS, of which none are at hand",
+}
+"""Missions whose `phomo ingest` is left out, and why."""
+_SHARED = ROOT.parent / "shared" / "data"
+"""Real files of archives, where they are at hand."""
+_OSIRIS_REX_FILES = {
+    "20190425T211232S312_map_iofL2pan.cub": "phocube/20190425T211232S312_map_iofL2pan-crop.cub",
+    "20200303T213031S138_ncm_L0.cub": "osirisRexImages/20200303T213031S138_ncm_L0-reduced.cub",
+    "ocams20190314t190123s972_map_iofl2pan_77236.png": "spc/ocams20190314t190123s972_map_iofl2pan_77236.png",
+    "sumfiles/M605862153F5.SUM": "spc/M605862153F5.SUM",
+}
+"""Real files by the names that the page gives them."""
+_INGEST = r"phomo ingest\b"
 _INSTALL = "pip install ."
 """Run first on pages that do not say how to install."""
-_PROGRAMS = ("phomo", "pip", "make", "mkdir")
+_FROM_INDEX = re.compile(r"^(pip install '?)photoclinometry(?=\[|'|$)")
+"""The package by its name at the package index."""
+_PROGRAMS = ("phomo", "pip", "make", "mkdir", "wget")
 _SHOWN = 20
 """Lines of a failed command's output that are shown."""
 
@@ -77,16 +98,54 @@ def steps_of(page: Path) -> list[Step]:
     """The commands of a page in their order, with those that cannot run marked."""
     steps: list[Step] = []
     absent: set[str] = set()
+    exceptions = EXCEPTIONS | _without_images(page)
     for language, block in code_blocks(page):
         if language == "python":
             steps.append(Step(block, _needs(block, absent), python=True))
         for command in commands_of(block) if language in ("", "bash", "sh", "console") else ():
-            why = next((why for pattern, why in EXCEPTIONS.items() if re.match(pattern, command)), None)
+            why = next((why for pattern, why in exceptions.items() if re.match(pattern, command)), None)
             why = why or _needs(command, absent)
             if why is not None:
                 absent |= _written(command)
             steps.append(Step(command, why))
     return steps
+
+
+def _without_images(page: Path) -> dict[str, str]:
+    """The exception of `phomo ingest` on pages for which there are no files to ingest."""
+    if page.name in STAND_INS:
+        lacking = what_stand_ins_lack()
+        return {} if lacking is None else {_INGEST: f"needs images of an archive, and for stand-ins {lacking}"}
+    return {_INGEST: NO_STAND_INS.get(page.name, "needs images of an archive")}
+
+
+def what_stand_ins_lack() -> str | None:
+    """What is missing here to make stand-ins; None if nothing is."""
+    if not _SHARED.is_dir():
+        return f"real kernels in {os.path.relpath(_SHARED, ROOT)}"
+    missing = [name for name in ("spiceypy", "embreex") if importlib.util.find_spec(name) is None]
+    return f"the package {missing[0]}" if missing else None
+
+
+def place_dawn(folder: Path) -> None:
+    """What the page on Dawn downloads: stand-ins for FC2's images and kernels."""
+    from stand_ins import write_fc
+
+    write_fc(folder, _SHARED / "spice" / "dawn_fc_ceres")
+
+
+def place_osiris_rex(folder: Path) -> None:
+    """What the page on OSIRIS-REx downloads: stand-ins for MapCam's images and kernels, and real cubes and SUMFILEs."""
+    from stand_ins import write_ocams
+
+    write_ocams(folder, _SHARED / "spice" / "osiris_rex_mapcam_bennu")
+    for name, source in _OSIRIS_REX_FILES.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        shutil.copy2(_SHARED / "formats" / source, folder / name)
+
+
+STAND_INS: dict[str, Callable[[Path], None]] = {"dawn.md": place_dawn, "osiris-rex.md": place_osiris_rex}
+"""What places the files of an archive for a page, by the page's name."""
 
 
 def _needs(text: str, absent: set[str]) -> str | None:
@@ -103,14 +162,21 @@ def _written(command: str) -> set[str]:
     return {words[k + 1].split("/")[0] for k, word in enumerate(words[:-1]) if word == "--out"}
 
 
-def run_page(steps: Sequence[Step], say: Callable[[str], None] = print) -> int:
-    """Runs the steps in a copy of the repository with an environment of its own; the number of failures."""
+def run_page(
+    steps: Sequence[Step], say: Callable[[str], None] = print, place: Callable[[Path], None] | None = None
+) -> int:
+    """Runs the steps in a copy of the repository with an environment of its own; the number of failures.
+
+    place: puts files of an archive into the copy, first of all.
+    """
     failures = 0
     with tempfile.TemporaryDirectory() as temporary:
-        copy, place = Path(temporary) / "checkout", Path(temporary) / "venv"
+        copy, environment = Path(temporary) / "checkout", Path(temporary) / "venv"
         copy_repository(copy)
-        venv.create(place, with_pip=True)
-        variables = os.environ | {"PATH": f"{place / 'bin'}{os.pathsep}{os.environ['PATH']}", "MPLBACKEND": "agg"}
+        if place is not None:
+            place(copy)
+        venv.create(environment, with_pip=True)
+        variables = os.environ | {"PATH": f"{environment / 'bin'}{os.pathsep}{os.environ['PATH']}", "MPLBACKEND": "agg"}
         variables.pop("PYTHONPATH", None)
         todo = [s for s in steps if s.skipped is None]
         if todo and not any(s.text.startswith("pip install") for s in todo):
@@ -130,7 +196,7 @@ def _run(step: Step, folder: Path, variables: dict[str, str], say: Callable[[str
         say(f"  left out    {title}    ({step.skipped})")
         return True
     start = time.monotonic()
-    command = ["python", "-c", step.text] if step.python else ["bash", "-c", step.text]
+    command = ["python", "-c", step.text] if step.python else ["bash", "-c", _FROM_INDEX.sub(r"\1.", step.text)]
     done = subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, check=False)
     say(f"  {'ok' if done.returncode == 0 else f'exit {done.returncode}':6}{time.monotonic() - start:5.0f} s {title}")
     if done.returncode:
@@ -164,7 +230,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 title = "python block" if step.python else step.text
                 print(f"  {'runs' if step.skipped is None else f'left out ({step.skipped})'}: {title}")
         else:
-            failures += run_page(steps)
+            placed = what_stand_ins_lack() is None
+            failures += run_page(steps, place=STAND_INS.get(page.name) if placed else None)
     print(f"{failures} commands failed" if failures else "no command failed" if not options.list else "nothing was run")
     return 1 if failures else 0
 
