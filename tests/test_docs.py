@@ -149,3 +149,15 @@ def test_site_toml_in_the_pages_is_read(tmp_path):
 def test_readme_and_design_are_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 200
     assert len((ROOT / "DESIGN.md").read_text(encoding="utf-8").split()) <= 2500
+
+
+def test_the_cost_of_the_readmes_maps_is_stated_once():
+    """The table has it; what is said beside a command must agree, and other pages link."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    times = re.search(r"^\| CPU time \[s\].*\| ([\d,]+); [\d.]+ \| ([\d,]+); [\d.]+ \|$", readme, re.MULTILINE)
+    assert times
+    assert set(re.findall(r"([\d,]+) CPU seconds", readme)) <= set(times.groups())
+    assert "CPU seconds" not in (ROOT / "PACKAGE.md").read_text(encoding="utf-8")
+    for page in ("docs/howto/symptoms.md", "docs/tutorial/first-map.md", "docs/reference/index.md"):
+        text = (ROOT / page).read_text(encoding="utf-8")
+        assert not re.search(r"\| 25,600|compiles? [^.]*\bminutes|\b\d+ (faults|messages)\b", text), page
