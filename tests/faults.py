@@ -972,6 +972,8 @@ def ends() -> Iterator[Fault]:
     row = rows("signals", left=stages)
     yield row("Ctrl-C", RUN, f"interrupted; {resumes}", code=130, test=signal)
     yield row("SIGTERM", RUN, f"terminated; {resumes}", code=143, test=signal)
+    closed = f"terminated, since the session was closed; {resumes}"
+    yield row("the session is closed (SIGHUP)", RUN, closed, code=129, test=signal)
     yield row("killed (SIGKILL)", RUN, "", code=137, test="test_run_lock.py::test_a_stale_lock_is_taken_over")
     yield row(
         "the reader of the output is gone",

@@ -48,6 +48,13 @@ def test_help_shows_the_first_options_and_help_all_shows_every_one(command, caps
     assert shown(said(capsys, command, "--help-all")) == options
 
 
+def test_the_list_of_commands_has_one_line_each(capsys):
+    text = said(capsys, "--help")
+    for name, about in COMMANDS.items():
+        assert re.search(rf"^\W*{name} +{re.escape(about)}\W*$", text, flags=re.MULTILINE)
+    assert len(text.splitlines()) < 40
+
+
 @pytest.mark.parametrize("option", ["--help", "--help-all"])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_sentences_of_help_are_whole(command, option, capsys):

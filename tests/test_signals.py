@@ -33,14 +33,21 @@ SWALLOWS = (
 COLMAP = "from photoclinometry.sfm.mapping import quiet_pycolmap\n    quiet_pycolmap(0).__enter__()"
 
 
+ENDS = [
+    (signal.SIGTERM, 143, "terminated"),
+    (signal.SIGINT, 130, "interrupted"),
+    (getattr(signal, "SIGHUP", 1), 129, "terminated, since the session was closed"),
+]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to send")
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)], ids=["term", "int"])
+@pytest.mark.parametrize(("number", "code", "word"), ENDS, ids=["term", "int", "hangup"])
 @pytest.mark.parametrize(
     ("before", "work"),
     [("pass", PYTHON), ("pass", COMPILED), ("pass", SWALLOWS), (COLMAP, PYTHON)],
     ids=["python", "compiled code", "code that catches all", "after pycolmap was imported"],
 )
-def test_a_signal_ends_a_command_with_one_line(number, code, before, work):
+def test_a_signal_ends_a_command_with_one_line(number, code, word, before, work):
     program = STUCK.format(before=before, work=work)
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -50,8 +57,19 @@ def test_a_signal_ends_a_command_with_one_line(number, code, before, work):
     process.send_signal(number)
     _, said = process.communicate(timeout=30)
     assert process.returncode == code
-    word = "terminated" if number == signal.SIGTERM else "interrupted"
     assert said == f"phomo: {word}; the same command resumes after the last finished stage\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGHUP")
+def test_nohup_keeps_a_command():
+    program = STUCK.format(before="pass", work="\n    import time\n    time.sleep(1)")
+    ignored = "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
+    process = subprocess.Popen([sys.executable, "-c", ignored + program], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "there\n"
+    process.send_signal(signal.SIGHUP)
+    process.communicate(timeout=30)
+    assert process.returncode == 0
 
 
 def test_handlers_are_as_they_were_after_a_command():

@@ -7,7 +7,8 @@ Exit codes:
   permission), or memory does not suffice.
 - 2: misuse: a mistake in what was given, or a folder that belongs to another site or is in use.
 - 3: a map was made and all its files are written, but it is not to be trusted; the last line says why.
-- 130: interrupted (Ctrl-C). 143: terminated (SIGTERM). The same command goes on after the last finished stage.
+- 130: interrupted (Ctrl-C). 143: terminated (SIGTERM). 129: the terminal or SSH session was closed (SIGHUP; `nohup`
+  keeps a command). The same command goes on after the last finished stage.
 - 141: the reader of the output has closed it (`phomo ... | head`).
 """
 
@@ -37,8 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.stdout.flush()
     except KeyboardInterrupt:
         _fail(*SAYS[signal.SIGINT])
-    except TerminatedError:
-        _fail(*SAYS[signal.SIGTERM])
+    except TerminatedError as ended:
+        _fail(*SAYS[ended.number])
     except BrokenPipeError:
         _forget_output()
         raise SystemExit(141) from None

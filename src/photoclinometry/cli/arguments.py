@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import importlib
 import inspect
 import sys
@@ -18,26 +19,26 @@ from photoclinometry.cli.first_options import FIRST
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.ranges import OptionError, described
 
-COMMANDS = (
-    "ingest",
-    "views",
-    "plan",
-    "simulate",
-    "run",
-    "body",
-    "refine",
-    "render",
-    "evaluate",
-    "photometry",
-    "info",
-    "view",
-    "figure",
-    "export",
-    "fetch",
-    "study",
-    "rivals",
-)
-"""Each is the function of its name in the module of `cli` of that name."""
+COMMANDS = {
+    "ingest": "Make a site of archived images (PDS, ISIS, FITS, PNG, TIFF).",
+    "views": "List the images that see a place, and choose some for a map.",
+    "plan": "Foresee the map of planned images, and what one more adds.",
+    "simulate": "Simulate the images of a place or body, with their truth.",
+    "run": "Map a site: poses, dense landmarks, normals, albedo, report.",
+    "body": "Map a whole body: overlapping maps, and one closed surface.",
+    "refine": "Refine a text model of the paper's authors.",
+    "render": "Render a map under the Sun of a view, or another one.",
+    "evaluate": "Measure a map by its images, a truth or another map.",
+    "photometry": "Rank reflectance models by how well they predict images.",
+    "info": "Show what a site or a run folder holds.",
+    "view": "Open a map in the browser.",
+    "figure": "Draw a figure for publication.",
+    "export": "Export a map or a body as GeoTIFF, meshes, models, tables.",
+    "fetch": "Fetch published sites from Hugging Face.",
+    "study": "Simulate and map many sites, and tabulate their errors.",
+    "rivals": "Compare a map with other published methods.",
+}
+"""What each does, in a line. Each is the function of its name in the module of `cli` of that name."""
 ABOUT = """Poses, dense landmarks, normals and albedo of small bodies, from spacecraft images.
 
 `phomo COMMAND --help` explains a command, and `phomo --version` prints the version."""
@@ -65,7 +66,8 @@ def call(arguments: Sequence[str] | None = None) -> None:
     elif words and not words[0].startswith("-"):
         _call_one(words[0], words[1:])
     else:
-        commands = {name: command_named(name) for name in COMMANDS}
+        completes = any(word.startswith("--tyro-") for word in words)
+        commands = {name: command_named(name) if completes else in_one_line(name) for name in COMMANDS}
         tyro.extras.subcommand_cli_from_dict(
             commands, prog="phomo", description=ABOUT, args=words, registry=registry_with()
         )
@@ -98,6 +100,18 @@ def _call_one(name: str, words: list[str]) -> None:
         error = refused.error
         named = f"{option_name(command, error)} {error.problem}" if isinstance(error, OptionError) else str(error)
         raise InputError(named) from error
+
+
+def in_one_line(name: str) -> Command:
+    """A command with its line of COMMANDS as docstring, for the list of commands."""
+    command = command_named(name)
+
+    @functools.wraps(command)
+    def told(*args: Any, **given: Any) -> Any:
+        return command(*args, **given)
+
+    told.__doc__ = COMMANDS[name]
+    return told
 
 
 def with_defaults(command: Command, name: str, value: Any) -> Command:
