@@ -39,8 +39,11 @@ from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.site import read_site
 from photoclinometry.io.spice import Kernels
 from photoclinometry.io.suns_csv import SunRow, read_suns
-from photoclinometry.model.errors import InputError
+from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.scene import Image, Scene
+
+LARGEST_PX = 10_000
+"""Masks of larger images are not made: a site may well announce them [px]."""
 
 
 def _sound(holds: Any, what: str) -> None:
@@ -122,6 +125,61 @@ def read_stage(path: Path) -> None:
     from photoclinometry.pipeline.records import read_record
 
     read_record(path, "key", Scene)
+
+
+def read_plan_table(path: Path) -> None:
+    """A table of poses and Suns, with numbers that can be planned with."""
+    from photoclinometry.plan.table import read_table
+
+    for view in read_table(path).views:
+        assert view.pose_prior is not None
+        pose = view.pose_prior.cam_from_body
+        _sound(np.isfinite(pose.rotation).all() and np.isfinite(pose.translation).all(), "a pose is not finite")
+        _sound(np.allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-9), "an attitude is no rotation")
+        _sound(abs(np.linalg.norm(view.sun) - 1.0) < 1e-9, "the Sun is not a unit vector")
+        _sound(min(view.camera.width, view.camera.height) >= 1, "an image has no pixels")
+        _sound(
+            all(sigma > 0 for sigma in (view.sun_sigma_rad, view.pose_prior.translation_sigma)),
+            "a sigma is not positive",
+        )
+
+
+def read_config_file(run: Path) -> None:
+    """The options of a run, and the site that they name."""
+    from photoclinometry.io.run_files import read_config, site_path
+
+    _sound(isinstance(read_config(run), dict), "not a table")
+    with suppress(RunFolderError):  # it is not there
+        site_path(run)
+
+
+def read_metrics_file(run: Path) -> None:
+    """The figures and warnings of a run, as `phomo info` shows them."""
+    from photoclinometry.cli.info import figure_rows
+    from photoclinometry.io.run_files import read_metrics
+
+    content = read_metrics(run)
+    figure_rows(content)
+    _sound(all(isinstance(row["words"], str) for row in content.get("warnings", [])), "a warning is no text")
+
+
+def read_study_record(folder: Path) -> None:
+    """The record of a study's cell. Damage is warned of, and nothing is raised; here that counts as refused."""
+    from photoclinometry.study.record import ARRAYS, read_record
+
+    record = read_record(folder, made.study_cell(), "key")
+    if record is None:
+        raise InputError(f"{folder}: the cell is measured again")
+    _sound(all(isinstance(value, float | int) for value in record.metrics.values()), "a figure is no number")
+    _sound(set(ARRAYS) <= set(record.arrays), "arrays are missing")
+
+
+def read_masked_site(path: Path) -> None:
+    """A site, and where its images are used."""
+    for view in read_site(path).views:
+        shape = (view.camera.height, view.camera.width)
+        if max(shape) <= LARGEST_PX:
+            _mask(view.masking.usable(shape))
 
 
 def read_model(path: Path) -> None:
@@ -241,6 +299,11 @@ READERS = {
     "sumfile": Reader(read=read_sumfile, make=made.make_sumfile, real=("formats/spc/*.SUM",), share=2.0),
     "held_out.json": Reader(read=read_held_out, make=made.make_held_out, share=2.0),
     "transform": Reader(read=read_similarity, make=made.make_similarity, share=2.0),
+    "plan table": Reader(read=read_plan_table, make=made.make_plan_table, alone=True, share=2.0),
+    "config.toml": Reader(read=read_config_file, make=made.make_config, share=2.0),
+    "metrics.json": Reader(read=read_metrics_file, make=made.make_metrics, share=2.0),
+    "study record": Reader(read=read_study_record, make=made.make_study_record, share=2.0),
+    "masked site": Reader(read=read_masked_site, make=made.make_masked_site, share=2.0),
     "stage record": Reader(read=read_stage, make=made.make_record),
     "kernel": Reader(read=read_kernel, make=made.make_kernels, real=("spice/*/*.b*", "spice/*/*.t*")),
 }  # fmt: skip

@@ -308,6 +308,71 @@ def make_record(folder: Path) -> list[str]:
     return ["a.npz"]
 
 
+def make_plan_table(folder: Path) -> list[str]:
+    head = "view,x_m,y_m,z_m,sun_x,sun_y,sun_z,focal_px,width_px,height_px"
+    (folder / "plain.csv").write_text(
+        f"{head}\na,0,0,9000,0.6,0,0.8,2000,160,120\nb,90,0,9000,0,0.6,0.8,2000,160,120\n"
+    )
+    more = "target_x_m,target_y_m,target_z_m,center_sigma_m,rotation_sigma_deg,sun_sigma_deg"
+    (folder / "target.csv").write_text(f"{head},{more}\na,0,0,9000,0.6,0,0.8,2000,160,120,1,2,1000,5,0.01,0.1\n")
+    (folder / "attitude.csv").write_text(f"{head},qw,qx,qy,qz\na,0,0,9000,0.6,0,0.8,2000,160,120,0,1,0,0\n")
+    return ["plain.csv", "target.csv", "attitude.csv"]
+
+
+def make_config(folder: Path) -> list[str]:
+    from dataclasses import asdict
+
+    from photoclinometry.io.options import write_options
+    from photoclinometry.pipeline.options import RunOptions
+
+    (folder / "run").mkdir()
+    write_options(folder / "run" / "config.toml", {"site": "a/site.toml", "options": asdict(RunOptions())})
+    return ["run"]
+
+
+def make_metrics(folder: Path) -> list[str]:
+    from photoclinometry.io.json_file import write_json
+
+    warned = [{"code": "view-blurred", "view": "a.fits", "words": "a.fits is less sharp"}]
+    metrics = {"psnr_mean_db": 41.5, "normal_error_mean_deg": 0.9, "normal_error_rms_deg": 1.1, "views": 4, "x": None}
+    (folder / "run").mkdir()
+    write_json(
+        folder / "run" / "metrics.json", {"metrics": metrics, "warnings": warned, "not_trusted_because": ["Suns"]}
+    )
+    return ["run"]
+
+
+def study_cell() -> Any:
+    """The cell of the study whose record is spoiled."""
+    from photoclinometry.simulate.options import SimulationOptions
+    from photoclinometry.study.plan import Cell
+
+    return Cell(surface="matched", simulation=SimulationOptions(), model="akimov", hold_out=())
+
+
+def make_study_record(folder: Path) -> list[str]:
+    from photoclinometry.study.record import Record, write_record
+
+    arrays = {name: np.linspace(0.0, 1.0, 12).reshape(3, 4) for name in ("height", "true_height")}
+    arrays |= {"spacing": np.array(2.0), "scale": np.ones(3), "phase": np.ones(3)}
+    write_record(folder / "cell", Record(study_cell(), {"normal_error_mean_deg": 0.9}, arrays), "key")
+    return ["cell"]
+
+
+def make_masked_site(folder: Path) -> list[str]:
+    path = write_small_site(folder)
+    for image in (folder / "images").iterdir():
+        image.unlink()
+    (folder / "images").rmdir()
+    for name in ("dust", "limb"):
+        mask = np.full((64, 64), 255, np.uint8)
+        mask[:9] = 0
+        write_png(folder / f"{name}.png", mask)
+    text = path.read_text().replace("[region]", 'mask = "dust.png"\nborder_px = [1, 2, 3, 4]\n\n[region]')
+    path.write_text(text + 'mask = ["limb.png"]\nborder_px = [0, 0, 0, 9]\n')
+    return ["site.toml"]
+
+
 def make_kernels(folder: Path) -> list[str]:
     (folder / "a.tpc").write_text("KPL/PCK\n\\begindata\nBODY2101955_RADII = ( 1.0 2.0 @2019-MAR-01 )\n\\begintext\n")
     (folder / "m.tm").write_text(

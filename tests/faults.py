@@ -560,6 +560,12 @@ def others() -> Iterator[Fault]:
     yield row("info of another folder", "info photos", "photos: the folder holds neither site.toml nor scene.h5; give")
     yield row("metrics.json is damaged", "info mapped/run", f"{metrics}: is damaged (Expecting", put(metrics, "{"))
     yield row(
+        "a count in metrics.json is too large for a float",
+        "info mapped/run",
+        f"{metrics}: is damaged ... {run_again}",
+        put(metrics, '{"metrics": {"views": 1' + 400 * "0" + "}}"),
+    )
+    yield row(
         "metrics.json is a list", "info mapped/run", f"{metrics}: is damaged ... {run_again}", put(metrics, "[1]")
     )
     yield row("scene.h5 is text", "info mapped/run", f"{scene}: is not a scene file ... {run_again}", put(scene, "x"))

@@ -254,6 +254,35 @@ def test_a_candidate_that_does_not_show_the_map_brings_nothing(planned):
     assert gain.drop_percent == {}
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("x_m", "1e200", r"x_m,y_m,z_m are \[1e\+200.*expected numbers up to 1e\+15"),
+        ("width_px", "0.5", "width_px is 0.5, expected a whole number of pixels up to 65535"),
+        ("height_px", "1e9", r"height_px is 1e\+09, expected a whole number of pixels"),
+        ("focal_px", "1e-300", "focal_px is 1e-300, expected a number from 1e-09 to"),
+    ],
+)
+def test_numbers_that_cannot_be_planned_with_are_refused(tmp_path, column, value, words):
+    head, first, *others = table_text(3).splitlines()
+    values = dict(zip(head.split(","), first.split(","), strict=True)) | {column: value}
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([head, ",".join(values.values()), *others]))
+    with pytest.raises(InputError, match=rf"a\.csv, line 2: {words}"):
+        read_table(path)
+
+
+@pytest.mark.parametrize("columns", [("sun_x", "sun_y", "sun_z"), ("qw", "qx", "qy", "qz")])
+def test_directions_of_no_length_are_refused(tmp_path, columns):
+    """The squares of such numbers are zero."""
+    head, first, *_ = table_text(3).splitlines()
+    values = dict(zip(head.split(","), first.split(","), strict=True)) | dict.fromkeys(columns, "1e-200")
+    path = tmp_path / "a.csv"
+    path.write_text(",".join(values) + "\n" + ",".join(values.values()))
+    with pytest.raises(InputError, match=r"a\.csv, line 2: .* is the zero (vector|quaternion)"):
+        read_table(path)
+
+
 def test_a_full_disk_ends_the_command_with_one_line(table, tmp_path, capsys):
     arguments = ["--point", 0, 0, RADIUS, "--normal", 0, 0, 1, "--patch-px", 28, "--tie-points", 500, "--no-candidates"]
     assert phomo("plan", table, "--out", tmp_path / "first", *arguments) == 0  # compiles and caches the kernels

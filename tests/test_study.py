@@ -169,6 +169,8 @@ def test_a_record_is_read_back_under_its_key_only(tmp_path):
     assert read_record(tmp_path / "r", record.cell, "other") is None
     (tmp_path / "r" / "values.npz").write_bytes(b"PK damaged")
     assert read_record(tmp_path / "r", record.cell, "key") is None
+    write_record(tmp_path / "r", replace(record, arrays={"height": record.arrays["height"]}), "key")
+    assert read_record(tmp_path / "r", record.cell, "key") is None
     write_record(tmp_path / "r", replace(record, failure="no map"), "key")
     assert read_record(tmp_path / "r", record.cell, "key") is None  # it is tried again
 

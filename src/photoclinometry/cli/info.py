@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -111,6 +111,14 @@ def _names_and_table(console: Console, names: Sequence[str]) -> tuple[list[str],
     return short, table
 
 
+def figure_rows(content: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], list[tuple[str, str]]]:
+    """The rows of `evaluate.tables.metric_rows` for what metrics.json holds."""
+    from photoclinometry.evaluate.tables import metric_rows
+
+    metrics = content.get("metrics", {})
+    return metric_rows({k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)})
+
+
 def show_run(run: Path) -> None:
     """The content of the scene, its views, and the figures that the run recorded."""
     from rich import box
@@ -118,7 +126,7 @@ def show_run(run: Path) -> None:
     from rich.table import Column, Table
 
     from photoclinometry.evaluate.sigmas import view_sigmas
-    from photoclinometry.evaluate.tables import metric_rows, split_unit, words
+    from photoclinometry.evaluate.tables import split_unit, words
 
     scene = read_run(run)
     console = Console(highlight=False)
@@ -146,9 +154,7 @@ def show_run(run: Path) -> None:
     console.print(table)
     content = read_metrics(run)
     if content:
-        metrics = content.get("metrics", {})
-        flat = {k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
-        spreads, singles = metric_rows(flat)
+        spreads, singles = figure_rows(content)
         heads = (Column(head, justify="right") for head in ("mean", "median", "RMS", "90 %"))
         figures = Table("figure", *heads, box=box.SIMPLE_HEAD, padding=TIGHT, pad_edge=False)
         for name, unit, *values in spreads:

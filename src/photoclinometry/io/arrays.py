@@ -19,7 +19,8 @@ def read_arrays(path: Path | str) -> dict[str, np.ndarray]:
 
     Damaged archives raise nearly every built-in exception (zipfile).
     """
-    with np.load(path, allow_pickle=False) as stored:
+    # NumPy leaves a file that it has opened itself, and that is damaged, open.
+    with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as stored:
         found = {name: stored[name] for name in stored}
     if not all(isinstance(values, np.ndarray) for values in found.values()):
         raise ValueError(f"{path}: holds members that are no arrays")

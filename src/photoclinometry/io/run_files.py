@@ -9,6 +9,9 @@ from typing import Any
 from photoclinometry.model.errors import ImageError, RunFolderError
 from photoclinometry.model.scene import Image, Scene
 
+_LARGEST_COUNT = 10**15
+"""Greater whole numbers in metrics.json are damage: they may be too large for a float."""
+
 
 def read_run(run: Path) -> Scene:
     """The scene of a finished run. Raises RunFolderError."""
@@ -41,7 +44,8 @@ def read_metrics(run: Path) -> dict[str, Any]:
     content = read_json(path)
     parts = {"metrics": dict, "warnings": list, "not_trusted_because": list}
     sound = isinstance(content, dict) and all(isinstance(content.get(k, kind()), kind) for k, kind in parts.items())
-    if not sound or not all(isinstance(row, dict) and "words" in row for row in content.get("warnings", ())):
+    sound = sound and all(isinstance(row, dict) and "words" in row for row in content.get("warnings", ()))
+    if not sound or any(isinstance(v, int) and abs(v) > _LARGEST_COUNT for v in content.get("metrics", {}).values()):
         raise RunFolderError(f"{path}: is damaged (it holds no figures of a run); run the site again")
     return content
 

@@ -28,6 +28,10 @@ SIZE = ("focal_px", "width_px", "height_px")
 COLUMNS = ("view", *CENTER, *SUN, *SIZE)
 ATTITUDE, TARGET = ("qw", "qx", "qy", "qz"), ("target_x_m", "target_y_m", "target_z_m")
 
+_SMALLEST, _LARGEST = 1e-9, 1e15
+"""Lengths, directions and sigmas beyond these are damage or mistakes of a unit [m, px, degrees]."""
+_LARGEST_PX = 65535
+"""Of the width and height of an image [px]."""
 _PARALLEL = 1e-6
 """Sine of the angle to the axis z below which a camera looks along it, and up in its image is y."""
 
@@ -51,15 +55,15 @@ def read_table(path: Path | str) -> Site:
 
 def _view(row: CsvRow, path: Path) -> SiteView:
     name, center, sun = row.name("view"), _vector(row, CENTER), _vector(row, SUN)
-    if not np.any(sun):
+    if np.linalg.norm(sun) < _SMALLEST:
         raise row.error("the direction towards the Sun is the zero vector")
-    focal, width, height = row.positive("focal_px"), int(row.positive("width_px")), int(row.positive("height_px"))
+    focal, width, height = _positive(row, "focal_px"), _pixels(row, "width_px"), _pixels(row, "height_px")
     pose = _pose(row, center)
-    sigma = row.positive("sun_sigma_deg") if row.has("sun_sigma_deg") else math.degrees(DEFAULT_SUN_SIGMA_RAD)
+    sigma = _positive(row, "sun_sigma_deg") if row.has("sun_sigma_deg") else math.degrees(DEFAULT_SUN_SIGMA_RAD)
     prior = PosePrior(
         pose.inverse(),
-        math.radians(row.positive("rotation_sigma_deg")) if row.has("rotation_sigma_deg") else math.inf,
-        row.positive("center_sigma_m") if row.has("center_sigma_m") else math.inf,
+        math.radians(_positive(row, "rotation_sigma_deg")) if row.has("rotation_sigma_deg") else math.inf,
+        _positive(row, "center_sigma_m") if row.has("center_sigma_m") else math.inf,
     )
     return SiteView(
         name=name,
@@ -76,12 +80,12 @@ def _pose(row: CsvRow, center: np.ndarray) -> Rigid:
     from scipy.spatial.transform import Rotation
 
     if row.has(ATTITUDE[0]):
-        quaternion = np.array([row.number(column) for column in ATTITUDE])
-        if not np.any(quaternion):
+        quaternion = _vector(row, ATTITUDE)
+        if np.linalg.norm(quaternion) < _SMALLEST:
             raise row.error("the attitude qw,qx,qy,qz is the zero quaternion")
         return Rigid(Rotation.from_quat(quaternion, scalar_first=True).as_matrix().T, center)
     target = _vector(row, TARGET) if row.has(TARGET[0]) else np.zeros(3)
-    if np.allclose(center, target):
+    if np.allclose(center, target) or np.linalg.norm(center - target) < _SMALLEST:
         raise row.error("the camera is at the point that it looks at; give qw,qx,qy,qz or another target")
     return looking_from(center, target)
 
@@ -94,4 +98,21 @@ def looking_from(center: np.ndarray, target: np.ndarray) -> Rigid:
 
 
 def _vector(row: CsvRow, columns: tuple[str, ...]) -> np.ndarray:
-    return np.array([row.number(column) for column in columns])
+    found = np.array([row.number(column) for column in columns])
+    if np.abs(found).max() > _LARGEST:
+        raise row.error(f"{','.join(columns)} are {found.tolist()}, expected numbers up to {_LARGEST:g}")
+    return found
+
+
+def _positive(row: CsvRow, column: str) -> float:
+    value = row.positive(column)
+    if not _SMALLEST <= value <= _LARGEST:
+        raise row.error(f"{column} is {value:g}, expected a number from {_SMALLEST:g} to {_LARGEST:g}")
+    return value
+
+
+def _pixels(row: CsvRow, column: str) -> int:
+    value = row.positive(column)
+    if value > _LARGEST_PX or value != int(value):
+        raise row.error(f"{column} is {value:g}, expected a whole number of pixels up to {_LARGEST_PX}")
+    return int(value)

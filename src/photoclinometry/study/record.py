@@ -22,6 +22,9 @@ from photoclinometry.study.plan import Cell
 
 log = logging.getLogger(__name__)
 
+ARRAYS = ("height", "true_height", "spacing", "scale", "phase")
+"""What a record of a map holds (`Record.arrays`)."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -71,7 +74,10 @@ def read_record(folder: Path, cell: Cell, key: str) -> Record | None:
         if content["key"] != key or content["failure"]:
             return None
         arrays = read_arrays(folder / "values.npz")
-        metrics = {name: float("nan") if value is None else value for name, value in content["metrics"].items()}
+        metrics = {name: float("nan") if value is None else float(value) for name, value in content["metrics"].items()}
+        missing = [name for name in ARRAYS if name not in arrays]
+        if missing:
+            raise ValueError(f"values.npz has no {missing[0]}")
         return Record(cell, metrics, arrays)
     # A damaged archive raises nearly every built-in exception.
     except Exception as error:
