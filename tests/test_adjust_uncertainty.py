@@ -8,6 +8,7 @@ import pytest
 from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
 from photoclinometry.adjust.covariance.marginals import Marginals
 from photoclinometry.adjust.covariance.uncertainty import (
+    bounded_normals,
     error_model,
     scene_uncertainty,
     with_frame_error,
@@ -191,3 +192,17 @@ def test_a_part_that_is_larger_than_the_whole_leaves_nothing():
     whole, part = np.eye(3)[None], np.diag([2.0, 0.5, 0.5])[None]
     found = with_local_errors({"position": whole}, np.array([9.0]), np.zeros((1, 3, 3)), {"position": part})
     np.testing.assert_allclose(found["position"][0], np.diag([2.0, 5.0, 5.0]))
+
+
+def test_a_normal_that_nothing_tells_points_anywhere_above_the_ground():
+    """Its sigma is that of directions evenly over the hemisphere, in each direction in which nothing tells it."""
+    height = np.random.default_rng(0).uniform(size=1_000_000)
+    spread = np.sqrt(np.mean(np.arccos(height) ** 2) / 2.0)
+    good = np.deg2rad(1.0) ** 2 * np.array([[2.0, 0.5], [0.5, 1.0]])
+    turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    along = turn @ np.diag([good[1, 1], 1e10]) @ turn.T
+    found = bounded_normals(np.stack([good, along, np.diag([np.inf, 1.0]), np.diag([np.inf, np.inf])]))
+    np.testing.assert_allclose(found[0], good, rtol=2e-3)
+    np.testing.assert_allclose(np.linalg.eigvalsh(found[1]), [good[1, 1], spread**2], rtol=3e-3)
+    np.testing.assert_allclose(found[2], np.diag([spread**2, 1.0 / (1.0 + spread**-2)]), rtol=3e-3)
+    np.testing.assert_allclose(found[3], spread**2 * np.eye(2), rtol=3e-3)

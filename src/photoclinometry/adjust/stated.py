@@ -14,6 +14,7 @@ from photoclinometry.adjust.covariance.resolution import unresolved_relief
 from photoclinometry.adjust.covariance.uncertainty import (
     OF_LANDMARKS,
     Stated,
+    bounded_normals,
     estimate_uncertainty,
     with_frame_error,
     with_local_errors,
@@ -94,7 +95,8 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
 
     Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
     fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Where it was taken
-    from images, heights lack what these do not resolve (`unresolved_relief`). Suns that brightness has moved further
+    from images, heights lack what these do not resolve (`unresolved_relief`). Normals point away from the ground
+    (`bounded_normals`). Suns that brightness has moved further
     than their measurements allow are as uncertain as that (`unexplained_variance`).
     """
     surface = None
@@ -112,6 +114,8 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
         found = with_local_errors(found, local, relief, stated.in_common)
     if {"position", "rotation", "center"} <= set(found) and not setup.fixes_frame:
         found = with_frame_error(found, on_map.landmarks.position, on_map.views)
+    if "normal" in found:
+        found["normal"] = bounded_normals(found["normal"])
     if "sun" in found:
         more = unexplained_variance(estimate.views, np.trace(found["sun"], axis1=1, axis2=2) / 2.0)
         found["sun"] = found["sun"] + more[:, None, None] * np.eye(2)

@@ -12,6 +12,7 @@ origin, orientation and size mean nothing. Otherwise they are in the frame of th
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -37,6 +38,13 @@ log = logging.getLogger(__name__)
 
 OF_LANDMARKS = ("position", "normal", "albedo", "albedo_relative")
 """What there is one of for each landmark; the rest is of views."""
+
+UNTOLD_NORMAL_RAD = math.sqrt(0.5 * (math.pi - 2.0))
+"""Standard deviation about each tangent axis of a normal that nothing tells: of directions spread evenly over the
+hemisphere above the ground, the mean square of the angle from its axis is pi - 2."""
+
+ENDLESS_RAD2 = 1e9
+"""In place of an infinite variance of a normal [rad^2]: far above UNTOLD_NORMAL_RAD's, so that it counts as none."""
 
 _NEARBY = 25
 """Landmarks over which smoothness averages errors that are not shared."""
@@ -161,6 +169,16 @@ def with_local_errors(
     if "position" in found:
         found["position"] = found["position"] + relief
     return found
+
+
+def bounded_normals(covariance: np.ndarray) -> np.ndarray:
+    """Covariances (n, 2, 2) of normals [rad^2], with that a normal points away from the ground: UNTOLD_NORMAL_RAD as a
+    prior. Some landmarks, such as those in a row along a hole that no Sun lights, have no other information in some
+    direction, or next to none."""
+    value, vector = np.linalg.eigh(np.where(np.isinf(covariance), ENDLESS_RAD2, covariance))
+    value = np.maximum(value, 0.0)
+    value /= 1.0 + value / UNTOLD_NORMAL_RAD**2
+    return (vector * value[:, None, :]) @ np.swapaxes(vector, 1, 2)
 
 
 def with_frame_error(
