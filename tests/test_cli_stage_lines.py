@@ -8,6 +8,7 @@ import pytest
 
 import photoclinometry
 from photoclinometry.cli.stage_lines import NAMES, StageLines, shown_name, stage_line
+from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.stage import say_found
 
 
@@ -43,6 +44,19 @@ def test_a_stage_is_one_line_of_what_it_found_and_its_time(shown):
         "images/3.fits is left out: no matches",
         "sparse          29 of 29 views, 41,203 points, 0.31 px                 12.4 s",
         "relighting 2    as in the earlier run",
+    ]
+
+
+def test_what_each_estimate_warns_of_is_told_once_for_each_view(shown):
+    log = logging.getLogger("photoclinometry.pipeline.pose_priors")
+    for metres in (193, 21, 10):
+        for view in ("7.fits", "8.fits"):
+            warn(log, "prior-contradicts", "%s: its pose prior is %d m off", view, metres, view=view)
+    warn(log, "view-brightness", "7.fits: its brightness is off", view="7.fits")
+    assert shown == [
+        "7.fits: its pose prior is 193 m off",
+        "8.fits: its pose prior is 193 m off",
+        "7.fits: its brightness is off",
     ]
 
 

@@ -53,11 +53,20 @@ class StageLines:
     def __init__(self) -> None:
         self.found: list[str] = []
         """What the running stage has found."""
+        self.warned: set[tuple[str, str]] = set()
+        """Codes of warnings, with their view or else their words."""
 
     def line(self, record: logging.LogRecord) -> str | None:
-        """What the terminal shows of a record; None for nothing. An error ends the command, which prints it last."""
+        """What the terminal shows of a record; None for nothing. An error ends the command, which prints it last.
+
+        Of several warnings of one code about one view, such as those of each estimate, the first; the end of the
+        command tells the latest (`model.warning.distinct`).
+        """
         if record.levelno == logging.WARNING:
-            return record.getMessage()
+            about = getattr(record, "code", ""), getattr(record, "view", "") or record.getMessage()
+            told = about in self.warned
+            self.warned.add(about)
+            return None if told else record.getMessage()
         if (found := getattr(record, "found", None)) is not None:
             self.found.append(str(found))
         elif (ended := _ended(record)) is not None:
