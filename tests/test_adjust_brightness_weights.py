@@ -7,7 +7,7 @@ import pytest
 
 from graphs import gradients_of
 from photoclinometry.adjust import AdjustOptions, ImageGradients, adjust, groups
-from photoclinometry.adjust.brightness_weights import footprint_of, relative_sigma, variance_components
+from photoclinometry.adjust.brightness_weights import footprint_of, relative_sigma, some_of, variance_components
 from photoclinometry.adjust.graph.observations import Brightness
 from photoclinometry.adjust.groups import factor_groups, setup_of
 from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
@@ -103,6 +103,16 @@ def test_too_few_observations_tell_no_components():
     few = np.linspace(0.1, 1.0, 400)
     assert variance_components(few, few, few) is None
     assert variance_components(np.zeros(10_000), np.ones(10_000), np.ones(10_000)) is None
+
+
+def test_the_observations_that_tell_the_variances_are_of_all_views():
+    """Every eighth of those of a map in eight views would be of one."""
+    tracks = synthetic_scene(size=40, views=8).tracks
+    found = some_of(np.arange(len(tracks)), len(tracks) // 8)
+    assert len(found) == len(set(found)) == len(tracks) // 8
+    share = np.bincount(tracks.view[found], minlength=8) / len(found)
+    np.testing.assert_allclose(share, 1.0 / 8.0, atol=0.04)
+    np.testing.assert_array_equal(some_of(found, len(found)), found)
 
 
 def misplaced(scene, by_px, seed=6):

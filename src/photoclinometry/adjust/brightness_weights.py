@@ -26,7 +26,7 @@ from photoclinometry.photometry.predict import brightness_by_slope, brightness_r
 log = logging.getLogger(__name__)
 
 SAMPLE = 200_000
-"""Observations, evenly chosen, that tell the variances: thousands in each of the cells below."""
+"""Observations at most, chosen at random, that tell the variances: thousands in each of the cells below."""
 
 GRADIENT_CELLS, SLOPE_CELLS = 12, 6
 """Parts of equal number into which observations are divided by the image's gradient and, within each, by the response
@@ -92,8 +92,7 @@ def relative_sigma(scene: Scene, gradients: ImageGradients, lit: np.ndarray, map
     """
     footprint = footprint_of(scene, mapped)
     gradient, by_slope = np.linalg.norm(gradients.gradient, axis=-1), brightness_by_slope(scene)
-    which = np.flatnonzero(lit)
-    which = which[:: max(1, len(which) // SAMPLE)]
+    which = some_of(np.flatnonzero(lit))
     residual = brightness_residuals(scene)[which] / footprint[which]
     found = variance_components(residual, gradient[which], by_slope[which])
     if found is None or robust_sigma(residual) < MIN_BRIGHTNESS_SHARE * np.median(scene.tracks.brightness[which]):
@@ -104,6 +103,16 @@ def relative_sigma(scene: Scene, gradients: ImageGradients, lit: np.ndarray, map
     )  # fmt: skip
     middle = float(np.median(found.sigma(gradient[which], by_slope[which])))
     return footprint * np.maximum(found.sigma(gradient, by_slope) / middle, LEAST_SIGMA)
+
+
+def some_of(observations: np.ndarray, most: int = SAMPLE) -> np.ndarray:
+    """Up to `most` of the indices (n,), the same ones each time, in their order.
+
+    At random: those of a landmark follow each other, so that every so many may be of one view.
+    """
+    if len(observations) <= most:
+        return observations
+    return np.sort(np.random.default_rng(0).choice(observations, most, replace=False))
 
 
 def variance_components(residual: np.ndarray, gradient: np.ndarray, by_slope: np.ndarray) -> VarianceComponents | None:
