@@ -24,6 +24,12 @@ def forever():
 cli._run = run
 main([])
 """
+# Signals act as in a terminal, also where the tests run behind one that is closed (nohup, &).
+IN_A_TERMINAL = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+"""
 PYTHON = "\n    import time\n    time.sleep(60)"
 COMPILED = "\n    import numba\n    numba.njit('void()', nogil=True)(forever)()"
 SWALLOWS = (
@@ -48,7 +54,7 @@ ENDS = [
     ids=["python", "compiled code", "code that catches all", "after pycolmap was imported"],
 )
 def test_a_signal_ends_a_command_with_one_line(number, code, word, before, work):
-    program = STUCK.format(before=before, work=work)
+    program = IN_A_TERMINAL + STUCK.format(before=before, work=work)
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

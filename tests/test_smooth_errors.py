@@ -10,6 +10,7 @@ from photoclinometry.adjust.graph.smoothness import Smoothness, bend_between, bu
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.geometry import align_similarity, angle_between, so3_exp, unit
 from photoclinometry.model.reflectance import published
+from photoclinometry.photometry.initialize import with_model
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline import direct_refinement
@@ -124,9 +125,9 @@ def test_an_estimate_counts_brightness_times_the_factor_and_returns_it_as_measur
 @pytest.mark.parametrize("model", ["akimov", "mcewen", "minnaert"])
 def test_another_reflectance_than_the_grounds_bends_the_normals_less(true, model, monkeypatch):
     """The ground is Lunar-Lambert. Where brightness alone holds the poses, normals by another model are off the
-    surface; without smooth errors, less so."""
+    surface; without smooth errors, less so. Estimates start as those of a run do (`with_model`)."""
     monkeypatch.setattr(tie_points, "POSE_ONLY_STEP", 10**6)
-    images, wrong = synthetic_images(true), replace(true, reflectance=published(model, "vesta"))
+    images, wrong = synthetic_images(true), with_model(true, published(model, "vesta"))
     found = refine_directly(wrong, images, converged_estimate).scene
     monkeypatch.setattr(direct_refinement, "normals_along_surface", lambda *_: None)
     before = refine_directly(wrong, images, converged_estimate).scene

@@ -328,7 +328,7 @@ def test_real_cubes_of_bennu_are_listed_for_the_place_that_the_spacecraft_touche
     said = capsys.readouterr()
     head, first, second = said.out.splitlines()
     assert head.split()[0] == "image"
-    assert first.split()[:3] == ["*", "20200303T213031S138_ncm_L0-reduced", "0.61"]
+    assert first.split()[:3] == ["*", "20200303T213031S138_ncm_L0-reduced", "0.610"]
     assert second.split()[:3] == ["*", "20201020T214241S004_nft_L0-reduced", "0.00806"]
     assert "2 views see 45.48 E, 53.73 N" in said.err
     assert "Of the others, 1 have it beyond the limb, 0 have it beside the image" in said.err
