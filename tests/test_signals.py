@@ -55,13 +55,16 @@ ENDS = [
 )
 def test_a_signal_ends_a_command_with_one_line(number, code, word, before, work):
     program = IN_A_TERMINAL + STUCK.format(before=before, work=work)
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "there\n"
-    process.send_signal(number)
-    _, said = process.communicate(timeout=30)
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "there\n"
+        process.send_signal(number)
+        try:
+            _, said = process.communicate(timeout=30)
+        finally:
+            process.kill()
     assert process.returncode == code
     assert said == f"phomo: {word}; the same command resumes after the last finished stage\n"
 
