@@ -130,7 +130,7 @@ def _reweighted(
     options, members, scene = setup.options, setup.members, setup.scene
     limit = scene.spacing * np.where(members.of_map, LONGEST_STEP, LONGEST_TIE_POINT_STEP)
     history: list[Iteration] = []
-    lit = gate(scene, options)
+    lit = setup.lit
     noise = starting_noise(setup, lit, before)
     final, moves, graph, solution = options.max_rounds == 1, None, None, None
     for number in range(1, options.max_rounds + 1):

@@ -92,6 +92,8 @@ class Setup:
     """(K,) as stated; infinite where free."""
     bias_sigma: np.ndarray
     """(K,) as stated."""
+    lit: np.ndarray
+    """(N,) brightness that counts at the start (`brightness_weights.gate`)."""
     relative_sigma: np.ndarray
     """(N,) factor on the standard deviation of brightness (`brightness_weights.relative_sigma`); ones where it does not
     follow landmarks."""
@@ -136,9 +138,9 @@ def setup_of(
         sigma = np.where(dense[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
     scale_sigma, bias_sigma = exposure_sigmas(scene, options)
-    relative = np.ones(len(scene.tracks))
+    lit, relative = gate(scene, options), np.ones(len(scene.tracks))
     if gradients is not None and reflectance is not None:
-        relative = relative_sigma(scene, gradients, gate(scene, options), members.count)
+        relative = relative_sigma(scene, gradients, lit, members.count)
     return Setup(
         scene=scene,
         members=members,
@@ -151,6 +153,7 @@ def setup_of(
         control=control,
         scale_sigma=scale_sigma,
         bias_sigma=bias_sigma,
+        lit=lit,
         relative_sigma=relative,
     )
 

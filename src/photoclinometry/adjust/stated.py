@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.adjust.brightness_weights import gate
 from photoclinometry.adjust.covariance.resolution import unresolved_relief
 from photoclinometry.adjust.covariance.uncertainty import (
     OF_LANDMARKS,
@@ -96,8 +95,8 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
     fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Where it was taken
     from images, heights lack what these do not resolve (`unresolved_relief`). Normals point away from the ground
-    (`bounded_normals`). Suns that brightness has moved further
-    than their measurements allow are as uncertain as that (`unexplained_variance`).
+    (`bounded_normals`). Suns that brightness has moved further than their measurements allow are as uncertain as that
+    (`unexplained_variance`).
     """
     surface = None
     if setup.without_smooth_errors:
@@ -146,7 +145,7 @@ def uncertainty_at(
     parameters = np.zeros(len(scene.reflectance.parameters) if scene.reflectance and setup.estimates_reflectance else 0)
     pivot = np.median(scene.landmarks.position, axis=0)
     estimate = Estimate(scene.views, given.scene.landmarks, pivot, parameters)
-    lit = gate(given.scene, options)
+    lit = setup.lit
     noise = noise or measured_noise(setup, given.scene, lit, starting_noise(setup, lit))
     smoothness = smoothness_group(setup, estimate.landmarks, noise)
     surface = smoothness_group(_bent(setup), estimate.landmarks, noise) if bent else None

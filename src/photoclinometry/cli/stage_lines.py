@@ -12,6 +12,8 @@ from __future__ import annotations
 import logging
 import re
 
+from photoclinometry.model.warning import subject
+
 _FOLDER = "photoclinometry.pipeline.run_folder"
 """The log that tells of the end of each stage."""
 NAMES = {
@@ -54,7 +56,7 @@ class StageLines:
         self.found: list[str] = []
         """What the running stage has found."""
         self.warned: set[tuple[str, str]] = set()
-        """Codes of warnings, with their view or else their words."""
+        """Subjects of warnings that were shown."""
 
     def line(self, record: logging.LogRecord) -> str | None:
         """What the terminal shows of a record; None for nothing. An error ends the command, which prints it last.
@@ -63,7 +65,7 @@ class StageLines:
         command tells the latest (`model.warning.distinct`).
         """
         if record.levelno == logging.WARNING:
-            about = getattr(record, "code", ""), getattr(record, "view", "") or record.getMessage()
+            about = subject(getattr(record, "code", ""), getattr(record, "view", ""), record.getMessage())
             told = about in self.warned
             self.warned.add(about)
             return None if told else record.getMessage()

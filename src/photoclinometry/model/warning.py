@@ -87,10 +87,15 @@ def collected_warnings() -> Iterator[list[Warned]]:
         del _collectors[next(n for n, other in enumerate(_collectors) if other is found)]
 
 
+def subject(code: str, view: str, words: str) -> tuple[str, str]:
+    """What a warning is of, the same for those that repeat with other figures: its code, and its view or its words."""
+    return code, view or words
+
+
 def distinct(warnings: Iterable[Warned]) -> tuple[Warned, ...]:
     """The warnings in their order, each once; of those of one code about one view, the latest.
 
     A run judges a view at every relighting iteration, by a better map each time.
     """
-    latest = {(w.code, w.view or w.words): w for w in warnings}
+    latest = {subject(w.code, w.view, w.words): w for w in warnings}
     return tuple(latest.values())

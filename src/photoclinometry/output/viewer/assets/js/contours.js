@@ -33,12 +33,14 @@ function labelledCrossings(crossings, apart) {
   return kept;
 }
 
+/** The labels of the drawn picture. ratio: its pixels per pixel of the page. */
+const contourLabels = (renderer, interval, ratio) =>
+  labelledCrossings(contourCrossings(renderer, interval, LABEL_ROWS * ratio), LABEL_APART * ratio);
+
 function drawContourLabels(pen, renderer, interval) {
-  const { ratio } = pen;
-  const crossings = contourCrossings(renderer, interval, LABEL_ROWS * ratio);
   pen.textAlign = "center";
   pen.textBaseline = "middle";
-  for (const { x, y, number } of labelledCrossings(crossings, LABEL_APART * ratio)) {
+  for (const { x, y, number } of contourLabels(renderer, interval, pen.ratio)) {
     outlined(pen, digits(number * interval, interval), x, y);
   }
 }

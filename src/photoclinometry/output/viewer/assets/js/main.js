@@ -66,7 +66,7 @@ async function open() {
     laterSun: laterSunByDay,
     draw: (level) => draw(viewer, level),
     surfaceAt: (pixel) => surfaceAt(viewer.renderer, pixel),
-    contourLabels: (interval) => labelledCrossings(contourCrossings(viewer.renderer, interval, LABEL_ROWS), LABEL_APART),
+    contourLabels: (interval) => contourLabels(viewer.renderer, interval, viewer.ratio()),
     labelledCrossings,
     renderingOf: (k, azimuth, elevation, shadows) =>
       renderingOf(viewer.renderer, k, sunFromAngles(azimuth, elevation), shadows),
