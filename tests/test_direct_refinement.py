@@ -95,6 +95,19 @@ def test_gradients_of_a_ramp_are_the_ramps():
     np.testing.assert_allclose(sample_gradient(image, xy), np.tile([0.02, -0.005], (50, 1)), atol=1e-6)
 
 
+def test_gradients_beside_invalid_pixels_and_the_border_are_those_of_the_ground():
+    col, row = np.meshgrid(np.arange(40.0), np.arange(30.0))
+    brightness, valid = 0.3 + 0.02 * col - 0.005 * row, np.ones((30, 40), bool)
+    valid[10:12, 20:22], brightness[10:12, 20:22] = False, 99.0
+    image = Image("ramp", brightness, valid)
+    # A quarter of a pixel to the right of these, the pixels around are invalid, or beyond the border.
+    beside = np.array([[19.4, 11.0], [39.4, 15.0]])
+    assert sample_image(image, beside)[1].all()
+    found = sample_gradient(image, beside)
+    assert ((found[:, 0] > 0.0) & (found[:, 0] < 0.02)).all()  # they count as their nearest neighbours
+    np.testing.assert_allclose(found[:, 1], -0.005, atol=5e-4)
+
+
 def test_landmarks_in_few_lit_views_are_left_to_their_matches(true):
     """Half of the ground is masked in all but three views. There, matches are met as they are."""
     masked = [replace(image, valid=image.valid.copy()) for image in synthetic_images(true)]

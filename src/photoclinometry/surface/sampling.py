@@ -36,36 +36,50 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     height, width = image.brightness.shape
     xy = np.asarray(xy, float)
-    inside = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)
+    usable = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)
     value = np.zeros(len(xy))
-    if not inside.any():
-        return value, inside
-    first = np.maximum(np.floor(xy[inside].min(0)).astype(int) - _MARGIN_PX, 0)
-    last = np.floor(xy[inside].max(0)).astype(int) + _MARGIN_PX
-    part = np.s_[first[1] : last[1] + 1, first[0] : last[0] + 1]
-    brightness, there = image.brightness[part], image.valid[part]
-    corner = np.floor(xy[inside] - 0.5 - first).astype(int)
-    valid = np.ones(len(corner), bool)
-    for right, down in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        col, row = np.minimum(corner + (right, down), np.array(there.shape[::-1]) - 1).T
-        valid &= there[row, col]
-    usable = inside.copy()
-    usable[inside] = valid
-    if valid.any():
-        value[usable] = sample(filled_from_nearest(brightness, there), xy[usable] - first)
+    if not usable.any():
+        return value, usable
+    part, first = _part_around(xy[usable], height, width)
+    if not image.valid[part].all():
+        usable[usable] = _in_valid(image.valid[part], xy[usable] - first)
+    if usable.any():
+        value[usable] = sample(filled_from_nearest(image.brightness[part], image.valid[part]), xy[usable] - first)
     return value, usable
 
 
 def sample_gradient(image: Image, xy: np.ndarray) -> np.ndarray:
     """Image gradient (n, 2) along x and y [brightness per px] at pixel positions (n, 2), by central differences.
 
-    Undefined where the mask of `sample_image` is False.
+    Of the spline of `sample_image`, and undefined where its mask is False.
     """
-    gradient = np.empty((len(xy), 2))
-    for axis, offset in enumerate(GRADIENT_STEP_PX * np.eye(2)):
-        after, before = (sample_image(image, xy + side * offset)[0] for side in (1, -1))
-        gradient[:, axis] = (after - before) / (2 * GRADIENT_STEP_PX)
-    return gradient
+    xy = np.asarray(xy, float)
+    if not image.valid.any() or not len(xy):
+        return np.zeros((len(xy), 2))
+    part, first = _part_around(xy, *image.brightness.shape)
+    if not image.valid[part].any():
+        return np.zeros((len(xy), 2))
+    aside = GRADIENT_STEP_PX * np.eye(2)[:, None]
+    values = sample(
+        filled_from_nearest(image.brightness[part], image.valid[part]), xy - first + np.stack([aside, -aside])
+    )
+    return (values[0] - values[1]).T / (2 * GRADIENT_STEP_PX)
+
+
+def _part_around(xy: np.ndarray, height: int, width: int) -> tuple[tuple[slice, slice], np.ndarray]:
+    """The part of an image that splines at positions (n, 2) depend on, and its first pixel (2,), x and y."""
+    inside = np.clip(xy, 0.0, [width - 1, height - 1])
+    first = np.maximum(np.floor(inside.min(0)).astype(int) - _MARGIN_PX, 0)
+    last = np.floor(inside.max(0)).astype(int) + _MARGIN_PX
+    return (slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)), first
+
+
+def _in_valid(valid: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """(n,) bool: all four pixels around positions (n, 2) are valid (h, w)."""
+    padded = np.pad(valid, ((0, 1), (0, 1)), mode="edge")
+    all_four = padded[:-1, :-1] & padded[:-1, 1:] & padded[1:, :-1] & padded[1:, 1:]
+    col, row = np.floor(xy - 0.5).astype(int).T
+    return all_four[row, col]
 
 
 def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
