@@ -15,7 +15,6 @@ from photoclinometry.adjust.graph.layout import LANES
 from photoclinometry.adjust.graph.rows import COMPILED
 from photoclinometry.adjust.graph.slot import (
     BY_LANDMARK,
-    BY_VIEW,
     BY_X,
     BY_Y,
     COST,
@@ -24,8 +23,11 @@ from photoclinometry.adjust.graph.slot import (
     STORED,
     brightness_geometry,
     brightness_rows,
+    dot,
     gather_landmarks,
     keypoint_rows,
+    of_brightness,
+    of_pixel_and_brightness,
     parameter_rows,
     view_rows,
 )
@@ -161,50 +163,36 @@ def _scatter_landmarks(first, of_landmarks, block, gradient):
 @njit(**COMPILED)
 def _add_camera(w, block, gradient):
     """Adds a slot's share to its view's block (10, 10), lower triangle, and gradient (10,)."""
-    u, v, b = BY_VIEW * LANES, (BY_VIEW + CAMERA_SIZE) * LANES, (BY_VIEW + 2 * CAMERA_SIZE) * LANES
-    for i in range(CAMERA_SIZE):
+    of_pixel = w[RESIDUAL * LANES : (RESIDUAL + 3) * LANES]
+    residual = w[(RESIDUAL + 2) * LANES : (RESIDUAL + 3) * LANES]
+    for i in range(6):
+        row = of_pixel_and_brightness(w, i)
         for m in range(i + 1):
-            total = 0.0
-            for s in range(LANES):
-                total += w[b + i * LANES + s] * w[b + m * LANES + s]
-            if i < 6:
-                for s in range(LANES):
-                    total += w[u + i * LANES + s] * w[u + m * LANES + s] + w[v + i * LANES + s] * w[v + m * LANES + s]
-            block[i, m] += total
-        total = 0.0
-        for s in range(LANES):
-            total += w[b + i * LANES + s] * w[(RESIDUAL + 2) * LANES + s]
-        if i < 6:
-            for s in range(LANES):
-                total += w[u + i * LANES + s] * w[RESIDUAL * LANES + s]
-                total += w[v + i * LANES + s] * w[(RESIDUAL + 1) * LANES + s]
-        gradient[i] += total
+            block[i, m] += dot(row, of_pixel_and_brightness(w, m))
+        gradient[i] += dot(row, of_pixel)
+    for i in range(6, CAMERA_SIZE):
+        row = of_brightness(w, i)
+        for m in range(i + 1):
+            block[i, m] += dot(row, of_brightness(w, m))
+        gradient[i] += dot(row, residual)
 
 
 @njit(**COMPILED)
 def _add_parameters(w, rows, of_landmarks, of_view, block, gradient):
     """Adds a slot's products with its rows by T parameters (16 T,): to its landmarks' (6 T rows of sixteen), its view's
     (T, 10), and the parameters' own block (T, T), lower triangle, and gradient (T,)."""
-    out, by_view = 0, (BY_VIEW + 2 * CAMERA_SIZE) * LANES
+    out, residual = 0, w[(RESIDUAL + 2) * LANES : (RESIDUAL + 3) * LANES]
     for t in range(gradient.size):
+        row = rows[t * LANES : (t + 1) * LANES]
         for i in range(LANDMARK_SIZE):
             for s in range(LANES):
-                of_landmarks[out + s] += w[(BY_LANDMARK + i) * LANES + s] * rows[t * LANES + s]
+                of_landmarks[out + s] += w[(BY_LANDMARK + i) * LANES + s] * row[s]
             out += LANES
         for i in range(CAMERA_SIZE):
-            total = 0.0
-            for s in range(LANES):
-                total += w[by_view + i * LANES + s] * rows[t * LANES + s]
-            of_view[t, i] += total
+            of_view[t, i] += dot(row, of_brightness(w, i))
         for u in range(t + 1):
-            total = 0.0
-            for s in range(LANES):
-                total += rows[u * LANES + s] * rows[t * LANES + s]
-            block[t, u] += total
-        total = 0.0
-        for s in range(LANES):
-            total += w[(RESIDUAL + 2) * LANES + s] * rows[t * LANES + s]
-        gradient[t] += total
+            block[t, u] += dot(row, rows[u * LANES : (u + 1) * LANES])
+        gradient[t] += dot(row, residual)
 
 
 @njit(**COMPILED)

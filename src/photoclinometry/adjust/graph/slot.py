@@ -41,7 +41,7 @@ BY_X, BY_Y, BY_LANDMARK = 14, 17, 20
 _SUN, _SCALE, _WEIGHT, RESIDUAL = 26, 28, 29, 30
 _TO_CAMERA, _COSINE, _SINE, _RHO, _RANGE = 33, 36, 37, 38, 42
 _SEEN, _TURN, _ANGLES = 43, 46, 49
-# the cost of keypoint and brightness, and the rows by view: ten each of x, y and brightness.
+# the cost of keypoint and brightness, and the rows by view: ten of x, y and brightness each, beside each other.
 COST, BY_VIEW, SCRATCH = 52, 53, 53 + 3 * CAMERA_SIZE
 
 
@@ -217,21 +217,45 @@ def view_rows(pivot, w):
     too."""
     q0, q1, q2 = pivot[0], pivot[1], pivot[2]
     for r in range(3):
-        row, out = (BY_X + 3 * r) * LANES, (BY_VIEW + CAMERA_SIZE * r) * LANES
+        row, out = (BY_X + 3 * r) * LANES, (BY_VIEW + r) * LANES
         for s in range(LANES):
             d0, d1, d2 = w[s] - q0, w[LANES + s] - q1, w[2 * LANES + s] - q2
             a0, a1, a2 = w[row + s], w[row + LANES + s], w[row + 2 * LANES + s]
             w[out + s] = a1 * d2 - a2 * d1
-            w[out + LANES + s] = a2 * d0 - a0 * d2
-            w[out + 2 * LANES + s] = a0 * d1 - a1 * d0
-            w[out + 3 * LANES + s] = -a0
-            w[out + 4 * LANES + s] = -a1
-            w[out + 5 * LANES + s] = -a2
-    out = (BY_VIEW + 2 * CAMERA_SIZE) * LANES
-    for s in range(3 * LANES):
-        w[out + s] += w[_TURN * LANES + s]
-    for s in range(4 * LANES):
-        w[out + 6 * LANES + s] = w[_SUN * LANES + s]
+            w[out + 3 * LANES + s] = a2 * d0 - a0 * d2
+            w[out + 6 * LANES + s] = a0 * d1 - a1 * d0
+            w[out + 9 * LANES + s] = -a0
+            w[out + 12 * LANES + s] = -a1
+            w[out + 15 * LANES + s] = -a2
+    for i in range(3):
+        for s in range(LANES):
+            w[(BY_VIEW + 3 * i + 2) * LANES + s] += w[(_TURN + i) * LANES + s]
+    for i in range(4):
+        for s in range(LANES):
+            w[(BY_VIEW + 3 * (6 + i) + 2) * LANES + s] = w[(_SUN + i) * LANES + s]
+
+
+@njit(**COMPILED)
+def of_pixel_and_brightness(w, i):
+    """The rows by coordinate i of the view, of x, y and brightness, one after the other (48,); Suns, scale and bias
+    (6 and up) have none but that of brightness."""
+    return w[(BY_VIEW + 3 * i) * LANES : (BY_VIEW + 3 * i + 3) * LANES]
+
+
+@njit(**COMPILED)
+def of_brightness(w, i):
+    """The row of brightness by coordinate i of the view (16,)."""
+    return w[(BY_VIEW + 3 * i + 2) * LANES : (BY_VIEW + 3 * i + 3) * LANES]
+
+
+@njit(**COMPILED)
+def dot(a, b):
+    """Sum of products. Loops of sixteen turns are unrolled before LLVM could make vector instructions of a sum; of
+    arrays, whose length it does not know, it does: half the time."""
+    total = 0.0
+    for s in range(a.size):
+        total += a[s] * b[s]
+    return total
 
 
 @njit(**COMPILED)
