@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 
 
@@ -13,23 +12,14 @@ def mapped(tmp_path_factory):
 @pytest.fixture
 def adjust_nothing(monkeypatch):
     """The joint estimate stops at once, for tests of what surrounds it; the options of each call."""
-    from photoclinometry.adjust import Adjustment, Noise
+    from adjustments import not_adjusted
     from photoclinometry.pipeline import joint_estimate
 
     calls = []
 
     def stand_in(scene, options, pose_priors=None, **_):
         calls.append(options)
-        used = np.zeros(0, bool) if pose_priors is None else np.isfinite(pose_priors.center_sigma)
-        noise = Noise(
-            keypoint_factor=1.0,
-            keypoint_correlation_px=1.0,
-            pose_only_keypoint_factor=1.0,
-            sparse_keypoint_factor=1.0,
-            brightness_sigma=0.001,
-            brightness_correlation_px=1.0,
-        )
-        return Adjustment(scene, True, "not adjusted", (), noise, scene.tracks.lit, pose_priors_used=used)
+        return not_adjusted(scene, pose_priors=pose_priors)
 
     monkeypatch.setattr(joint_estimate, "adjust", stand_in)
     return calls

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adjustments import not_adjusted
 from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
 from photoclinometry.pipeline import first_estimate as module
 from photoclinometry.pipeline.first_estimate import carried, first_estimate
@@ -49,7 +50,7 @@ def large(monkeypatch):
 
 def test_landmarks_between_those_estimated_lie_on_their_surface_with_its_normals_and_albedos(true, large):
     """Between every other landmark of waves of 8 to 25 landmarks; the noise of the start is gone but at the edges."""
-    found = first_estimate(rough(true), lambda _: true.of_every(2))
+    found = first_estimate(rough(true), lambda _: not_adjusted(true.of_every(2))).scene
     off = off_gsd(found, true)
     row, col = true.cells
     inner = (row < 39) & (col < 39)
@@ -65,8 +66,7 @@ def test_beside_a_hole_landmarks_keep_their_depth_but_for_what_the_nearest_has_c
     row, col = true.cells
     holed = with_landmarks(true, (np.abs(row - 20) > 4) | (np.abs(col - 20) > 4))
     start = rough(holed)
-    moved = holed.of_every(2)
-    found = first_estimate(start, lambda _: moved)
+    found = first_estimate(start, lambda _: not_adjusted(holed.of_every(2))).scene
     row, col = holed.cells
     beside = (np.abs(row - 20) <= 6) & (np.abs(col - 20) <= 6)
     assert off_gsd(found, holed)[beside].max() < 6.0 * NOISE_GSD
@@ -86,19 +86,18 @@ def test_they_follow_into_the_frame_that_the_estimate_is_in(true):
 
 
 def test_smaller_maps_are_estimated_whole(true):
-    start, seen = rough(true), []
+    start, seen, found = rough(true), [], not_adjusted(true)
 
     def estimate(scene):
         seen.append(scene)
-        return true
+        return found
 
-    assert first_estimate(start, estimate) is true
+    assert first_estimate(start, estimate) is found
     assert seen == [start]
 
 
 def test_geometry_alone_has_no_shading_to_sharpen_it(true, large):
-    found = first_estimate(
-        replace(rough(true), reflectance=None), lambda _: replace(true, reflectance=None).of_every(2)
-    )
+    quarter = not_adjusted(replace(true, reflectance=None).of_every(2))
+    found = first_estimate(replace(rough(true), reflectance=None), lambda _: quarter).scene
     assert found.reflectance is None
     assert np.median(off_gsd(found, true)) < 0.1 * NOISE_GSD

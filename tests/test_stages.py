@@ -5,10 +5,10 @@ from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from photoclinometry.adjust import Adjustment, AdjustOptions, Noise
+from adjustments import not_adjusted
+from photoclinometry.adjust import AdjustOptions
 from photoclinometry.io.site import read_site, write_site
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.flow import FlowMatcher, FlowOptions
@@ -50,17 +50,8 @@ def site(mapped):
 
 def stand_in(scene, options, gradients=None, pose_priors=None, **_):
     """A joint estimate that stops at once, and whose message tells what it was given."""
-    noise = Noise(
-        keypoint_factor=1.0,
-        keypoint_correlation_px=1.0,
-        pose_only_keypoint_factor=1.0,
-        sparse_keypoint_factor=1.0,
-        brightness_sigma=0.001,
-        brightness_correlation_px=1.0,
-    )
-    used = np.zeros(0, bool) if pose_priors is None else np.isfinite(pose_priors.center_sigma)
     message = f"{options} {'by images' if gradients is not None else 'by matches'}"
-    return Adjustment(scene, True, message, (), noise, scene.tracks.lit, pose_priors_used=used)
+    return not_adjusted(scene, message, pose_priors=pose_priors)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.adjust import Adjustment
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.shading import normals_from_shading
@@ -26,12 +27,13 @@ _WHOLE = 1.0 - 1e-6
 """Share of the cells around a place that must have a landmark, up to rounding."""
 
 
-def first_estimate(start: Scene, estimate: Callable[[Scene], Scene]) -> Scene:
+def first_estimate(start: Scene, estimate: Callable[[Scene], Adjustment]) -> Adjustment:
     """The scene estimated from `start`; of a large map some landmarks are, and carried to all (`carried`)."""
     if len(start.landmarks) < LARGE:
         return estimate(start)
     part = start.of_every(STEP)
-    return carried(estimate(part), part, start)
+    found = estimate(part)
+    return replace(found, scene=carried(found.scene, part, start))
 
 
 def carried(found: Scene, before: Scene, scene: Scene) -> Scene:

@@ -38,6 +38,9 @@ brightness: Suns and biases then stay at what is stated of them."""
 HELD_SIGMA = 1e-3
 """Standard deviation of positions and normals that are held [GSD, rad]: far below what images tell."""
 
+ROUGH_REWEIGHTING = 2
+"""Reweighting iterations of a rough estimate: with the noise known before it, and with what is measured then."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
@@ -55,6 +58,8 @@ class Step:
     """Of the images where the start's brightness was taken; that then follows the landmarks."""
     noise: Noise | None = None
     """As an earlier estimate of nearly the same scene has found it."""
+    reweighting: int | None = None
+    """Reweighting iterations, if fewer than options allow; left out, ROUGH_REWEIGHTING of rough estimates."""
     hold_geometry: bool = False
     """Whether positions and normals stay what they are at the start: the photometry alone is estimated."""
 
@@ -117,9 +122,13 @@ class JointEstimate:
     def _adjusted(self, start: Scene, step: Step, progress: Progress, priors: PosePriors | None = None) -> Adjustment:
         """The one call of `adjust`, with its iterations reported."""
         options = replace(self.options, keypoint_slack=step.keypoint_sigma_factor * self.options.keypoint_slack)
+        reweighting = step.reweighting
         if step.rough:
             solver = options.solver.roughly(all_steps=step.all_steps)
             options = replace(options, uncertainty=False, solver=solver)
+            reweighting = reweighting or ROUGH_REWEIGHTING
+        if reweighting is not None:
+            options = replace(options, max_rounds=min(reweighting, options.max_rounds))
         if step.hold_geometry:
             options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
         views = start.views

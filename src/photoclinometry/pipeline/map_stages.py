@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment
+from photoclinometry.adjust import Adjustment, Noise
 from photoclinometry.evaluate.held_out import Resected, resect_views, views_in_frame_of
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.interface import Matcher
@@ -44,6 +44,8 @@ class Iterate:
     keypoints_moved_px: float | None = None
     figures: IterationFigures | None = None
     """None before the estimate."""
+    noise: Noise | None = None
+    """As the latest estimate has found it; None before the first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,13 +70,10 @@ class FirstEstimate(Stage[Iterate]):
         return f"{self.name}{_suffix(self.estimate)}"
 
     def make(self, tools: Tools) -> Iterate:
-        def estimate(start: Scene) -> Scene:
-            return self.estimate(start, Step(rough=True), tools.progress).scene
-
-        scene = first_estimate(self.start.value, estimate)
-        figures = first_map_figures(scene)
+        found = first_estimate(self.start.value, partial(self.estimate, step=Step(rough=True), progress=tools.progress))
+        figures = first_map_figures(found.scene)
         say_found(_quality(figures))
-        return Iterate(scene=scene, figures=figures)
+        return Iterate(scene=found.scene, figures=figures, noise=found.noise)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,18 +99,18 @@ class RelightingIteration(Stage[Iterate]):
         return f"{self.name}_{self.number}{_suffix(self.estimate)}"
 
     def make(self, tools: Tools) -> Iterate:
-        number, before, report = self.number, self.before.value.scene, tools.progress
+        number, before, noise, report = self.number, self.before.value.scene, self.before.value.noise, tools.progress
         matcher, images = self.matcher.value, self.posed.registered_images
         matched = rematch(before, images, matcher, self.densify, report, f"relight {number}")
         moved = keypoints_moved(before, matched)
         say_found(f"matches moved {moved:.2f} px")
         if self.must_end or is_settled(number, moved, self.settled_px):
-            return Iterate(scene=matched, number=number, is_start_of_last=True, keypoints_moved_px=moved)
-        step = Step(keypoint_sigma_factor=self.keypoint_sigma_factor, rough=True)
-        scene = self.estimate(matched, step, report).scene
-        figures = iteration_figures(number, scene, before, moved)
+            return Iterate(scene=matched, number=number, is_start_of_last=True, keypoints_moved_px=moved, noise=noise)
+        step = Step(keypoint_sigma_factor=self.keypoint_sigma_factor, rough=True, noise=noise)
+        found = self.estimate(matched, step, report)
+        figures = iteration_figures(number, found.scene, before, moved)
         say_found(_quality(figures))
-        return Iterate(scene=scene, number=number, keypoints_moved_px=moved, figures=figures)
+        return Iterate(scene=found.scene, number=number, keypoints_moved_px=moved, figures=figures, noise=found.noise)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +138,7 @@ class LastEstimate(Stage[FinishedMap]):
         if scene.reflectance is not None and model is not None and model.name != scene.reflectance.name:
             scene = with_model(scene, model)
         if self.direct:
-            found = refine_directly(scene, self.posed.registered_images, estimate)
+            found = refine_directly(scene, self.posed.registered_images, estimate, start.noise)
         else:
             found = estimate(scene, Step())
         found = replace(found, scene=with_neighbours_albedos(found.scene))

@@ -1,4 +1,4 @@
-"""Sigmas of a direct refinement that allow for what its two estimates disagree on.
+"""Sigmas of a direct refinement that allow for what its last two estimates disagree on.
 
 The first counts brightness with its smooth errors, the last without them. No residual shows an error that all of a
 map shares; how far its removal has moved poses, Suns and ground does. What is left of it after the removal is taken to

@@ -1,0 +1,21 @@
+"""A joint estimate that stops at once, for tests of what surrounds it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.adjust import Adjustment, Noise
+
+
+def not_adjusted(scene, message="not adjusted", *, pose_priors=None, brightness_sigma=0.001):
+    """The scene as if it were adjusted."""
+    noise = Noise(
+        keypoint_factor=1.0,
+        keypoint_correlation_px=1.0,
+        pose_only_keypoint_factor=1.0,
+        sparse_keypoint_factor=1.0,
+        brightness_sigma=brightness_sigma,
+        brightness_correlation_px=1.0,
+    )
+    used = np.zeros(0, bool) if pose_priors is None else np.isfinite(pose_priors.center_sigma)
+    return Adjustment(scene, True, message, (), noise, scene.tracks.lit, pose_priors_used=used)

@@ -1,0 +1,51 @@
+"""Estimates that are made again: each starts from the noise that the one before has found."""
+
+from dataclasses import replace
+
+import pytest
+
+from adjustments import not_adjusted
+from photoclinometry.adjust import AdjustOptions
+from photoclinometry.pipeline import joint_estimate
+from photoclinometry.pipeline.joint_estimate import ROUGH_REWEIGHTING, JointEstimate, Step
+from photoclinometry.pipeline.options import RelightOptions
+from photoclinometry.pipeline.run import RunOptions, run
+from photoclinometry.pipeline.run_folder import adopt_stages
+from scenes import synthetic_scene
+
+BEFORE = ["sparse", "inconsistent_views", "region", "dense"]
+
+
+@pytest.fixture
+def calls(monkeypatch):
+    """Of the joint estimate, each of which finds another noise: its options, the noise given, and that found."""
+    made = []
+
+    def stand_in(scene, options, noise=None, **_):
+        found = not_adjusted(scene, brightness_sigma=0.001 * (1 + len(made)))
+        made.append((options, noise, found.noise))
+        return found
+
+    monkeypatch.setattr(joint_estimate, "adjust", stand_in)
+    return made
+
+
+def test_the_noise_of_each_map_is_what_the_next_one_is_relit_with(mapped, tmp_path, calls, no_figures):
+    adopt_stages(mapped.run, tmp_path / "run", BEFORE)
+    options = RunOptions(reflectance="lunar-lambert", relight=RelightOptions(settled_px=0.0, direct=False))
+    run(mapped.site, tmp_path / "run", options)
+    (_, given, found), *relit, (last, *_) = calls
+    assert given is None
+    assert len(relit) == options.relight.rounds - 1
+    for _, given, next_found in relit:
+        assert given == found
+        found = next_found
+    assert last.max_rounds == AdjustOptions().max_rounds
+
+
+@pytest.mark.parametrize("allowed", [1, 4])
+def test_rough_estimates_reweight_twice_or_as_often_as_is_allowed(calls, allowed):
+    estimate = JointEstimate(options=replace(AdjustOptions(), max_rounds=allowed))
+    estimate(synthetic_scene(size=4, views=3), Step(rough=True))
+    estimate(synthetic_scene(size=4, views=3), Step())
+    assert [options.max_rounds for options, *_ in calls] == [min(ROUGH_REWEIGHTING, allowed), allowed]
