@@ -34,13 +34,11 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     is from pixel centres, so that relief of a few pixels looks different in each view. Invalid pixels get their nearest
     valid neighbour's value. Where the mask is False the brightness is 0 and undefined.
     """
-    height, width = image.brightness.shape
     xy = np.asarray(xy, float)
-    usable = np.all((xy >= 0.5) & (xy <= np.array([width, height]) - 0.5), axis=-1)
-    value = np.zeros(len(xy))
+    usable, value = _inside(image, xy), np.zeros(len(xy))
     if not usable.any():
         return value, usable
-    part, first = _part_around(xy[usable], height, width)
+    part, first = _part_around(xy[usable])
     if not image.valid[part].all():
         usable[usable] = _in_valid(image.valid[part], xy[usable] - first)
     if usable.any():
@@ -54,24 +52,29 @@ def sample_gradient(image: Image, xy: np.ndarray) -> np.ndarray:
     Of the spline of `sample_image`, and undefined where its mask is False.
     """
     xy = np.asarray(xy, float)
-    if not image.valid.any() or not len(xy):
-        return np.zeros((len(xy), 2))
-    part, first = _part_around(xy, *image.brightness.shape)
-    if not image.valid[part].any():
-        return np.zeros((len(xy), 2))
-    aside = GRADIENT_STEP_PX * np.eye(2)[:, None]
-    values = sample(
-        filled_from_nearest(image.brightness[part], image.valid[part]), xy - first + np.stack([aside, -aside])
-    )
-    return (values[0] - values[1]).T / (2 * GRADIENT_STEP_PX)
+    inside, gradient = _inside(image, xy), np.zeros((len(xy), 2))
+    if not inside.any():
+        return gradient
+    part, first = _part_around(xy[inside])
+    if image.valid[part].any():
+        ground = filled_from_nearest(image.brightness[part], image.valid[part])
+        step = GRADIENT_STEP_PX * np.eye(2)[:, None]
+        before, after = sample(ground, xy[inside] - first + np.stack([-step, step]))
+        gradient[inside] = (after - before).T / (2 * GRADIENT_STEP_PX)
+    return gradient
 
 
-def _part_around(xy: np.ndarray, height: int, width: int) -> tuple[tuple[slice, slice], np.ndarray]:
-    """The part of an image that splines at positions (n, 2) depend on, and its first pixel (2,), x and y."""
-    inside = np.clip(xy, 0.0, [width - 1, height - 1])
-    first = np.maximum(np.floor(inside.min(0)).astype(int) - _MARGIN_PX, 0)
-    last = np.floor(inside.max(0)).astype(int) + _MARGIN_PX
-    return (slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)), first
+def _inside(image: Image, xy: np.ndarray) -> np.ndarray:
+    """(n,) bool: positions (n, 2) are among the centres of the image's pixels."""
+    return np.all((xy >= 0.5) & (xy <= np.array(image.brightness.shape[::-1]) - 0.5), axis=-1)
+
+
+def _part_around(xy: np.ndarray) -> tuple[tuple[slice, slice], np.ndarray]:
+    """The part of an image that its spline at positions (n, 2) inside depends on, and the x and y (2,) of its first
+    pixel."""
+    first = np.maximum(np.floor(xy.min(0)).astype(int) - _MARGIN_PX, 0)
+    last = np.floor(xy.max(0)).astype(int) + _MARGIN_PX
+    return np.s_[first[1] : last[1] + 1, first[0] : last[0] + 1], first
 
 
 def _in_valid(valid: np.ndarray, xy: np.ndarray) -> np.ndarray:

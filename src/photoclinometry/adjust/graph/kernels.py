@@ -163,18 +163,18 @@ def _scatter_landmarks(first, of_landmarks, block, gradient):
 @njit(**COMPILED)
 def _add_camera(w, block, gradient):
     """Adds a slot's share to its view's block (10, 10), lower triangle, and gradient (10,)."""
-    of_pixel = w[RESIDUAL * LANES : (RESIDUAL + 3) * LANES]
-    residual = w[(RESIDUAL + 2) * LANES : (RESIDUAL + 3) * LANES]
+    residuals = w[RESIDUAL * LANES : (RESIDUAL + 3) * LANES]
+    residual_of_brightness = residuals[2 * LANES :]
     for i in range(6):
         row = of_pixel_and_brightness(w, i)
         for m in range(i + 1):
             block[i, m] += dot(row, of_pixel_and_brightness(w, m))
-        gradient[i] += dot(row, of_pixel)
+        gradient[i] += dot(row, residuals)
     for i in range(6, CAMERA_SIZE):
         row = of_brightness(w, i)
         for m in range(i + 1):
             block[i, m] += dot(row, of_brightness(w, m))
-        gradient[i] += dot(row, residual)
+        gradient[i] += dot(row, residual_of_brightness)
 
 
 @njit(**COMPILED)
