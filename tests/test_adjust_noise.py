@@ -22,7 +22,7 @@ from photoclinometry.model.projection import (
 from photoclinometry.photometry.predict import (
     brightness_residuals,
 )
-from scenes import synthetic_scene
+from scenes import synthetic_scene, with_landmarks
 
 SIZE = 160
 
@@ -138,6 +138,16 @@ def test_where_brightness_is_twice_as_noisy_landmarks_are_twice_as_uncertain():
     assert np.mean(found[row < 16]) == pytest.approx(1.0, rel=0.05)
     assert np.mean(found[row > 23]) == pytest.approx(4.0, rel=0.05)
     assert np.std(found[row < 16]) < 0.2
+
+
+def test_a_landmark_that_stands_alone_is_not_certain_because_it_fits_by_chance():
+    """Four views leave it one degree of freedom; it fits exactly here, as do all others."""
+    whole = synthetic_scene(size=12, views=4)
+    row, col = whole.cells
+    scene = with_landmarks(whole, (row < 4) | ((row == 11) & (col == 11)))
+    found = local_noise(scene, scene.tracks.lit, 1e-3, np.ones(len(scene.landmarks), bool))
+    assert found[-1] == pytest.approx(0.5, abs=0.05)
+    assert found[:-1].max() < 0.4
 
 
 def test_where_no_brightness_counts_noise_is_as_everywhere():

@@ -22,6 +22,10 @@ LOCAL = 1.0
 """Standard deviation of the Gaussian over which noise is told from place to place [landmarks]: misfits are as local as
 the edges, boulders and shadows that make them."""
 
+USUAL = 2.0
+"""Squared residuals of the usual size that are added to those about a landmark. One that stands alone and is lit in
+four views has a single degree of freedom, whose square is near zero as often as not."""
+
 _MAX_VIEWS = 8
 """Views from which the correlation is measured, evenly chosen."""
 
@@ -117,7 +121,8 @@ def local_noise(scene: Scene, lit: np.ndarray, sigma: np.ndarray | float, mapped
 
     sigma: of each observation (N,), or of all; mapped: (J,) bool; returns one number for each of these, 1 where no
     brightness counts. Each landmark's normal and albedo take three of freedom. The average is a Gaussian of LOCAL
-    landmarks: some twelve landmarks, of whose residuals the mean square is known to a tenth or so.
+    landmarks: some twelve landmarks, of whose residuals the mean square is known to a tenth or so. Where there are few,
+    it is nearer to 1 (USUAL).
     """
     tracks, count = scene.tracks, len(scene.landmarks)
     of = tracks.landmark[lit]
@@ -128,9 +133,10 @@ def local_noise(scene: Scene, lit: np.ndarray, sigma: np.ndarray | float, mapped
     cells = scene.region.cells(scene.landmarks.pixel[mapped])
     grid = np.full((*scene.region.grid_shape, 2), np.nan)
     grid[cells] = np.stack([square, np.maximum(number - 3.0, MIN_FREEDOM * number)], -1)
-    average, _ = masked_filter(grid, gaussian(LOCAL))
-    total, freedom = np.moveaxis(average[cells], -1, 0)
-    return np.where(freedom > 0.0, total / np.where(freedom > 0.0, freedom, 1.0), 1.0)
+    average, share = masked_filter(grid, gaussian(LOCAL))
+    landmarks = 4.0 * np.pi * LOCAL**2 * share[cells]  # of independent noise, the average is as exact as of so many
+    total, freedom = landmarks * np.moveaxis(average[cells], -1, 0)
+    return (total + USUAL) / (freedom + USUAL)
 
 
 def view_prior_factor(excess: float, factor: float) -> float:
