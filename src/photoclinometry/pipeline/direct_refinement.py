@@ -61,9 +61,8 @@ def refine_directly(
     images: of the scene's views, in their order. estimate: as `JointEstimate`. noise: as an estimate by matches has
     found it; the rough estimates weigh with it, so that brightness counts loosely and its smooth errors pull little.
     ROUGH_PASSES rough estimates are made and a last one, each with brightness and gradients taken where the one before
-    projects. Landmarks that stray in a rough one are put back and left to their matches.
-    Where the rough ones have converged, brightness counts in the last without its smooth errors. Uncertainties allow
-    for what that moves.
+    projects. Landmarks that stray in a rough one are put back and left to their matches. Where the rough ones have
+    converged, brightness counts in the last without its smooth errors. Uncertainties allow for what that moves.
     """
     start, gradients = image_gradients(scene, images)
     if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:

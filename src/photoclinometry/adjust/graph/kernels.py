@@ -164,7 +164,7 @@ def _scatter_landmarks(first, of_landmarks, block, gradient):
 def _add_camera(w, block, gradient):
     """Adds a slot's share to its view's block (10, 10), lower triangle, and gradient (10,)."""
     residuals = w[RESIDUAL * LANES : (RESIDUAL + 3) * LANES]
-    residual_of_brightness = residuals[2 * LANES :]
+    residual = residuals[2 * LANES :]  # of brightness
     for i in range(6):
         row = of_pixel_and_brightness(w, i)
         for m in range(i + 1):
@@ -174,7 +174,7 @@ def _add_camera(w, block, gradient):
         row = of_brightness(w, i)
         for m in range(i + 1):
             block[i, m] += dot(row, of_brightness(w, m))
-        gradient[i] += dot(row, residual_of_brightness)
+        gradient[i] += dot(row, residual)
 
 
 @njit(**COMPILED)
