@@ -154,6 +154,30 @@ def test_the_command_compares_spc_and_geometry_alone_with_the_run(mapped, tmp_pa
     assert {path.name for path in run.iterdir()} <= PRODUCTS | {MARK, "lock"}
 
 
+def test_a_rival_that_finds_no_map_or_no_surface_costs_the_others_nothing(mapped, tmp_path, monkeypatch, caplog):
+    scene = mapped.result.scene
+    scatter = 1e3 * scene.spacing * np.random.default_rng(0).normal(size=scene.landmarks.position.shape)
+    far = replace(scene.landmarks, position=scene.landmarks.position + scatter)
+
+    def finds_none(*_):
+        raise pcm.ReconstructionError("no view was matched")
+
+    def strays(problem, *_):
+        rendered, covered = rendered_map(problem, problem.scene)
+        astray = scene.with_estimate(scene.views, far)
+        return Outcome(name="splat", rendered=rendered, covered=covered, knows_light=False, scene=astray)
+
+    monkeypatch.setattr("photoclinometry.rivals.compare.run_spc", finds_none)
+    monkeypatch.setattr("photoclinometry.rivals.compare.run_splat", strays)
+    found = pcm.compare_rivals(mapped.run, methods=("spc", "splat"), truth=mapped.truth, out=tmp_path / "out")
+    assert list(found.figures) == ["phomo", "splat"]
+    assert found.figures["splat"]["psnr_mean_db"] > 30
+    assert "surface_distance_mean_gsd" in found.figures["phomo"]
+    assert "surface_distance_mean_gsd" not in found.figures["splat"]
+    assert "spc finds no map, and is left out of the table: no view was matched" in caplog.text
+    assert "splat: its surface is not compared: the map and the reference surface do not overlap" in caplog.text
+
+
 @pytest.mark.slow
 def test_geometry_alone_has_heights_and_normals_but_no_albedo(mapped, tmp_path):
     found = pcm.compare_rivals(mapped.run, methods=("mvs",), truth=mapped.truth, out=tmp_path / "out")

@@ -8,17 +8,20 @@ import pytest
 
 from photoclinometry.cli import main
 from photoclinometry.evaluate.compare import evaluate_against_truth
+from photoclinometry.evaluate.spread import Table
 from photoclinometry.io.scene_file import read_scene
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.run import RunOptions
+from photoclinometry.rivals.compare import RivalOptions
+from photoclinometry.rivals.spc import SpcOptions
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study import StudyOptions, run_study
 from photoclinometry.study.figures import draw_heights, draw_scales, scan_row
 from photoclinometry.study.page import write_page
 from photoclinometry.study.plan import GEOMETRY, MODELS, cells
 from photoclinometry.study.record import Record, read_record, write_record
-from photoclinometry.study.summary import Table, groups, tables
+from photoclinometry.study.summary import groups, tables
 
 SMALL = StudyOptions(
     presets=("demo",),
@@ -57,6 +60,7 @@ def test_one_view_in_ten_is_held_out_the_same_for_every_model():
         ({"lightings": ("dim",)}, "no lighting 'dim'"),
         ({"seeds": ()}, "needs seeds"),
         ({"seeds": (1, 1)}, "each once"),
+        ({"rivals": ("spc", "spc")}, "rivals each once"),
         ({"hold_out_every": 1}, "hold_out_every is 1; give a whole number, 2 to 1000000, or 0"),
     ],
 )
@@ -98,6 +102,26 @@ def test_tables_by_hand():
     assert "| demo | 30.50 ± 0.71 | 40.50 ± 0.71 |" in psnr.markdown()
     without, with_it, gain = heights.rows[0][1]
     assert (without.mean, with_it.mean, gain.mean) == (4.0, 1.0, 75.0)
+
+
+def test_tables_of_rivals_by_hand():
+    """Two seeds: what is unknown of one of them is not in the mean, and a rival that found no map is a dash."""
+    options = replace(SMALL, geometry_alone=False, seeds=(0, 1), hold_out_every=3, rivals=("spc", "mvs"))
+    key = "psnr_mean_held_out_db"
+    beside = [
+        {"phomo": {key: 40.0, "albedo_error_mean_percent": 1.0}, "spc": {key: 38.0}, "mvs": {key: 30.0}},
+        {"phomo": {key: 42.0, "albedo_error_mean_percent": 3.0}, "spc": {key: 41.0, "ssim": None}},
+    ]
+    found = [replace(r, rivals=figures) for r, figures in zip(records(options), beside, strict=True)]
+    held, figures = tables(options, found)[-2:]
+    assert held.title.startswith("Table 5")
+    assert held.columns == ("phomo", "spc", "mvs")
+    assert "| demo | 41.00 ± 1.41 | 39.50 ± 2.12 | 30.00 |" in held.markdown()
+    assert [label for label, _ in figures.rows] == ["demo: phomo", "demo: spc", "demo: mvs"]
+    shown = dict(zip(figures.columns, figures.rows[0][1], strict=True))
+    assert shown["albedo [%]"].mean == 2.0
+    assert shown["SSIM"] is None
+    assert not any("rivals" in table.title for table in tables(replace(options, rivals=()), found))
 
 
 def test_a_run_that_failed_is_a_dash_and_not_a_number():
@@ -226,6 +250,25 @@ def test_a_study_goes_on_where_it_was_stopped_and_equals_its_parts(mapped, study
     monkeypatch.setattr("photoclinometry.study.work.simulate_site", None)
     assert run_study(SMALL, study) == page
     assert page.read_text() == text
+
+
+def test_rivals_of_a_study_are_those_of_the_run_and_kept(study, monkeypatch):
+    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    rival = RivalOptions(spc=SpcOptions(iterations=1))
+    options = replace(SMALL, geometry_alone=False, rivals=("spc",), rival=rival)
+    page = run_study(options, study)
+    run = study / "runs/demo-moderate-lunar-lambert-0/lunar-lambert"
+    written = json.loads((run / "rivals" / "rivals.json").read_text())["figures"]
+    (cell,) = json.loads((study / "study.json").read_text())["cells"]
+    assert cell["rivals"] == written
+    assert list(written) == ["phomo", "spc"]
+    text = page.read_text()
+    assert f"| demo: spc | {written['spc']['psnr_mean_db']:.2f} |" in text
+    assert (study / "figures" / "demo-moderate-matched-rivals.png").stat().st_size > 10_000
+
+    monkeypatch.setattr(pipeline, "run", None)
+    monkeypatch.setattr("photoclinometry.rivals.compare.compare_rivals", None)
+    assert run_study(options, study).read_text() == text
 
 
 def test_a_site_without_a_map_does_not_stop_a_study(study, monkeypatch):

@@ -26,9 +26,9 @@ def study(
     """
     from rich.console import Console
 
+    from photoclinometry.evaluate.spread import Table
     from photoclinometry.io.json_file import read_json
     from photoclinometry.study import run_study
-    from photoclinometry.study.summary import Table
 
     console = Console(stderr=True)
 

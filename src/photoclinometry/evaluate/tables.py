@@ -68,7 +68,7 @@ def number(value: float | int | str | None) -> str:
     return f"{value:.4g}"
 
 
-def json_numbers(metrics: Mapping[str, float]) -> dict[str, float | None]:
+def json_numbers(metrics: Mapping[str, float | None]) -> dict[str, float | None]:
     """The metrics for JSON, which has no infinity and no NaN: these become null."""
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in metrics.items()

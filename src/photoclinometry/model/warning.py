@@ -28,6 +28,7 @@ CODES: Mapping[str, str] = {
     "relief-contradicts": "the relief of the map is not that which the parallax of the images shows",
     "relief-inverted": "brightness shows the sparse model's relief with hills for hollows: Suns or poses are wrong",
     "reversal-undecided": "rays are so nearly parallel that the relief may be reversed",
+    "rival-failed": "a method that a run is compared with finds no map, or one that lies elsewhere",
     "run-failed": "a run of a study gave no map",
     "suns-moved": "the estimate has moved all Suns alike, or one by itself, far beyond what is stated of them",
     "sun-undecided": "Sun directions contradict each other, and which are wrong cannot be told",

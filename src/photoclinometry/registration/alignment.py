@@ -183,6 +183,8 @@ def refine_on_surface(
         plane = normals @ similarity.rotation.T
         foot, inside = closest(moved)
         distance = np.where(inside, _signed_distance(moved, foot, plane), np.nan)
+        if np.count_nonzero(np.isfinite(distance)) < 7:
+            raise InputError("the map and the reference surface do not overlap: check frame and unit of both")
         # Derivatives are taken at the feet. Taken at the points, their noise would count as relief, and the scale
         # that fits best would shrink the map to reduce it.
         center = foot.mean(0)
@@ -215,8 +217,6 @@ def _icp_step(points: np.ndarray, normals: np.ndarray, distance: np.ndarray) -> 
     points: (n, 3) feet, centred and of unit extent; normals: (n, 3); distance: (n,), NaN where not used.
     """
     used = np.isfinite(distance)
-    if used.sum() < 7:
-        raise InputError("the map and the reference surface do not overlap: check frame and unit of both")
     center = np.median(distance[used])
     # Not the median deviation: where distances have two clusters it can be zero, and one cluster would be dropped.
     deviation = np.quantile(np.abs(distance[used] - center), ONE_SIGMA_SHARE)

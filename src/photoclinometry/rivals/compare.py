@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from photoclinometry.evaluate.same_site import read_truth_of
+from photoclinometry.evaluate.spread import Table
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io import run_files
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.json_file import write_json
-from photoclinometry.io.reference import read_reference
-from photoclinometry.model.errors import InputError
+from photoclinometry.io.reference import Reference, read_reference
+from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Ranged
+from photoclinometry.model.warning import warn
 from photoclinometry.rivals.figure import draw_comparison
 from photoclinometry.rivals.measure import common_masks, image_figures, map_figures
 from photoclinometry.rivals.mvs import run_mvs
@@ -27,12 +29,14 @@ from photoclinometry.rivals.spc import SpcOptions, run_spc
 from photoclinometry.rivals.splat import SplatOptions, run_splat
 from photoclinometry.rivals.splat_reflectance import run_splat_reflectance
 from photoclinometry.rivals.table import comparison_table
-from photoclinometry.study.summary import Table
+from photoclinometry.simulate.truth import Truth
 
 log = logging.getLogger(__name__)
 
 OURS = "phomo"
 """The name of the run itself in tables."""
+RIVALS_FIGURE = "rivals.png"
+"""The figure's name in the folder of a comparison."""
 NOT_THE_MAP = ("products", "report", "held_out")
 """Stages of a run whose time is not counted: no rival writes a report, or places views."""
 
@@ -94,11 +98,11 @@ def compare_rivals(
         progress: Called as progress(what, done, total).
 
     Returns:
-        The figures of every method, their predictions and maps, and the table, which is what is printed.
+        The figures of every method, their predictions and maps, and the table, which is what is printed. A method that
+        finds no map is left out, with a warning.
 
     Raises:
         InputError: Files are missing, the run has no reflectance model, or it has used a view that is to be predicted.
-        ReconstructionError: The images do not determine a rival's map.
     """
     run, given = Path(run), None if site is None else Path(site)
     if truth is not None and reference is not None:
@@ -119,17 +123,34 @@ def compare_rivals(
     outcomes = [_own(problem, run)]
     for name in dict.fromkeys(methods):
         log.info("%s ...", name)
-        outcomes.append(costed(makers[name]))
+        try:
+            outcomes.append(costed(makers[name]))
+        except ReconstructionError as error:
+            warn(log, "rival-failed", "%s finds no map, and is left out of the table: %s", name, error)
     masks = common_masks(problem, outcomes)
     figures: dict[str, dict[str, float | None]] = {}
     for outcome in outcomes:
         found: dict[str, Any] = image_figures(problem, outcome, masks)
-        found |= map_figures(outcome.scene, true, other, unit)
+        found |= _map_figures(outcome, true, other, unit)
         figures[outcome.name] = found | {"cpu_s": outcome.cpu_s, "peak_memory_gb": outcome.peak_memory_gb}
     table = comparison_table(figures, f"{problem.scene.name}: {_views(problem)}")
     comparison = RivalComparison(folder=folder, figures=figures, outcomes=outcomes, table=table)
     _write(comparison, problem, masks)
     return comparison
+
+
+def _map_figures(outcome: Outcome, truth: Truth | None, reference: Reference | None, unit: str) -> dict[str, float]:
+    """Figures of a method's map; none of a rival's that lies so far off that it cannot be compared.
+
+    Raises InputError where the run's own cannot be.
+    """
+    try:
+        return map_figures(outcome.scene, truth, reference, unit)
+    except InputError as error:
+        if outcome.name == OURS:
+            raise
+        warn(log, "rival-failed", "%s: its surface is not compared: %s", outcome.name, error)
+        return {}
 
 
 def _check(methods: Sequence[str], known: Mapping[str, Any]) -> None:
@@ -172,6 +193,6 @@ def _write(comparison: RivalComparison, problem: Problem, masks: Sequence[Any]) 
         "history": {outcome.name: list(outcome.history) for outcome in comparison.outcomes if len(outcome.history)},
     }
     write_json(comparison.folder / "rivals.json", content)
-    write_text(comparison.folder / "rivals.md", comparison.table.markdown() + "\n![The views](rivals.png)\n")
-    with atomic_path(comparison.folder / "rivals.png") as temporary:
+    write_text(comparison.folder / "rivals.md", comparison.table.markdown() + f"\n![The views]({RIVALS_FIGURE})\n")
+    with atomic_path(comparison.folder / RIVALS_FIGURE) as temporary:
         draw_comparison(temporary, problem, comparison.outcomes, masks)

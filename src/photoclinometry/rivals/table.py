@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from photoclinometry.study.summary import Spread, Table
+from photoclinometry.evaluate.spread import Spread, Table
 
 COLUMNS: tuple[tuple[str, str, int], ...] = (
     ("PSNR [dB]", "psnr_mean_db", 2),

@@ -26,6 +26,7 @@ from photoclinometry.output.figures.draw import (
 )
 from photoclinometry.output.figures.maps import normal_colours
 from photoclinometry.output.report.maps import draw_relit
+from photoclinometry.rivals.compare import RIVALS_FIGURE
 from photoclinometry.study.record import Record
 
 if TYPE_CHECKING:
@@ -41,11 +42,12 @@ CELL_FIGURES = (
     ("errors.png", "Fig. 8: errors of albedo, normals and surface against truth."),
     ("map.png", "Fig. 9: albedo, normals (bright: facing up, orange: right, blue: left), photometric error."),
     ("relit.png", "Fig. 13: the map under other Suns."),
+    (RIVALS_FIGURE, "The run and its rivals: a view used and one held out, predictions, and differences."),
 )
 
 
 def draw_cell(folder: Path, scene: Scene, found: Comparison) -> None:
-    """The figures of one run (`CELL_FIGURES`)."""
+    """The figures of one run (`CELL_FIGURES`), but for that of its rivals."""
     draw_errors(folder / "errors.png", found)
     if scene.reflectance is not None:
         draw_map(folder / "map.png", scene)

@@ -85,4 +85,5 @@ def _as_dict(record: Record) -> dict[str, Any]:
     cell = record.cell
     s = cell.simulation
     about = {"preset": s.preset, "lighting": s.lighting, "surface": cell.surface, "seed": s.seed, "model": cell.model}
-    return {**about, "failure": record.failure or None, "metrics": json_numbers(record.metrics)}
+    rivals = {name: json_numbers(figures) for name, figures in record.rivals.items()}
+    return {**about, "failure": record.failure or None, "metrics": json_numbers(record.metrics), "rivals": rivals}

@@ -11,6 +11,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import ModelName, model_named
 from photoclinometry.pipeline.run import RunOptions
+from photoclinometry.rivals.compare import Method, RivalOptions
 from photoclinometry.simulate.options import SMALLEST_IMAGE_PX, SimulationOptions
 from photoclinometry.simulate.presets import named_preset
 
@@ -46,8 +47,13 @@ class StudyOptions(Ranged):
     """Width and height of the images [px]; the preset's by default."""
     region_size: Annotated[int | None, Range(least=2, most=65535)] = None
     """Width and height of the maps [px]; the preset's by default."""
+    rivals: tuple[Method, ...] = ()
+    """Other published methods to map each site with, beside lunar-lambert (or the last of the models): spc, mvs, splat,
+    splat-reflectance, ngp. As `phomo rivals`."""
     run: RunOptions = field(default_factory=RunOptions)
     """Options of the runs; `reflectance` and `hold_out` are set by the study."""
+    rival: RivalOptions = field(default_factory=RivalOptions)
+    """Options of the rivals."""
 
     def __post_init__(self):
         super().__post_init__()
@@ -55,6 +61,8 @@ class StudyOptions(Ranged):
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
                 raise InputError(f"a study needs {name}, each once, got {list(values)}")
+        if len(set(self.rivals)) < len(self.rivals):
+            raise InputError(f"a study needs rivals each once, got {list(self.rivals)}")
         for model in self.models:
             model_named(model)
         cells(self)  # raises InputError for options that the simulator refuses

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,6 +37,8 @@ class Record:
     """height, true_height (h, w) and their spacing () [m], NaN without a landmark; scale, phase (K,): -, rad."""
     failure: str = ""
     """The reason why there is no map; empty if there is one."""
+    rivals: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    """Figures of the run and its rivals on the same pixels, as `RivalComparison.figures`; empty without rivals."""
 
 
 def measure(cell: Cell, result: RunResult, truth: Truth) -> tuple[Record, Comparison]:
@@ -56,7 +58,8 @@ def measure(cell: Cell, result: RunResult, truth: Truth) -> tuple[Record, Compar
 
 def write_record(folder: Path, record: Record, key: str, draw: Callable[[Path], object] | None = None) -> None:
     """The record as a folder that appears whole; draw(folder) adds figures. Raises RunFolderError."""
-    content = {"key": key, "failure": record.failure, "metrics": json_numbers(record.metrics)}
+    rivals = {name: json_numbers(figures) for name, figures in record.rivals.items()}
+    content = {"key": key, "failure": record.failure, "metrics": json_numbers(record.metrics), "rivals": rivals}
     with atomic_path(folder) as work:
         work.mkdir()
         write_arrays(work / "values.npz", record.arrays)
@@ -78,7 +81,7 @@ def read_record(folder: Path, cell: Cell, key: str) -> Record | None:
         missing = [name for name in ARRAYS if name not in arrays]
         if missing:
             raise ValueError(f"values.npz has no {missing[0]}")
-        return Record(cell, metrics, arrays)
+        return Record(cell, metrics, arrays, rivals=content["rivals"])
     # A damaged archive raises nearly every built-in exception.
     except Exception as error:
         warn(log, "file-damaged", "%s: damaged (%s); the cell is measured again", folder, error)

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import asdict
+import shutil
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from photoclinometry.evaluate.compare import Comparison
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.options import write_options
 from photoclinometry.io.reading import read_text
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.progress import Progress
+from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.run_folder import adopt_stages
 from photoclinometry.pipeline.stage import digest, program_digest
+from photoclinometry.rivals.compare import RIVALS_FIGURE, RivalComparison
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study.plan import Cell, StudyOptions, cells
@@ -54,16 +58,13 @@ def _open(out: Path, options: StudyOptions) -> None:
 
 
 def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
-    folder = out / "results" / cell.name
-    key = digest(
-        "study cell", program_digest(), cell.simulation, cell.run_options(options), cell.model == options.shown
-    )
+    folder, shown = out / "results" / cell.name, cell.model == options.shown
+    rivals = (options.rivals, options.rival) if shown and options.rivals else None
+    key = digest("study cell", program_digest(), cell.simulation, cell.run_options(options), shown, rivals)
     found = read_record(folder, cell, key)
     if found is not None:
         log.info("%s: read back", cell.name)
         return found
-    from photoclinometry.study.figures import draw_cell
-
     site = _site(out, cell)
     run = out / "runs" / cell.site / cell.model
     for sibling in sorted(run.parent.glob("*")) if run.parent.is_dir() else ():
@@ -75,10 +76,31 @@ def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
         record = Record(cell, {}, failure=str(error))
         write_record(folder, record, key)
         return record
-    record, comparison = measure(cell, result, read_truth(site.with_name("truth.h5")))
-    shown = cell.model == options.shown
-    write_record(folder, record, key, (lambda work: draw_cell(work, result.scene, comparison)) if shown else None)
+    truth = site.with_name("truth.h5")
+    record, comparison = measure(cell, result, read_truth(truth))
+    if not shown:
+        write_record(folder, record, key)
+        return record
+    beside = _with_rivals(run, truth, options) if options.rivals else None
+    if beside is not None:
+        record = replace(record, rivals=beside.figures)
+    write_record(folder, record, key, lambda work: _draw(work, result.scene, comparison, beside))
     return record
+
+
+def _with_rivals(run: Path, truth: Path, options: StudyOptions) -> RivalComparison:
+    from photoclinometry.rivals.compare import compare_rivals
+
+    return compare_rivals(run, methods=options.rivals, truth=truth, options=options.rival)
+
+
+def _draw(folder: Path, scene: Scene, comparison: Comparison, rivals: RivalComparison | None) -> None:
+    """The figures of a run, and that of its rivals."""
+    from photoclinometry.study.figures import draw_cell
+
+    draw_cell(folder, scene, comparison)
+    if rivals is not None:
+        shutil.copyfile(rivals.folder / RIVALS_FIGURE, folder / RIVALS_FIGURE)
 
 
 def _site(out: Path, cell: Cell) -> Path:
