@@ -5,6 +5,7 @@ Paths are relative to the folder, in which a command then runs: the words of a f
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import struct
@@ -61,6 +62,14 @@ def write_mapped_site(folder: Path) -> None:
     put(run / "config.toml", 'site = "mapped/site.toml"\n')()
     put(run / "metrics.json", json.dumps({"metrics": {"psnr_mean_db": 41.5, "views": 4}}))()
     write_mark(run, owner_of_site(read_site(path)))
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Everything below a folder, files with a digest of their bytes."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+        for path in folder.rglob("*")
+    }
 
 
 def put(path: Path | str, content: str | bytes) -> Change:

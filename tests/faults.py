@@ -77,6 +77,19 @@ class Fault:
     test: str = ""
     """The test of a fault that needs a process of its own, or minutes: file::function. Empty for those tried here."""
 
+    def is_said_by(self, words: str) -> bool:
+        """Whether a message, in one line and without "phomo: ", begins as `says` does and has its parts in order."""
+        start, *parts = (" ".join(part.split()) for part in self.says.split("..."))
+        if not words.startswith(start):
+            return False
+        at = len(start)
+        for part in parts:
+            found = words.find(part, at)
+            if found < 0:
+                return False
+            at = found + len(part)
+        return True
+
 
 RUN = "run site/site.toml --out map"
 BODY = "body site/site.toml"

@@ -1,6 +1,5 @@
 """Every fault of the table ends its command as the table says: exit code, one line, and what is on disk."""
 
-import hashlib
 import logging
 import shlex
 import shutil
@@ -9,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from commands import phomo
-from fault_place import build_place, frames, small_disk
+from fault_place import build_place, contents, frames, small_disk
 from faults import BOX, EVALUATE, EXPORT, FAULTS, INGEST, LINE, RENDER, RUN, SUNS, VIEWS, Fault
+from faults_at import end_of
+from faults_before import ABSENT, NO_WORDS, WORDS, read_answers
 from photoclinometry.pipeline import run as pipeline
 
 TRIED = [fault for fault in FAULTS if not fault.test]
@@ -37,14 +38,6 @@ def here(good, tmp_path, monkeypatch):
     return folder
 
 
-def contents(folder: Path) -> dict[str, str]:
-    """Everything below a folder, files with a digest of their bytes."""
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-        for path in folder.rglob("*")
-    }
-
-
 def message(said: str, form: str) -> str:
     """The command's last words, without "phomo: ", in one line."""
     assert "Traceback" not in said
@@ -65,12 +58,7 @@ def test_a_fault_ends_its_command_as_the_table_says(fault, here, capsys):
     with small_disk(fault.disk):
         assert phomo(*shlex.split(fault.command)) == fault.code
     said = message(capsys.readouterr().err, fault.form)
-    start, *parts = (" ".join(part.split()) for part in fault.says.split("..."))
-    assert said.startswith(start)
-    at = len(start)
-    for part in parts:
-        assert part in said[at:], said
-        at = said.index(part, at) + len(part)
+    assert fault.is_said_by(said), said
     after = contents(here)
     changed = sorted(path for path in before | after if before.get(path) != after.get(path))
     whole = tuple(path.removesuffix("/...") for path in fault.left if path.endswith("/..."))
@@ -82,6 +70,40 @@ def test_a_fault_ends_its_command_as_the_table_says(fault, here, capsys):
 
 def test_the_table_names_each_fault_once():
     assert len({name_of(fault) for fault in FAULTS}) == len(FAULTS) >= 110
+
+
+def test_each_fault_has_its_answer_of_before_and_each_answer_its_fault():
+    """A new fault is measured by `python benchmarks/faults_at.py 1d50e0a --only NAME`."""
+    answers = read_answers()
+    assert [answer.key for answer in answers] == [(fault.kind, fault.name) for fault in FAULTS]
+    for answer in answers:
+        assert answer.ends in (*WORDS, *NO_WORDS, *ABSENT)
+        assert answer.cause in (("yes", "no") if answer.ends in WORDS else ("",)), answer
+
+
+def test_words_are_those_of_a_fault_if_they_begin_so_and_have_its_parts_in_order():
+    fault = Fault(kind="", name="", command="", says="a.png: is ... so ... remove")
+    assert fault.is_said_by("a.png: is dark, so that nothing is seen; remove it")
+    assert not fault.is_said_by("images/a.png: is dark, so that nothing is seen; remove it")
+    assert not fault.is_said_by("a.png: is dark; remove it, so that the rest is mapped")
+
+
+def test_ends_of_commands_are_told_apart():
+    assert end_of("work\nphomo: a.png: is dark\n", 2) == ("one line", "a.png: is dark")
+    assert end_of("phomo: 2 files:\n  a.png: is dark\n", 2) == ("several lines", "2 files: a.png: is dark")
+    assert end_of("╭─ Missing ─╮\n│ --out PATH │\n╰───────────╯\n", 2) == ("box", "Missing --out PATH")
+    assert end_of("Traceback (most recent call last):\nKeyError: 7\n", 1) == ("traceback", "KeyError: 7")
+    assert end_of("written: a.png\n", 0) == ("exit code 0", "written: a.png")
+
+
+def test_the_reference_shows_each_fault_beside_its_answer_of_before(monkeypatch):
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "docs" / "_ext")
+    import faults_reference
+
+    rows = [line.split(" | ") for line in faults_reference.page().splitlines() if line.startswith("| ")]
+    rows = [row for row in rows if row[0] != "| fault"]
+    assert [row[0].removeprefix("| ") for row in rows] == [fault.name for fault in FAULTS]
+    assert {len(row) for row in rows} == {len(faults_reference.HEADS)}
 
 
 @pytest.mark.parametrize("fault", [fault for fault in FAULTS if fault.test], ids=name_of)
