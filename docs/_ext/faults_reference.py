@@ -6,7 +6,10 @@ import re
 import sys
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from faults_before import Answer
 
 ROOT = Path(__file__).parents[2]
 FILE = ROOT / "docs" / "reference" / "cli" / "faults.md"
@@ -17,8 +20,12 @@ What `phomo` answers to what can go wrong. Each row is a test: the fault is put 
 and exit code, message and everything on disk are compared. A message is one line, the last one on standard error, and
 begins with `phomo:`; only those about options may be in a box. Three dots stand for other words.
 [All exit codes](../run-folder.md#exit-codes).
+
+The last column has what the command answered before the work on its messages, as measured
+([decision 0056](../../decisions/0056-faults-before-and-now.md)): its words with the exit code before them, or how it
+ended without any. Words about something else than the cause are in italics.
 """
-HEADS = ("fault", "command", "message", "exit code", "left on disk")
+HEADS = ("fault", "command", "message", "exit code", "left on disk", "before")
 LEFT = {
     (): "nothing new",
     ("map", "map/config.toml", "map/log", "map/run.json"): "a run folder without results; the command goes on there",
@@ -29,23 +36,35 @@ def page() -> str:
     """The table in Markdown, a section for each kind."""
     sys.path.insert(0, str(ROOT / "tests"))
     from faults import FAULTS
+    from faults_before import read_answers
 
+    before = {answer.key: answer for answer in read_answers()}
     lines = [INTRO]
     for kind, group in groupby(FAULTS, key=lambda fault: fault.kind):
-        lines += [f"## {kind}", "", f"| {' | '.join(HEADS)} |", "|---|---|---|---:|---|"]
+        lines += [f"## {kind}", "", f"| {' | '.join(HEADS)} |", "|---|---|---|---:|---|---|"]
         for fault in group:
             left = LEFT.get(fault.left) or ", ".join(fault.left)
-            command = re.sub(r"x{20,}", "xxx...", f"phomo {fault.command}")
-            cells = (fault.name, _code(command), _code(fault.says), str(fault.code), left)
+            earlier = _earlier(before[fault.kind, fault.name])
+            cells = (fault.name, _code(f"phomo {fault.command}"), _code(fault.says), str(fault.code), left, earlier)
             lines.append(f"| {' | '.join(cells)} |")
         lines.append("")
     return "\n".join(lines)
 
 
+def _earlier(answer: Answer) -> str:
+    """What was answered before: code and words, or how the command ended; and what it left on disk."""
+    left = f"; left: {answer.left}" if answer.left else ""
+    if answer.cause:
+        slant = "*" if answer.cause == "no" else ""
+        return f"{answer.code}: {slant}{_code(answer.words)}{slant}{left}"
+    return (f"traceback: {_code(answer.words)}" if answer.ends == "traceback" else answer.ends) + left
+
+
 def _code(text: str) -> str:
-    """Text as it is typed or printed; with more backticks around it than it has."""
+    """Text as it is typed or printed, long names shortened; with more backticks around it than it has."""
     if not text:
         return "-"
+    text = re.sub(r"x{20,}", "xxx...", text)
     mark = "``" if "`" in text else "`"
     space = " " if "`" in text else ""
     return f"{mark}{space}{text.replace('|', '/')}{space}{mark}"
