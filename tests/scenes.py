@@ -119,6 +119,7 @@ def synthetic_scene(
         sun=sun,
         scale=np.ones(views) if calibrated else rng.uniform(200.0, 400.0, views),
         bias=np.zeros(views) if calibrated else rng.uniform(1.0, 5.0, views),
+        dark_level=np.zeros(views),
         sun_measured=np.einsum("kji,kj->ki", body_from_cam.rotation, sun),
         sun_sigma=np.full(views, 1e-3),
         sun_common_sigma=np.zeros(views),

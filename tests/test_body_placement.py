@@ -50,6 +50,7 @@ def view_at(pose, sun):
         sun=sun[None],
         scale=np.ones(1),
         bias=np.zeros(1),
+        dark_level=np.zeros(1),
         sun_measured=(sun @ pose.rotation)[None],
         sun_sigma=np.full(1, 1e-3),
         sun_common_sigma=np.zeros(1),

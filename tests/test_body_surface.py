@@ -47,6 +47,7 @@ def views_from(directions, suns):
         sun=np.array(suns),
         scale=np.ones(count),
         bias=np.zeros(count),
+        dark_level=np.zeros(count),
         sun_measured=np.array(suns),
         sun_sigma=np.full(count, 1e-3),
         sun_common_sigma=np.zeros(count),

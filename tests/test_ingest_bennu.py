@@ -39,6 +39,7 @@ def shape_scene(exposure):
             sun=(pose.rotation @ exposure.sun)[None],
             scale=np.ones(1),
             bias=np.zeros(1),
+            dark_level=np.zeros(1),
             sun_measured=exposure.sun[None],
             sun_sigma=np.full(1, 1e-3),
             sun_common_sigma=np.zeros(1),

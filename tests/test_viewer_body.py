@@ -76,6 +76,7 @@ def body_of(form=dented, model="lunar-lambert", spacing=4.0):
         sun=suns,
         scale=np.array([1.0, 2.0, 1.0, 1.0]),
         bias=np.zeros(4),
+        dark_level=np.zeros(4),
         sun_measured=suns,
         sun_sigma=np.zeros(4),
         sun_common_sigma=np.zeros(4),

@@ -250,7 +250,7 @@ def _photometry_metrics(
     factor = metrics["albedo_factor"]  # albedo * factor = truth, so scale / factor = truth
     off = scene.views.scale / factor / true_views.scale - 1.0
     metrics |= extra | spread(100.0 * off, "scale_error", "percent")
-    off = (scene.views.bias - true_views.bias) / scene.tracks.brightness[scene.tracks.lit].mean()
+    off = (scene.views.offset - true_views.offset) / scene.tracks.brightness[scene.tracks.lit].mean()
     return errors | found, metrics | spread(100.0 * off, "bias_error", "percent_of_brightness")
 
 

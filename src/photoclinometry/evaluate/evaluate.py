@@ -111,7 +111,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
         if seen.any():
             row["keypoint_rms_px"] = _rms(pixel_residual[seen])
         if residual is not None:
-            row |= {"scale": float(views.scale[k]), "bias": float(views.bias[k])}
+            row |= _exposure(scene, views, k)
             if lit.any():
                 row["brightness_rms_percent"] = 100.0 * _rms(residual[lit]) / float(tracks.brightness[lit].mean())
             if name in by_name:
@@ -133,12 +133,18 @@ def held_out_table(scene: Scene, held_out: Views, images: Sequence[Image] | None
     for k, name in enumerate(held_out.name):
         row: dict[str, Any] = {"name": name, "held_out": True}
         if scene.reflectance is not None:
-            row |= {"scale": float(held_out.scale[k]), "bias": float(held_out.bias[k])}
+            row |= _exposure(scene, held_out, k)
             if name in by_name:
                 quality = view_psnr(joined, len(scene.views) + k, by_name[name], faces)["psnr_db"]
                 row |= {"psnr_db": quality} if np.isfinite(quality) else {}
         rows.append(row)
     return rows
+
+
+def _exposure(scene: Scene, views: Views, k: int) -> dict[str, float]:
+    """Scale and bias of a view, and of an uncalibrated one the dark level that had been taken from its brightness."""
+    row = {"scale": float(views.scale[k]), "bias": float(views.bias[k])}
+    return row if scene.brightness == "iof" else row | {"dark_level": float(views.dark_level[k])}
 
 
 def evaluate_scene(

@@ -78,7 +78,7 @@ def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor
         "center": center,
         "sun": tangent_error(scene.views.sun, true_views.sun @ scene_from_true.rotation.T),
         "scale": scene.views.scale - true_views.scale * albedo_factor,
-        "bias": scene.views.bias - true_views.bias,
+        "bias": scene.views.offset - true_views.offset,
     }
 
 

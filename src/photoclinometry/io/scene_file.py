@@ -46,10 +46,13 @@ _VIEWS = {
     "sun": ("1", "B", "estimated unit vectors from the body towards the Sun (K, 3)"),
     "scale": ("1", "-", "measured brightness = scale * model + bias"),
     "bias": (_BRIGHTNESS, "-", "measured brightness = scale * model + bias"),
+    "dark_level": (_BRIGHTNESS, "-", "had been taken from the measured brightness of uncalibrated images before"),
     "sun_measured": ("1", "C", "measured unit vectors from the body towards the Sun (K, 3)"),
     "sun_sigma": ("rad", "C", "standard deviation of each view's own error of sun_measured about each tangent axis"),
     "sun_common_sigma": ("rad", "C", "standard deviation of the rotation that errors of all sun_measured share"),
 }
+_LATER = ("sun_common_sigma", "dark_level")
+"""What older files do not have: zero there."""
 _LANDMARKS = {
     "position": (_LENGTH, "B", "landmark positions (J, 3)"),
     "normal": ("1", "B", "outward unit normals (J, 3)"),
@@ -236,9 +239,9 @@ def _read_views(file: Any) -> Views:
         for group in (file[f"cameras/{number}"] for number in range(len(file["cameras"])))
     ]
     stored = file["views"]
-    values = {name: stored[name][()] for name in _VIEWS if name in stored or name != "sun_common_sigma"}
-    # Files from before errors of Suns could be common.
-    values.setdefault("sun_common_sigma", np.zeros(len(values["name"])))
+    values = {name: stored[name][()] for name in _VIEWS if name in stored or name not in _LATER}
+    for name in _LATER:
+        values.setdefault(name, np.zeros(len(values["name"])))
     return Views(
         name=tuple(name.decode() for name in values.pop("name")),
         cameras=tuple(cameras[number] for number in values.pop("camera")),

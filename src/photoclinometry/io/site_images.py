@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from photoclinometry.io.dark_level import dark_levels, darkest_pixels, without_dark_level
 from photoclinometry.io.exposure import off_body_mask, why_it_shows_nothing
 from photoclinometry.io.images import read_image
 from photoclinometry.io.plausible import impossible_views
@@ -16,12 +18,15 @@ from photoclinometry.model.errors import ImageError
 from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Image
 
+log = logging.getLogger(__name__)
+
 _LISTED = 5
 """Missing images that an error names; the others are counted."""
 
 
 def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
-    """The images of all views, each named as its view; `valid` is False on dark sky.
+    """The images of all views, each named as its view, uncalibrated ones less their dark level; `valid` is False on
+    dark sky.
 
     progress: called with "images", images read and images in all after each. Raises ImageError for images that are
     missing, unreadable, of another size than their camera, empty, dark, or the same as another.
@@ -33,7 +38,7 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
             f"{site.path}: {len(missing)} of {len(site.views)} images do not exist: {listed}; "
             "image paths are relative to this file"
         )
-    images, seen = [], {}
+    images, darkest, seen = [], [], {}
     for number, view in enumerate(site.views, start=1):
         image = read_view_image(site, view)
         _check_image(view, image)
@@ -44,10 +49,19 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
                 "remove one of the two views"
             )
         seen[content] = view.name
+        darkest.append(darkest_pixels(image))
         images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
         if progress is not None:
             progress("images", number, len(site.views))
-    return images
+    if site.brightness == "iof":
+        return images
+    return _less_dark_levels(images, dark_levels(darkest, [view.camera for view in site.views]))
+
+
+def _less_dark_levels(images: list[Image], levels: np.ndarray) -> list[Image]:
+    if levels.any():
+        log.info("dark levels of %g to %g are taken from the images' brightness", levels.min(), levels.max())
+    return [without_dark_level(image, float(level)) for image, level in zip(images, levels, strict=True)]
 
 
 def load_plausible_images(site: Site, progress: Progress | None = None) -> tuple[list[Image], dict[str, str]]:

@@ -74,13 +74,15 @@ class Image:
     """(height, width) float32: I/F, or linear DN. Defined only where `valid`."""
     valid: np.ndarray
     """(height, width) bool: finite, not saturated, not flagged."""
+    dark_level: float = 0.0
+    """What has been taken from the brightness of an uncalibrated image: its level in shadows and sky."""
 
     def __repr__(self) -> str:
         height, width = self.valid.shape
         return f"<Image {self.name!r}: {width} x {height} pixels, {100.0 * self.valid.mean():.4g} % valid>"
 
 
-VIEW_ARRAYS = ("sun", "scale", "bias", "sun_measured", "sun_sigma", "sun_common_sigma")
+VIEW_ARRAYS = ("sun", "scale", "bias", "dark_level", "sun_measured", "sun_sigma", "sun_common_sigma")
 """What `Views` has one row of for each view, beside its name, camera and pose."""
 
 
@@ -99,6 +101,8 @@ class Views:
     """(K,) lambda of Eq. 21: measured = scale * model + bias."""
     bias: np.ndarray
     """(K,) xi of Eq. 21, in the images' brightness."""
+    dark_level: np.ndarray
+    """(K,) what had been taken from the brightness of uncalibrated images before (`Image.dark_level`)."""
     sun_measured: np.ndarray
     """(K, 3) unit vectors towards the Sun as measured, in C."""
     sun_sigma: np.ndarray
@@ -117,6 +121,11 @@ class Views:
     def intrinsics(self) -> np.ndarray:
         """(K, 4) fx, fy, cx, cy [px]."""
         return np.array([(*c.focal_px, *c.principal_px) for c in self.cameras], float)
+
+    @property
+    def offset(self) -> np.ndarray:
+        """(K,) brightness of the image files where the model has none: dark level and bias."""
+        return self.dark_level + self.bias
 
     def project(self, view: int, points: np.ndarray) -> np.ndarray:
         """Pixels (..., 2) of body-fixed points (..., 3) in one view."""

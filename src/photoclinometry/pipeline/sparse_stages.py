@@ -62,7 +62,8 @@ class PosedImages:
     @property
     def views(self) -> Views:
         """(K,) all of the site's."""
-        return views_from(self.inputs.value.site, self.sparse.value)
+        views = views_from(self.inputs.value.site, self.sparse.value)
+        return replace(views, dark_level=np.array([image.dark_level for image in self.inputs.value.images]))
 
     @property
     def index(self) -> np.ndarray:
@@ -207,6 +208,7 @@ def views_from(site: Site, sparse: SparseModel) -> Views:
         sun=np.einsum("kij,kj->ki", sparse.body_from_cam.rotation, sun_in_cam),
         scale=np.ones(count),
         bias=np.zeros(count),
+        dark_level=np.zeros(count),
         sun_measured=sun_in_cam,
         sun_sigma=own,
         sun_common_sigma=common,

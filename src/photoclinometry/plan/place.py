@@ -99,6 +99,7 @@ def views_in(body_from_local: Rigid, used: list[SiteView], site: Site) -> Views:
         sun=np.einsum("kij,kj->ki", body_from_cam.rotation, measured),
         scale=np.ones(len(used)),
         bias=np.zeros(len(used)),
+        dark_level=np.zeros(len(used)),
         sun_measured=measured,
         sun_sigma=own[index],
         sun_common_sigma=common[index],

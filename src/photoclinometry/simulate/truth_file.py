@@ -143,6 +143,7 @@ def read_facts(file: Any) -> dict[str, Any]:
         name=tuple(group["name"].asstr()[()]),
         cameras=cameras,
         body_from_cam=Rigid(data.pop("rotation"), data.pop("translation")),
+        dark_level=np.zeros(len(cameras)),
         **data,
     )
     return {

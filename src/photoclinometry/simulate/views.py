@@ -62,6 +62,7 @@ def measured_views(options: SimulationOptions, camera: Camera, poses: Rigid, sun
         sun=sun,
         scale=np.ones(count),
         bias=np.zeros(count),
+        dark_level=np.zeros(count),
         sun_measured=measure_suns(stream(options, Stream.SUN_NOISE), sun, poses, sigma, common_sigma),
         sun_sigma=np.full(count, sigma),
         sun_common_sigma=np.full(count, common_sigma),

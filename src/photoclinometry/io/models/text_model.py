@@ -243,6 +243,7 @@ def _views(images: Sequence[ImageLines], sun_sigma_rad: float) -> Views:
         sun=np.einsum("kij,kj->ki", body_from_cam.rotation, sun),
         scale=np.array([i.scale for i in images]),
         bias=np.array([i.bias for i in images]),
+        dark_level=np.zeros(len(images)),
         sun_measured=sun,
         sun_sigma=np.full(len(images), float(sun_sigma_rad)),
         sun_common_sigma=np.zeros(len(images)),

@@ -18,7 +18,7 @@ def write_tables(folder: Path, framed: Framed) -> dict[str, str]:
     write_csv(folder / "views.csv", view_columns(framed))
     return {
         "landmarks.csv": "landmarks",
-        "views.csv": "camera centres, body_from_cam as quaternions, Suns, scales and biases",
+        "views.csv": "camera centres, body_from_cam as quaternions, Suns, scales, biases, dark levels",
     }
 
 
@@ -48,7 +48,7 @@ def landmark_columns(framed: Framed) -> Columns:
 
 
 def view_columns(framed: Framed) -> Columns:
-    """Name, camera centre, body_from_cam as a unit quaternion, Sun, scale and bias of each view."""
+    """Name, camera centre, body_from_cam as a unit quaternion, Sun, scale, bias and dark level of each view."""
     from scipy.spatial.transform import Rotation
 
     views, length = framed.scene.views, "_m" if framed.metric else ""
@@ -57,4 +57,4 @@ def view_columns(framed: Framed) -> Columns:
     columns |= {f"center_{a}{length}": views.body_from_cam.translation[:, i] for i, a in enumerate("xyz")}
     columns |= {f"body_from_cam_{a}": wxyz[:, i] for i, a in enumerate("wxyz")}
     columns |= {f"sun_{a}": views.sun[:, i] for i, a in enumerate("xyz")}
-    return columns | {"scale": views.scale, "bias": views.bias}
+    return columns | {"scale": views.scale, "bias": views.bias, "dark_level": views.dark_level}

@@ -1,0 +1,61 @@
+"""The dark level of uncalibrated images: their brightness where there is no light.
+
+A detector counts from an offset (bias level, dark current), and scattered light adds to it. The level differs between
+cameras, temperatures and exposures. Cast shadows and the sky have that brightness, and nothing in an image is darker.
+Left in, it makes ground look flat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from photoclinometry.model.scene import Camera, Image
+
+_DARKEST = 0.001
+"""Share of the pixels that may be darker than no light: dead ones, and noise."""
+_FEWEST = 0.01
+"""Least share of the pixels in shadows and sky that tells the level."""
+_FLAT = 0.02
+"""The darkest pixels have one level where they span at most this share of what is between them and the median.
+Where there is no shadow, they are ground that turns away from the Sun, and span a fifth or more."""
+
+
+class Darkest(NamedTuple):
+    """The darkest pixels of an image."""
+
+    brightness: float
+    level: float
+    """Theirs, if they are in shadows or sky; else NaN."""
+
+
+def darkest_pixels(image: Image) -> Darkest:
+    """image: with its sky, and at least one valid pixel."""
+    shares = (_DARKEST, 0.5 * (_DARKEST + _FEWEST), _FEWEST, 0.5)
+    darkest, level, end, median = np.quantile(image.brightness[image.valid], shares)
+    return Darkest(float(darkest), float(level) if end - darkest <= _FLAT * (median - darkest) else np.nan)
+
+
+def dark_levels(darkest: Sequence[Darkest], cameras: Sequence[Camera]) -> np.ndarray:
+    """(K,) the dark level of each image, 0 where it is not known.
+
+    darkest, cameras: of the K images. An image without shadows and sky has the median level of those of its camera's
+    images that have them, but not more than its own darkest pixels.
+    """
+    told = np.array([pixels.level for pixels in darkest])
+    found = np.zeros(len(told))
+    for camera in dict.fromkeys(cameras):
+        for_all = [level for level, other in zip(told, cameras, strict=True) if other == camera and np.isfinite(level)]
+        for k in range(len(told)) if for_all else ():
+            if cameras[k] == camera:
+                found[k] = told[k] if np.isfinite(told[k]) else min(np.median(for_all), darkest[k].brightness)
+    return found
+
+
+def without_dark_level(image: Image, level: float) -> Image:
+    """The image less its dark level."""
+    brightness = np.where(image.valid, image.brightness - np.float32(level), np.float32(0))
+    return replace(image, brightness=brightness, dark_level=level)
