@@ -10,7 +10,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
-from photoclinometry.photometry.inconsistent_views import find_inconsistent_views, inconsistent_views
+from photoclinometry.photometry.inconsistent_views import _SunChecks, find_inconsistent_views, inconsistent_views
 from scenes import synthetic_images, synthetic_scene
 from test_sun_check import sparse_of
 
@@ -105,6 +105,19 @@ def test_an_undecided_contradiction_is_warned_of_and_all_views_are_kept(scene, c
     with caplog.at_level(logging.WARNING):
         assert inconsistent_views(with_other_ground(scene, [1, 6])) == []
     assert "do not tell which is wrong; all of these are kept" in caplog.text
+
+
+@pytest.mark.parametrize(("degrees", "codes"), [(8.0, ["sun-undecided"]), (18.0, ["most-suns-contradict"])])
+def test_suns_as_a_whole_are_wrong_only_where_the_typical_one_is_far_off(scene, monkeypatch, degrees, codes):
+    """8 degrees, 6.8 per axis, are those of a sound site whose sparse ground is coarse, whatever the fits' sigmas."""
+    count = len(scene.views)
+    found = _SunChecks(
+        off=np.full(count, np.radians(degrees)), sigma=np.full(count, np.radians(1.3)), explained=np.ones(count)
+    )
+    monkeypatch.setattr("photoclinometry.photometry.inconsistent_views._check_suns", lambda *_: found)
+    with collected_warnings() as warnings:
+        assert inconsistent_views(scene) == []
+    assert [warned.code for warned in warnings] == codes
 
 
 def test_reversed_suns_of_all_views_are_refused_with_the_convention():

@@ -31,6 +31,10 @@ MODEL_RAD = math.radians(1.0)
 """Error of a fitted Sun because the reflectance model is not the ground's: 0.5 to 1.5 degrees at the median of
 simulated sites that were mapped with another model than their own."""
 
+AS_A_WHOLE_RAD = math.radians(10.0)
+"""The Suns as a whole are wrong where the typical one is off by more, per axis. Sound sites of strong light have up to
+7.3 degrees, since their sparse ground is coarse; Suns that are mirrored, swapped, shuffled or all equal 15 to 79."""
+
 MIN_EXPLAINED = 0.5
 """A view whose brightness correlates less than this with the map's, under its best Sun, shows something else."""
 
@@ -179,7 +183,7 @@ def _warn_undecided(scene: Scene, used: np.ndarray, checks: _SunChecks) -> None:
     if out.any():
         named = ", ".join(scene.views.name[k] for k in np.flatnonzero(out))
         warn(
-            log, "most-suns-contradict" if contradict else "sun-undecided",
+            log, "most-suns-contradict" if not few and typical > AS_A_WHOLE_RAD else "sun-undecided",
             "the Sun directions and the brightness of the views contradict each other (%s), and %d views do not tell "
             "which is wrong; all of these are kept: check their `sun`", named, used.sum(),
         )  # fmt: skip
