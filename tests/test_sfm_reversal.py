@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.warning import collected_warnings
+from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm import mapping, reversal
 from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_points
 from photoclinometry.sfm.mapping import from_colmap
@@ -99,12 +100,20 @@ def test_the_errors_of_a_model_and_its_reverse_are_stated(models):
     assert not found.is_doubtful
 
 
-def oriented(views, error_px, reverse_px):
+RIGHT, MIXED = ReliefShading(0.76, -0.67, 100.0), ReliefShading(-0.17, 0.05, 100.0)
+"""How a right model, and one of right and reversed views, go with the images."""
+
+
+def oriented(views, error_px, reverse_px, shading=None):
     class Model:
         def num_reg_images(self):
             return views
 
-    return [reversal.Oriented(Model(), error_px, reverse_px)]
+    return [reversal.Oriented(Model(), error_px, reverse_px, shading)]
+
+
+WORSE = [oriented(5, 0.3 + 0.1 * k, 0.5) for k in range(3)]
+MIXTURE, TRUTH = oriented(5, 0.24, 0.25, MIXED), oriented(5, 0.25, 0.26, RIGHT)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +123,14 @@ def oriented(views, error_px, reverse_px):
         ([oriented(5, 0.30, 0.31), oriented(5, 0.2, 0.23), oriented(5, 0.2, 0.23)], 1, 3),  # the best found twice
         ([oriented(5, 0.2, 0.23), oriented(5, 0.30, 0.31), oriented(5, 0.201, 0.23)], 0, 3),
         ([oriented(4, 0.2, 0.23), oriented(5, 0.25, 0.5)], 1, 2),  # more views, and decided
-        ([oriented(5, 0.2, 0.23), [], oriented(4, 0.1, 0.2), oriented(5, 0.3, 0.31)], 0, 4),
+        (
+            [oriented(5, 0.2, 0.23), [], oriented(4, 0.1, 0.2), *WORSE],
+            0,
+            6,
+        ),
+        ([MIXTURE, MIXTURE, MIXTURE, TRUTH, MIXTURE, TRUTH], 3, 6),  # the images show it, whatever is found more often
+        ([TRUTH, TRUTH], 0, 2),
+        ([MIXTURE] * 6, 0, 6),
         ([[]], None, 1),
     ],
 )

@@ -34,9 +34,9 @@ FIRST_PAIR_DEG, FIRST_PAIR_MATCHES = 4.0, 50
 """The first pair of views needs rays at this angle at least, a quarter of COLMAP's default, since spacecraft see a
 place from similar directions; and so many verified matches."""
 
-TRIALS = 4
+TRIALS = 6
 """Views are mapped at most so many times. On a site of low relief with a field of view of 1.7 degrees one seed of four
-ended in a mixture of right and reversed views."""
+ended in a mixture of right and reversed views, on one of 0.7 degrees six of eight."""
 
 MODELS = 10
 """At most so many models of views that are connected among themselves are tried."""
@@ -88,15 +88,15 @@ def map_views(
     """The reconstructions found, one for each connected set of views.
 
     Where the largest may have views reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
-    which begins with other views, until the best is found twice or after TRIALS. shading_of: the shading of a model
-    compared with the images; None where no Sun is known.
+    which begins with other views, until the best is found twice, and the images show it, or after TRIALS. shading_of:
+    the shading of a model compared with the images; None where no Sun is known.
     """
     best: list[Oriented] = []
     for trial in range(TRIALS):
         found = _mapped(cameras, work_dir, replace(options, seed=options.seed + trial), progress, shading_of)
         found_again = bool(best and found) and _alike(best[0], found[0])
         best = max((best, found), key=_quality)
-        if not best or found_again or not best[0].is_doubtful:
+        if not best or (found_again and best[0].is_shown) or not best[0].is_doubtful:
             break
     if best:
         best[0].warn_if_undecided()  # the others are another place, or must agree with it to be joined
@@ -144,9 +144,10 @@ def _mapped(
     return sorted(found, key=lambda each: size(each.model), reverse=True)
 
 
-def _quality(found: list[Oriented]) -> tuple[int, float]:
-    """Of reconstructions: views in the largest, then how small its reprojection error is."""
-    return (found[0].model.num_reg_images(), -found[0].error_px) if found else (0, 0.0)
+def _quality(found: list[Oriented]) -> tuple[int, bool, float]:
+    """Of reconstructions: views in the largest, then whether the images show it, then how small its reprojection error
+    is."""
+    return (found[0].model.num_reg_images(), found[0].is_shown, -found[0].error_px) if found else (0, False, 0.0)
 
 
 def _alike(one: Oriented, other: Oriented) -> bool:
