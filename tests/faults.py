@@ -72,13 +72,16 @@ class Fault:
     left: tuple[str, ...] = NOTHING
     """Paths that the command makes or changes; "a/..." for a and all below."""
     form: str = LINE
+    whole: bool = False
+    """Whether `says` is the message to its end; else more words may follow."""
     disk: int | None = None
     """Bytes that a file may have; None for as many as there are."""
     test: str = ""
     """The test of a fault that needs a process of its own, or minutes: file::function. Empty for those tried here."""
 
     def is_said_by(self, words: str) -> bool:
-        """Whether a message, in one line and without "phomo: ", begins as `says` does and has its parts in order."""
+        """Whether a message, in one line and without "phomo: ", begins as `says` does and has its parts in order; and
+        where that is the whole message, whether it ends with the last part."""
         start, *parts = (" ".join(part.split()) for part in self.says.split("..."))
         if not words.startswith(start):
             return False
@@ -88,7 +91,7 @@ class Fault:
             if found < 0:
                 return False
             at = found + len(part)
-        return True
+        return not self.whole or (words.endswith(parts[-1]) if parts else at == len(words))
 
 
 RUN = "run site/site.toml --out map"
@@ -436,14 +439,14 @@ def options() -> Iterator[Fault]:
 
 def folders() -> Iterator[Fault]:
     row = rows("folders")
+    foreign = "exists and is not a run folder; choose another --out"
     yield row(
         "the output is a file",
         "run site --out site/site.toml",
-        "site/site.toml: exists and is not a run folder; choose",
+        f"site/site.toml: {foreign}",
+        whole=True,
     )
-    yield row(
-        "the output is the site", "run site --out site", "site: exists and is not a run folder; choose another --out"
-    )
+    yield row("the output is the site", "run site --out site", f"site: {foreign}", whole=True)
     yield row(
         "the output is below a file",
         "run site --out site/site.toml/map",
@@ -542,7 +545,7 @@ def folders() -> Iterator[Fault]:
     yield row(
         "a map is exported to a file", f"export mapped/run --out {PHOTO} --products csv", "... .png: is a file, not"
     )
-    yield row("a body among files", f"{BODY} --out photos", "photos: exists and is not a run folder; choose another")
+    yield row("a body among files", f"{BODY} --out photos", f"photos: {foreign}", whole=True)
     yield row("a body in the folder of a run", f"{BODY} --out mapped/run", "mapped/run: belongs to the site ...")
     yield row(
         "a tile of a body without a plan", f"{BODY} --tile 0", "site/body: no plan was made there; run the command"

@@ -86,6 +86,10 @@ def test_words_are_those_of_a_fault_if_they_begin_so_and_have_its_parts_in_order
     assert fault.is_said_by("a.png: is dark, so that nothing is seen; remove it")
     assert not fault.is_said_by("images/a.png: is dark, so that nothing is seen; remove it")
     assert not fault.is_said_by("a.png: is dark; remove it, so that the rest is mapped")
+    for says in ("a.png: is dark; remove it", "a.png: ... remove it"):
+        whole = Fault(kind="", name="", command="", says=says, whole=True)
+        assert whole.is_said_by("a.png: is dark; remove it")
+        assert not whole.is_said_by("a.png: is dark; remove it, or else")
 
 
 def test_ends_of_commands_are_told_apart():

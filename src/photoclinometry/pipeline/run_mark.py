@@ -55,7 +55,7 @@ def check_new(path: Path) -> None:
     except OSError as error:
         raise unwritable(path, error) from error
     if taken:
-        raise RunFolderError(f"{path}: exists and is not a run folder; choose another --out, or empty it")
+        raise RunFolderError(f"{path}: exists and is not a run folder; choose another --out")
 
 
 def check_format(folder: Path) -> None:
