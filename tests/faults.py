@@ -126,9 +126,9 @@ def image(name: str, make: Change, says: str, **more: object) -> Fault:
     return rows("images", left=BEGUN)(name, str(more.pop("command", RUN)), says, make, **more)
 
 
-def toml(kind: str, name: str, old: str, new: str, *says: str) -> Fault:
-    """A text of site.toml, replaced where it first occurs."""
-    return rows(kind)(name, RUN, " ... ".join(["site/site.toml:", *says]), edit("site/site.toml", old, new))
+def toml(kind: str, name: str, old: str, new: str, *says: str, **more: object) -> Fault:
+    """A text of site.toml, replaced where it first occurs. says: parts of the message, from the place on."""
+    return rows(kind)(name, RUN, f"site/site.toml: {' ... '.join(says)}", edit("site/site.toml", old, new), **more)
 
 
 def images() -> Iterator[Fault]:
@@ -286,6 +286,7 @@ def suns() -> Iterator[Fault]:
 
 
 PRIOR = "cam_from_body = {{ rotation_wxyz = {}, translation = [0, 0, 9], sigma_deg = 0.1, sigma = 1 }}"
+POSE = f"{FIRST}cam_from_body: rotation_wxyz:"
 SIZED, PARAMS, REFERENCE = "[40, 20]", "[640.0, 640.0, 32.0, 32.0]", 'reference = "images/1.fits"'
 
 
@@ -297,10 +298,10 @@ def keys() -> Iterator[Fault]:
     yield row("an unknown table", "[region]", "[regoin]", "regoin: unknown key; did you mean 'region'?")
     yield row("a misspelt key of the camera", "width", "widht", "camera: width", "'widht'; did you mean 'width'?")
     yield row("a misspelt key of the region", "center_px", "centre_px", "region: centre_px: unknown", "'center_px'?")
-    yield row("no name", 'name = "small"', "", "name: is missing")
+    yield row("no name", 'name = "small"', "", "name: is missing; give text in quotes", whole=True)
     yield row("an unknown body", '"vesta"', '"tatooine"', "body: 'tatooine' is not known", "bennu", "body_radius_m")
     yield row("a radius of zero", '"vesta"', '"tatooine"\nbody_radius_m = 0', "body_radius_m: expected a positive")
-    yield row("a wrong kind of brightness", '"iof"', '"radiance"', "brightness", "'radiance'", "'iof', 'dn'")
+    yield row("a wrong kind of brightness", '"iof"', '"radiance"', "brightness: 'radiance'", "'iof', 'dn'")
     yield row("no kind of brightness", 'brightness = "iof"', "", "brightness: is missing")
     yield row("no camera", "[camera]", "[cam]", "camera", "[camera] or one [cameras.NAME]")
     yield row("the camera of a view is unknown", SUN, SUN + '\ncamera = "wide"', f"{FIRST}camera", "no [cameras.wide]")
@@ -308,9 +309,16 @@ def keys() -> Iterator[Fault]:
     yield row("three numbers of a camera", PARAMS, "[640.0, 32, 32]", "camera: params: expected", "4 finite numbers")
     yield row("a negative focal length", "[640.0, 640.0,", "[-640, 640,", "camera: params", "must be positive")
     yield row(
-        "focal lengths and centre swapped", PARAMS, "[32, 32, 640, 1e6]", "params", "far outside", "fx, fy, cx, cy"
+        "focal lengths and centre swapped",
+        PARAMS,
+        "[32, 32, 640, 1e6]",
+        "camera: params",
+        "far outside",
+        "fx, fy, cx, cy",
     )
-    yield row("a negative border", PARAMS, f"{PARAMS}\nborder_px = [0, 0, 0, -1]", "border_px: expected", "0 or more")
+    yield row(
+        "a negative border", PARAMS, f"{PARAMS}\nborder_px = [0, 0, 0, -1]", "camera: border_px: expected", "0 or more"
+    )
     yield row("a number too large", "[640.0,", f"[{10**400},", "camera: params", "4 finite numbers")
     yield row("an image without width", "width = 64", "width = 0", f"camera: width: {whole} 0")
     yield row("half a pixel of width", "width = 64", "width = 64.5", f"camera: width: {whole} 64.5")
@@ -318,7 +326,9 @@ def keys() -> Iterator[Fault]:
         "the reference is no view", REFERENCE, 'reference = "images/1.fit"', "region: reference", "'images/1.fits'?"
     )
     yield row("a centre without reference", REFERENCE, "", "region: center_px", "give `reference`, too")
-    yield row("the region is beside the image", "[30.0, 32.0]", "[10, 32]", "center_px", "outside images/1.fits")
+    yield row(
+        "the region is beside the image", "[30.0, 32.0]", "[10, 32]", "region: center_px", "outside images/1.fits"
+    )
     yield row("the region is larger than the image", SIZED, "[40, 66]", "region: center_px", "y -1 to 65", "shrink")
     yield row("a region without height", SIZED, "[40, 0]", "region: size_px", "positive whole numbers")
     yield row("a stride of zero", SIZED, f"{SIZED}\nstride = 0", f"{stride}: {whole} 0")
@@ -329,8 +339,10 @@ def keys() -> Iterator[Fault]:
     yield row("an image twice", "images/2.fits", "images/../images/0.fits", "views", "same file", "remove")
     yield row("an image is a number", '"images/0.fits"', "7", "views[0]: image", "text in quotes", "7")
     yield row("an image without name", '"images/0.fits"', '" "', "views[0]: image", "is empty")
-    yield row("a prior's rotation is no unit", SUN, f"{SUN}\n{PRIOR.format('[1, 1, 0, 0]')}", "wxyz", "length 1.41421")
-    yield row("a prior's rotation is short", SUN, f"{SUN}\n{PRIOR.format('[1, 0, 0]')}", "rotation_wxyz", "4 finite")
+    yield row(
+        "a prior's rotation is no unit", SUN, f"{SUN}\n{PRIOR.format('[1, 1, 0, 0]')}", f"{POSE} has length 1.41421"
+    )
+    yield row("a prior's rotation is short", SUN, f"{SUN}\n{PRIOR.format('[1, 0, 0]')}", f"{POSE} expected", "4 finite")
     yield row("a table in place of a list", "[[views]]\nimage", "[views]\nimage", "is not valid TOML")
     yield row("a quote is missing", 'name = "small"', 'name = "small', "is not valid TOML", "line 1")
     yield row("linear is text", '"iof"', '"iof"\nlinear = "yes"', "linear: expected true or false, found 'yes'")

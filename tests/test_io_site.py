@@ -1,10 +1,12 @@
 """site.toml is read as documented and written so that it reads the same."""
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
 from photoclinometry.io.site import (
     RegionRequest,
@@ -13,6 +15,7 @@ from photoclinometry.io.site import (
     write_site,
 )
 from photoclinometry.io.site_images import input_fingerprint, load_images
+from photoclinometry.model.errors import SiteError
 from photoclinometry.model.geometry import Rigid, so3_exp
 from photoclinometry.model.pose_prior import (
     PosePrior,
@@ -158,3 +161,35 @@ def test_the_real_vesta_site_loads():
     site = read_site(VESTA)
     assert len(site.views) == len(load_images(site)) == 4
     np.testing.assert_allclose([v.sun_sigma_rad for v in site.views], np.deg2rad(2.0))
+
+
+def without_each_key(table):
+    """A document with one key less, for each key of it and of the tables in it."""
+    for key, value in table.items():
+        yield {k: v for k, v in table.items() if k != key}
+        if isinstance(value, dict):
+            yield from (table | {key: less} for less in without_each_key(value))
+        if isinstance(value, list) and isinstance(value[0], dict):
+            yield from (table | {key: [less, *value[1:]]} for less in without_each_key(value[0]))
+
+
+def test_a_missing_key_is_never_told_to_be_another_one_that_is_right(path):
+    """A site with every key that a site may have, but for cameras by name."""
+    document = tomllib.loads(path.read_text())
+    prior = {"rotation_wxyz": [1, 0, 0, 0], "translation": [0, 0, 9e5], "sigma_deg": 0.1, "sigma": 1}
+    masked = {"mask": "mask.png", "border_px": [0, 0, 0, 0]}
+    document |= {"body_radius_m": 2.5e5, "linear": True, "sun_common_sigma_deg": 0.1}
+    document["camera"] |= masked
+    document["region"] |= {"stride": 2}
+    document["views"][0] |= {"sun_sigma_deg": 0.1, "cam_from_body": prior, **masked}
+    path.write_text(tomli_w.dumps(document))
+    read_site(path)
+    messages = []
+    for less in without_each_key(document):
+        path.write_text(tomli_w.dumps(less))
+        try:
+            read_site(path)
+        except SiteError as error:
+            messages.append(str(error))
+    assert sum("is missing" in message for message in messages) == 12
+    assert not any("unknown" in message for message in messages), messages

@@ -27,6 +27,7 @@ def read_similarity(path: Path | str) -> Similarity:
     """The transform in the file. Raises InputError if the file is missing or holds no similarity transform."""
     path = Path(path)
     table = read_toml(path, "TOML file with scale, rotation and translation")
+    table.expect("scale", "rotation", "translation")
     scale = table.positive_number("scale")
     rotation = table.matrix("rotation", 3)
     translation = table.numbers("translation", 3)

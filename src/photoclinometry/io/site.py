@@ -16,8 +16,8 @@ import numpy as np
 
 from photoclinometry.io import site_display
 from photoclinometry.io.atomic import write_text
-from photoclinometry.io.bodies import check_outside, read_body
-from photoclinometry.io.masks import ALL_USED, Masking, read_masking
+from photoclinometry.io.bodies import BODY, BODY_RADIUS, check_outside, read_body
+from photoclinometry.io.masks import ALL_USED, BORDER, MASK, Masking, read_masking
 from photoclinometry.io.table import Table
 from photoclinometry.io.toml_file import read_toml
 from photoclinometry.model.errors import InputError, SiteError
@@ -126,7 +126,10 @@ class Site:
 def read_site(path: Path | str) -> Site:
     """The site that a TOML file describes. Images are not opened. Raises SiteError."""
     path = Path(path)
-    table = read_toml(path, "site.toml", SiteError)
+    table = read_toml(path, "site.toml", SiteError).expect(
+        *("name", BODY, BODY_RADIUS, "brightness", "linear", "sun_common_sigma_deg", "camera", "cameras", "views"),
+        "region",
+    )
     name = table.text("name")
     body, radius = read_body(table)
     brightness = table.choice("brightness", ("iof", "dn"))
@@ -160,13 +163,13 @@ def _read_cameras(table: Table, folder: Path) -> tuple[_MaskedCamera | None, dic
     if single is not None:
         return _read_camera(single, folder), {}
     named = {name: _read_camera(several.table(name), folder) for name in several.content}
-    several.finish()
     if not named:
         raise table.error("cameras", "holds no camera; write [cameras.NAME] for each")
     return (next(iter(named.values())) if len(named) == 1 else None), named
 
 
 def _read_camera(table: Table, folder: Path) -> _MaskedCamera:
+    table.expect("model", "width", "height", "params", MASK, BORDER)
     model = table.choice("model", tuple(CAMERA_PARAMETERS), "undistort the images to one of these first")
     width, height = table.positive_integer("width"), table.positive_integer("height")
     params = tuple(table.numbers("params", CAMERA_PARAMETERS[model]).tolist())
@@ -192,6 +195,7 @@ def misplaced_principal_point(camera: Camera) -> str | None:
 
 
 def _read_view(path: Path, table: Table, default: _MaskedCamera | None, cameras: dict[str, _MaskedCamera]) -> SiteView:
+    table.expect("image", "camera", "sun", "sun_sigma_deg", "cam_from_body", MASK, BORDER)
     name = table.text("image")
     table.where += f" ({name})"
     chosen = table.text("camera", None)
@@ -228,6 +232,7 @@ def _read_prior(table: Table | None) -> PosePrior | None:
         return None
     from scipy.spatial.transform import Rotation
 
+    table.expect("rotation_wxyz", "translation", "sigma_deg", "sigma")
     wxyz = table.numbers("rotation_wxyz", 4, "give a unit quaternion, scalar first")
     length = math.hypot(*wxyz)
     if abs(length - 1.0) > _UNIT_TOLERANCE:
@@ -243,6 +248,7 @@ def _read_prior(table: Table | None) -> PosePrior | None:
 def _read_region(table: Table | None, views: tuple[SiteView, ...]) -> RegionRequest | None:
     if table is None:
         return None
+    table.expect("reference", "center_px", "size_px", "stride")
     reference = table.text("reference", None)
     center = table.numbers("center_px", 2) if "center_px" in table else None
     size = table.positive_integers("size_px", 2) if "size_px" in table else None
@@ -299,9 +305,9 @@ def site_document(site: Site) -> dict[str, Any]:
     """The content of `site.toml` as nested dictionaries. Several cameras are numbered."""
     document: dict[str, Any] = {"name": site.name}
     if site.body is not None:
-        document["body"] = site.body
+        document[BODY] = site.body
     if site.body_radius_m is not None:
-        document["body_radius_m"] = float(site.body_radius_m)
+        document[BODY_RADIUS] = float(site.body_radius_m)
     document["brightness"] = site.brightness
     if site.linear:
         document["linear"] = True

@@ -30,11 +30,16 @@ class Table:
         self.file = file
         self.where = where
         """The table's place in the file, for messages, such as "views[2]"; empty for the top table."""
-        self._known: list[str] = []
-        """Keys that were read, or asked for by `in`."""
+        self._known: tuple[str, ...] = ()
+        """All keys that the table may have, as `expect` was given them."""
+
+    def expect(self, *keys: str) -> Table:
+        """The table itself, which may have these keys and no others: before any is read, so that hints tell a misspelt
+        key from one that is only read later."""
+        self._known = keys
+        return self
 
     def __contains__(self, key: str) -> bool:
-        self._known.append(key)
         return key in self.content
 
     def error(self, key: str, what: str, nearest: tuple[str, Iterable[str]] | None = None) -> SiteError:
@@ -48,7 +53,7 @@ class Table:
         return SiteError(f"{self.file}: {place}: {what}{hint}")
 
     def finish(self) -> None:
-        """Raises SiteError for the first key that was neither read nor asked for, with the nearest known one."""
+        """Raises SiteError for the first key that was not expected, with the nearest one that is."""
         for key in self.content:
             if key not in self._known:
                 raise self.error(key, "unknown key", nearest=(key, self._known))
@@ -164,11 +169,10 @@ class Table:
         return [Table(v, self.file, f"{key}[{n}]") for n, v in enumerate(value)]
 
     def _get(self, key: str, default: Any, expected: str) -> Any:
-        self._known.append(key)
         if key in self.content:
             return self.content[key]
         if default is _REQUIRED:
-            close = difflib.get_close_matches(key, self.content, n=1)
+            close = difflib.get_close_matches(key, [k for k in self.content if k not in self._known], n=1)
             found = f" (found the unknown key {close[0]!r}; did you mean {key!r}?)" if close else ""
             raise self.error(key, f"is missing{found}; give {expected.removeprefix('give ')}")
         return default
