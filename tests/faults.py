@@ -173,7 +173,12 @@ def images() -> Iterator[Fault]:
         f"{ONE}: is damaged (the TIFF directory points past the end of the file); {again}",
     )
     yield image("a FITS file holds a cube", cube_fits, f"{ONE}: has no image with two axes (found: (3, 4, 5)); extract")
-    yield image("a FITS file holds a table alone", table_fits, f"{ONE}: has no image with two axes (found: none)")
+    yield image(
+        "a FITS file holds a table alone",
+        table_fits,
+        f"{ONE}: is a FITS file without an image, such as one of tables alone; give the file of the image",
+        whole=True,
+    )
     yield image("an image is in colour", colour_png, f"{ONE}: is a colour image; export one band as grey, linear")
     yield image(
         "a PNG declares a gamma",

@@ -229,12 +229,14 @@ def _read_fits(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
             warnings.filterwarnings("error", "Datasum verification failed", AstropyWarning)
             warnings.filterwarnings("error", "File may have been truncated", AstropyWarning)
             with fits.open(io.BytesIO(data), do_not_scale_image_data=True, checksum=True) as hdus:
-                shapes = []
+                shapes = []  # of images without two axes
                 hdu: Any
                 for hdu in hdus:
                     shape = tuple(getattr(hdu, "shape", ()))
+                    if not hdu.is_image or not shape:
+                        continue
                     shapes.append(shape)
-                    if hdu.is_image and len(shape) >= 2 and set(shape[:-2]) <= {1}:
+                    if len(shape) >= 2 and set(shape[:-2]) <= {1}:
                         _check_size(path, shape[-1], shape[-2])
                         return _fits_values(hdu.data.reshape(shape[-2:]), hdu.header)
     except ImageError:
@@ -247,7 +249,11 @@ def _read_fits(path: Path, data: bytes) -> tuple[np.ndarray, np.ndarray]:
                 "pixels that it announces; fetch or export it again"
             ) from error
         raise _damaged(path, f"{type(error).__name__}: {error}") from error
-    found = ", ".join(str(s) for s in shapes if s) or "none"
+    if not shapes:
+        raise ImageError(
+            f"{path}: is a FITS file without an image, such as one of tables alone; give the file of the image"
+        )
+    found = ", ".join(map(str, shapes))
     raise ImageError(f"{path}: has no image with two axes (found: {found}); extract one plane")
 
 
