@@ -591,15 +591,21 @@ def others() -> Iterator[Fault]:
         "info of nothing", "info none", "none: no such file or folder; give a site.toml or the folder of a finished"
     )
     yield row("info of another folder", "info photos", "photos: the folder holds neither site.toml nor scene.h5; give")
-    yield row("metrics.json is damaged", "info mapped/run", f"{metrics}: is damaged (Expecting", put(metrics, "{"))
+    yield row(
+        "metrics.json is damaged",
+        "info mapped/run",
+        f"{metrics}: is damaged (...); {run_again}",
+        put(metrics, "{"),
+        whole=True,
+    )
     yield row(
         "a count in metrics.json is too large for a float",
         "info mapped/run",
-        f"{metrics}: is damaged ... {run_again}",
+        f"{metrics}: is damaged (it holds no figures of a run); {run_again}",
         put(metrics, '{"metrics": {"views": 1' + 400 * "0" + "}}"),
     )
     yield row(
-        "metrics.json is a list", "info mapped/run", f"{metrics}: is damaged ... {run_again}", put(metrics, "[1]")
+        "metrics.json is a list", "info mapped/run", f"{metrics}: is damaged (...); {run_again}", put(metrics, "[1]")
     )
     yield row("scene.h5 is text", "info mapped/run", f"{scene}: is not a scene file ... {run_again}", put(scene, "x"))
     yield row("scene.h5 is cut short", "info mapped/run", f"{scene}: is not a scene ... truncated", cut(scene, 5000))
@@ -919,7 +925,7 @@ def others() -> Iterator[Fault]:
     yield row(
         "a warning of a run is a number",
         "info mapped/run",
-        f"{metrics}: is damaged ... {run_again}",
+        f"{metrics}: is damaged (...); {run_again}",
         put(metrics, '{"warnings": [1]}'),
     )
     yield row(

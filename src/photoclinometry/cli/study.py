@@ -37,7 +37,7 @@ def study(
 
     path = run_study(options, out, progress)
     logging.getLogger(__name__).info("study: %s", path)
-    for content in read_json(path.with_name("study.json"))["tables"]:
+    for content in read_json(path.with_name("study.json"), "repeat the command")["tables"]:
         table = Table.from_dict(content).terminal(console.width)
         console.print(f"\n{table}", highlight=False, markup=False, soft_wrap=True)
     print(path)

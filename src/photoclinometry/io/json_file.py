@@ -16,10 +16,13 @@ def write_json(path: Path | str, value: Any, *, indent: int = 1) -> None:
     write_text(path, json.dumps(value, indent=indent, default=str) + "\n")
 
 
-def read_json(path: Path | str) -> Any:
-    """The content of a file that this package wrote. Raises RunFolderError where it is missing or damaged."""
+def read_json(path: Path | str, remedy: str = "run the site again") -> Any:
+    """The content of a file that this package wrote. Raises RunFolderError where it is missing or damaged.
+
+    remedy: what to do where it is damaged, for messages.
+    """
     data = read_bytes(Path(path), error=RunFolderError)
     try:
         return json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise RunFolderError(f"{path}: is damaged ({error}); remove it and repeat the command that wrote it") from error
+        raise RunFolderError(f"{path}: is damaged ({error}); {remedy}") from error

@@ -73,7 +73,7 @@ def read_record(folder: Path, cell: Cell, key: str) -> Record | None:
     if not (folder / "record.json").is_file():
         return None
     try:
-        content = read_json(folder / "record.json")
+        content = read_json(folder / "record.json", "repeat the study")
         if content["key"] != key or content["failure"]:
             return None
         arrays = read_arrays(folder / "values.npz")
