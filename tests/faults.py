@@ -615,7 +615,8 @@ def others() -> Iterator[Fault]:
     yield row(
         "a view to predict that there is not",
         "rivals mapped/run --hold-out none.fits",
-        "--hold-out (predict=): none.fits: there is no such view, so that it cannot be predicted; it held out none",
+        "--hold-out (predict=): none.fits: there is no such view, so that it cannot be predicted; the run held out none"
+        ": run the site again with --hold-out",
     )
     yield row("a folder that is not there", "evaluate none", f"none: no such folder; {finished}")
     yield row(

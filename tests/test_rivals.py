@@ -115,7 +115,9 @@ def test_options_of_a_run_come_back_as_they_were(tmp_path):
 def test_a_view_that_the_run_has_used_cannot_be_predicted(mapped, tmp_path):
     run = mapped.copy(tmp_path / "run")
     name = mapped.result.scene.views.name[1]
-    with pytest.raises(pcm.InputError, match=f"{name}: the run was made from it.*it held out none"):
+    with pytest.raises(
+        pcm.InputError, match=f"{name}: the run was made from it.*; the run held out none: run the site again"
+    ):
         read_problem(run, None, [name])
     with pytest.raises(pcm.InputError, match=r"nothing\.fits: there is no such view"):
         read_problem(run, None, ["nothing.fits"])

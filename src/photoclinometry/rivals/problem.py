@@ -71,9 +71,9 @@ def _chosen(scene: Scene, held_out: Views | None, names: Sequence[str]) -> Views
     for name in names:
         if name not in known:
             why = "the run was made from it" if name in scene.views.name else "there is no such view"
-            held = f"it held out {', '.join(known)}" if known else "it held out none"
+            held = f"{', '.join(known)}: name some of these, or" if known else "none:"
             raise InputError(
-                f"--hold-out (predict=): {name}: {why}, so that it cannot be predicted; {held}. Run the site again "
-                "with --hold-out"
+                f"--hold-out (predict=): {name}: {why}, so that it cannot be predicted; the run held out {held} "
+                "run the site again with --hold-out"
             )
     return held_out if held_out is None or not names else held_out[[known.index(name) for name in names]]
