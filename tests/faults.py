@@ -814,7 +814,8 @@ def others() -> Iterator[Fault]:
     yield row(
         "a model without a body",
         f"{REFINE} --reflectance lunar-lambert",
-        "no published lunar-lambert coefficients for body",
+        "no published lunar-lambert coefficients without a body (known: ceres, vesta); name the body, or use"
+        " reflectance akimov or mcewen, which need none",
     )
     yield row(
         "landmarks with too few observations",

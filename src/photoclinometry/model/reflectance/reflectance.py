@@ -171,9 +171,10 @@ def published(name: str, body: str | None = None) -> Reflectance:
     if not has_published(name, body):
         known = ", ".join(sorted(model.published)) or "none"
         free = " or ".join(sorted(other for other, m in MODELS.items() if not m.parameters))
+        whose, name_it = (f"for body {body!r}", "") if body else ("without a body", "name the body, or ")
         raise InputError(
-            f"no published {model.name} coefficients for body {body!r} (known: {known}); "
-            f"use reflectance {free}, which need none"
+            f"no published {model.name} coefficients {whose} (known: {known}); {name_it}use reflectance {free}, which "
+            "need none"
         )
     return Reflectance(model.name, model.published.get((body or "").lower(), ()))
 
