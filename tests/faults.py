@@ -418,7 +418,8 @@ def options() -> Iterator[Fault]:
     yield row(
         "a control point in an unknown view",
         table,
-        "control point 'a' is measured in view '9.fits', which the site does not have; write the image's path as",
+        "gcp.csv, line 2: point 'a' is in view '9.fits', which the site does not have; write the image's path as "
+        "site.toml does (the first is 'images/0.fits')",
         put("gcp.csv", CONTROL + "a,9.fits,1,1,0,0,0,1\n"),
     )
     yield row(

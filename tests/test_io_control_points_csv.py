@@ -55,6 +55,13 @@ def test_what_is_wrong_is_named(tmp_path, text, message):
         read_control_points(table(tmp_path, text))
 
 
+def test_a_view_that_the_site_lacks_is_refused(tmp_path):
+    file = table(tmp_path, HEADER + "A,v,1,2,1,2,3,5\nA,w,1,2,1,2,3,5\n")
+    assert len(read_control_points(file, ["v", "w"])) == 1
+    with pytest.raises(InputError, match=r"points\.csv, line 3: point 'A' is in view 'w'"):
+        read_control_points(file, ["u", "v"])
+
+
 def test_a_missing_table_and_bytes_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.csv"):
         read_control_points(tmp_path / "nowhere.csv")

@@ -6,6 +6,7 @@ repeat its position.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,21 @@ _COLUMNS = ("point", "view", "x_px", "y_px", "x_m", "y_m", "z_m")
 _AXES = ("sigma_x_m", "sigma_y_m", "sigma_z_m")
 
 
-def read_control_points(path: Path | str) -> tuple[ControlPoint, ...]:
-    """Control points in the order of the table. Raises InputError that names the line."""
+def read_control_points(path: Path | str, views: Sequence[str] | None = None) -> tuple[ControlPoint, ...]:
+    """Control points in the order of the table. views: those of the site, outside of which no point may be.
+
+    Raises InputError that names the line.
+    """
     path = Path(path)
     points: dict[str, ControlPoint] = {}
     for row in read_csv_rows(path, "table of control points", _COLUMNS, either=(("sigma_m",), _AXES)):
         found = _point(row)
+        view = found.pixels[0].view
+        if views is not None and view not in views:
+            raise row.error(
+                f"point {found.name!r} is in view {view!r}, which the site does not have; write the image's path as "
+                f"site.toml does (the first is {views[0]!r})"
+            )
         known = points.get(found.name)
         points[found.name] = found if known is None else _joined(row, known, found)
     if not points:

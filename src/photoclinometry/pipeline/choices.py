@@ -20,7 +20,6 @@ from photoclinometry.matching.registry import matcher_entry
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.reflectance import Reflectance, has_published, models_for, published, starting_model
 from photoclinometry.photometry.initialize import exposure_is_free
-from photoclinometry.pipeline.control import check_control
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.stage import Keyed, digest
 
@@ -52,8 +51,8 @@ class Choices:
 def choose(site: Site, options: RunOptions) -> Choices:
     """What the options mean for a site. Raises InputError where they do not fit it, or a matcher lacks something."""
     reference = site.region.reference if site.region else None
-    control = read_control_points(options.control) if options.control else ()
-    check_control(control, [view.name for view in site.views])
+    names = [view.name for view in site.views]
+    control = read_control_points(options.control, names) if options.control else ()
     reflectance = choose_reflectance(options.reflectance, site.body)
     name = options.matcher_name
     log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
@@ -62,7 +61,7 @@ def choose(site: Site, options: RunOptions) -> Choices:
         candidates=candidate_models(reflectance, site) if options.reflectance == "auto" and reflectance else (),
         matcher=keyed_matcher(name, options),
         relit_matcher=keyed_matcher(matcher_entry(name).relit_with or name, options),
-        held_out=held_out_mask([view.name for view in site.views], options.hold_out, reference),
+        held_out=held_out_mask(names, options.hold_out, reference),
         max_iterations=0 if reflectance is None else options.max_iterations,
         control=control,
     )

@@ -13,7 +13,6 @@ from photoclinometry.adjust import GroundControl
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.control import ControlPoint
-from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import align_similarity
 from photoclinometry.model.scene import BODY_FIXED, Scene, Tracks, Views
 from photoclinometry.model.warning import warn
@@ -29,17 +28,6 @@ MIN_WIDTH = 1e-3
 
 CONTRADICTS = 5.0
 """A control point contradicts the others if the estimate is more than this many sigmas from its position or pixels."""
-
-
-def check_control(points: Sequence[ControlPoint], views: Sequence[str]) -> None:
-    """Raises InputError for pixels in views that the site does not have."""
-    for point in points:
-        for pixel in point.pixels:
-            if pixel.view not in views:
-                raise InputError(
-                    f"control point {point.name!r} is measured in view {pixel.view!r}, which the site does not have; "
-                    f"write the image's path as site.toml does (the first is {views[0]!r})"
-                )
 
 
 def ground_control(points: Sequence[ControlPoint], views: Views) -> GroundControl | None:
