@@ -219,7 +219,8 @@ def images() -> Iterator[Fault]:
     yield image(
         "the reference image has impossible brightness",
         frames(lambda x: -x, (1,)),
-        "region.reference 'images/1.fits' is left out: its brightness is negative ... or name another view",
+        "site/site.toml: region: reference: 'images/1.fits' is left out: its brightness is negative ... "
+        "; or name another view",
     )
     yield image(
         "the images have nothing in common",

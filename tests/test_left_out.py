@@ -76,7 +76,8 @@ def test_a_wrong_sun_of_the_reference_that_was_asked_for_is_an_error(nine, tmp_p
     path = with_suns(nine, "reference.toml", {2: -np.array(site.views[2].sun)})
     changed = replace(read_site(path), region=RegionRequest(reference=site.views[2].name, size_px=(32, 32)))
     write_site(path, changed)
-    with pytest.raises(InputError, match=r"region.reference 'images/002.fits' is left out: its Sun is 1[78]\d degrees"):
+    named = r"reference\.toml: region: reference: 'images/002.fits' is left out"
+    with pytest.raises(InputError, match=rf"{named}: its Sun is 1[78]\d degrees"):
         run(path, tmp_path / "run", RunOptions(**QUICK))
 
 

@@ -194,7 +194,9 @@ def check_reference(site: Site, left_out: Mapping[str, str]) -> None:
     """Raises InputError where the view is left out whose pixels the site wants mapped."""
     chosen = site.region.reference if site.region else None
     if chosen is not None and chosen in left_out:
-        raise InputError(f"region.reference {chosen!r} is left out: {left_out[chosen]}; or name another view")
+        raise InputError(
+            f"{site.path}: region: reference: {chosen!r} is left out: {left_out[chosen]}; or name another view"
+        )
 
 
 def views_from(site: Site, sparse: SparseModel) -> Views:
