@@ -801,7 +801,12 @@ def others() -> Iterator[Fault]:
     yield row(
         "a shape model cut short", whole, "body/body.ply: is not a complete PLY file", put("body/body.ply", "ply")
     )
-    yield row("a shape model with holes", whole, "body.ply: is not a closed mesh", put("body/body.ply", TRIANGLE))
+    yield row(
+        "a shape model with holes",
+        whole,
+        "body/body.ply: is not a closed mesh whose faces all look the same way; close its holes first",
+        put("body/body.ply", TRIANGLE),
+    )
     yield row("heights of a whole body", f"{whole} --products dtm", "dtm is a product of the map of a place",
               put("body/body.ply", TRIANGLE))  # fmt: skip
     yield row(

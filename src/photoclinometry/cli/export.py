@@ -44,21 +44,22 @@ def export(
     from rich.console import Console
 
     import photoclinometry as pcm
+    from photoclinometry.io.meshes.shape_ply import read_shape_ply
     from photoclinometry.output.export import export_scene
     from photoclinometry.output.export.shape.export import (
-        BODY_FILE,
+        body_file,
         check_no_shape_options,
         export_shape,
         is_body,
-        read_body,
     )
     from photoclinometry.pipeline.run_mark import owner_of_folder
 
     if is_body(run):
-        name = run.name if run.is_file() else BODY_FILE
-        owner = owner_of_folder(run)
-        shape = read_body(run)
-        exported = export_shape(shape, out, options, body_options, name=name, owner=owner, overwrite=overwrite)
+        path = body_file(run)
+        shape, owner = read_shape_ply(path), owner_of_folder(run)
+        exported = export_shape(
+            shape, out, options, body_options, name=path.name, path=path, owner=owner, overwrite=overwrite
+        )
     else:
         check_no_shape_options(body_options)
         exported = export_scene(pcm.read_scene(run), out, options, overwrite=overwrite)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES, Similarity
 from photoclinometry.model.owner import Owner
@@ -34,9 +33,9 @@ def is_body(path: Path) -> bool:
     return (path / BODY_FILE).is_file() and not (path / "scene.h5").is_file()
 
 
-def read_body(path: Path) -> ShapeModel:
-    """The shape model at a path for which `is_body` holds. Raises InputError."""
-    return read_shape_ply(path if path.is_file() else path / BODY_FILE)
+def body_file(path: Path) -> Path:
+    """The file of the shape model at a path for which `is_body` holds."""
+    return path if path.is_file() else path / BODY_FILE
 
 
 def export_shape(
@@ -46,6 +45,7 @@ def export_shape(
     shape_options: ShapeOptions | None = None,
     *,
     name: str = BODY_FILE,
+    path: Path | None = None,
     owner: Owner | None = None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
@@ -53,17 +53,19 @@ def export_shape(
 
     The frame's origin is inside, z is the axis of rotation, x at longitude zero. Without `options.products`, all that
     the model and the options allow are written, the others are in "not_possible" with the reason. name: of the model,
-    for files and errors. owner: what it was made of; by default its name stands for it. An earlier export of another
-    owner is replaced with `overwrite` only. Returns what export.json holds. Raises InputError for options that are
-    wrong or do not apply, models that are not closed, and products that are not possible; RunFolderError; `out` then is
-    as it was.
+    for files; path: where it was read, for errors, by default its name. owner: what it was made of; by default its name
+    stands for it. An earlier export of another owner is replaced with `overwrite` only. Returns what export.json holds.
+    Raises InputError for options that are wrong or do not apply, models that are not closed, and products that are not
+    possible; RunFolderError; `out` then is as it was.
     """
     options, shape_options = options or ExportOptions(), shape_options or ShapeOptions()
     _check_options(options)
+    where = str(path or name)
     placed = placed_shape(
         _in_metres(shape, options.unit_m),
         name,
         shape_options,
+        where=where,
         body=options.body,
         radii_m=options.radii_m,
         resolution=options.resolution,
@@ -75,7 +77,7 @@ def export_shape(
         "not_possible": {} if options.products else _not_possible(placed),
     }
     owner = owner or Owner("body", name, options.body, "", ())
-    return write_export(Path(out), SHAPE_FORMATS, placed, name, options, about, owner, overwrite=overwrite)
+    return write_export(Path(out), SHAPE_FORMATS, placed, where, options, about, owner, overwrite=overwrite)
 
 
 def check_no_shape_options(options: ShapeOptions) -> None:

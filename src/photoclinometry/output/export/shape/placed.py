@@ -145,17 +145,18 @@ def placed_shape(
     name: str,
     options: ShapeOptions,
     *,
+    where: str,
     body: str | None = None,
     radii_m: tuple[float, ...] | None = None,
     resolution: float | None = None,
 ) -> PlacedShape:
-    """Raises InputError for a model that is not closed, or looks inwards."""
+    """where: where it was read, for errors. Raises InputError for a model that is not closed, or looks inwards."""
     shape = shape.with_used_vertices()
     vertices, faces = shape.vertices, np.ascontiguousarray(shape.faces, np.int32)
     if len(faces) == 0 or not is_watertight(faces):
-        raise InputError(f"{name}: is not a closed mesh whose faces all look the same way; close its holes first")
+        raise InputError(f"{where}: is not a closed mesh whose faces all look the same way; close its holes first")
     if signed_volume(vertices, faces) <= 0:
-        raise InputError(f"{name}: its faces look inwards; turn them round")
+        raise InputError(f"{where}: its faces look inwards; turn them round")
     normals = vertex_normals(vertices, faces) if shape.normals is None else shape.normals
     known = np.isfinite(normals).all(-1, keepdims=True)
     normals = np.where(known, normals, vertex_normals(vertices, faces))
