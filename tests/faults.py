@@ -308,7 +308,9 @@ def keys() -> Iterator[Fault]:
     yield row("an unknown body", '"vesta"', '"tatooine"', "body: 'tatooine' is not known", "bennu", "body_radius_m")
     yield row("a radius of zero", '"vesta"', '"tatooine"\nbody_radius_m = 0', "body_radius_m: expected a positive")
     yield row("a wrong kind of brightness", '"iof"', '"radiance"', "brightness: 'radiance'", "'iof', 'dn'")
-    yield row("no kind of brightness", 'brightness = "iof"', "", "brightness: is missing")
+    yield row(
+        "no kind of brightness", 'brightness = "iof"', "", "brightness: is missing; give 'iof' or 'dn'", whole=True
+    )
     yield row("no camera", "[camera]", "[cam]", "camera", "[camera] or one [cameras.NAME]")
     yield row("the camera of a view is unknown", SUN, SUN + '\ncamera = "wide"', f"{FIRST}camera", "no [cameras.wide]")
     yield row("a camera with distortion", "PINHOLE", "OPENCV", "camera: model", "'OPENCV'", "undistort the images")

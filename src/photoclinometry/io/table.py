@@ -58,9 +58,9 @@ class Table:
             if key not in self._known:
                 raise self.error(key, "unknown key", nearest=(key, self._known))
 
-    def text(self, key: str, default: Any = _REQUIRED) -> Any:
-        """A text that is not blank."""
-        value = self._get(key, default, "text in quotes")
+    def text(self, key: str, default: Any = _REQUIRED, expected: str = "text in quotes") -> Any:
+        """A text that is not blank. expected: what to give where it is missing, for messages."""
+        value = self._get(key, default, expected)
         if value is default:
             return default
         if not isinstance(value, str):
@@ -79,9 +79,9 @@ class Table:
 
     def choice(self, key: str, known: tuple[str, ...], remedy: str = "") -> str:
         """One of the texts `known`."""
-        value = self.text(key)
+        value = self.text(key, expected=" or ".join(map(repr, known)))
         if value not in known:
-            listed = ", ".join(repr(k) for k in known)
+            listed = ", ".join(map(repr, known))
             raise self.error(key, f"{value!r} is not supported (known: {listed})" + (remedy and f"; {remedy}"))
         return value
 
