@@ -315,7 +315,13 @@ def keys() -> Iterator[Fault]:
     yield row("the camera of a view is unknown", SUN, SUN + '\ncamera = "wide"', f"{FIRST}camera", "no [cameras.wide]")
     yield row("a camera with distortion", "PINHOLE", "OPENCV", "camera: model", "'OPENCV'", "undistort the images")
     yield row("three numbers of a camera", PARAMS, "[640.0, 32, 32]", "camera: params: expected", "4 finite numbers")
-    yield row("a negative focal length", "[640.0, 640.0,", "[-640, 640,", "camera: params", "must be positive")
+    yield row(
+        "a negative focal length",
+        "[640.0, 640.0,",
+        "[-640, 640,",
+        "camera: params: the focal length is -640; give pixels above 0",
+        whole=True,
+    )
     yield row(
         "focal lengths and centre swapped",
         PARAMS,

@@ -44,8 +44,11 @@ class Camera:
             )
         if len(self.params) != expected:
             raise InputError(f"camera model {self.model} has {expected} parameters, got {len(self.params)}")
-        if self.width < 1 or self.height < 1 or min(self.focal_px) <= 0:
-            raise InputError("camera width, height and focal length must be positive")
+        for name, side in (("width", self.width), ("height", self.height)):
+            if side < 1:
+                raise InputError(f"the image's {name} is {side}; give 1 pixel or more")
+        if min(self.focal_px) <= 0:
+            raise InputError(f"the focal length is {min(self.focal_px):g}; give pixels above 0")
 
     @property
     def focal_px(self) -> tuple[float, float]:
