@@ -675,7 +675,7 @@ def others() -> Iterator[Fault]:
         f"{EVALUATE} --reference mapped/run --cameras photos",
         "photos/cameras.bin: there is no",
     )
-    give = "give the site.toml (--site, site=), or leave the images out (--no-images, images=False)"
+    give = "give the site.toml of the run's images (--site, site=), or leave the images out (--no-images, images=False)"
     yield row(
         "the site has moved",
         EVALUATE,
@@ -695,7 +695,8 @@ def others() -> Iterator[Fault]:
     yield row(
         "the images of another site",
         f"{EVALUATE} --site site/site.toml",
-        "site/site.toml: has no view 'images/000.fits'",
+        f"site/site.toml: has no view 'images/000.fits', which the run used; {give}",
+        whole=True,
     )
     seen = [f"mapped/images/{k:03d}.fits" for k in range(4)]
     yield row(

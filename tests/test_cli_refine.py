@@ -29,4 +29,4 @@ def test_refine_writes_a_run_folder_that_the_other_commands_read(model, tmp_path
     assert phomo("evaluate", out, "--no-images") == 0
     assert "keypoint residual" in capsys.readouterr().out
     assert phomo("evaluate", out) == 2
-    assert "give the site.toml (--site, site=), or leave the images out" in capsys.readouterr().err
+    assert "give the site.toml of the run's images (--site, site=), or leave the images out" in capsys.readouterr().err

@@ -11,6 +11,9 @@ from photoclinometry.model.scene import Image, Scene
 
 _LARGEST_COUNT = 10**15
 """Greater whole numbers in metrics.json are damage: they may be too large for a float."""
+_LEAVE_OUT = "leave the images out (--no-images, images=False)"
+_GIVE_SITE = f"give the site.toml of the run's images (--site, site=), or {_LEAVE_OUT}"
+"""To do where the images of a run are not at hand."""
 
 
 def read_run(run: Path) -> Scene:
@@ -53,14 +56,13 @@ def read_metrics(run: Path) -> dict[str, Any]:
 def site_path(run: Path, given: Path | None = None) -> Path:
     """The site.toml of a run: as given, or as the run recorded it. Raises RunFolderError."""
     path = given or read_config(run).get("site")
-    remedy = "give the site.toml (--site, site=), or leave the images out (--no-images, images=False)"
     if path is None:
-        raise RunFolderError(f"{run}: config.toml does not name the site; {remedy}")
+        raise RunFolderError(f"{run}: config.toml does not name the site; {_GIVE_SITE}")
     if not isinstance(path, (str, Path)):
-        raise RunFolderError(f"{run / 'config.toml'}: site: expected a path in quotes, found {path!r}; {remedy}")
+        raise RunFolderError(f"{run / 'config.toml'}: site: expected a path in quotes, found {path!r}; {_GIVE_SITE}")
     path = Path(path)
     if not path.is_file():
-        raise RunFolderError(f"{path}: the site of the run is not there (any more); {remedy}")
+        raise RunFolderError(f"{path}: the site of the run is not there (any more); {_GIVE_SITE}")
     return path
 
 
@@ -74,11 +76,11 @@ def run_images(site: Path, names: Sequence[str]) -> list[Image]:
     images = {image.name: image for image in found}
     missing = [name for name in names if name not in images]
     if missing:
-        raise RunFolderError(f"{site}: has no view {missing[0]!r}, which the run used; is this another site?")
+        raise RunFolderError(f"{site}: has no view {missing[0]!r}, which the run used; {_GIVE_SITE}")
     for name in names:
         if name in impossible:
             raise ImageError(
                 f"{site}: {name}: {impossible[name]}; the run used this view: give the images that it was made of, or "
-                "leave them out (--no-images, images=False)"
+                f"{_LEAVE_OUT}"
             )
     return [images[name] for name in names]
