@@ -479,7 +479,12 @@ def folders() -> Iterator[Fault]:
         "run site --out site/site.toml/map",
         "site/site.toml/map/run.json: cannot be written: Not a directory; part of the path is a file",
     )
-    yield row("a name too long", f"run site --out {300 * 'x'}", "xxx ... File name too long; choose a shorter path")
+    yield row(
+        "a name too long",
+        f"run site --out {300 * 'x'}",
+        f"{60 * 'x'}... (309 characters): File name too long; choose a shorter path",
+        whole=True,
+    )
     another = "run site --out mapped/run"
     yield row(
         "the map of another site",

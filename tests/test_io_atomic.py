@@ -121,3 +121,13 @@ def test_success_makes_parents_replaces_and_keeps_the_suffix(tmp_path):
 def test_a_block_that_writes_nothing_is_an_error(tmp_path):
     with pytest.raises(RunFolderError, match=r"a\.bin: cannot be written"), atomic_path(tmp_path / "a.bin"):
         pass
+
+
+def test_of_a_path_that_is_too_long_the_beginning_is_told(tmp_path):
+    path = tmp_path / (300 * "x")
+    said = (
+        rf"\.\.\. \({len(str(path))} characters\): cannot be written: File name too long; choose a shorter output path"
+    )
+    with pytest.raises(RunFolderError, match=said) as raised:
+        write_text(path, "")
+    assert len(str(raised.value)) < 200

@@ -48,7 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(f"out of memory{reason}; give a smaller region, a larger stride, or fewer or smaller images", 1)
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
-            _fail(f"{error.filename}: {error.strerror}; choose a shorter path", 2)
+            from photoclinometry.io.atomic import too_long
+
+            _fail(f"{too_long(error.filename)}: {error.strerror}; choose a shorter path", 2)
         if error.errno not in DISK:
             raise
         if error.filename is None:

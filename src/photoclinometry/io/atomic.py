@@ -72,6 +72,8 @@ def write_text(path: Path | str, text: str) -> None:
     write_bytes(path, text.encode())
 
 
+_SHOWN = 60
+"""Characters of a path that is too long that an error shows."""
 _WRONG_PATH = frozenset({errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ENAMETOOLONG})
 """Errors of the path that was given; all others are of the disk."""
 
@@ -81,7 +83,13 @@ def unwritable(path: Path, error: OSError) -> RunFolderError:
     reason = error.strerror or str(error)
     remedy = _REMEDIES.get(error.errno or 0, "check the disk or choose another output folder")
     kind = RunFolderError if error.errno in _WRONG_PATH else OutputError
-    return kind(f"{path}: cannot be written: {reason}; {remedy}")
+    place = too_long(path) if error.errno == errno.ENAMETOOLONG else path
+    return kind(f"{place}: cannot be written: {reason}; {remedy}")
+
+
+def too_long(path: Path | str) -> str:
+    """A path that is too long, for messages: its beginning, and its length."""
+    return f"{str(path)[:_SHOWN]}... ({len(str(path))} characters)"
 
 
 def _flush(path: Path) -> None:
@@ -106,7 +114,7 @@ def _move_over(source: Path, target: Path) -> None:
 
 
 def _remove(path: Path) -> None:
-    if path.is_dir():
+    if os.path.isdir(path):  # Path.is_dir raises where the name is too long
         shutil.rmtree(path, ignore_errors=True)
     else:
         with contextlib.suppress(OSError):
