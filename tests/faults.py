@@ -622,8 +622,15 @@ def others() -> Iterator[Fault]:
     yield row(
         "metrics.json is a list", "info mapped/run", f"{metrics}: is damaged (...); {run_again}", put(metrics, "[1]")
     )
-    yield row("scene.h5 is text", "info mapped/run", f"{scene}: is not a scene file ... {run_again}", put(scene, "x"))
-    yield row("scene.h5 is cut short", "info mapped/run", f"{scene}: is not a scene ... truncated", cut(scene, 5000))
+    damaged = f"{scene}: is not a scene file, or is damaged"
+    yield row("scene.h5 is text", "info mapped/run", f"{damaged} (it is no HDF5 file); {run_again}", put(scene, "x"))
+    yield row(
+        "scene.h5 is cut short",
+        "info mapped/run",
+        f"{damaged} (it ends after 5000 of ... bytes); {run_again}",
+        cut(scene, 5000),
+        whole=True,
+    )
     yield row("a folder without a map", "evaluate photos", f"photos: the folder holds no scene.h5; {finished}")
     yield row("a folder without a map to view", "view photos", f"photos: the folder holds no scene.h5; {finished}")
     yield row("rivals of a folder without a map", "rivals photos", f"photos: the folder holds no scene.h5; {finished}")
@@ -930,7 +937,7 @@ def others() -> Iterator[Fault]:
     yield row(
         "damaged ground",
         "simulate --out out --surface a.obj",
-        "a.obj: is not a complete OBJ file",
+        "a.obj: is not a complete OBJ file (vertex 1 has 2 coordinates, not 3); export it again",
         put("a.obj", "v 1 2\n"),
     )
     yield row(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from typing import Any
@@ -55,7 +56,15 @@ def fault_of(path: str) -> str:
             return _fault(file, os.path.getsize(path))
     # A damaged file makes h5py raise nearly every built-in exception.
     except Exception as error:
-        return f"{type(error).__name__}: {error}".splitlines()[0]
+        return _in_plain_words(f"{type(error).__name__}: {error}".splitlines()[0])
+
+
+def _in_plain_words(error: str) -> str:
+    """HDF5's words for a file that is another one, or not complete, in words of the file; others as they are."""
+    if "file signature not found" in error:
+        return "it is no HDF5 file"
+    cut = re.search(r"truncated file: eof = (\d+), .*stored_eof = (\d+)", error)
+    return f"it ends after {cut[1]} of {cut[2]} bytes" if cut else error
 
 
 def _fault(file: Any, size: int) -> str:

@@ -26,7 +26,7 @@ def read_obj(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
         elif line.startswith(b"f "):
             face_lines.append(line)
     try:
-        vertices = np.array([line.split()[1:4] for line in vertex_lines], np.float64).reshape(-1, 3)
+        vertices = _vertices(vertex_lines)
         faces = _faces(face_lines, len(vertices))
     except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: is not a complete OBJ file ({error}); export it again") from error
@@ -71,6 +71,15 @@ def write_obj(
             np.savetxt(stream, values, fmt=" ".join([key, *[number] * values.shape[1]]))
         corners = [corner.format(n) for n in range(1, len(vertices) + 1)]
         stream.writelines(f"f {corners[a]} {corners[b]} {corners[c]}\n" for a, b, c in faces.tolist())
+
+
+def _vertices(lines: list[bytes]) -> np.ndarray:
+    """(V, 3) float64. Raises ValueError."""
+    words = [line.split()[1:4] for line in lines]
+    for number, coordinates in enumerate(words, 1):
+        if len(coordinates) < 3:
+            raise ValueError(f"vertex {number} has {len(coordinates)} coordinates, not 3")
+    return np.array(words, np.float64).reshape(-1, 3)
 
 
 def _faces(lines: list[bytes], vertices: int) -> np.ndarray:
