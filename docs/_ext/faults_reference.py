@@ -23,7 +23,8 @@ begins with `phomo:`; only those about options may be in a box. Three dots stand
 
 The last column has what the command answered before the work on its messages, as measured
 ([decision 0056](../../decisions/0056-faults-before-and-now.md)): its words with the exit code before them, or how it
-ended without any. Words about something else than the cause are in italics.
+ended without any. Words about something else than the cause are in italics. Faults that came to the table later were
+not measured.
 """
 HEADS = ("fault", "command", "message", "exit code", "left on disk", "before")
 LEFT = {
@@ -44,15 +45,17 @@ def page() -> str:
         lines += [f"## {kind}", "", f"| {' | '.join(HEADS)} |", "|---|---|---|---:|---|---|"]
         for fault in group:
             left = LEFT.get(fault.left) or ", ".join(fault.left)
-            earlier = _earlier(before[fault.kind, fault.name])
+            earlier = _earlier(before.get((fault.kind, fault.name)))
             cells = (fault.name, _code(f"phomo {fault.command}"), _code(fault.says), str(fault.code), left, earlier)
             lines.append(f"| {' | '.join(cells)} |")
         lines.append("")
     return "\n".join(lines)
 
 
-def _earlier(answer: Answer) -> str:
+def _earlier(answer: Answer | None) -> str:
     """What was answered before: code and words, or how the command ended; and what it left on disk."""
+    if answer is None:
+        return "not measured"
     left = f"; left: {answer.left}" if answer.left else ""
     if answer.cause:
         slant = "*" if answer.cause == "no" else ""
