@@ -30,7 +30,7 @@ from fault_place import (
     scaled,
     table_fits,
 )
-from sites import HEADER, SIZE, picture
+from sites import FEW_VIEWS, HEADER, SIZE, picture
 
 LINE, LIST, BOX = "line", "list", "box"
 """How a message looks: one line; a line and one more for each file; the box of the parser of options."""
@@ -94,9 +94,10 @@ class Fault:
         return not self.whole or (words.endswith(parts[-1]) if parts else at == len(words))
 
 
-RUN = "run site/site.toml --out map"
+FEW = " ".join(FEW_VIEWS)
+RUN = f"run site/site.toml --out map {FEW}"
 BODY = "body site/site.toml"
-MAPPED = "run mapped/site.toml --out mapped/run"
+MAPPED = f"run mapped/site.toml --out mapped/run {FEW}"
 RENDER = "render mapped/run --out a.png"
 FIGURE = "figure mapped/run --out a.pdf"
 EVALUATE = "evaluate mapped/run"
@@ -226,15 +227,24 @@ def images() -> Iterator[Fault]:
         "the images have nothing in common",
         frames(lambda x: x),
         "0 of 4 views registered, at least 3 are needed ... Use images that overlap more",
-        command=f"{RUN} --densify.min-views 3",
         code=1,
         left=(*BEGUN, "map/stages/..."),
     )
+    views = "views are to be mapped, but landmarks are to be"
     yield image(
         "there are fewer images than views of a landmark",
         frames(lambda x: x),
-        "site/site.toml: 4 views are to be mapped, but landmarks are to be in 6 views at least; add views, or pass "
-        "--densify.min-views 4 or --preset few-views",
+        f"site/site.toml: 4 {views} in 6 views at least; add views, or pass --densify.min-views 4 or "
+        "--preset few-views",
+        command="run site/site.toml --out map",
+        left=NOTHING,
+    )
+    yield image(
+        "there are fewer images than views of a landmark once one is left out",
+        frames(lambda x: -x, (0,)),
+        f"site/site.toml: 3 {views} in 4 views at least; add views, or pass --densify.min-views 3 or "
+        "--preset few-views",
+        command="run site/site.toml --out map --densify.min-views 4",
         code=1,
     )
 
@@ -469,23 +479,23 @@ def folders() -> Iterator[Fault]:
     foreign = "exists and is not a run folder; choose another --out"
     yield row(
         "the output is a file",
-        "run site --out site/site.toml",
+        f"run site {FEW} --out site/site.toml",
         f"site/site.toml: {foreign}",
         whole=True,
     )
-    yield row("the output is the site", "run site --out site", f"site: {foreign}", whole=True)
+    yield row("the output is the site", f"run site {FEW} --out site", f"site: {foreign}", whole=True)
     yield row(
         "the output is below a file",
-        "run site --out site/site.toml/map",
+        f"run site {FEW} --out site/site.toml/map",
         "site/site.toml/map/run.json: cannot be written: Not a directory; part of the path is a file",
     )
     yield row(
         "a name too long",
-        f"run site --out {300 * 'x'}",
+        f"run site {FEW} --out {300 * 'x'}",
         f"{60 * 'x'}... (309 characters): File name too long; choose a shorter path",
         whole=True,
     )
-    another = "run site --out mapped/run"
+    another = f"run site {FEW} --out mapped/run"
     yield row(
         "the map of another site",
         another,
@@ -967,6 +977,12 @@ def others() -> Iterator[Fault]:
         "a study that holds out too many views",
         "study --out out --views 3 --hold-out-every 2",
         "--hold-out-every 2 leaves 2 of 3 views, at least 3 must remain to be mapped; give a larger number",
+    )
+    yield row(
+        "a study of fewer images than views of a landmark",
+        "study --out out --views 5",
+        "5 views of each site are to be mapped, but landmarks are to be in 6 views at least; give more --views, or"
+        " --run.densify.min-views 5",
     )
     yield row(
         "no network",

@@ -27,6 +27,10 @@ size_px = [40, 20]
 """
 
 
+FEW_VIEWS = ("--densify.min-views", "3")
+"""Options of `phomo run` for the small site, which has fewer images than landmarks are to be in by default."""
+
+
 def view_text(number: int) -> str:
     return f"""
 [[views]]

@@ -90,7 +90,9 @@ def records(options: StudyOptions) -> list[Record]:
 
 def test_tables_by_hand():
     """Two places, two seeds: means over seeds, their standard deviation 1 / sqrt(2), and the average of the rows."""
-    options = replace(SMALL, presets=("demo", "ahuna"), models=("akimov", "mcewen"), seeds=(0, 1), hold_out_every=3)
+    options = replace(
+        SMALL, presets=("demo", "ahuna"), models=("akimov", "mcewen"), seeds=(0, 1), views=9, hold_out_every=3
+    )
     psnr, held, errors, heights = tables(options, records(options))
     assert psnr.columns == ("akimov", "mcewen")
     assert [row for row, _ in psnr.rows] == ["ahuna", "demo", "average"]
@@ -106,7 +108,7 @@ def test_tables_by_hand():
 
 def test_tables_of_rivals_by_hand():
     """Two seeds: what is unknown of one of them is not in the mean, and a rival that found no map is a dash."""
-    options = replace(SMALL, geometry_alone=False, seeds=(0, 1), hold_out_every=3, rivals=("spc", "mvs"))
+    options = replace(SMALL, geometry_alone=False, seeds=(0, 1), views=9, hold_out_every=3, rivals=("spc", "mvs"))
     key = "psnr_mean_held_out_db"
     beside = [
         {"phomo": {key: 40.0, "albedo_error_mean_percent": 1.0}, "spc": {key: 38.0}, "mvs": {key: 30.0}},

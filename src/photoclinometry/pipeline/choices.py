@@ -14,10 +14,11 @@ import numpy as np
 
 from photoclinometry.evaluate.held_out import held_out_mask
 from photoclinometry.io.control_points_csv import read_control_points
-from photoclinometry.io.site import Site
+from photoclinometry.io.site import MIN_VIEWS, Site
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
 from photoclinometry.model.control import ControlPoint
+from photoclinometry.model.errors import InputError, PhotoclinometryError
 from photoclinometry.model.reflectance import Reflectance, has_published, models_for, published, starting_model
 from photoclinometry.photometry.initialize import exposure_is_free
 from photoclinometry.pipeline.options import RunOptions
@@ -55,16 +56,30 @@ def choose(site: Site, options: RunOptions) -> Choices:
     control = read_control_points(options.control, names) if options.control else ()
     reflectance = choose_reflectance(options.reflectance, site.body)
     name = options.matcher_name
+    held_out = held_out_mask(names, options.hold_out, reference)
+    check_enough_views(site, ~held_out, options.densify.min_views)
     log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
     return Choices(
         reflectance=reflectance,
         candidates=candidate_models(reflectance, site) if options.reflectance == "auto" and reflectance else (),
         matcher=keyed_matcher(name, options),
         relit_matcher=keyed_matcher(matcher_entry(name).relit_with or name, options),
-        held_out=held_out_mask(names, options.hold_out, reference),
+        held_out=held_out,
         max_iterations=0 if reflectance is None else options.max_iterations,
         control=control,
     )
+
+
+def check_enough_views(
+    site: Site, mapped: np.ndarray, fewest: int, error: type[PhotoclinometryError] = InputError
+) -> None:
+    """Raises `error` where no landmark can be in `fewest` views (`DensifyOptions.min_views`). mapped: (K,) bool."""
+    count = np.count_nonzero(mapped)
+    if count < fewest:
+        raise error(
+            f"{site.path}: {count} views are to be mapped, but landmarks are to be in {fewest} views at least; add "
+            f"views, or pass --densify.min-views {max(count, MIN_VIEWS)} or --preset few-views"
+        )
 
 
 def choose_reflectance(name: str, body: str | None) -> Reflectance | None:

@@ -11,10 +11,11 @@ import numpy as np
 from photoclinometry.evaluate.held_out import held_out_views
 from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.site import Site, read_site
+from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Views
 from photoclinometry.pipeline.checked_map import checked_map
-from photoclinometry.pipeline.choices import Choices, choose, choose_reflectance
+from photoclinometry.pipeline.choices import Choices, check_enough_views, choose, choose_reflectance
 from photoclinometry.pipeline.dense_stages import MatchDensely
 from photoclinometry.pipeline.map_stages import FinishedMap, PlaceHeldOutViews
 from photoclinometry.pipeline.options import RunOptions
@@ -26,7 +27,6 @@ from photoclinometry.pipeline.sparse_stages import (
     ChooseRegion,
     PosedImages,
     SparseReconstruction,
-    check_enough_views,
     check_reference,
     choose_views,
     read_inputs,
@@ -62,7 +62,8 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
     """All stages, and what they leave."""
     inputs = read_inputs(folder, site)
     check_reference(site, inputs.value.unusable)
-    check_enough_views(inputs.value, choices.held_out, options.densify.min_views)
+    usable = np.array([image.name not in inputs.value.unusable for image in inputs.value.images])
+    check_enough_views(site, usable & ~choices.held_out, options.densify.min_views, ReconstructionError)
     sparse = folder.done(SparseReconstruction(inputs=inputs, options=options.sfm))
     posed = PosedImages(inputs=inputs, sparse=sparse)
     return map_posed(folder, PosedSite(site=site, posed=posed, choices=choices, options=options), config)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.io.site import MIN_VIEWS, RegionRequest, Site
+from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.io.site_images import input_fingerprint, load_plausible_images
-from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import OWN, Camera, Image, Region, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
@@ -175,19 +175,6 @@ def choose_views(
         left_out |= {names[k]: str(found.reason[k]) for k in np.flatnonzero(found.left_out)}
         used = posed.without(held_out | found.left_out)
     return used, left_out
-
-
-def check_enough_views(inputs: Inputs, held_out: np.ndarray, fewest: int) -> None:
-    """Raises ReconstructionError where no landmark can be in `fewest` views (`DensifyOptions.min_views`).
-
-    held_out: (K,) bool.
-    """
-    usable = np.array([image.name not in inputs.unusable for image in inputs.images]) & ~held_out
-    if usable.sum() < fewest:
-        raise ReconstructionError(
-            f"{inputs.site.path}: {usable.sum()} views are to be mapped, but landmarks are to be in {fewest} views at "
-            f"least; add views, or pass --densify.min-views {max(usable.sum(), MIN_VIEWS)} or --preset few-views"
-        )
 
 
 def check_reference(site: Site, left_out: Mapping[str, str]) -> None:

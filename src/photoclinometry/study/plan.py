@@ -130,7 +130,9 @@ def _cell(options: StudyOptions, preset: str, lighting: str, seed: int, surface:
         region_size=options.region_size,
     )
     count = options.views or named_preset(preset).views
-    return Cell(surface, simulation, model, _held_out([f"images/{k:03d}.fits" for k in range(count)], options))
+    held_out = _held_out([f"images/{k:03d}.fits" for k in range(count)], options)
+    _check_enough_views(held_out, count, options)
+    return Cell(surface, simulation, model, held_out)
 
 
 def _held_out(names: Sequence[str], options: StudyOptions) -> tuple[str, ...]:
@@ -143,3 +145,13 @@ def _held_out(names: Sequence[str], options: StudyOptions) -> tuple[str, ...]:
             "must remain to be mapped; give a larger number, 0, or more --views"
         )
     return held
+
+
+def _check_enough_views(held_out: Sequence[str], views: int, options: StudyOptions) -> None:
+    """Raises InputError where no landmark of a site can be in as many views as the runs ask for."""
+    mapped, fewest = views - len(held_out), options.run.densify.min_views
+    if mapped < fewest:
+        raise InputError(
+            f"{mapped} views of each site are to be mapped, but landmarks are to be in {fewest} views at least; give "
+            f"more --views, or --run.densify.min-views {mapped}"
+        )
