@@ -450,28 +450,70 @@ def options() -> Iterator[Fault]:
     yield row("a misspelt command", "rnu site/site.toml", "there is no command 'rnu'; did you mean `phomo run`?")
     yield row("a command unlike any", "zzz", "there is no command 'zzz'; commands: ingest, views, plan, simulate, run")
     typed = rows("options", form=BOX)
-    yield typed("an unknown layer", f"{FIGURE} --layers colour", "Invalid choice ... 'colour' for argument '--layers'")
+    one_of, expected = "Invalid choice ... invalid choice", "Expected one of ("
+    yield typed(
+        "an unknown layer",
+        f"{FIGURE} --layers colour",
+        f"{one_of} 'colour' for argument '--layers'. {expected}'albedo', 'relief', 'height'",
+    )
     yield row("a resolution of a figure", f"{FIGURE} --dpi 5", "--dpi is 5; give 50 to 2400")
-    yield typed("a misspelt option", f"{RUN} --sfm.max-feature 5", "Unrecognized options ... --sfm.max-features INT")
-    yield typed("a misspelt option of the command", "run site --oout b", "Unrecognized options ... --out")
-    yield typed("an option of another command", "info site --out b", "Unrecognized options ... phomo info --help")
+    meant = "Unrecognized options: {} ... Perhaps you meant: ... {} ... run phomo run --help"
     yield typed(
-        "a misspelt preset", f"{RUN} --preset quik", "Invalid choice ... 'quik' for argument '--preset' ... 'quick'"
-    )
-    yield typed("an unknown model", f"{RUN} --reflectance lambert", "Invalid choice ... 'lambert' ... 'lunar-lambert'")
-    yield typed(
-        "an unknown format", f"{EXPORT} --products dem", "Invalid choice ... 'dem' for argument '--products' ... 'dtm'"
+        "a misspelt option",
+        f"{RUN} --sfm.max-feature 5",
+        f"Unrecognized options ... {meant.format('--sfm.max-feature, 5', '--sfm.max-features INT SIFT keypoints')}",
     )
     yield typed(
-        "text for a number", f"{RUN} --adjust.max-rounds many", "Value error ... --adjust.max-rounds: ... 'many'"
+        "a misspelt option of the command",
+        "run site --oout b",
+        f"Unrecognized options ... {meant.format('--oout, b', '--out {None}|PATH Folder for the run')}",
     )
-    yield typed("an option without value", f"{RUN} --adjust.max-rounds", "Missing argument ... '--adjust.max-rounds'")
-    yield typed("one number of two", "views priors --at 10", "Missing argument ... '--at'. Expected 2 values.")
     yield typed(
-        "a required option is missing", "export mapped/run", "Required options ... phomo export: ... --out PATH"
+        "an option of another command",
+        "info site --out b",
+        "Unrecognized options ... Unrecognized options: --out, b ... run phomo info --help",
     )
-    yield typed("no site", "run", "Required options ... phomo run: ... PATH")
-    yield typed("no command", "", "Missing subcommand ... ingest, views, plan, simulate, run")
+    yield typed(
+        "a misspelt preset",
+        f"{RUN} --preset quik",
+        f"{one_of} 'quik' for argument '--preset'. {expected} ... 'quick'",
+    )
+    yield typed(
+        "an unknown model",
+        f"{RUN} --reflectance lambert",
+        f"{one_of} 'lambert' for argument '--reflectance'. {expected} ... 'lunar-lambert'",
+    )
+    yield typed(
+        "an unknown format",
+        f"{EXPORT} --products dem",
+        f"{one_of} 'dem' for argument '--products'. {expected}'dtm', 'albedo'",
+    )
+    yield typed(
+        "text for a number",
+        f"{RUN} --adjust.max-rounds many",
+        "Value error ... Error parsing --adjust.max-rounds: ... 'many' ... Range: 1 to 100. ... phomo run --help",
+    )
+    missing = "Missing argument ... Missing value for argument"
+    yield typed(
+        "an option without value",
+        f"{RUN} --adjust.max-rounds",
+        f"{missing} '--adjust.max-rounds'. Expected 1 values. ... run phomo run --help",
+    )
+    yield typed(
+        "one number of two",
+        "views priors --at 10",
+        f"{missing} '--at'. Expected 2 values. ... run phomo views --help",
+    )
+    required = "Required options ... Missing from phomo"
+    yield typed(
+        "a required option is missing", "export mapped/run", f"{required} export: --out PATH Folder for the products"
+    )
+    yield typed("no site", "run", f"{required} run: PATH site.toml, which names the images ... run: phomo run --help")
+    yield typed(
+        "no command",
+        "",
+        "Missing subcommand ... Expected one of {ingest, views, plan, simulate, run, ... }. ... run phomo --help",
+    )
 
 
 def folders() -> Iterator[Fault]:
