@@ -607,12 +607,16 @@ def folders() -> Iterator[Fault]:
     )
     yield row("images are ingested among files", f"ingest {PHOTO} --out site", "site: exists and is not empty; choose")
     yield row(
-        "a map is exported among files", "export mapped/run --out photos --products csv", "... photos: holds 2019"
+        "a map is exported among files",
+        "export mapped/run --out photos --products csv",
+        "photos: holds 20190301T101500.png, which no earlier export wrote; choose another --out",
+        whole=True,
     )
     yield row(
         "a map is exported over another one",
         "export mapped/run --out out --products csv",
-        "... out: holds an export of the map 'other' (4 images); this is the map 'bumps' ... or give",
+        "out: holds an export of the map 'other' (4 images); this is the map 'bumps' (4 images): choose another --out, "
+        "or give --overwrite (overwrite=True) to replace it",
         exported_map("out"),
     )
     yield row(
@@ -627,10 +631,17 @@ def folders() -> Iterator[Fault]:
         put("a.pdf", "x"),
     )
     yield row(
-        "a map is exported to a file", f"export mapped/run --out {PHOTO} --products csv", "... .png: is a file, not"
+        "a map is exported to a file",
+        f"export mapped/run --out {PHOTO} --products csv",
+        f"{PHOTO}: is a file, not a folder; choose another --out",
     )
     yield row("a body among files", f"{BODY} --out photos", f"photos: {foreign}", whole=True)
-    yield row("a body in the folder of a run", f"{BODY} --out mapped/run", "mapped/run: belongs to the site ...")
+    yield row(
+        "a body in the folder of a run",
+        f"{BODY} --out mapped/run",
+        "mapped/run: belongs to the site 'place' ... this is the body 'small' "
+        "... : choose another --out, or give --overwrite",
+    )
     yield row(
         "a tile of a body without a plan", f"{BODY} --tile 0", "site/body: no plan was made there; run the command"
     )
@@ -802,14 +813,20 @@ def others() -> Iterator[Fault]:
     yield row(
         "a figure of a folder without a map",
         "figure site --out a.pdf",
-        f"site: the folder holds ...; {finished}",
+        f"site: the folder holds no scene.h5; {finished}",
     )
     yield row(
         "a layer of uncertainties that were not computed",
         f"{FIGURE} --layers height-sigma",
         "scene 'bumps' has no layer 'height-sigma': it states no uncertainty of the height",
     )
-    yield row("albedos of geometry alone", FIGURE, "... no layer 'albedo': it holds geometry alone", geometry_alone)
+    yield row(
+        "albedos of geometry alone",
+        FIGURE,
+        "scene 'bumps' has no layer 'albedo': it holds geometry alone (reflectance = none)",
+        geometry_alone,
+        whole=True,
+    )
     yield row(
         "a profile beside the map",
         f"{FIGURE} --profile 0 0 5 0",
@@ -1038,7 +1055,7 @@ def disks() -> Iterator[Fault]:
     row = rows("disk", code=1)
     large = "cannot be written: File too large; the file system or a limit forbids files of this size"
     yield row("full at the first file of a run", RUN, f"map/run.json: {large}", disk=10)
-    yield row("full at an export", f"{EXPORT} --products csv", f"... out/landmarks.csv: {large}", disk=300)
+    yield row("full at an export", f"{EXPORT} --products csv", f"out/landmarks.csv: {large}", disk=300)
     yield row("full at a page", "view mapped/run --no-browser", f"mapped/run/report/viewer.html: {large}", disk=300)
     yield row("full at a rendering", "render mapped/run --out a.fits", f"a.fits: {large}", disk=300)
     yield row("full at a figure", FIGURE, f"a.pdf: {large}", disk=300)
@@ -1079,21 +1096,21 @@ def disks() -> Iterator[Fault]:
     yield row(
         "full in structure from motion",
         RUN,
-        f"... work/... : {far}",
+        f"map/stages/sparse/...: {far}",
         left=begun,
         test="test_disk_full.py::test_the_sparse_stage",
     )
     yield row(
         "full at a stage's result",
         RUN,
-        f"stages/dense.npz: {far}",
+        f"map/stages/dense.npz: {far}",
         left=begun,
         test="test_disk_full.py::test_a_stages_result",
     )
     yield row(
         "read-only, or of another computer that is away",
         RUN,
-        "...: Read-only file system; free some space, or choose another place",
+        "/home/me/.cache/kernel.nbi: Read-only file system; free some space, or choose another place",
         left=begun,
         test="test_disk_full.py::test_any_other_write_of_a_command",
     )

@@ -233,6 +233,14 @@ def test_an_export_into_the_current_folder_needs_no_other_name(tmp_path, monkeyp
     assert {path.name for path in (tmp_path / "here").iterdir()} == TABLES | {"export.json"}
 
 
+def test_an_export_into_a_linked_folder_keeps_the_link(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "there")
+    export_scene(synthetic_scene(size=8, views=3), tmp_path / "link", ExportOptions(products=("csv",)))
+    assert (tmp_path / "link").is_symlink()
+    assert {path.name for path in (tmp_path / "there").iterdir()} == TABLES | {"export.json"}
+
+
 def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path):
     scene, out = synthetic_scene(size=8, views=3), tmp_path / "out"
     out.mkdir()

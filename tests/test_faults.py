@@ -72,6 +72,10 @@ def test_the_table_names_each_fault_once():
     assert len({name_of(fault) for fault in FAULTS}) == len(FAULTS) >= 110
 
 
+def test_a_fault_says_how_its_message_begins():
+    assert [name_of(fault) for fault in FAULTS if fault.says.startswith("...")] == []
+
+
 def test_each_answer_of_before_has_its_fault():
     """Faults that came later need none."""
     answers = read_answers()
