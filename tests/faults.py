@@ -144,7 +144,7 @@ def images() -> Iterator[Fault]:
     yield image(
         "two images are missing",
         remove(ONE, "site/images/3.fits"),
-        f"site/site.toml: 2 of 4 images do not exist: {ONE}, site/images/3.fits; image paths",
+        f"site/site.toml: 2 of 4 images do not exist: {ONE}, site/images/3.fits; image paths are relative to this file",
         left=NOTHING,
     )
     yield image(
@@ -156,12 +156,18 @@ def images() -> Iterator[Fault]:
     yield image("an image is empty", put(ONE, b""), f"{ONE}: is an empty file; {again}")
     yield image("an image is a GIF", put(ONE, b"GIF89a...."), f"{ONE}: is not a FITS, PNG or TIFF image ... convert it")
     yield image(
-        "an image is a JPEG", put(ONE, b"\xff\xd8\xff\xe0rest"), f"{ONE}: is a JPEG, {linear}; get the image as"
+        "an image is a JPEG",
+        put(ONE, b"\xff\xd8\xff\xe0rest"),
+        f"{ONE}: is a JPEG, {linear}; get the image as FITS or PNG",
     )
-    yield image("an image is a BigTIFF", put(ONE, b"II+\0...."), f"{ONE}: is a BigTIFF; convert it to plain TIFF")
+    yield image(
+        "an image is a BigTIFF", put(ONE, b"II+\0...."), f"{ONE}: is a BigTIFF; convert it to plain TIFF or FITS"
+    )
     yield image("a FITS file is cut short", cut(ONE, 5000), f"{ONE}: was cut short: it ends after 5000 bytes, {short}")
     yield image(
-        "a FITS header is cut short", put(ONE, b"SIMPLE  =  T"), f"{ONE}: was cut short: it ends after 12 bytes"
+        "a FITS header is cut short",
+        put(ONE, b"SIMPLE  =  T"),
+        f"{ONE}: was cut short: it ends after 12 bytes, {short}",
     )
     yield image(
         "a PNG is cut short",
@@ -173,7 +179,11 @@ def images() -> Iterator[Fault]:
         put(ONE, b"II*\0\xff\xff\xff\xff"),
         f"{ONE}: is damaged (the TIFF directory points past the end of the file); {again}",
     )
-    yield image("a FITS file holds a cube", cube_fits, f"{ONE}: has no image with two axes (found: (3, 4, 5)); extract")
+    yield image(
+        "a FITS file holds a cube",
+        cube_fits,
+        f"{ONE}: has no image with two axes (found: (3, 4, 5)); extract one plane",
+    )
     yield image(
         "a FITS file holds a table alone",
         table_fits,
@@ -192,7 +202,11 @@ def images() -> Iterator[Fault]:
         frame(1, picture(1)[:60]),
         f"{ONE}: is 64 x 60 pixels, but its camera in site.toml is 64 x 64; correct the camera or the image",
     )
-    yield image("an image is NaN all over", frame(1, np.full((SIZE, SIZE), np.nan)), f"{ONE}: has no valid pixel")
+    yield image(
+        "an image is NaN all over",
+        frame(1, np.full((SIZE, SIZE), np.nan)),
+        f"{ONE}: has no valid pixel ... remove this view",
+    )
     yield image("an image is saturated all over", saturated_png, f"{ONE}: has no valid pixel ... remove this view")
     yield image("an image is dark", frame(1, noise(0.0, 1e-4)), f"{ONE}: is dark: nothing rises ... remove this view")
     yield image("an image is constant", frame(1, np.full((SIZE, SIZE), 0.4)), f"{ONE}: is constant: ... remove this")
@@ -261,7 +275,13 @@ def suns() -> Iterator[Fault]:
     yield row("the key of a Sun is misspelt", SUN, SUN.replace("sun", "snu"), f"{FIRST}sun", "did you mean 'sun'?")
     yield row("a Sun is zero", SUN, "sun = [0, 0, 0]", f"{FIRST}sun: is the zero vector; {UNIT}")
     yield row("a Sun is no unit vector", SUN, "sun = [3, 0, -4]", f"{FIRST}sun", "has length 5, not 1; " + UNIT)
-    yield row("a Sun is nearly a unit vector", SUN, "sun = [0.6, 0, -0.81]", f"{FIRST}sun", "has length 1.00802, not 1")
+    yield row(
+        "a Sun is nearly a unit vector",
+        SUN,
+        "sun = [0.6, 0, -0.81]",
+        f"{FIRST}sun",
+        "has length 1.00802, not 1; " + UNIT,
+    )
     yield row("a Sun is NaN", SUN, "sun = [0.6, nan, -0.8]", f"{numbers} [0.6, nan, -0.8]; {UNIT}")
     yield row("a Sun has two numbers", SUN, "sun = [0.6, -0.8]", f"{numbers} [0.6, -0.8]; {UNIT}")
     yield row("a Sun is text", SUN, 'sun = "up"', f"{numbers} 'up'; {UNIT}")
@@ -375,7 +395,11 @@ def keys() -> Iterator[Fault]:
     yield file("no view", RUN, "site/site.toml: views: there are 0, at least 3 are needed; add [[views]]", none)
     yield file("site.toml is missing", "run none.toml --out map", "none.toml: there is no such file; give a site.toml")
     yield file("site.toml is an image", f"run {ONE} --out map", f"{ONE}: is not UTF-8 text ... give a site.toml")
-    yield file("the folder has no site.toml", "run photos --out map", "photos: the folder holds no site.toml; give a")
+    yield file(
+        "the folder has no site.toml",
+        "run photos --out map",
+        "photos: the folder holds no site.toml; give a site.toml, or the folder with one",
+    )
 
 
 CONTROL = "point,view,x_px,y_px,x_m,y_m,z_m,sigma_m\n"
@@ -387,14 +411,22 @@ def options() -> Iterator[Fault]:
     yield row("no rounds", f"{RUN} --adjust.max-rounds 0", f"--adjust.max-rounds is 0; {number} 100")
     yield row("negative features", f"{RUN} --sfm.max-features -5", f"--sfm.max-features is -5; {number}")
     yield row("no threads", f"{RUN} --sfm.threads 0", f"--sfm.threads is 0; {number} 1024, or -1")
-    yield row("NaN", f"{RUN} --adjust.smooth-sigma-rad nan", "--adjust.smooth-sigma-rad is nan; give 0")
+    yield row(
+        "NaN", f"{RUN} --adjust.smooth-sigma-rad nan", "--adjust.smooth-sigma-rad is nan; give 0 or more", whole=True
+    )
     yield row("infinity", f"{RUN} --flow.smoothness inf", "--flow.smoothness is inf; give 0 or more")
-    yield row("no steps", f"{RUN} --adjust.solver.max-steps 0", "--adjust.solver.max-steps is 0; give")
+    yield row("no steps", f"{RUN} --adjust.solver.max-steps 0", f"--adjust.solver.max-steps is 0; {number} 100000")
     yield row("a stride of zero", f"{RUN} --region.stride 0", f"--region.stride is 0; {number} 65535")
-    yield row("of a study's runs", "study --out out --run.sfm.threads 0", "--run.sfm.threads is 0; give")
-    yield row("of a refinement", f"{REFINE} --adjust.max-rounds 0", "--adjust.max-rounds is 0; give")
-    yield row("of a simulation", "simulate --out out --detector.bits 99", "--detector.bits is 99; give a whole")
-    yield row("of an ingestion", f"{INGEST} --position-sigma nan", "--position-sigma is nan; give")
+    yield row(
+        "of a study's runs", "study --out out --run.sfm.threads 0", f"--run.sfm.threads is 0; {number} 1024, or -1"
+    )
+    yield row("of a refinement", f"{REFINE} --adjust.max-rounds 0", f"--adjust.max-rounds is 0; {number} 100")
+    yield row(
+        "of a simulation",
+        "simulate --out out --detector.bits 99",
+        "--detector.bits is 99; give a whole number, 8 to 16",
+    )
+    yield row("of an ingestion", f"{INGEST} --position-sigma nan", "--position-sigma is nan; give above 0")
     yield row("workers of a body", f"{BODY} --workers 0", "--workers is 0; give a whole number, 1 or more")
     yield row("parts of a body", f"{BODY} --plan-only --tile 3", "--plan-only, --print-tasks and --tile do one part")
     yield row("tiles of a body", f"{BODY} --plan.tile-px 8", "--plan.tile-px is 8; give a whole number, 32 to 4096")
@@ -404,14 +436,20 @@ def options() -> Iterator[Fault]:
         "of a choice of views", f"{VIEWS} 10 5 --max-emission 120", "--max-emission is 120; give above 0, up to 90"
     )
     yield row(
-        "a focal length of zero", f"{INGEST} --pinhole 0 500 30 20", "--pinhole is (0.0, 500.0, 30.0, 20.0): 0; give"
+        "a focal length of zero",
+        f"{INGEST} --pinhole 0 500 30 20",
+        "--pinhole is (0.0, 500.0, 30.0, 20.0): 0; give above 0",
     )
     yield row("an unknown matcher", f"{RUN} --matcher roam", "no matcher 'roam'; known: relight, flow, roma")
     yield row(
         "RoMa without weights", f"{RUN} --matcher roma", "the matcher roma needs --roma.weights FILE; ... fetch it"
     )
     held = "--hold-out (hold_out=):"
-    yield row("a view held out is none", f"{RUN} --hold-out 9.fits", f"{held} no view '9.fits' in the site; nearest:")
+    yield row(
+        "a view held out is none",
+        f"{RUN} --hold-out 9.fits",
+        f"{held} no view '9.fits' in the site; nearest: images/3.fits",
+    )
     yield row(
         "the reference is held out",
         f"{RUN} --hold-out images/1.fits",
@@ -431,9 +469,17 @@ def options() -> Iterator[Fault]:
     table = f"{RUN} --control gcp.csv"
     yield row("no table of control points", table, "gcp.csv: there is no such table of control points; check the path")
     yield row(
-        "an empty table of control points", table, "gcp.csv: the first line has no column 'point'", put("gcp.csv", "")
+        "an empty table of control points",
+        table,
+        "gcp.csv: the first line has no column 'point'; write point,view,",
+        put("gcp.csv", ""),
     )
-    yield row("a table without points", table, "gcp.csv: has no control point; write a line", put("gcp.csv", CONTROL))
+    yield row(
+        "a table without points",
+        table,
+        "gcp.csv: has no control point; write a line for each measured pixel",
+        put("gcp.csv", CONTROL),
+    )
     yield row(
         "a control point in an unknown view",
         table,
@@ -594,10 +640,14 @@ def folders() -> Iterator[Fault]:
         put("mapped/run/lock", ""),
     )
     yield row(
-        "a site is simulated among files", "simulate --out site", "site: is not empty and holds no simulated site"
+        "a site is simulated among files",
+        "simulate --out site",
+        "site: is not empty and holds no simulated site; choose another folder",
     )
     yield row(
-        "a site is simulated on a file", f"simulate --out {PHOTO}", f"{PHOTO}: is a file; choose a folder for the"
+        "a site is simulated on a file",
+        f"simulate --out {PHOTO}",
+        f"{PHOTO}: is a file; choose a folder for the simulated site",
     )
     yield row(
         "a site is simulated again",
@@ -799,7 +849,8 @@ def others() -> Iterator[Fault]:
     yield row(
         "an infinite azimuth",
         f"{RENDER} --sun-azimuth-deg inf --sun-elevation-deg 9",
-        "Sun's azimuth inf degrees: must",
+        "Sun's azimuth inf degrees: must be a finite number",
+        whole=True,
     )
     yield row("a Sun of zeros", f"{RENDER} --sun 0 0 0", "Sun [0.0, 0.0, 0.0] is not a direction; give three numbers")
     yield row(
@@ -962,7 +1013,7 @@ def others() -> Iterator[Fault]:
     yield row(
         "a table of Suns with a wrong Sun",
         f"{INGEST} {SUNS}",
-        "photos/suns.csv, line 2: the Sun has length 1.20416",
+        f"photos/suns.csv, line 2: the Sun has length 1.20416, not 1; {UNIT}",
         edit("photos/suns.csv", "0.6,", "0.9,"),
     )
     yield row(

@@ -18,6 +18,7 @@ from photoclinometry.io import site_display
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.bodies import BODY, BODY_RADIUS, check_outside, read_body
 from photoclinometry.io.masks import ALL_USED, BORDER, MASK, Masking, read_masking
+from photoclinometry.io.suns_csv import GIVE_SUN
 from photoclinometry.io.table import Table
 from photoclinometry.io.toml_file import read_toml
 from photoclinometry.model.errors import InputError, SiteError
@@ -217,13 +218,12 @@ def _read_view(path: Path, table: Table, default: _MaskedCamera | None, cameras:
 
 def _read_sun(table: Table) -> np.ndarray:
     """The key `sun` as a unit vector; a length off by the rounding of a few decimals is corrected."""
-    remedy = "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
-    sun = table.numbers("sun", 3, remedy)
+    sun = table.numbers("sun", 3, GIVE_SUN)
     length = math.hypot(*sun)
     if length == 0.0:
-        raise table.error("sun", f"is the zero vector; {remedy}")
+        raise table.error("sun", f"is the zero vector; {GIVE_SUN}")
     if abs(length - 1.0) > _UNIT_TOLERANCE:
-        raise table.error("sun", f"{sun.tolist()} has length {length:.6g}, not 1; {remedy}")
+        raise table.error("sun", f"{sun.tolist()} has length {length:.6g}, not 1; {GIVE_SUN}")
     return sun if abs(length - 1.0) < _ROUNDING else sun / length
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from photoclinometry.io.csv_rows import CsvRow, read_csv_rows
 
 _COLUMNS = ("image", "sun_x", "sun_y", "sun_z")
+GIVE_SUN = "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
+"""To do where a Sun is missing or wrong, for messages."""
 _UNIT_TOLERANCE = 1e-3
 """A vector written with three decimals is this near to unit length."""
 
@@ -40,6 +42,6 @@ def _sun(row: CsvRow) -> SunRow:
     sun = np.array([row.number(column) for column in _COLUMNS[1:]])
     length = math.hypot(*sun)
     if abs(length - 1.0) > _UNIT_TOLERANCE:
-        raise row.error(f"the Sun has length {length:.6g}, expected a unit vector")
+        raise row.error(f"the Sun has length {length:.6g}, not 1; {GIVE_SUN}")
     sigma = math.radians(row.positive("sun_sigma_deg")) if row.has("sun_sigma_deg") else None
     return SunRow(sun / length, sigma)
