@@ -114,6 +114,7 @@ def test_the_reference_shows_each_fault_beside_its_answer_of_before(monkeypatch)
     rows = [row for row in rows if row[0] != "| fault"]
     assert [row[0].removeprefix("| ") for row in rows] == [fault.name for fault in FAULTS]
     assert {len(row) for row in rows} == {len(faults_reference.HEADS)}
+    assert [row[0].removeprefix("| ") for row in rows if row[2] == "nothing"] == [f.name for f in FAULTS if not f.says]
     measured = {answer.key for answer in read_answers()}
     later = [fault.name for fault in FAULTS if (fault.kind, fault.name) not in measured]
     assert [row[0].removeprefix("| ") for row in rows if row[-1] == "not measured |"] == later

@@ -46,7 +46,14 @@ def page() -> str:
         for fault in group:
             left = LEFT.get(fault.left) or ", ".join(fault.left)
             earlier = _earlier(before.get((fault.kind, fault.name)))
-            cells = (fault.name, _code(f"phomo {fault.command}"), _code(fault.says), str(fault.code), left, earlier)
+            cells = (
+                fault.name,
+                _code(f"phomo {fault.command}".strip()),
+                _code(fault.says),
+                str(fault.code),
+                left,
+                earlier,
+            )
             lines.append(f"| {' | '.join(cells)} |")
         lines.append("")
     return "\n".join(lines)
@@ -64,9 +71,10 @@ def _earlier(answer: Answer | None) -> str:
 
 
 def _code(text: str) -> str:
-    """Text as it is typed or printed, long names shortened; with more backticks around it than it has."""
+    """Text as it is typed or printed, long names shortened, with more backticks around it than it has; "nothing" where
+    nothing is printed."""
     if not text:
-        return "-"
+        return "nothing"
     text = re.sub(r"x{20,}", "xxx...", text)
     mark = "``" if "`" in text else "`"
     space = " " if "`" in text else ""
