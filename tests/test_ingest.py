@@ -68,6 +68,22 @@ def test_the_table_knows_the_lines_of_known_cameras_and_labels_those_of_others(t
     np.testing.assert_array_equal(exposure.image.brightness, pixels[::-1] if said == "UP" else pixels)
 
 
+@pytest.mark.parametrize(("up", "left"), [(False, False), (True, False), (False, True), (True, True)])
+def test_images_of_osiris_are_taken_as_their_labels_display_them(tmp_path, up, left):
+    """The WAC's files are mirrored left to right against the NAC's, and their labels say so."""
+    top = (
+        "INSTRUMENT_ID = OSIWAC\r\nINSTRUMENT_HOST_NAME = ROSETTA-ORBITER\r\n"
+        f"LINE_DISPLAY_DIRECTION = {'UP' if up else 'DOWN'}\r\n"
+        f"SAMPLE_DISPLAY_DIRECTION = {'LEFT' if left else 'RIGHT'}\r\n"
+    )
+    shown = texture((64, 64))
+    stored = np.ascontiguousarray(shown[:: -1 if up else 1, :: -1 if left else 1])
+    path = write_pds3(tmp_path / "a.img", stored, sample_type="PC_REAL", top=top)
+    options = IngestOptions(suns=suns_of(tmp_path, [path]))
+    (exposure,) = ingest([path], tmp_path / "site", options).exposures
+    np.testing.assert_array_equal(exposure.image.brightness, shown)
+
+
 @pytest.mark.parametrize("by", ["name", "time"])
 def test_a_sumfile_gives_camera_pose_and_sun(tmp_path, by):
     (path,) = plain_images(tmp_path / "in", 1)

@@ -203,6 +203,14 @@ def test_keywords_in_metres_micrometres_and_millimetres_mean_the_same():
     assert detector_from_keywords(base.get, -1, None, (1024, 1024)) is None
 
 
+def test_osiris_sees_the_spacecraft_s_x_downwards_in_displayed_images():
+    """FK: columns along x, lines along y. Archive: turned by 180 degrees, x is up and y is right."""
+    for name in ("rosetta-nac", "rosetta-wac"):
+        _, cam_from_instrument, turned = upright(CAMERAS[name].detector)
+        assert not turned
+        np.testing.assert_allclose(cam_from_instrument, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+
 def test_a_binning_that_is_not_whole_is_no_binning():
     with pytest.raises(InputError, match="is 400 x 400"):
         fitted(CAMERAS["hayabusa-amica"].detector, 400, 400)

@@ -215,14 +215,28 @@ def _onc(name: str, instrument: str, code: int, focal: float, cubic: float, quin
 
 
 def _rosetta(
-    name: str, instruments: tuple[str, ...], code: int, focal: float, pitch: float, size: int, source: str
+    name: str,
+    instruments: tuple[str, ...],
+    code: int,
+    focal: float,
+    pitch: float,
+    size: int,
+    source: str,
+    *,
+    osiris: bool = True,
 ) -> KnownCamera:
-    """focal, pitch [mm]; size: samples and lines."""
+    """focal, pitch [mm]; size: samples and lines. OSIRIS's images are those that their labels display."""
     return KnownCamera(
         name=name,
         detector=Detector(
-            width=size, height=size, focal_mm=focal, pitch_mm=(pitch, pitch), center=(size / 2, size / 2)
+            width=size,
+            height=size,
+            focal_mm=focal,
+            pitch_mm=(pitch, pitch),
+            center=(size / 2, size / 2),
+            axes=((0.0, -1.0), (1.0, 0.0)) if osiris else ((1.0, 0.0), (0.0, 1.0)),
         ),
+        displayed=osiris,
         instruments=instruments,
         spacecraft=("ROSETTA", "RO"),
         spacecraft_code=-226,
@@ -232,6 +246,10 @@ def _rosetta(
 
 
 _KELLER = "Keller et al. (2007), Space Sci. Rev. 128, 433: "
+_OSIRIS_AXES = (
+    "axes: columns along x and lines along y of the camera's frame (ROS_V38.TF), x up and y right once an image is "
+    "displayed by its label and turned by 180 degrees (BROWINFO.TXT of the archive)"
+)
 CAMERAS = {
     camera.name: camera
     for camera in (
@@ -254,7 +272,7 @@ CAMERAS = {
             717.4,
             0.0135,
             2048,
-            _KELLER + "717.4 mm; axes taken for those of the frame ROS_OSIRIS_NAC; for distortion-corrected images",
+            f"{_KELLER}717.4 mm; {_OSIRIS_AXES}; for distortion-corrected images",
         ),
         _rosetta(
             "rosetta-wac",
@@ -263,7 +281,8 @@ CAMERAS = {
             133.7,
             0.0135,
             2048,
-            _KELLER + "101 microrad a pixel of 13.5 micron, good to 1 %; load the instrument kernel for better",
+            f"{_KELLER}101 microrad a pixel of 13.5 micron, good to 1 %: load the instrument kernel for better; "
+            f"{_OSIRIS_AXES}",
         ),
         _rosetta(
             "rosetta-navcam",
@@ -272,7 +291,8 @@ CAMERAS = {
             152.5,
             0.013,
             1024,
-            "instrument catalogue of the NavCam: 5 degrees across 1024 pixels of 13 micron",
+            "instrument catalogue of the NavCam: 5 degrees across 1024 pixels of 13 micron; axes not known to be right",
+            osiris=False,
         ),
     )
 }

@@ -34,6 +34,8 @@ class KnownCamera:
     """Display directions (lines up, samples left) of correct labels; other labels of this camera are in error."""
     delay_s: float = 0.0
     """Time from the label's clock count to the beginning of the exposure [s]."""
+    displayed: bool = False
+    """Whether `detector` is that of the image as its label displays it, not of the file's order (OSIRIS)."""
     raw_lines: int | None = None
     """Lines of files with taller pixels over the same field of view (NEAR's raw images)."""
     saturation: float | None = None

@@ -20,6 +20,8 @@ def in_camera_order(product: Product, known: KnownCamera | None, options: Ingest
     if product.kind == "ISIS":
         return product
     stated = (product.lines_up, product.samples_left)
+    if known is not None and known.displayed:
+        return _displayed(product, options)
     if known is None:
         if product.samples_left:
             raise ImageError(f"{product.path}: its samples run from right to left; mirror it first")
@@ -36,6 +38,16 @@ def in_camera_order(product: Product, known: KnownCamera | None, options: Ingest
             f"order nevertheless, pass --lines {'up' if known.display[0][0] else 'down'}"
         )
     return product
+
+
+def _displayed(product: Product, options: IngestOptions) -> Product:
+    """The product as its label displays it; directions that it does not give are down and right."""
+    lines_up = product.lines_up if options.lines_up is None else options.lines_up
+    product = _turned(product) if lines_up else product
+    image = product.image
+    if not product.samples_left:
+        return product
+    return replace(product, image=Image(image.name, image.brightness[:, ::-1], image.valid[:, ::-1]))
 
 
 def _turned(product: Product) -> Product:
