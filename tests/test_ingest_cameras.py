@@ -203,6 +203,12 @@ def test_keywords_in_metres_micrometres_and_millimetres_mean_the_same():
     assert detector_from_keywords(base.get, -1, None, (1024, 1024)) is None
 
 
+def test_the_clock_of_near_s_labels_is_in_milliseconds_as_its_kernel_counts():
+    assert CAMERAS["near-msi"].clock_of_kernel("126865998.830") == "126865998830"
+    assert CAMERAS["near-msi"].clock_of_kernel(None) is None
+    assert CAMERAS["dawn-fc2"].clock_of_kernel("488002615.193") == "488002615.193"
+
+
 def test_osiris_sees_the_spacecraft_s_x_downwards_in_displayed_images():
     """FK: columns along x, lines along y. Archive: turned by 180 degrees, x is up and y is right."""
     for name in ("rosetta-nac", "rosetta-wac"):

@@ -167,6 +167,7 @@ def _msi() -> KnownCamera:
         "headers' quaternions and the light in images; no distortion published",
         cube_lines_turned=True,
         display=((True, False), (True, True)),
+        clock_in_one_field=True,
         raw_lines=244,
     )
 

@@ -159,6 +159,7 @@ def _geometry(
         if body is None:
             raise InputError("the label names no target body, which SPICE needs: pass --body")
         spacecraft = known.spacecraft_code if known else -(abs(code) // _CODES_PER_SPACECRAFT)
+        facts = replace(facts, clock=known.clock_of_kernel(facts.clock)) if known else facts
         return geometry_from_kernels(kernels, facts, spacecraft, code, body, known.delay_s if known else 0.0)
     return geometry_from_tables(product) or geometry_from_label(product, facts)
 

@@ -34,6 +34,8 @@ class KnownCamera:
     """Display directions (lines up, samples left) of correct labels; other labels of this camera are in error."""
     delay_s: float = 0.0
     """Time from the label's clock count to the beginning of the exposure [s]."""
+    clock_in_one_field: bool = False
+    """Whether the clock kernel counts in one field what labels write with a point (NEAR)."""
     displayed: bool = False
     """Whether `detector` is that of the image as its label displays it, not of the file's order (OSIRIS)."""
     raw_lines: int | None = None
@@ -49,6 +51,10 @@ class KnownCamera:
         """As `with_filter`, in the order of ISIS's cubes."""
         detector = self.with_filter(name)
         return turned_about(detector, lines=True, samples=False) if self.cube_lines_turned else detector
+
+    def clock_of_kernel(self, clock: str | None) -> str | None:
+        """A label's clock count as the clock kernel has it: "126865998.830" of NEAR is 126865998830 milliseconds."""
+        return clock.replace(".", "") if clock is not None and self.clock_in_one_field else clock
 
     def code_with_filter(self, name: str | None) -> int:
         """NAIF identifier of the camera with that filter."""
