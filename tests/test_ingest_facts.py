@@ -65,6 +65,29 @@ def test_headers_of_ocams_number_their_camera_and_count_milliseconds(number, cam
     assert said.exposure_s == pytest.approx(0.005285275)
 
 
+ONC = (
+    "INSTRUME = 'Optical Navigation Camera'\nSPCECRFT = HAYABUSA2\nNAIFNAME = 'HAYABUSA2_ONC-{}'\n"
+    "DATE-BEG = 2018-07-10T06:34:59.100\nDATE-OBS = 2018-07-10T06:34:59.109\nXPOSURE = 0.0174\nTI0 = '0x3C2B565D'\n"
+    "S_DISTHS = 147370000.0\n"
+)
+
+
+@pytest.mark.parametrize(("head", "camera"), [("T", "hayabusa2-onc-t"), ("W1", "hayabusa2-onc-w1")])
+def test_headers_of_hayabusa2_name_their_camera_as_naif_does(head, camera):
+    said = facts(ONC.format(head), "FITS")
+    known = known_camera(said)
+    assert known is not None
+    assert known.name == camera
+    assert (said.start, said.exposure_s, said.clock) == ("2018-07-10T06:34:59.100", 0.0174, None)
+    assert said.sun_distance_km == 147370000.0
+
+
+@pytest.mark.parametrize(("count", "clock"), [("2457499394", "2457499394"), ("'0x3C2B565D'", None)])
+def test_the_clock_of_amica_s_headers_counts_and_a_hexadecimal_one_does_not(count, clock):
+    """AMICA's labels have UTC in whole seconds only; SPICE reads no hexadecimal counts."""
+    assert facts(f"TI_0 = {count}\nSTART_TIME = 2005-10-13T19:13:11").clock == clock
+
+
 def test_a_camera_s_number_of_another_spacecraft_says_nothing():
     assert facts("CAMERAID = 0\nHOSTNAME = VOYAGER", "FITS").instrument is None
     assert facts("CAMERAID = 0\nHOSTNAME = OREX\nINSTRUME = NAVCAM", "FITS").instrument == "NAVCAM"
@@ -83,6 +106,8 @@ def test_a_camera_s_number_of_another_spacecraft_says_nothing():
         ("A = 1", "ISIS", "20190303T100344S990_map_iofL2pan.cub", "iof"),
         ("A = 1", "PDS4", "20190303T100344S990_map_iofL2pan.xml", "iof"),
         ("A = 1", "plain", "ocams20190314t190123s972_map_iofl2pan.png", None),
+        ("A = 1", "FITS", "hyb2_onc_20180710_060852_tvf_l2d.fit", "iof"),
+        ("A = 1", "FITS", "hyb2_onc_20180710_060852_tvf_l2b.fit", None),
         ("A = 1", "FITS", "a", None),
     ],
 )

@@ -206,7 +206,7 @@ def _onc(name: str, instrument: str, code: int, focal: float, cubic: float, quin
             center=(512.0, 512.0),
             distortion=InverseRadial((0.0, 0.0, -cubic / pitch**2, 0.0, -quintic / pitch**4)),
         ),
-        instruments=(instrument, instrument.replace("-", "_"), instrument.replace("-", "")),
+        instruments=(instrument, instrument.replace("-", "_"), instrument.replace("-", ""), f"HAYABUSA2_{instrument}"),
         spacecraft=("HAYABUSA2", "HAYABUSA-2", "HAYABUSA 2"),
         spacecraft_code=-37,
         code=code,

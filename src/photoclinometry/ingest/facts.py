@@ -62,13 +62,19 @@ _KEYS = {
         "SPCECRFT",
         "HOSTNAME",
     ),
-    "instrument": ("INSTRUMENTID", "INSTRUMENT_ID", "INSTRUME", "NEAR-005"),
+    "instrument": ("INSTRUMENTID", "INSTRUMENT_ID", "NAIFNAME", "INSTRUME", "NEAR-005"),
     "filter": ("FILTERNAME", "FILTER_NUMBER", "FILTER_NAME", "FILTERNUMBER", "FILTNAME", "FILTER", "NEAR-009"),
     "target": ("TARGETNAME", "TARGET_NAME", "TARGET", "OBJECT", "NEAR-047"),
     "start": ("STARTTIME", "START_TIME", "START_DATE_TIME", "DATE-BEG", "DATE-OBS", "DATE_OBS", "OBS_DATE"),
     "exposure": ("EXPOSUREDURATION", "EXPOSURE_DURATION", "EXPTIME", "EXPOSURE", "XPOSURE", "NEAR-010"),
-    "clock": ("SPACECRAFTCLOCKSTARTCOUNT", "SPACECRAFT_CLOCK_START_COUNT", "SPACECRAFT_CLOCK_START", "SCLK_STR"),
-    "sun_distance": ("SOLARDISTANCE", "SPACECRAFT_SOLAR_DISTANCE", "SOLAR_DISTANCE", "SUN_DIST", "S_DISTHA"),
+    "clock": (
+        "SPACECRAFTCLOCKSTARTCOUNT",
+        "SPACECRAFT_CLOCK_START_COUNT",
+        "SPACECRAFT_CLOCK_START",
+        "SCLK_STR",
+        "TI_0",
+    ),
+    "sun_distance": ("SOLARDISTANCE", "SPACECRAFT_SOLAR_DISTANCE", "SOLAR_DISTANCE", "SUN_DIST", "S_DISTHS"),
 }
 _SCANS = ("LINE_EXPOSURE_DURATION", "LINEEXPOSUREDURATION", "LINE_SAMPLING_INTERVAL", "LINE_PREFIX_BYTES")
 _SCANNERS = ("HRSC", "LROC", "NACL", "NACR", "TC1", "TC2", "CTX", "HIRISE", "MOC")
@@ -93,7 +99,7 @@ def read_facts(product: Product) -> Facts:
         target=_body(_text(found["target"])),
         start=_utc(_text(found["start"])),
         exposure_s=_seconds(found["exposure"], product),
-        clock=_text(found["clock"]),
+        clock=_clock(found["clock"]),
         unit=_unit(product),
         sun_distance_km=_distance_km(found["sun_distance"]),
         frame_code=code if isinstance(code, int) else None,
@@ -129,6 +135,12 @@ def _text(value: Any) -> str | None:
         value = int(value.value) if value.value == int(value.value) else value.value
     value = getattr(value, "text", value)
     return None if value is None else str(value).strip() or None
+
+
+def _clock(value: Any) -> str | None:
+    """The clock's count; None for hexadecimal ones (Hayabusa2's early headers), which SPICE does not read."""
+    text = _text(value)
+    return None if text is None or text.lower().startswith("0x") else text
 
 
 def _body(name: str | None) -> str | None:
@@ -197,8 +209,13 @@ def _unit(product: Product) -> str | None:
 
 
 def _unit_of_name(product: Product) -> str | None:
-    """The unit of OCAMS's files, which only their names give. PNG files are excluded: their integers are stretched."""
-    return "iof" if product.kind in ("ISIS", "FITS", "PDS4") and "_iof" in product.path.name.lower() else None
+    """The unit of OCAMS's and ONC's files, which only their names give.
+
+    PNG files are excluded: their integers are stretched.
+    """
+    name = product.path.name.lower()
+    calibrated = "_iof" in name or (name.startswith("hyb2_onc_") and "_l2d" in name)
+    return "iof" if product.kind in ("ISIS", "FITS", "PDS4") and calibrated else None
 
 
 def _unit_of_words(label: Block) -> str | None:
