@@ -203,6 +203,15 @@ def test_keywords_in_metres_micrometres_and_millimetres_mean_the_same():
     assert detector_from_keywords(base.get, -1, None, (1024, 1024)) is None
 
 
+@pytest.mark.parametrize("written", [511.5, 512.5])
+def test_the_middle_of_a_detector_is_the_same_counted_from_0_and_from_1(written):
+    """Hayabusa2's kernel has 512.5 for the middle of 1024 pixels; taken as counted from 0 it was a pixel off."""
+    keywords = {"FOCAL_LENGTH": (121.1,), "PIXEL_SIZE": (0.013, 0.013), "CCD_CENTER": (written, written)}
+    found = detector_from_keywords({f"INS-1_{k}": v for k, v in keywords.items()}.get, -1, None, (1024, 1024))
+    assert found is not None
+    assert found.center == (512.0, 512.0)
+
+
 def test_the_clock_of_near_s_labels_is_in_milliseconds_as_its_kernel_counts():
     assert CAMERAS["near-msi"].clock_of_kernel("126865998.830") == "126865998830"
     assert CAMERAS["near-msi"].clock_of_kernel(None) is None

@@ -61,15 +61,15 @@ def detector_from_keywords(
 
     focal = numbers("FOCAL_LENGTH")
     matrix, pitch = _matrix(numbers), _pitch(numbers)
-    center = _center(numbers)
+    samples, lines = numbers("PIXEL_SAMPLES"), numbers("PIXEL_LINES")
+    width, height = (int(samples[0]), int(lines[0])) if samples and lines else size
+    center = _center(numbers, (width, height))
     if focal is None or center is None or (matrix is None and pitch is None):
         return None
     focal_mm = focal[0] * 1e3 if focal[0] < _SHORTEST_FOCAL_MM else focal[0]
     axes = np.array(table.axes if table else np.eye(2)) if matrix is None else matrix
     if matrix is not None and pitch is not None:
         axes = matrix / np.linalg.norm(matrix, axis=1, keepdims=True)
-    samples, lines = numbers("PIXEL_SAMPLES"), numbers("PIXEL_LINES")
-    width, height = (int(samples[0]), int(lines[0])) if samples and lines else size
     plain = detector_of_matrix(
         axes if pitch is None else axes / np.array(pitch)[:, None],
         width=width,
@@ -123,11 +123,16 @@ def _pitch(numbers: Numbers) -> tuple[float, float] | None:
     return size[0] * scale, size[min(1, len(size) - 1)] * scale
 
 
-def _center(numbers: Numbers) -> tuple[float, float] | None:
-    """Pixel coordinates of the boresight; (0.5, 0.5) is the centre of the first pixel."""
+def _center(numbers: Numbers, size: tuple[int, int]) -> tuple[float, float] | None:
+    """Pixel coordinates of the boresight; (0.5, 0.5) is the centre of the first pixel.
+
+    size: (width, height). The middle of the detector is 511.5 of 1024 pixels counted from 0, as in most kernels, and
+    512.5 counted from 1 (Hayabusa2's ONC).
+    """
     ccd = numbers("CCD_CENTER", 2) or numbers("CENTER", 2) or numbers("FOV_CENTER_PIXEL", 2)
     if ccd is not None:
-        return ccd[0] + 0.5, ccd[1] + 0.5
+        from_one = ccd[:2] == ((size[0] + 1) / 2, (size[1] + 1) / 2)
+        return (ccd[0] - 0.5, ccd[1] - 0.5) if from_one else (ccd[0] + 0.5, ccd[1] + 0.5)
     sample, line = numbers("BORESIGHT_SAMPLE"), numbers("BORESIGHT_LINE")
     return None if sample is None or line is None else (sample[0] - 0.5, line[0] - 0.5)
 
