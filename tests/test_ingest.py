@@ -84,6 +84,14 @@ def test_images_of_osiris_are_taken_as_their_labels_display_them(tmp_path, up, l
     np.testing.assert_array_equal(exposure.image.brightness, shown)
 
 
+def test_a_comet_is_known_by_its_designation(tmp_path):
+    """SPICE calls it 67P/C-G, sites call it 67p."""
+    paths = plain_images(tmp_path / "in")
+    options = IngestOptions(suns=suns_of(tmp_path, paths), pinhole=(500.0, 500.0, 30.0, 20.0), body="67P/C-G")
+    ingest(paths, tmp_path / "site", options)
+    assert read_site(tmp_path / "site" / "site.toml").body == "67p"
+
+
 @pytest.mark.parametrize("by", ["name", "time"])
 def test_a_sumfile_gives_camera_pose_and_sun(tmp_path, by):
     (path,) = plain_images(tmp_path / "in", 1)

@@ -134,10 +134,10 @@ def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: Inge
         pixels = np.where(exposure.image.valid, exposure.image.brightness, np.float32(np.nan))
         write_fits(folder / name, pixels)
         views.append(SiteView(name, out / name, exposure.camera, exposure.sun, exposure.sun_sigma_rad, exposure.prior))
-    body = next((e.body for e in exposures if e.body), None)
-    if body is not None and not is_known(body):
-        warn(logger, "body-unknown", "%s: the body %r is not known here; site.toml does not name it", out, body)
-        body = None
+    called = next((e.body for e in exposures if e.body), None)
+    body = _known_body(called)
+    if called is not None and body is None:
+        warn(logger, "body-unknown", "%s: the body %r is not known here; site.toml does not name it", out, called)
     site_name = options.name or out.resolve().name
     site = Site(
         name=site_name,
@@ -151,6 +151,12 @@ def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: Inge
     write_site(folder / SITE_FILE, site)
     sources = [{"image": name, "file": e.path.name, **e.sources} for name, e in zip(names, exposures, strict=True)]
     write_json(folder / SOURCES_FILE, sources)
+
+
+def _known_body(called: str | None) -> str | None:
+    """The body's name as sites have it; of a comet "67p/c-g" by its designation. None if it is not known."""
+    names = (called, called.partition("/")[0]) if called else ()
+    return next((name for name in names if is_known(name)), None)
 
 
 def _common_sigma(options: IngestOptions) -> float | None:
