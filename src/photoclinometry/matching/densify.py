@@ -125,7 +125,7 @@ def densify(
 def _unmatched(views: int, options: DensifyOptions) -> str:
     few = f"ask for fewer views of a landmark (--densify.min-views {FEW_VIEWS}, or --preset few-views), or "
     return (
-        f"no pixel of the region was matched in {options.min_views} of the {views} views; "
+        f"no pixel of the region was matched in {options.min_views} views or more (there are {views}); "
         f"{few if options.min_views > FEW_VIEWS else ''}choose a region that more views see "
         "([region] in site.toml), or add views of like light"
     )
