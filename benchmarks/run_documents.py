@@ -25,6 +25,7 @@ import time
 import venv
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -37,22 +38,28 @@ EXCEPTIONS = {
     r"phomo \S+ .*\bpublished/": "needs published data",
 }
 """Commands that are not run, by a pattern of their beginning, and why."""
-NO_STAND_INS = {
-    "hayabusa.md": "needs images of the archive; stand-ins are made for MapCam and FC2 alone",
-    "hayabusa2.md": "needs images of the archive, and kernels of ONC, of which none are at hand",
-    "near.md": "needs images of one place; those at hand show three places",
-    "rosetta.md": "needs images of the archive, and kernels of OSIRIS, of which none are at hand",
+STAND_INS = {
+    "dawn.md": "fc2",
+    "hayabusa.md": "amica",
+    "hayabusa2.md": "onc-t",
+    "near.md": "msi",
+    "osiris-rex.md": "mapcam",
+    "rosetta.md": "nac",
 }
+"""The archive of `stand_ins.py` whose files are placed for a page, by the page's name."""
+NO_STAND_INS: dict[str, str] = {}
 """Missions whose `phomo ingest` is left out, and why."""
 _SHARED = ROOT.parent / "shared" / "data"
 """Real files of archives, where they are at hand."""
-_OSIRIS_REX_FILES = {
-    "20190425T211232S312_map_iofL2pan.cub": "phocube/20190425T211232S312_map_iofL2pan-crop.cub",
-    "20200303T213031S138_ncm_L0.cub": "osirisRexImages/20200303T213031S138_ncm_L0-reduced.cub",
-    "ocams20190314t190123s972_map_iofl2pan_77236.png": "spc/ocams20190314t190123s972_map_iofl2pan_77236.png",
-    "sumfiles/M605862153F5.SUM": "spc/M605862153F5.SUM",
+_REAL_FILES = {
+    "osiris-rex.md": {
+        "20190425T211232S312_map_iofL2pan.cub": "phocube/20190425T211232S312_map_iofL2pan-crop.cub",
+        "20200303T213031S138_ncm_L0.cub": "osirisRexImages/20200303T213031S138_ncm_L0-reduced.cub",
+        "ocams20190314t190123s972_map_iofl2pan_77236.png": "spc/ocams20190314t190123s972_map_iofl2pan_77236.png",
+        "sumfiles/M605862153F5.SUM": "spc/M605862153F5.SUM",
+    },
 }
-"""Real files by the names that the page gives them."""
+"""Real files of a page, by the names that the page gives them."""
 _INGEST = r"phomo ingest\b"
 _INSTALL = "pip install ."
 """Run first on pages that do not say how to install."""
@@ -127,25 +134,14 @@ def what_stand_ins_lack() -> str | None:
     return f"the package {missing[0]}" if missing else None
 
 
-def place_dawn(folder: Path) -> None:
-    """What the page on Dawn downloads: stand-ins for FC2's images and kernels."""
-    from stand_ins import write_fc
+def place_stand_ins(page: str, folder: Path) -> None:
+    """What a mission's page downloads: stand-ins for images and kernels, and real files where they are at hand."""
+    from stand_ins import write_archive
 
-    write_fc(folder, _SHARED / "spice" / "dawn_fc_ceres")
-
-
-def place_osiris_rex(folder: Path) -> None:
-    """What the page on OSIRIS-REx downloads: stand-ins for MapCam's images and kernels, and real cubes and SUMFILEs."""
-    from stand_ins import write_ocams
-
-    write_ocams(folder, _SHARED / "spice" / "osiris_rex_mapcam_bennu")
-    for name, source in _OSIRIS_REX_FILES.items():
+    write_archive(folder, STAND_INS[page], _SHARED)
+    for name, source in _REAL_FILES.get(page, {}).items():
         (folder / name).parent.mkdir(exist_ok=True)
         shutil.copy2(_SHARED / "formats" / source, folder / name)
-
-
-STAND_INS: dict[str, Callable[[Path], None]] = {"dawn.md": place_dawn, "osiris-rex.md": place_osiris_rex}
-"""What places the files of an archive for a page, by the page's name."""
 
 
 def _needs(text: str, absent: set[str]) -> str | None:
@@ -231,7 +227,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"  {'runs' if step.skipped is None else f'left out ({step.skipped})'}: {title}")
         else:
             placed = what_stand_ins_lack() is None
-            failures += run_page(steps, place=STAND_INS.get(page.name) if placed else None)
+            place = partial(place_stand_ins, page.name) if placed and page.name in STAND_INS else None
+            failures += run_page(steps, place=place)
     print(f"{failures} commands failed" if failures else "no command failed" if not options.list else "nothing was run")
     return 1 if failures else 0
 

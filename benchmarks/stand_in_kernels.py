@@ -1,10 +1,11 @@
-"""Made-up positions and attitudes as SPICE kernels, beside the real kernels of clock, frames, instrument and rotation.
+"""Made-up positions and attitudes as SPICE kernels, beside those of clock, frames, instrument and rotation.
 
-The orbit of the body about the Sun is continued from a time that real kernels cover.
+The orbit of the body about the Sun is continued from a time that real kernels cover, or follows from its elements.
 """
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ import numpy as np
 import spiceypy as spice
 
 from photoclinometry.ingest.cameras import camera_named
+from photoclinometry.ingest.radiometry import AU_KM
 from photoclinometry.io.spice import kernel_files
 from photoclinometry.model.geometry import Rigid, unit
 
@@ -34,6 +36,29 @@ _DISCRETE_STATES, _CUBIC_STATES, _DISCRETE_ATTITUDES = 9, 13, 3
 
 
 @dataclass(frozen=True, kw_only=True)
+class Elements:
+    """An orbit about the Sun, in the ecliptic of J2000."""
+
+    perihelion_au: float
+    eccentricity: float
+    inclination_deg: float
+    node_deg: float
+    argument_deg: float
+    """Of the perihelion."""
+    at_perihelion: str
+    """[UTC]."""
+
+    def state(self, time: float) -> np.ndarray:
+        """(6,) position and velocity [km, km/s] in J2000 at a time [s TDB past J2000]."""
+        angles = np.radians([self.inclination_deg, self.node_deg, self.argument_deg])
+        begin = spice.str2et(self.at_perihelion)
+        conic = np.array([self.perihelion_au * AU_KM, self.eccentricity, *angles, 0.0, begin, _SUN_GM])
+        state = np.array(spice.conics(conic, time))
+        turn = spice.pxform("ECLIPJ2000", "J2000", 0.0)
+        return np.concatenate([turn @ state[:3], turn @ state[3:]])
+
+
+@dataclass(frozen=True, kw_only=True)
 class Mission:
     """The names and numbers by which SPICE knows a camera, its spacecraft and the body."""
 
@@ -43,13 +68,21 @@ class Mission:
     spacecraft: int
     bus: int
     """Frame of the spacecraft."""
-    mount: int
-    """The camera's frame that a kernel of attitudes relates to the spacecraft's; the instrument's is fixed to it."""
+    mount: int | None = None
+    """The camera's frame that a kernel of attitudes relates to the spacecraft's; the instrument's is fixed to it.
+
+    None where the instrument's frame is fixed to the spacecraft's."""
     body: int
     fixed: str
     """The body's frame."""
     real_time: str
-    """A time that the real kernels cover [UTC]."""
+    """A time that the real kernels cover, or a day on which the mission was there [UTC]."""
+    undistorted: bool = False
+    """Whether the archive has taken the distortion out of its files."""
+    elements: Elements | None = None
+    """The body's orbit where no real kernel has it."""
+    definitions: str = ""
+    """Clock, frames, instrument and rotation as a text kernel, where no real kernels are at hand."""
 
     @property
     def code(self) -> int:
@@ -85,15 +118,24 @@ def furnished(files: Sequence[Path]) -> Iterator[None]:
 
 
 def write_orbit(folder: Path, real: Path, mission: Mission, hours: float) -> None:
-    """Copies the real text kernels and writes orbit.bsp: Sun and body for `hours` from the real time."""
+    """Copies the real text kernels and writes orbit.bsp: Sun and body for `hours` from the real time.
+
+    real: the folder of the mission's real kernels; of a mission with definitions leap seconds and constants are copied.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for file in kernel_files([real]):
-        if file.suffix.lower() not in (".bsp", ".bc"):
+        generic = re.fullmatch(r"naif\d+\.tls|pck\d+\.tpc", file.name)
+        if file.suffix.lower() not in (".bsp", ".bc") and (generic or not mission.definitions):
             shutil.copy2(file, folder / file.name)
+    if mission.definitions:
+        (folder / f"{mission.camera}.tf").write_text(mission.definitions)
     with furnished(kernel_files([real])):
         begin = spice.str2et(mission.real_time)
-        sun = spice.spkgeo(_SUN, begin, "J2000", _BARYCENTER)[0]
-        body = spice.spkgeo(mission.body, begin, "J2000", _SUN)[0]
+        if mission.elements:
+            sun, body = np.zeros(6), mission.elements.state(begin)
+        else:
+            sun = spice.spkgeo(_SUN, begin, "J2000", _BARYCENTER)[0]
+            body = spice.spkgeo(mission.body, begin, "J2000", _SUN)[0]
     times = begin + np.arange(-_LIGHT_TIME_S, 3600.0 * hours + 2 * _ORBIT_STEP_S, _ORBIT_STEP_S)
     with furnished(kernel_files([folder])):
         drift = np.concatenate([sun[:3] + np.outer(times - begin, sun[3:]), np.tile(sun[3:], (len(times), 1))], 1)
@@ -122,9 +164,9 @@ def _inertial(mission: Mission, shot: Shot) -> np.ndarray:
 
 
 def _bus_from_inertial(mission: Mission, turns: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Attitudes of the spacecraft that those of the instrument follow from; the mount is taken to be straight."""
-    mount_from_instrument = spice.pxform(mission.frame, spice.frmnam(mission.mount), 0.0)
-    return [mount_from_instrument @ turn for turn in turns]
+    """Attitudes of the spacecraft that those of the instrument follow from; a mount is taken to be straight."""
+    held_from_instrument = spice.pxform(mission.frame, spice.frmnam(mission.mount or mission.bus), 0.0)
+    return [held_from_instrument @ turn for turn in turns]
 
 
 def _write_positions(path: Path, mission: Mission, held: np.ndarray, positions: np.ndarray) -> None:
@@ -149,10 +191,10 @@ def _write_positions(path: Path, mission: Mission, held: np.ndarray, positions: 
 def _write_attitudes(path: Path, mission: Mission, ticks: np.ndarray, turns: Sequence[np.ndarray]) -> None:
     """ticks: (n, 2) begin and end of each image's attitude by the spacecraft's clock."""
     handle = spice.ckopn(str(path), "stand-in attitudes", 0)
-    frames = (
-        (mission.bus, "J2000", np.repeat([spice.m2q(turn) for turn in turns], 2, axis=0)),
-        (mission.mount, spice.frmnam(mission.bus), np.tile([1.0, 0.0, 0.0, 0.0], (2 * len(turns), 1))),
-    )
+    frames = [(mission.bus, "J2000", np.repeat([spice.m2q(turn) for turn in turns], 2, axis=0))]
+    if mission.mount is not None:
+        straight = np.tile([1.0, 0.0, 0.0, 0.0], (2 * len(turns), 1))
+        frames.append((mission.mount, spice.frmnam(mission.bus), straight))
     for frame, reference, quaternions in frames:
         spice.ckw03(
             handle,
@@ -178,7 +220,12 @@ def sun_from_body(mission: Mission, time: float) -> np.ndarray:
 
 
 def instrument_from_body(mission: Mission, time: float) -> Rigid:
-    """Pose [m] with the corrections that ISIS makes: the spacecraft's place is minus the body's apparent place."""
+    """Pose [m] with the corrections that ISIS makes: the spacecraft's place is minus the body's apparent place.
+
+    Addenda of ISIS may name another correction (AMICA: none).
+    """
     turn = spice.pxform(mission.fixed, mission.frame, time)
-    seen = spice.spkpos(str(mission.body), time, mission.fixed, "LT+S", str(mission.spacecraft))[0]
+    named = f"INS{mission.code}_LIGHTTIME_CORRECTION"
+    correction = spice.gcpool(named, 0, 1)[0] if spice.expool(named) else "LT+S"
+    seen = spice.spkpos(str(mission.body), time, mission.fixed, correction, str(mission.spacecraft))[0]
     return Rigid(turn, turn @ seen * _M_PER_KM)

@@ -1,11 +1,11 @@
-"""OCAMS's FITS files and PDS4 labels, FC2's PDS3 labels, with kernels: camera, pose, Sun and pixels are SPICE's."""
+"""Files of the archives' formats with kernels: camera, pose, Sun and pixels are those that SPICE gives."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from archives import SPICE, needs_spice
+from archives import SHARED, needs_formats, needs_spice
 from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.model.geometry import unit
@@ -18,7 +18,6 @@ from photoclinometry.simulate.photometry import named_photometry, radiance_facto
 spice = pytest.importorskip("spiceypy")
 pytest.importorskip("embreex")
 
-REAL = SPICE / "osiris_rex_mapcam_bennu"
 SIZE = 128
 SPACING_M = 10.0
 PHOTOMETRY = named_photometry("mcewen", "bennu")
@@ -28,16 +27,16 @@ PHOTOMETRY = named_photometry("mcewen", "bennu")
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory):
     """Three images of the whole body, of 8 x 8 pixels of the detector each."""
-    from stand_ins import Campaign, write_ocams
+    from stand_ins import Campaign, write_archive
 
     folder = tmp_path_factory.mktemp("ocams")
     campaign = Campaign(size=SIZE, close_ups=3, others=0, distance_m=10_000.0)
-    write_ocams(folder, REAL, campaign, SPACING_M)
+    write_archive(folder, "mapcam", SHARED, campaign, SPACING_M)
     return folder
 
 
-def ingested(archive, tmp_path, pattern):
-    options = IngestOptions(kernels=(archive / "kernels",))
+def ingested(archive, tmp_path, pattern, **more):
+    options = IngestOptions(kernels=(archive / "kernels",), **more)
     return ingest(sorted(archive.glob(pattern)), tmp_path / "site", options)
 
 
@@ -137,10 +136,95 @@ def test_the_ingested_image_is_what_a_pinhole_at_that_pose_sees(archive, tmp_pat
 @needs_spice
 def test_a_label_of_dawn_with_its_fits_file_is_read_in_the_same_way(tmp_path):
     """Of radiance, whose lines run upwards; the clock counts from 0.193 s before the exposure."""
-    from stand_ins import SURVEY, ceres_like, write_fc
+    from stand_ins import SURVEY, ceres_like, write_archive
 
     spacing = 20_000.0
-    write_fc(tmp_path, SPICE / "dawn_fc_ceres", replace(SURVEY, size=SIZE, close_ups=3), spacing)
+    write_archive(tmp_path, "fc2", SHARED, replace(SURVEY, size=SIZE, close_ups=3), spacing)
     exposures = ingested(tmp_path, tmp_path, "images/*.LBL").exposures
     assert {(e.body, e.brightness) for e in exposures} == {("ceres", "dn")}
     assert_seen_by_a_pinhole(exposures, ceres_like(spacing), gain=0.05)
+
+
+OTHERS = {
+    "amica": ("images/*.lbl", {}, 4000.0, "itokawa"),
+    "onc-t": ("images/*.fit", {"undistorted": True}, 1.0, "ryugu"),
+    "nac": ("images/N*.IMG", {"body": "67P/C-G", "undistorted": True}, 1.0, "67p/c-g"),
+    "msi": ("images/*_iof.lbl", {}, 1.0, "eros"),
+}
+"""The files of an archive, options, the number for I/F 1, and the body."""
+
+
+@pytest.fixture(scope="module")
+def others(tmp_path_factory):
+    """A function that makes three images of a small, coarse campaign of each archive, once."""
+    from stand_ins import ARCHIVES, write_archive
+
+    made = {}
+
+    def of(name):
+        if name not in made:
+            made[name] = tmp_path_factory.mktemp(name)
+            archive = ARCHIVES[name]
+            campaign = replace(archive.campaign, close_ups=3, others=0)
+            write_archive(made[name], name, SHARED, campaign, 8 * archive.spacing_m)
+        return made[name]
+
+    return of
+
+
+@pytest.mark.data
+@needs_spice
+@needs_formats
+@pytest.mark.parametrize("name", OTHERS)
+def test_files_of_other_archives_come_out_as_a_pinhole_sees_the_body(others, tmp_path, name):
+    """AMICA: the clock in the header, mirrored; ONC: an extension, free of distortion; NAC: turned by a quarter,
+    displayed upwards; MSI: tall pixels, another axis, a clock in milliseconds."""
+    from stand_ins import ARCHIVES
+
+    pattern, options, gain, body = OTHERS[name]
+    exposures = ingested(others(name), tmp_path, pattern, **options).exposures
+    assert len(exposures) == 3
+    assert {e.body for e in exposures} == {body}
+    assert {e.brightness for e in exposures} == {"dn" if name == "amica" else "iof"}
+    assert_seen_by_a_pinhole(exposures, ARCHIVES[name].surface(8 * ARCHIVES[name].spacing_m), gain)
+
+
+@pytest.mark.data
+@needs_spice
+def test_a_cube_of_amica_is_the_same_exposure_as_its_label(others, tmp_path):
+    """But for the boresight: ISIS counts the kernel's 511.5 from 1: a pixel of the detector, an eighth of one here."""
+    label = ingested(others("amica"), tmp_path / "a", "images/*.lbl").exposures[0]
+    cubes = sorted(others("amica").glob("cubes/*.cub"))
+    cube = ingest(cubes, tmp_path / "b", IngestOptions()).exposures[0]
+    assert cube.sources == {"camera": "ISIS keywords", "sun": "ISIS tables", "pose": "ISIS tables"}
+    np.testing.assert_allclose(np.subtract(cube.camera.principal_px, label.camera.principal_px), [-0.125, 0.125])
+    np.testing.assert_allclose(cube.sun, label.sun, atol=1e-6)
+    places = [e.prior.cam_from_body.inverse().translation for e in (cube, label)]
+    # The label counts 1/32 s, in which the ground below the camera turns by 0.2 m.
+    assert np.linalg.norm(places[0] - places[1]) < 0.3
+
+
+@pytest.mark.data
+@needs_spice
+@needs_formats
+def test_near_s_labels_and_kernels_give_the_same_sun(others, tmp_path):
+    """By the label's attitude and place alone, without kernels; of PDS3 labels and deblurred files with PDS4 labels."""
+    posed = ingested(others("msi"), tmp_path / "a", "images/*_iof.lbl").exposures[0]
+    for pattern, height in (("images/*_iof.lbl", 244), ("images/*_cif_gbl.xml", 412)):
+        bare = ingest(sorted(others("msi").glob(pattern)), tmp_path / pattern[-6:], IngestOptions()).exposures[0]
+        assert bare.sources["sun"] == "label"
+        assert bare.prior is None
+        assert bare.image.brightness.shape == (height, 537)
+        # From the Sun's centre to the spacecraft, without light time: a tenth of a milliradian.
+        np.testing.assert_allclose(bare.sun, posed.sun, atol=2e-4)
+
+
+@pytest.mark.data
+@needs_spice
+def test_the_navcam_counts_seconds_and_is_posed_by_the_same_attitudes(others, tmp_path):
+    options = {"body": "67P/C-G"}
+    nac = ingested(others("nac"), tmp_path / "a", "images/N*.IMG", **options).exposures[0]
+    navcam = ingested(others("nac"), tmp_path / "b", "images/ROS_CAM1_*.LBL", **options).exposures[0]
+    assert navcam.brightness == "dn"
+    places = [e.prior.cam_from_body.inverse().translation for e in (nac, navcam)]
+    np.testing.assert_allclose(places[0], places[1], atol=1.0)
