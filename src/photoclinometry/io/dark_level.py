@@ -17,7 +17,7 @@ from photoclinometry.model.scene import Camera, Image
 
 _DARKEST = 0.001
 """Share of the pixels that may be darker than no light: dead ones, and noise."""
-_FEWEST = 0.01
+_FEWEST = 0.005
 """Least share of the pixels in shadows and sky that tells the level."""
 _FLAT = 0.02
 """The darkest pixels have one level where they span at most this share of what is between them and the median.
