@@ -47,6 +47,7 @@ def generated_scene(landmarks: int, views: int, observations: int) -> Scene:
             sun_measured=unit(rng.normal(size=(views, 3))),
             sun_sigma=1e-3 * ones,
             sun_common_sigma=0 * ones,
+            dark_level=0 * ones,
         ),
         landmarks=Landmarks(
             position=np.column_stack([pixel[:, ::-1] - side / 2, rng.normal(size=landmarks)]),

@@ -6,7 +6,7 @@ import pytest
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 from photoclinometry.registration.closest_points import MeshSurface
-from photoclinometry.surface.closed_mesh import icosahedron, refine, signed_volume, vertex_normals
+from photoclinometry.surface.closed_mesh import face_normals, icosahedron, refine, signed_volume, vertex_normals
 from photoclinometry.surface.polyhedron_gravity import GRAVITATIONAL_CONSTANT as G
 from photoclinometry.surface.polyhedron_gravity import Polyhedron
 from photoclinometry.surface.surface_gravity import carried, ground_gravity, spin_rate
@@ -146,3 +146,17 @@ def test_gravity_is_carried_to_a_finer_mesh():
     assert np.degrees(np.abs(near.slope(normals) - slope)).mean() < 0.3
     error = (near.potential - potential) / np.linalg.norm(acceleration, axis=1)
     assert np.sqrt(np.mean(error**2)) < 1.5e-3 * RADIUS
+
+
+def test_a_face_without_area_has_no_normal_and_attracts_nothing():
+    """An edge whose middle is a corner of a face that lies on the edge: the body is the same."""
+    vertices, faces = icosahedron()
+    a, b, c = faces[0]
+    split = np.vstack([vertices, 0.5 * (vertices[a] + vertices[b])])
+    middle = len(vertices)
+    sliver = np.vstack([faces[1:], [[a, middle, c], [middle, b, c], [a, b, middle]]])
+    assert not face_normals(split, sliver)[-1].any()
+    here = np.array([[0.3, 2.0, 0.5]])
+    whole, with_sliver = (Polyhedron(*mesh, 2000.0) for mesh in ((vertices, faces), (split, sliver)))
+    for found, expected in zip(with_sliver.field(here), whole.field(here), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)

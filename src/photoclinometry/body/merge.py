@@ -23,7 +23,7 @@ from photoclinometry.model.geometry import unit
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
-from photoclinometry.surface.closed_mesh import area_vectors, vertex_normals
+from photoclinometry.surface.closed_mesh import face_normals, vertex_normals
 from photoclinometry.surface.poisson import closed_surface
 
 log = logging.getLogger(__name__)
@@ -310,8 +310,8 @@ def _with_coarse_shape(cloud: Cloud, shape: ClosedMesh) -> tuple[np.ndarray, np.
     from scipy.spatial import KDTree
 
     middle = shape.vertices[shape.faces].mean(1)
-    far = KDTree(cloud.position).query(middle)[0] > FILL_GSD * cloud.gsd
-    normal = unit(area_vectors(shape.vertices, shape.faces))
+    normal = face_normals(shape.vertices, shape.faces)
+    far = (KDTree(cloud.position).query(middle)[0] > FILL_GSD * cloud.gsd) & normal.any(-1)
     return np.concatenate([cloud.position, middle[far]]), np.concatenate([cloud.normal, normal[far]])
 
 

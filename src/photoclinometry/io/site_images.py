@@ -31,6 +31,11 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
     progress: called with "images", images read and images in all after each. Raises ImageError for images that are
     missing, unreadable, of another size than their camera, empty, dark, or the same as another.
     """
+    return _less_dark_levels(*_read_images(site, progress))
+
+
+def _read_images(site: Site, progress: Progress | None) -> tuple[list[Image], np.ndarray]:
+    """The images of all views as they are, and their dark levels (K,), 0 for calibrated ones. Raises ImageError."""
     missing = [str(view.image) for view in site.views if not view.image.exists()]
     if missing:
         listed = ", ".join(missing[:_LISTED]) + (", ..." if len(missing) > _LISTED else "")
@@ -53,24 +58,26 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
         images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
         if progress is not None:
             progress("images", number, len(site.views))
-    if site.brightness == "iof":
-        return images
-    return _less_dark_levels(images, dark_levels(darkest, [view.camera for view in site.views]))
+    levels = dark_levels(darkest, [view.camera for view in site.views])
+    return images, levels if site.brightness == "dn" else np.zeros(len(images))
 
 
 def _less_dark_levels(images: list[Image], levels: np.ndarray) -> list[Image]:
-    if levels.any():
-        log.info("dark levels of %g to %g are taken from the images' brightness", levels.min(), levels.max())
+    if not levels.any():
+        return images
+    log.info("dark levels of %g to %g are taken from the images' brightness", levels.min(), levels.max())
     return [without_dark_level(image, float(level)) for image, level in zip(images, levels, strict=True)]
 
 
 def load_plausible_images(site: Site, progress: Progress | None = None) -> tuple[list[Image], dict[str, str]]:
-    """The images as of `load_images`, and those whose brightness cannot be that of ground, by name, with the reason.
+    """The images as of `load_images`, and those whose brightness, as it is in their files, cannot be that of ground, by
+    name, with the reason.
 
     Raises SiteError and ImageError, also where too many cannot (`plausible.impossible_views`).
     """
-    images = load_images(site, progress)
-    return images, impossible_views(site, images)
+    images, levels = _read_images(site, progress)
+    impossible = impossible_views(site, images)
+    return _less_dark_levels(images, levels), impossible
 
 
 def read_view_image(site: Site, view: SiteView) -> Image:

@@ -78,6 +78,13 @@ def area_vectors(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return 0.5 * np.cross(b - a, c - a)
 
 
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(F, 3) unit vectors; 0 of faces without area, which marching cubes leave where corners coincide."""
+    area = area_vectors(vertices, faces)
+    length = np.linalg.norm(area, axis=-1, keepdims=True)
+    return area / np.where(length > 0.0, length, 1.0)
+
+
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(V, 3) unit vectors: means over the faces around each vertex, weighted by area."""
     return unit(_around_vertices(vertices, faces)[:, :3])

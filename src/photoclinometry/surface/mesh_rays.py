@@ -14,7 +14,7 @@ import numpy as np
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera, Region, Views
-from photoclinometry.surface.closed_mesh import area_vectors
+from photoclinometry.surface.closed_mesh import face_normals
 
 _SHADOW_OFFSET = 5e-3
 """Rays away from the surface start this far above it, along the triangle's normal [spacings]."""
@@ -31,7 +31,7 @@ class MeshRays:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, spacing: float):
         self.vertices, self.faces, self.spacing = vertices, faces, spacing
-        self.facet_normals = unit(area_vectors(vertices, faces))
+        self.facet_normals = face_normals(vertices, faces)
         self._scene = _embree_scene(vertices, faces)
         self._radius = _OUTSIDE * float(np.linalg.norm(vertices, axis=1).max())
 

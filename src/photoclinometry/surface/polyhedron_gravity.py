@@ -20,7 +20,7 @@ from numba import njit, prange
 import photoclinometry.model.kernel_cache  # noqa: F401
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
-from photoclinometry.surface.closed_mesh import area_vectors, half_edges, is_watertight, unique_edges
+from photoclinometry.surface.closed_mesh import face_normals, half_edges, is_watertight, unique_edges
 
 GRAVITATIONAL_CONSTANT = 6.67430e-11
 """CODATA 2018 [m^3 kg^-1 s^-2]."""
@@ -40,7 +40,7 @@ class Polyhedron:
         self.vertices = np.ascontiguousarray(vertices, float)
         self.faces = np.ascontiguousarray(faces, np.int64)
         self.density = density
-        self._normals = unit(area_vectors(self.vertices, self.faces))
+        self._normals = face_normals(self.vertices, self.faces)
         self._edges, self._dyads = _edge_dyads(self.vertices, self.faces, self._normals)
 
     def field(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from photoclinometry.model.geometry import unit
 from photoclinometry.simulate.raycast import Hits
-from photoclinometry.surface.closed_mesh import area_vectors, signed_volume
+from photoclinometry.surface.closed_mesh import face_normals, signed_volume
 from photoclinometry.surface.mesh_rays import MeshRays
 
 
@@ -40,7 +40,7 @@ class BodySurface:
     @property
     def facet_normals(self) -> np.ndarray:
         """(F, 3) outward unit normals of the triangles."""
-        return unit(area_vectors(self.vertices, self.faces))
+        return face_normals(self.vertices, self.faces)
 
 
 class BodyRaycaster:
