@@ -16,12 +16,17 @@ def _list(values: Sequence[object]) -> str:
     return f"( {' '.join(str(v) for v in values)} )"
 
 
+def _frame(name: str, code: int, kind: int, center: int) -> str:
+    """What all frames state; kind: SPICE's class of the frame."""
+    return (
+        f"FRAME_{name} = {code}\nFRAME_{code}_NAME = '{name}'\nFRAME_{code}_CLASS = {kind}\n"
+        f"FRAME_{code}_CLASS_ID = {code}\nFRAME_{code}_CENTER = {center}\n"
+    )
+
+
 def _attitude_frame(name: str, code: int, spacecraft: int) -> str:
     """A frame by kernels of attitudes."""
-    return (
-        f"FRAME_{name} = {code}\nFRAME_{code}_NAME = '{name}'\nFRAME_{code}_CLASS = 3\nFRAME_{code}_CLASS_ID = {code}\n"
-        f"FRAME_{code}_CENTER = {spacecraft}\nCK_{code}_SCLK = {spacecraft}\nCK_{code}_SPK = {spacecraft}\n"
-    )
+    return f"{_frame(name, code, 3, spacecraft)}CK_{code}_SCLK = {spacecraft}\nCK_{code}_SPK = {spacecraft}\n"
 
 
 def _fixed_frame(
@@ -29,8 +34,7 @@ def _fixed_frame(
 ) -> str:
     """A frame fixed to another; angles [degrees] from this frame to the other."""
     return (
-        f"FRAME_{name} = {code}\nFRAME_{code}_NAME = '{name}'\nFRAME_{code}_CLASS = 4\nFRAME_{code}_CLASS_ID = {code}\n"
-        f"FRAME_{code}_CENTER = {spacecraft}\nTKFRAME_{code}_SPEC = 'ANGLES'\nTKFRAME_{code}_RELATIVE = '{relative}'\n"
+        f"{_frame(name, code, 4, spacecraft)}TKFRAME_{code}_SPEC = 'ANGLES'\nTKFRAME_{code}_RELATIVE = '{relative}'\n"
         f"TKFRAME_{code}_ANGLES = {_list(angles)}\nTKFRAME_{code}_AXES = {_list(axes)}\n"
         f"TKFRAME_{code}_UNITS = 'DEGREES'\n"
     )
@@ -39,10 +43,7 @@ def _fixed_frame(
 def _body_frame(name: str, body: int, called: str = "") -> str:
     """A body's frame by constants of rotation; called: the body's name, if SPICE's own tables may lack it."""
     named = f"NAIF_BODY_NAME += ( '{called}' )\nNAIF_BODY_CODE += ( {body} )\n" if called else ""
-    return (
-        f"{named}FRAME_{name} = {body}\nFRAME_{body}_NAME = '{name}'\nFRAME_{body}_CLASS = 2\n"
-        f"FRAME_{body}_CLASS_ID = {body}\nFRAME_{body}_CENTER = {body}\nOBJECT_{body}_FRAME = '{name}'\n"
-    )
+    return f"{named}{_frame(name, body, 2, body)}OBJECT_{body}_FRAME = '{name}'\n"
 
 
 def _rotation(body: int, pole_deg: tuple[float, float], meridian_deg: tuple[float, float]) -> str:

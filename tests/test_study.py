@@ -269,7 +269,7 @@ def test_rivals_of_a_study_are_those_of_the_run_and_kept(study, monkeypatch):
     assert (study / "figures" / "demo-moderate-matched-rivals.png").stat().st_size > 10_000
 
     monkeypatch.setattr(pipeline, "run", None)
-    monkeypatch.setattr("photoclinometry.rivals.compare.compare_rivals", None)
+    monkeypatch.setattr("photoclinometry.study.work.compare_rivals", None)
     assert run_study(options, study).read_text() == text
 
 

@@ -15,7 +15,7 @@ from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.registration.view_choice import most_diverse
 from photoclinometry.registration.viewing import differences
-from photoclinometry.surface.closed_mesh import area_vectors, face_normals
+from photoclinometry.surface.closed_mesh import area_vectors
 from photoclinometry.surface.mesh_rays import MeshRays, SeenByView, sight_of_views
 
 STEPS = 8
@@ -180,7 +180,7 @@ def _sights(shape: ClosedMesh, views: Views, options: PlanOptions) -> _Sights:
     area = area_vectors(shape.vertices, shape.faces)
     rays = MeshRays(shape.vertices, shape.faces, shape.spacing)
     faces = np.arange(len(shape.faces))
-    found = list(sight_of_views(rays, views, faces, corner.mean(1), face_normals(shape.vertices, shape.faces)))
+    found = list(sight_of_views(rays, views, faces, corner.mean(1), rays.facet_normals))
     return _Sights(
         pixel=np.array([view.pixel for view in found]),
         usable=np.array([_usable(view, options) for view in found]),

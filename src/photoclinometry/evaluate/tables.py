@@ -75,6 +75,11 @@ def json_numbers(metrics: Mapping[str, float | None]) -> dict[str, float | None]
     }
 
 
+def json_rows(rows: Mapping[str, Mapping[str, float | None]]) -> dict[str, dict[str, float | None]]:
+    """`json_numbers` of each row, by its name."""
+    return {name: json_numbers(metrics) for name, metrics in rows.items()}
+
+
 def markdown(metrics: Mapping[str, float], title: str) -> str:
     """The metrics as a Markdown page of two tables."""
     spreads, singles = metric_rows(metrics)

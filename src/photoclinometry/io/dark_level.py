@@ -45,13 +45,13 @@ def dark_levels(darkest: Sequence[Darkest], cameras: Sequence[Camera]) -> np.nda
     darkest, cameras: of the K images. An image without shadows and sky has the median level of those of its camera's
     images that have them, but not more than its own darkest pixels.
     """
-    told = np.array([pixels.level for pixels in darkest])
-    found = np.zeros(len(told))
+    brightness, level = np.array(darkest).reshape(-1, 2).T
+    told, found = np.isfinite(level), np.zeros(len(level))
     for camera in dict.fromkeys(cameras):
-        for_all = [level for level, other in zip(told, cameras, strict=True) if other == camera and np.isfinite(level)]
-        for k in range(len(told)) if for_all else ():
-            if cameras[k] == camera:
-                found[k] = told[k] if np.isfinite(told[k]) else min(np.median(for_all), darkest[k].brightness)
+        own = np.array([other == camera for other in cameras])
+        if np.any(own & told):
+            usual = np.minimum(np.median(level[own & told]), brightness)
+            found[own] = np.where(told, level, usual)[own]
     return found
 
 

@@ -54,12 +54,13 @@ def _read_images(site: Site, progress: Progress | None) -> tuple[list[Image], np
                 "remove one of the two views"
             )
         seen[content] = view.name
-        darkest.append(darkest_pixels(image))
+        if site.brightness == "dn":
+            darkest.append(darkest_pixels(image))
         images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
         if progress is not None:
             progress("images", number, len(site.views))
-    levels = dark_levels(darkest, [view.camera for view in site.views])
-    return images, levels if site.brightness == "dn" else np.zeros(len(images))
+    levels = dark_levels(darkest, [view.camera for view in site.views]) if darkest else np.zeros(len(images))
+    return images, levels
 
 
 def _less_dark_levels(images: list[Image], levels: np.ndarray) -> list[Image]:

@@ -183,7 +183,7 @@ def _warn_undecided(scene: Scene, used: np.ndarray, checks: _SunChecks) -> None:
     if out.any():
         named = ", ".join(scene.views.name[k] for k in np.flatnonzero(out))
         warn(
-            log, "most-suns-contradict" if not few and typical > AS_A_WHOLE_RAD else "sun-undecided",
+            log, "most-suns-contradict" if contradict and typical > AS_A_WHOLE_RAD else "sun-undecided",
             "the Sun directions and the brightness of the views contradict each other (%s), and %d views do not tell "
             "which is wrong; all of these are kept: check their `sun`", named, used.sum(),
         )  # fmt: skip

@@ -88,15 +88,16 @@ def map_views(
     """The reconstructions found, one for each connected set of views.
 
     Where the largest may have views reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
-    which begins with other views, until the best is found twice, and the images show it, or after TRIALS. shading_of:
-    the shading of a model compared with the images; None where no Sun is known.
+    which begins with other views, until the best is found twice, and the images show it if any Sun is known, or after
+    TRIALS. shading_of: the shading of a model compared with the images; None where no Sun is known.
     """
     best: list[Oriented] = []
     for trial in range(TRIALS):
         found = _mapped(cameras, work_dir, replace(options, seed=options.seed + trial), progress, shading_of)
         found_again = bool(best and found) and _alike(best[0], found[0])
         best = max((best, found), key=_quality)
-        if not best or (found_again and best[0].is_shown) or not best[0].is_doubtful:
+        shown = bool(best) and (best[0].is_shown or best[0].shading is None)
+        if not best or (found_again and shown) or not best[0].is_doubtful:
             break
     if best:
         best[0].warn_if_undecided()  # the others are another place, or must agree with it to be joined

@@ -69,12 +69,11 @@ class Oriented:
 
     @property
     def is_shown(self) -> bool:
-        """Whether the images show the model's relief, or no Sun is known by which they could. A mixture of right and
-        reversed views has the relief of neither."""
-        return self.shading is None or self.shading.shows == "model"
+        """Whether the images show the model's relief. A mixture of right and reversed views has that of neither."""
+        return self.shading is not None and self.shading.shows == "model"
 
     def warn_if_undecided(self) -> None:
-        if self.reverse_px < ALIKE * self.error_px and (self.shading is None or not self.is_shown):
+        if self.reverse_px < ALIKE * self.error_px and not self.is_shown:
             warn(
                 log, "reversal-undecided",
                 "rays are so nearly parallel that the relief may be reversed, hills for hollows: keypoints are "

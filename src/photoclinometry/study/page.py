@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from photoclinometry import __version__
-from photoclinometry.evaluate.tables import json_numbers
+from photoclinometry.evaluate.tables import json_numbers, json_rows
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.json_file import write_json
 from photoclinometry.simulate.presets import named_preset
@@ -85,5 +85,5 @@ def _as_dict(record: Record) -> dict[str, Any]:
     cell = record.cell
     s = cell.simulation
     about = {"preset": s.preset, "lighting": s.lighting, "surface": cell.surface, "seed": s.seed, "model": cell.model}
-    rivals = {name: json_numbers(figures) for name, figures in record.rivals.items()}
-    return {**about, "failure": record.failure or None, "metrics": json_numbers(record.metrics), "rivals": rivals}
+    results = {"metrics": json_numbers(record.metrics), "rivals": json_rows(record.rivals)}
+    return {**about, "failure": record.failure or None, **results}

@@ -18,7 +18,7 @@ from photoclinometry.model.warning import warn
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.run_folder import adopt_stages
 from photoclinometry.pipeline.stage import digest, program_digest
-from photoclinometry.rivals.compare import RIVALS_FIGURE, RivalComparison
+from photoclinometry.rivals.compare import RIVALS_FIGURE, RivalComparison, compare_rivals
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 from photoclinometry.study.plan import Cell, StudyOptions, cells
@@ -81,17 +81,12 @@ def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
     if not shown:
         write_record(folder, record, key)
         return record
-    beside = _with_rivals(run, truth, options) if options.rivals else None
-    if beside is not None:
+    beside = None
+    if options.rivals:
+        beside = compare_rivals(run, methods=options.rivals, truth=truth, options=options.rival)
         record = replace(record, rivals=beside.figures)
     write_record(folder, record, key, lambda work: _draw(work, result.scene, comparison, beside))
     return record
-
-
-def _with_rivals(run: Path, truth: Path, options: StudyOptions) -> RivalComparison:
-    from photoclinometry.rivals.compare import compare_rivals
-
-    return compare_rivals(run, methods=options.rivals, truth=truth, options=options.rival)
 
 
 def _draw(folder: Path, scene: Scene, comparison: Comparison, rivals: RivalComparison | None) -> None:
