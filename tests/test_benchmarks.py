@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+import random_sites
 from baseline import compare, judge, machine, write_baseline
 from bench import main
 from cases import METRICS, SUITES, Metric
@@ -107,3 +108,34 @@ def test_a_refresh_of_one_case_leaves_the_others(no_runs, tmp_path):
         **dict.fromkeys(SUITES["small"], 2.0),
         "ceres": 9.0,
     }
+
+
+def test_a_random_site_is_the_same_in_every_call_and_differs_from_the_next():
+    assert random_sites.drawn(3) == random_sites.drawn(3)
+    assert random_sites.drawn(3) != random_sites.drawn(4)
+
+
+@pytest.mark.parametrize(
+    ("figures", "warnings", "verdict"),
+    [
+        ((0.05, 1.0), (), "sound"),
+        ((0.05, 1.0), ("view-unregistered:a.png",), "sound"),
+        ((0.05, 1.0), ("view-unregistered:a.png", "sun-undecided"), "false alarm"),
+        ((0.05, 4.1), (), "SILENT"),
+        ((0.16, 1.0), ("sun-undecided",), "warned"),
+        ((float("nan"), 1.0), (), "SILENT"),
+    ],
+)
+def test_maps_beyond_the_limits_should_warn_and_others_should_not(figures, warnings, verdict):
+    names = ("surface_distance_mean_gsd", "normal_error_mean_deg")
+    outcome = random_sites.Outcome(
+        site=0, simulation="", figures=dict(zip(names, figures, strict=True)), warnings=warnings
+    )
+    assert outcome.verdict == verdict
+    assert f"1 sites: 1 {verdict}." in random_sites.table([outcome])
+
+
+def test_a_site_without_a_map_is_neither_bad_nor_sound():
+    none = random_sites.Outcome(site=7, simulation="demo", error="0 of 7 views registered")
+    assert none.verdict == "no map"
+    assert "| 0 of 7 views registered | demo |" in random_sites.table([none])
