@@ -1,19 +1,24 @@
 """Depth and rotations reversed, of a model or of one view's pose: nearly parallel rays hardly tell the two apart."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from photoclinometry.model.scene import Image
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.relief_shading import ReliefShading
-from photoclinometry.sfm import mapping, reversal
+from photoclinometry.sfm import mapping, reconstruct, reversal
 from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_points
 from photoclinometry.sfm.mapping import from_colmap
 from photoclinometry.sfm.reconstruct import reconstruct_sparse
 from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site, views_around
 
 ADJUSTMENT = RobustAdjustment(threads=2)
+
+RIGHT, MIXED = ReliefShading(0.76, -0.67, 100.0), ReliefShading(-0.17, 0.05, 100.0)
+"""How a right model, and one of right and reversed views, go with the images."""
 
 
 @pytest.fixture(scope="module")
@@ -83,14 +88,31 @@ def test_the_given_model_is_not_changed(models):
 
 
 @pytest.mark.parametrize(
-    ("reverse_px", "doubtful", "warned"), [(0.201, True, ["reversal-undecided"]), (0.25, True, []), (0.3, False, [])]
+    ("reverse_px", "doubtful", "undecided"), [(0.201, True, (0.2, 0.201)), (0.25, True, None), (0.3, False, None)]
 )
-def test_where_both_explain_the_keypoints_alike_it_is_doubtful_or_warned(reverse_px, doubtful, warned):
+def test_where_both_explain_the_keypoints_alike_it_is_doubtful_or_undecided(reverse_px, doubtful, undecided):
     found = reversal.Oriented(None, 0.2, reverse_px)
-    with collected_warnings() as collected:
-        found.warn_if_undecided()
-    assert [each.code for each in collected] == warned
+    assert found.undecided == undecided
     assert found.is_doubtful == doubtful
+    assert replace(found, shading=RIGHT).undecided is None
+
+
+@pytest.mark.parametrize("kept", [None, (0.2, 0.201)])
+def test_only_the_model_that_is_kept_is_warned_of(kept, one_site, models, tmp_path, monkeypatch):
+    """Views matched by brightness alone make an undecided model of three; with the relief, all make another."""
+    model = from_colmap(models[2], 5)
+    few = replace(model, registered=np.arange(5) < 3)
+    inliers = np.full((5, 5), 100)
+    first = reconstruct._Attempt([], np.zeros((5, 5), int), [few], (0.3, 0.301))
+    second = reconstruct._Attempt([], inliers, [model], kept)
+    monkeypatch.setattr(reconstruct, "_by_brightness", lambda given: first)
+    monkeypatch.setattr(reconstruct, "_by_relief_too", lambda given, sun, plain: second)
+    monkeypatch.setattr(reconstruct._Given, "shading_of", lambda given, sparse: RIGHT)
+    images = [Image(str(k), np.zeros((8, 8)), np.ones((8, 8), bool)) for k in range(5)]
+    with collected_warnings() as collected:
+        reconstruct.reconstruct_sparse(images, [CAMERA] * 5, tmp_path, OPTIONS, sun_in_cam=np.eye(3)[[2] * 5])
+    assert [each.code for each in collected] == (["reversal-undecided"] if kept else [])
+    assert all("0.200 px, and to 0.201 px" in each.words for each in collected)
 
 
 def test_the_errors_of_a_model_and_its_reverse_are_stated(models):
@@ -98,10 +120,6 @@ def test_the_errors_of_a_model_and_its_reverse_are_stated(models):
     assert found.error_px == pytest.approx(found.model.compute_mean_reprojection_error(), rel=1e-3)
     assert found.error_px < 0.3 < found.reverse_px
     assert not found.is_doubtful
-
-
-RIGHT, MIXED = ReliefShading(0.76, -0.67, 100.0), ReliefShading(-0.17, 0.05, 100.0)
-"""How a right model, and one of right and reversed views, go with the images."""
 
 
 def oriented(views, error_px, reverse_px, shading=None):
@@ -142,8 +160,7 @@ def test_views_are_mapped_again_until_the_best_is_found_twice(found, kept, trial
         return found[len(seeds) - 1]
 
     monkeypatch.setattr(mapping, "_mapped", mapped)
-    models = mapping.map_views([CAMERA] * 5, None, OPTIONS, None)
-    assert models == ([] if kept is None else [found[kept][0].model])
+    assert mapping.map_views([CAMERA] * 5, None, OPTIONS, None) == ([] if kept is None else found[kept])
     assert seeds == [OPTIONS.seed + k for k in range(trials)]
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance.resolution import unresolved_relief
 from photoclinometry.adjust.covariance.uncertainty import (
     OF_LANDMARKS,
     Stated,
@@ -93,10 +92,9 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     """`Scene.uncertainty` in the solver's order, and the standard deviations of the reflectance parameters.
 
     Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
-    fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Where it was taken
-    from images, heights lack what these do not resolve (`unresolved_relief`). Normals point away from the ground
-    (`bounded_normals`). Suns that brightness has moved further than their measurements allow are as uncertain as that
-    (`unexplained_variance`).
+    fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Normals point away
+    from the ground (`bounded_normals`). Suns that brightness has moved further than their measurements allow are as
+    uncertain as that (`unexplained_variance`).
     """
     surface = None
     if setup.without_smooth_errors:
@@ -109,8 +107,7 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     if found and setup.reflectance is not None:
         sigma_of_each = fit.noise.brightness_sigma * setup.relative_sigma
         local = local_noise(fit.scene, fit.lit, sigma_of_each, setup.members.of_map)
-        relief = np.zeros((len(local), 3, 3)) if setup.gradients is None else unresolved_relief(on_map)
-        found = with_local_errors(found, local, relief, stated.in_common)
+        found = with_local_errors(found, local, stated.in_common)
     if {"position", "rotation", "center"} <= set(found) and not setup.fixes_frame:
         found = with_frame_error(found, on_map.landmarks.position, on_map.views)
     if "normal" in found:
@@ -134,7 +131,7 @@ def uncertainty_at(
     """The uncertainties (`Scene.uncertainty`) that an estimate with its minimum at a scene would state, and the noise.
 
     Nothing is minimised. noise: of the measurements; left out, it is measured from the scene's residuals. Errors from
-    place to place and unresolved relief are not in it: both are of a fit. tie_points, pose_priors, gradients: as of
+    place to place are not in it: they are of a fit. tie_points, pose_priors, gradients: as of
     `adjust`; gradients without a factor. bent: positions are held by the smoothness of an estimate from whose
     brightness smooth errors were taken out. Raises ReconstructionError where no brightness counts.
     """

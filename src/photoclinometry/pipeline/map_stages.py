@@ -30,6 +30,7 @@ from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.unknown_albedos import with_neighbours_albedos
+from photoclinometry.surface.fine_relief import with_fine_relief
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,6 +128,8 @@ class LastEstimate(Stage[FinishedMap]):
     posed: PosedImages
     """Of which the scene has the registered views."""
     direct: bool
+    psf_sigma_px: float
+    """Of the images' point-spread function."""
 
     @property
     def file_name(self) -> str:
@@ -139,6 +142,7 @@ class LastEstimate(Stage[FinishedMap]):
             scene = with_model(scene, model)
         if self.direct:
             found = refine_directly(scene, self.posed.registered_images, estimate, start.noise)
+            found = replace(found, scene=with_fine_relief(found.scene, self.psf_sigma_px))
         else:
             found = estimate(scene, Step())
         found = replace(found, scene=with_neighbours_albedos(found.scene))
@@ -232,6 +236,7 @@ class MapStages:
             before=relit.before,
             posed=self.posed,
             direct=direct,
+            psf_sigma_px=self.options.psf_sigma_px,
         )
         return self.folder.done(stage)
 

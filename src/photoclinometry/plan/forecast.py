@@ -41,6 +41,7 @@ from photoclinometry.simulate.hapke import BODIES as HAPKE_BODIES
 from photoclinometry.simulate.photometry import Photometry, named_photometry
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.truth import Truth, truth_maps
+from photoclinometry.surface.fine_relief import with_fine_relief
 
 log = logging.getLogger(__name__)
 
@@ -158,6 +159,7 @@ def forecast(
         progress("estimate", 0, 0)
         estimate = JointEstimate(options=run.adjust, reflectance=reflectance, tie_points=tie_points, sparse_views=views)
         adjustment = refine_directly(matched, images, estimate)
+        adjustment = replace(adjustment, scene=with_fine_relief(adjustment.scene, run.relight.psf_sigma_px))
     except ReconstructionError as error:
         raise InputError(
             f"these views make no map of the place: {error}. Ask for fewer views of a landmark (--min-views), or add "

@@ -84,8 +84,8 @@ def map_views(
     options: SfmOptions,
     progress: Progress | None,
     shading_of: Callable[[SparseModel], ReliefShading] | None = None,
-) -> list[Any]:
-    """The reconstructions found, one for each connected set of views.
+) -> list[Oriented]:
+    """The reconstructions found, one for each connected set of views, the largest first.
 
     Where the largest may have views reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
     which begins with other views, until the best is found twice, and the images show it if any Sun is known, or after
@@ -99,9 +99,7 @@ def map_views(
         shown = bool(best) and (best[0].is_shown or best[0].shading is None)
         if not best or (found_again and shown) or not best[0].is_doubtful:
             break
-    if best:
-        best[0].warn_if_undecided()  # the others are another place, or must agree with it to be joined
-    return [each.model for each in best]
+    return best
 
 
 def _mapped(

@@ -72,6 +72,8 @@ class _Attempt(NamedTuple):
     """(K, K) numbers of verified matches between views."""
     models: list[SparseModel]
     """Of all K views, in a frame of its own each, one for each set of views that matches connect; the largest first."""
+    undecided: tuple[float, float] | None
+    """Of the largest model (`Oriented.undecided`): the others are another place, or must agree with it to be joined."""
 
     @property
     def registered(self) -> set[int]:
@@ -120,6 +122,7 @@ def reconstruct_sparse(
     reason = _reasons(names, sparse.registered, places, found.inliers, options)
     for view in np.flatnonzero(~sparse.registered):
         warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
+    _warn_if_undecided(found.undecided)
     if sun_in_cam is not None:
         _warn_if_inside_out(given.shading_of(sparse))
     brought_in = _brought_in(plain, found, options)
@@ -174,8 +177,9 @@ def _mapped(given: _Given, pairs: list[tuple[int, int]], new: list[tuple[int, in
     inliers = match_views(len(cameras), new, work_dir, options, stage, progress)
     log.info("%d of %d pairs match (%s)", np.count_nonzero(inliers) // 2, len(pairs), stage)
     shading_of = None if given.sun_in_cam is None else given.shading_of
-    models = map_views(cameras, work_dir, options, progress, shading_of)
-    return _Attempt(pairs, inliers, [normalised(from_colmap(model, len(cameras)), cameras) for model in models])
+    found = map_views(cameras, work_dir, options, progress, shading_of)
+    models = [normalised(from_colmap(each.model, len(cameras)), cameras) for each in found]
+    return _Attempt(pairs, inliers, models, found[0].undecided if found else None)
 
 
 def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
@@ -193,6 +197,17 @@ def _by_relief_too(given: _Given, sun_in_cam: np.ndarray, plain: _Attempt) -> _A
     add_relief_keypoints(given.images, sun_in_cam, given.work_dir, given.options)
     found = _matched_and_mapped(given, "relief matches")
     return found if len(found.registered) >= len(plain.registered) else plain
+
+
+def _warn_if_undecided(errors_px: tuple[float, float] | None) -> None:
+    if errors_px is not None:
+        warn(
+            log, "reversal-undecided",
+            "rays are so nearly parallel that the relief may be reversed, hills for hollows: keypoints are "
+            "explained to %.3f px, and to %.3f px the other way round, and shading does not decide. Add images "
+            "from other directions or under other light, or pose priors",
+            *errors_px,
+        )  # fmt: skip
 
 
 def _warn_if_inside_out(shading: ReliefShading) -> None:

@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.model.warning import warn
 from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_points
 
@@ -72,15 +71,13 @@ class Oriented:
         """Whether the images show the model's relief. A mixture of right and reversed views has that of neither."""
         return self.shading is not None and self.shading.shows == "model"
 
-    def warn_if_undecided(self) -> None:
-        if self.reverse_px < ALIKE * self.error_px and not self.is_shown:
-            warn(
-                log, "reversal-undecided",
-                "rays are so nearly parallel that the relief may be reversed, hills for hollows: keypoints are "
-                "explained to %.3f px, and to %.3f px the other way round, and shading does not decide. Add images "
-                "from other directions or under other light, or pose priors",
-                self.error_px, self.reverse_px,
-            )  # fmt: skip
+    @property
+    def undecided(self) -> tuple[float, float] | None:
+        """Mean reprojection errors of the model and of its reverse [px], where they hardly differ and shading does not
+        decide; else None."""
+        if self.is_shown or self.reverse_px >= ALIKE * self.error_px:
+            return None
+        return self.error_px, self.reverse_px
 
 
 def right_way_round(

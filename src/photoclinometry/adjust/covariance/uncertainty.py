@@ -150,12 +150,11 @@ def error_model(
 
 
 def with_local_errors(
-    uncertainty: Mapping[str, np.ndarray], noise: np.ndarray, relief: np.ndarray, in_common: Mapping[str, np.ndarray]
+    uncertainty: Mapping[str, np.ndarray], noise: np.ndarray, in_common: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
     """`Scene.uncertainty` with what is known from place to place.
 
-    noise: (J,) factors on the variances of landmarks (`local_noise`), but for what is in common (`Stated`), by name;
-    relief: (J, 3, 3) covariances of positions that are added (`unresolved_relief`).
+    noise: (J,) factors on the variances of landmarks (`local_noise`), but for what is in common (`Stated`), by name.
     """
     found = dict(uncertainty)
     for name in ("position", "normal"):
@@ -166,8 +165,6 @@ def with_local_errors(
         if name in found:
             common = in_common.get(name, np.zeros(len(noise)))
             found[name] = np.sqrt(common + noise * np.maximum(found[name] ** 2 - common, 0.0))
-    if "position" in found:
-        found["position"] = found["position"] + relief
     return found
 
 
