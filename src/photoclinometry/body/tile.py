@@ -38,8 +38,6 @@ log = logging.getLogger(__name__)
 KNOWN_PX = 6.0
 """How far the body's sparse model may be wrong where a view shows what [px]: first matches may be that far from
 epipolar lines. Rows of images that few points join are off by 2 to 6; with 12 the maps are the same."""
-STEPS = 100
-"""Steps of the last estimate at most: of 60 tiles of 5 to 12 views 24 needed more than 30."""
 MARGIN_DEG = 8.0
 """The coarse shape's slopes are wrong by so much [degrees]: ground is masked only beyond the plan's limit and this."""
 
@@ -150,9 +148,8 @@ def _choices(model: BodyModel, site: Site, options: RunOptions) -> Choices:
 
 
 def tile_options(options: BodyOptions) -> RunOptions:
-    """How a tile is mapped: matches may be as far from epipolar lines as poses are uncertain, and the estimate takes
-    the steps that slow motions of few views need."""
-    run, densify, solver = options.run, options.run.densify, options.run.adjust.solver
+    """How a tile is mapped: matches may be as far from epipolar lines as poses are uncertain."""
+    run, densify = options.run, options.run.densify
     return replace(
         run,
         pose_priors=False,
@@ -161,7 +158,6 @@ def tile_options(options: BodyOptions) -> RunOptions:
             min_views=min(densify.min_views, options.plan.min_views),
             max_sampson_px2=max(densify.max_sampson_px2, KNOWN_PX**2),
         ),
-        adjust=replace(run.adjust, solver=replace(solver, max_steps=max(solver.max_steps, STEPS))),
     )
 
 
