@@ -55,6 +55,16 @@ def test_the_facts_are_those_of_the_scene_and_its_figures(scene):
     assert found.reasons == found.places == ()
 
 
+def test_the_dark_level_of_uncalibrated_images_is_told(scene):
+    """Of calibrated ones there is none to tell."""
+    assert scene.brightness == "iof"
+    assert "Dark level" not in facts(overview(scene, METRICS, ()))
+    levels = {"unknown": np.zeros(6), "0 to 190": np.array([0.0, 135, 150, 190, 150, 150]), "20": np.full(6, 20.0)}
+    for told, level in levels.items():
+        raw = replace(scene, brightness="dn", views=replace(scene.views, dark_level=level))
+        assert facts(overview(raw, METRICS, ()))["Dark level"] == told
+
+
 def test_lengths_are_in_metres_where_these_are_known(scene):
     told = facts(overview(replace(scene, frame=BODY_FIXED), METRICS, ()))
     assert told["GSD"] == f"{scene.gsd:.1f} m"

@@ -127,6 +127,7 @@ def show_run(run: Path) -> None:
 
     from photoclinometry.evaluate.sigmas import view_sigmas
     from photoclinometry.evaluate.tables import split_unit, words
+    from photoclinometry.io.dark_level import in_words
 
     scene = read_run(run)
     console = Console(highlight=False)
@@ -142,6 +143,8 @@ def show_run(run: Path) -> None:
         f"{scene.views.name[scene.reference]}{every}; ground sample distance {scene.gsd:.4g} ({unit})"
     )
     console.print(f"frame: {'body-fixed, by pose priors' if scene.frame == BODY_FIXED else 'of the images alone'}")
+    if scene.brightness != "iof":
+        console.print("dark level: {}, {}".format(*in_words(scene.views.dark_level)))
     names, table = _names_and_table(console, scene.views.name)
     sigmas = view_sigmas(scene)
     heads = [f"{words(name)} \\[{unit}]".replace(" ", "\n") for name, unit in map(split_unit, sigmas)]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.evaluate.tables import number
+from photoclinometry.io.dark_level import in_words
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.scene import BODY_FIXED, Scene
@@ -131,6 +132,8 @@ def _what(scene: Scene, rows: Sequence[Mapping[str, Any]]) -> list[Fact]:
     per_landmark = len(scene.tracks) / max(1, len(scene.landmarks))
     spans = [f"{name} {_span(values)}" for name, values in light(scene).items()]
     gsd = f"{digits(scene.gsd)} m" if unit == "m" else "of unknown length"
+    level, meaning = in_words(scene.views.dark_level)
+    dark = [] if scene.brightness == "iof" else [Fact(name="Dark level", value=level, meaning=meaning)]
     return [
         Fact(name="Body", value=_where(scene)),
         Fact(name="Size", value=f"{digits(width * scale)} x {digits(height * scale)} {shown}"),
@@ -147,6 +150,7 @@ def _what(scene: Scene, rows: Sequence[Mapping[str, Any]]) -> list[Fact]:
             value=", ".join(spans),
             meaning=f"Suns up to {sun_span_deg(scene):.0f}° apart",
         ),
+        *dark,
     ]
 
 
