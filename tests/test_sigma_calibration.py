@@ -174,6 +174,18 @@ def test_a_body_fixed_scene_is_compared_where_it_is():
             np.testing.assert_allclose(np.linalg.norm(found[kind], axis=-1), expected, atol=1e-6)
 
 
+def test_scales_of_uncalibrated_images_are_compared_with_that_of_the_reference_view():
+    """Exposures of 1000, the reference's scale held at 1 and known to nothing, albedos off by a tenth."""
+    true = replace(synthetic_scene(size=8), brightness="dn")
+    exposed = replace(true.views, scale=1000.0 * np.linspace(1.0, 1.5, len(true.views)))
+    ratio = exposed.scale / exposed.scale[true.reference]
+    found = scene_errors(replace(true, views=replace(exposed, scale=1.01 * ratio)), exposed, true.landmarks, 1.1)
+    np.testing.assert_allclose(found["scale"], 0.0, atol=1e-12)
+    off = np.where(np.arange(len(ratio)) == true.reference, 0.0, 0.02)
+    found = scene_errors(replace(true, views=replace(exposed, scale=ratio + off)), exposed, true.landmarks, 1.1)
+    np.testing.assert_allclose(found["scale"], off, atol=1e-12)
+
+
 def test_relative_albedos_are_compared_after_the_common_factor():
     scene, true = disturbed({"albedo": 0.01, "scale": 0.01})
     doubled = replace(

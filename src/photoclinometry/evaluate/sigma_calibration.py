@@ -58,7 +58,10 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
 
 
 def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, np.ndarray]:
-    """Estimate minus truth in the coordinates of the module's table, in the frame and unit of the scene."""
+    """Estimate minus truth in the coordinates of the module's table, in the frame and unit of the scene.
+
+    Scales of uncalibrated images are in units of the reference view's, which nothing tells and the estimate holds.
+    """
     known = np.isfinite(true.position).all(-1)
     scene_from_true = Similarity(1.0, np.eye(3), np.zeros(3))
     if scene.frame != BODY_FIXED:
@@ -67,7 +70,8 @@ def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor
     true_poses = Rigid(scene_from_true.rotation @ poses.rotation, scene_from_true(poses.translation))
     turn = np.swapaxes(true_poses.rotation, -1, -2) @ scene.views.body_from_cam.rotation
     center = scene.views.body_from_cam.translation - true_poses.translation
-    albedo = scene.landmarks.albedo
+    albedo, scale, reference = scene.landmarks.albedo, scene.views.scale, scene.reference
+    scale_factor = albedo_factor if scene.brightness == "iof" else scale[reference] / true_views.scale[reference]
     return {
         "position": scene.landmarks.position - scene_from_true(true.position),
         "normal": tangent_error(scene.landmarks.normal, true.normal @ scene_from_true.rotation.T),
@@ -77,7 +81,7 @@ def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor
         "translation": center,
         "center": center,
         "sun": tangent_error(scene.views.sun, true_views.sun @ scene_from_true.rotation.T),
-        "scale": scene.views.scale - true_views.scale * albedo_factor,
+        "scale": scale - true_views.scale * scale_factor,
         "bias": scene.views.offset - true_views.offset,
     }
 

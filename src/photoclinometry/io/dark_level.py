@@ -64,7 +64,7 @@ def without_dark_level(image: Image, level: float) -> Image:
 def in_words(levels: np.ndarray) -> tuple[str, str]:
     """The dark levels (K,) of a map's uncalibrated images in a few words, and what they mean."""
     if not np.any(levels):
-        return "unknown", "no cast shadow or sky was found to show it; an offset of the numbers, if there is one, is left in"
+        return "unknown", "no cast shadow or sky was found to show it: an offset of the numbers would be left in"
     low, high = (f"{level:.4g}" for level in (np.min(levels), np.max(levels)))
     span = low if low == high else f"{low} to {high}"
     return span, "taken from the images: the numbers of cast shadows and of the sky"
