@@ -140,6 +140,10 @@ def test_a_view_under_a_wrong_sun_is_named_and_no_other():
     assert name == scene.views.name[2]
     assert misfit > 0.1
     assert not others
+    dark = replace(scene.tracks, brightness=np.where(scene.tracks.view == 2, 1e-6, scene.tracks.brightness))
+    (name, misfit), *others = inconsistent_brightness(replace(scene, tracks=dark))
+    assert (name, others) == (scene.views.name[2], [])
+    assert misfit == pytest.approx(1.0, abs=1e-3), "what is dark where light was predicted is wholly off, not by more"
     assert inconsistent_brightness(replace(scene, reflectance=None)) == []
 
 

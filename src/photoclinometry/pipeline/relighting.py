@@ -182,7 +182,8 @@ def is_settled(number: int, moved_px: float, settled_px: float) -> bool:
 def inconsistent_brightness(scene: Scene) -> list[tuple[str, float]]:
     """Names of views that the map explains much worse than the others, and how far off their brightness is.
 
-    That is the median size of lit residuals over the median brightness. It is inconsistent if, times the median cosine
+    That is the median size of lit residuals over the median brightness, measured or predicted, whichever is brighter:
+    of ground that is dark where light was predicted it is 1. It is inconsistent if, times the median cosine
     of incidence, it is more than INCONSISTENT_SHARE, and INCONSISTENT_TIMES that of the median view: a Sun wrong by
     tens of degrees makes it so. Errors of slopes change brightness as much under a low Sun as under a high one, but are
     a larger share of it.
@@ -190,12 +191,14 @@ def inconsistent_brightness(scene: Scene) -> list[tuple[str, float]]:
     if scene.reflectance is None:
         return []
     tracks = scene.tracks
-    residual = np.abs(brightness_residuals(scene))
+    residual = brightness_residuals(scene)
     misfit, cosine = np.zeros(len(scene.views)), np.ones(len(scene.views))
     for k in range(len(misfit)):
         lit = np.flatnonzero(tracks.lit & (tracks.view == k))
         if len(lit):
-            misfit[k] = np.median(residual[lit]) / np.median(tracks.brightness[lit])
+            measured = tracks.brightness[lit]
+            brightness = max(np.median(measured), np.median(measured + residual[lit]))
+            misfit[k] = np.median(np.abs(residual[lit])) / brightness
             cosine[k] = np.median(scene.landmarks.normal[tracks.landmark[lit]] @ scene.views.sun[k])
     under_high_sun = misfit * np.maximum(cosine, GRAZING)  # a wrong Sun may stand below the ground
     found = under_high_sun > max(INCONSISTENT_SHARE, INCONSISTENT_TIMES * float(np.median(under_high_sun)))
