@@ -11,9 +11,8 @@ OUT/results.jsonl, so that a stopped call goes on; OUT/table.md has the table.
 
 from __future__ import annotations
 
-import json
 import shutil
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ import tyro
 
 import photoclinometry as pcm
 from image_faults import FAULTS, Images, read_images, write_images
+from outcomes import keep_outcome, read_outcomes, warning_codes
 from photoclinometry.io.site import RegionRequest, Site, read_site, write_site
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.model.errors import ReconstructionError
@@ -85,7 +85,8 @@ def main(
     """
     out = out.resolve()
     file = out / "results.jsonl"
-    known = _read(file)
+    out.mkdir(parents=True, exist_ok=True)
+    known = {outcome.key: outcome for outcome in (Outcome(**row) for row in read_outcomes(file))}
     for name in [*SITES, *(["vesta"] if vesta else [])]:
         if only_sites in ("", name):
             folder = _simulated(out, name) if name in SITES else vesta
@@ -95,8 +96,7 @@ def main(
                     if (name, fault, draw) not in known:
                         outcome = spoiled_map(name, folder.resolve(), fault, draw, out)
                         known[outcome.key] = outcome
-                        with file.open("a", encoding="utf-8") as stream:
-                            stream.write(json.dumps(asdict(outcome)) + "\n")
+                        keep_outcome(file, outcome)
                         (out / "table.md").write_text(table(list(known.values())), encoding="utf-8")
                         print(_row(outcome, known), flush=True)
 
@@ -129,7 +129,7 @@ def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Ou
         surface_gsd=figures.get("surface_distance_mean_gsd"),
         normals_deg=figures.get("normal_error_mean_deg"),
         psnr_db=result.metrics["psnr_mean_db"],
-        warnings=tuple(sorted(f"{each.code}:{each.view}" if each.view else each.code for each in result.warnings)),
+        warnings=warning_codes(result),
         trusted=result.trusted,
     )
     if fault != CLEAN:
@@ -205,13 +205,6 @@ def _written(images: Images, clean: Site, folder: Path, mapped: Scene | None) ->
     site_file = folder / "site.toml"
     write_site(site_file, replace(images.site, region=request, path=site_file))
     return site_file
-
-
-def _read(file: Path) -> dict[tuple[str, str, int], Outcome]:
-    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
-    found = [Outcome(**{**row, "warnings": tuple(row["warnings"])}) for row in map(json.loads, lines)]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    return {outcome.key: outcome for outcome in found}
 
 
 if __name__ == "__main__":

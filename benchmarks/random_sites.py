@@ -10,26 +10,28 @@ that is not bad should not. Views that were not registered are named, too; that 
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import shutil
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import tyro
 
 import photoclinometry as pcm
+from outcomes import keep_outcome, read_outcomes, warning_codes
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
 
 SEED = 77_000
+"""Of site 0; that of site i is i more."""
 NO_ALARM = "view-unregistered"
+"""Code of a warning that says nothing of the map."""
 BAD_SURFACE_GSD, BAD_NORMALS_DEG = 0.15, 4.0
 """Mean errors from which on a map counts as bad: two to three times those of typical sites."""
 FIGURES = {
@@ -155,7 +157,7 @@ def mapped(i: int, out: Path, keep: bool) -> Outcome:
         site=i,
         simulation=in_short(options),
         figures=figures,
-        warnings=tuple(sorted(f"{each.code}:{each.view}" if each.view else each.code for each in result.warnings)),
+        warnings=warning_codes(result),
         trusted=result.trusted,
         cpu_s=round(spent, 1),
     )
@@ -169,13 +171,11 @@ def table(outcomes: list[Outcome]) -> str:
         cells = [str(each.site), *_cells(each.figures), f"{each.cpu_s:.0f}", each.verdict]
         codes = ", ".join(each.warnings) + ("" if each.trusted or each.error else "; not trusted")
         lines.append("| " + " | ".join([*cells, codes or each.error, each.simulation]) + " |")
-    mapped_sites = [each for each in outcomes if each.figures]
+    found = {
+        name: [each.figures.get(name, np.nan) for each in outcomes if each.figures] or [np.nan] for name in FIGURES
+    }
     for name, share in (("median", 50), ("90 %", 90), ("10 %", 10)):
-        figures = {
-            figure: float(np.percentile([each.figures.get(figure, np.nan) for each in mapped_sites], share))
-            for figure in FIGURES
-            if mapped_sites
-        }
+        figures = {figure: float(np.percentile(values, share)) for figure, values in found.items()}
         lines.append("| " + " | ".join([name, *_cells(figures), "", "", "", ""]) + " |")
     verdicts = [each.verdict for each in outcomes]
     counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in sorted(set(verdicts)))
@@ -199,16 +199,14 @@ def main(out: Path, first: int = 0, count: int = 40, workers: int = 1, keep: boo
     out = out.resolve()
     out.mkdir(parents=True, exist_ok=True)
     file = out / "results.jsonl"
-    rows = map(json.loads, file.read_text(encoding="utf-8").splitlines() if file.is_file() else [])
-    known = {row["site"]: Outcome(**{**row, "warnings": tuple(row["warnings"])}) for row in rows}
+    known = {row["site"]: Outcome(**row) for row in read_outcomes(file)}
     wanted = [i for i in range(first, first + count) if i not in known]
     os.environ |= {"NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         for done in as_completed([pool.submit(mapped, i, out, keep) for i in wanted]):
             outcome = done.result()
             known[outcome.site] = outcome
-            with file.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(asdict(outcome)) + "\n")
+            keep_outcome(file, outcome)
             (out / "table.md").write_text(table(list(known.values())), encoding="utf-8")
             print(f"{outcome.site}: {outcome.verdict}; {' '.join(_cells(outcome.figures))}", flush=True)
 

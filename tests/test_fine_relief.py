@@ -20,9 +20,7 @@ PSF_PX = 0.5
 def with_depths(scene, depth):
     """The scene with its landmarks at depths (h, w), on their rays of the reference view."""
     view, camera = scene.views.body_from_cam[scene.reference], scene.views.cameras[scene.reference]
-    row, col = (scene.landmarks.pixel + 0.5).T
-    (fx, fy), (cx, cy) = camera.focal_px, camera.principal_px
-    ray = np.stack([(col - cx) / fx, (row - cy) / fy, np.ones(len(row))], -1)
+    ray = camera.ray_in_cam(scene.landmarks.pixel[:, ::-1] + 0.5)
     position = view(ray * depth[scene.cells][:, None])
     return replace(scene, landmarks=replace(scene.landmarks, position=position))
 

@@ -131,9 +131,9 @@ def uncertainty_at(
     """The uncertainties (`Scene.uncertainty`) that an estimate with its minimum at a scene would state, and the noise.
 
     Nothing is minimised. noise: of the measurements; left out, it is measured from the scene's residuals. Errors from
-    place to place are not in it: they are of a fit. tie_points, pose_priors, gradients: as of
-    `adjust`; gradients without a factor. bent: positions are held by the smoothness of an estimate from whose
-    brightness smooth errors were taken out. Raises ReconstructionError where no brightness counts.
+    place to place are not in it: they are of a fit. tie_points, pose_priors, gradients: as of `adjust`; gradients
+    without a factor. bent: positions are held by the smoothness of an estimate from whose brightness smooth errors were
+    taken out. Raises ReconstructionError where no brightness counts.
     """
     given = in_solver_order(scene, gradients, tie_points)
     setup = setup_of(

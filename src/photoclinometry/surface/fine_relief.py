@@ -69,10 +69,9 @@ def with_fine_relief(scene: Scene, psf_sigma_px: float) -> Scene:
 
 def _restored(depth: np.ndarray, width: float) -> np.ndarray:
     """Depths (h, w) before a Gaussian of standard deviation `width` [cells]; NaN where not all around is known."""
-    known = np.isfinite(depth)
-    whole = known & (masked_filter(depth, gaussian(width))[1] > WHOLE)
-    found = depth
+    found, whole = depth, np.isfinite(depth)
     for _ in range(ITERATIONS):
-        again, _ = masked_filter(found, gaussian(width))
+        again, share = masked_filter(found, gaussian(width))
+        whole &= share > WHOLE
         found = np.where(whole, found + (depth - again), depth)
     return np.where(whole, found, np.nan)

@@ -132,8 +132,6 @@ def _what(scene: Scene, rows: Sequence[Mapping[str, Any]]) -> list[Fact]:
     per_landmark = len(scene.tracks) / max(1, len(scene.landmarks))
     spans = [f"{name} {_span(values)}" for name, values in light(scene).items()]
     gsd = f"{digits(scene.gsd)} m" if unit == "m" else "of unknown length"
-    level, meaning = in_words(scene.views.dark_level)
-    dark = [] if scene.brightness == "iof" else [Fact(name="Dark level", value=level, meaning=meaning)]
     return [
         Fact(name="Body", value=_where(scene)),
         Fact(name="Size", value=f"{digits(width * scale)} x {digits(height * scale)} {shown}"),
@@ -150,8 +148,16 @@ def _what(scene: Scene, rows: Sequence[Mapping[str, Any]]) -> list[Fact]:
             value=", ".join(spans),
             meaning=f"Suns up to {sun_span_deg(scene):.0f}° apart",
         ),
-        *dark,
+        *_dark_level(scene),
     ]
+
+
+def _dark_level(scene: Scene) -> list[Fact]:
+    """Of uncalibrated images."""
+    if scene.brightness == "iof":
+        return []
+    level, meaning = in_words(scene.views.dark_level)
+    return [Fact(name="Dark level", value=level, meaning=meaning)]
 
 
 def _where(scene: Scene) -> str:
