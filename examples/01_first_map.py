@@ -13,7 +13,6 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import photoclinometry as pcm
-from photoclinometry.matching.densify import DensifyOptions
 
 folder = Path("build")
 site = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_size=64, overwrite=True)
@@ -23,9 +22,7 @@ for view in pcm.read_site(site).views[:3]:
 # %%
 # ``run`` makes the map. It writes a run folder with a report, and returns the result. Called again with the same
 # folder, it reads back what is there: the other examples begin with the same three lines.
-#
-# A landmark is observed in six views unless told otherwise; of nine views, five are enough.
-result = pcm.run(site, folder / "run", densify=DensifyOptions(min_views=5))
+result = pcm.run(site, folder / "run")
 scene = result.scene
 print(f"{len(scene.landmarks)} landmarks in {len(scene.views)} views; PSNR {result.metrics['psnr_mean_db']:.1f} dB")
 

@@ -14,11 +14,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import photoclinometry as pcm
-from photoclinometry.matching.densify import DensifyOptions
 
 folder = Path("build")
 site = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_size=64, overwrite=True)
-result = pcm.run(site, folder / "run", densify=DensifyOptions(min_views=5))
+result = pcm.run(site, folder / "run")
 
 # %%
 # ``evaluate`` returns every figure by name; the unit ends the name. GSD is the ground sample distance: one pixel of the

@@ -13,21 +13,17 @@ import matplotlib.pyplot as plt
 
 import photoclinometry as pcm
 from photoclinometry.io.site import write_site
-from photoclinometry.matching.densify import DensifyOptions
 
 folder = Path("build")
 path = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_size=64, overwrite=True)
 site = pcm.read_site(path)
 
 # %%
-# A site with some of the views is another ``site.toml`` beside the same images. Of nine views, a landmark must be seen
-# in five; of five views, in four (``min_views``; the default is six).
+# A site with some of the views is another ``site.toml`` beside the same images. A landmark must be seen in half of the
+# views: in five of nine, in three of five (``min_views``).
 fewer = path.with_name("site-5.toml")
 write_site(fewer, replace(site, views=site.views[:5], path=fewer))
-results = {
-    9: pcm.run(path, folder / "run", densify=DensifyOptions(min_views=5)),
-    5: pcm.run(fewer, folder / "run-5", densify=DensifyOptions(min_views=4)),
-}
+results = {9: pcm.run(path, folder / "run"), 5: pcm.run(fewer, folder / "run-5")}
 
 # %%
 # Each is compared with the truth.

@@ -15,11 +15,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import photoclinometry as pcm
-from photoclinometry.matching.densify import DensifyOptions
 
 folder = Path("build")
 site = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_size=64, overwrite=True)
-scene = pcm.run(site, folder / "run", densify=DensifyOptions(min_views=5)).scene
+scene = pcm.run(site, folder / "run").scene
 
 # %%
 # First under a Sun that it was mapped with: the rendering of a view should equal its image. ``brightness`` is I/F here,

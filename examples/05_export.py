@@ -13,11 +13,10 @@ import matplotlib.pyplot as plt
 import rasterio
 
 import photoclinometry as pcm
-from photoclinometry.matching.densify import DensifyOptions
 
 folder = Path("build")
 site = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_size=64, overwrite=True)
-scene = pcm.run(site, folder / "run", densify=DensifyOptions(min_views=5)).scene
+scene = pcm.run(site, folder / "run").scene
 
 # %%
 # A map made from images alone does not know its scale. Here it is known from elsewhere: one unit of the map is 61 m,

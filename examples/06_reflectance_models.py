@@ -15,7 +15,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import photoclinometry as pcm
-from photoclinometry.matching.densify import DensifyOptions
 
 print(*pcm.reflectance_models())
 
@@ -33,8 +32,8 @@ ax.legend()
 # no coefficients of its own and no phase function: each image then has a free scale.
 folder = Path("build")
 site = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_size=64, overwrite=True)
-matched = pcm.run(site, folder / "run", densify=DensifyOptions(min_views=5))
-other = pcm.run(site, folder / "run-mcewen", densify=DensifyOptions(min_views=5), reflectance="mcewen")
+matched = pcm.run(site, folder / "run")
+other = pcm.run(site, folder / "run-mcewen", reflectance="mcewen")
 
 # %%
 # Where scales are free, the disk function alone has to be right, and here it nearly is. On ground that follows neither

@@ -15,11 +15,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import photoclinometry as pcm
-from photoclinometry.matching.densify import DensifyOptions
 
 folder = Path("build")
 site = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_size=64, overwrite=True)
-scene = pcm.run(site, folder / "run", densify=DensifyOptions(min_views=5)).scene
+scene = pcm.run(site, folder / "run").scene
 
 # %%
 # Spoil it: normals are turned by some ten degrees, positions moved by a tenth of a ground sample.

@@ -13,11 +13,10 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import photoclinometry as pcm
-from photoclinometry.matching.densify import DensifyOptions
 
 folder = Path("build")
 site = pcm.simulate("demo", folder / "site", views=9, image_size=288, region_size=64, overwrite=True)
-scene = pcm.run(site, folder / "run", densify=DensifyOptions(min_views=5)).scene
+scene = pcm.run(site, folder / "run").scene
 
 # %%
 # Any layer goes on any axes, with its unit, a scale bar and, where a view is named, the direction of its Sun. Ground

@@ -250,7 +250,7 @@ def images() -> Iterator[Fault]:
         frames(lambda x: x),
         f"site/site.toml: 4 {views} in 6 views at least; add views, or pass --densify.min-views 4 or "
         "--preset few-views",
-        command="run site/site.toml --out map",
+        command="run site/site.toml --out map --densify.min-views 6",
         left=NOTHING,
     )
     yield image(
@@ -1090,7 +1090,7 @@ def others() -> Iterator[Fault]:
     )
     yield row(
         "a study of fewer images than views of a landmark",
-        "study --out out --views 5",
+        "study --out out --views 5 --run.densify.min-views 6",
         "5 views of each site are to be mapped, but landmarks are to be in 6 views at least; give more --views, or"
         " --run.densify.min-views 5",
     )

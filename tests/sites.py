@@ -28,7 +28,7 @@ size_px = [40, 20]
 
 
 FEW_VIEWS = ("--densify.min-views", "3")
-"""Options of `phomo run` for the small site, which has fewer images than landmarks are to be in by default."""
+"""Options of `phomo run` for ground that few images of the small site show."""
 
 
 def view_text(number: int) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
@@ -19,6 +20,7 @@ from photoclinometry.adjust.noise import (
 from photoclinometry.model.projection import (
     keypoint_residuals,
 )
+from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.predict import (
     brightness_residuals,
 )
@@ -158,3 +160,16 @@ def test_where_no_brightness_counts_noise_is_as_everywhere():
     row, _ = scene.cells
     lit = (row < 4)[scene.tracks.landmark]
     assert np.all(local_noise(scene, lit, 1e-3, everywhere)[row == 11] == 1.0)
+
+
+@pytest.mark.parametrize(("views", "told"), [(3, False), (4, True)])
+def test_three_brightnesses_do_not_tell_their_noise(views, told):
+    """A normal and an albedo fit three brightnesses exactly: sigmas are then those of brightness that is good to 2 per
+    cent, which is said. Of four views the noise of 1 per cent is found."""
+    scene = synthetic_scene(size=16, views=views, keypoint_noise_px=0.1, brightness_noise=0.01)
+    level = float(np.median(scene.tracks.brightness))
+    with collected_warnings() as warned:
+        found = adjust(scene, AdjustOptions(brightness_correlation_px=1.0, reflectance_sigma=0.0))
+    assert ("noise-unknown" in [one.code for one in warned]) is not told
+    assert found.noise.brightness_sigma == pytest.approx((0.01 if told else 0.02) * level, rel=0.3)
+    assert np.degrees(np.sqrt(np.median(np.trace(found.scene.uncertainty["normal"], axis1=1, axis2=2)))) > 0.5

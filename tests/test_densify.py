@@ -80,6 +80,12 @@ def test_matches_astray_along_their_line_are_dropped_by_reprojection(scene):
     np.testing.assert_allclose(dense.position, scene.landmarks.position, atol=1e-5 * scene.gsd)
 
 
+@pytest.mark.parametrize(("views", "needed"), [(2, 3), (3, 3), (4, 3), (6, 3), (7, 4), (9, 5), (11, 6), (40, 6)])
+def test_half_of_the_views_must_agree(views, needed):
+    assert DensifyOptions().views_needed(views) == needed
+    assert DensifyOptions(min_views=8).views_needed(views) == 8
+
+
 def test_pixels_that_too_few_views_see_make_no_landmark(scene):
     matches = exact_matches(scene)
     matches[1].valid[:, :7] = False

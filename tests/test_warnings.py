@@ -188,8 +188,8 @@ def equal(scene):
 
 
 def exposed_otherwise(scene):
-    """The brightness of every other view ten times what the map was made of."""
-    factor = np.where(scene.tracks.view % 2, 10.0, 1.0)
+    """The brightness of two views of three ten times what the map was made of."""
+    factor = np.where(scene.tracks.view % 3, 10.0, 1.0)
     return replace(scene, tracks=replace(scene.tracks, brightness=scene.tracks.brightness * factor))
 
 

@@ -15,6 +15,7 @@ from photoclinometry.adjust.noise import (
     correlation_px,
     keypoint_factor,
     scale_scatter,
+    tell_brightness_noise,
     view_prior_factor,
 )
 from photoclinometry.model.errors import ReconstructionError
@@ -59,7 +60,10 @@ def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -
 
 
 def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) -> Noise:
-    """`noise` with all that options do not give measured from the residuals of `scene`, which is of the estimate."""
+    """`noise` with what options do not give measured from the residuals of `scene`, which is of the estimate.
+
+    What residuals do not tell stays (`tell_brightness_noise`).
+    """
     options, members, tracks, found = setup.options, setup.members, scene.tracks, {}
     residual = keypoint_residuals(scene)
     pixel, stride = scene.landmarks.pixel[tracks.landmark], scene.region.stride
@@ -74,7 +78,7 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
         found["keypoint_correlation_px"] = correlation_px(residual[mine], tracks.view[mine], pixel[mine], stride)
     if lit.any():
         residual = brightness_residuals(scene) / setup.relative_sigma
-        if options.brightness_sigma is None:
+        if options.brightness_sigma is None and tell_brightness_noise(scene, lit):
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:
             found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)

@@ -106,6 +106,15 @@ def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> fl
     return fitted_sigma(whitened, parameters=3 * int(np.count_nonzero(which)))
 
 
+def tell_brightness_noise(scene: Scene, lit: np.ndarray) -> bool:
+    """Whether lit residuals tell the noise: three brightnesses are fitted by a normal and an albedo, whatever they are.
+
+    Degrees of freedom must be MIN_FREEDOM of the residuals.
+    """
+    residuals = np.count_nonzero(lit)
+    return bool(residuals - 3 * len(np.unique(scene.tracks.landmark[lit])) >= MIN_FREEDOM * residuals)
+
+
 def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> float:
     """Standard deviation of the lit residuals; each landmark's normal and albedo take three of freedom.
 

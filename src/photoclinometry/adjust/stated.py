@@ -5,6 +5,7 @@ Both are one statement. A map that is planned has the uncertainties that a run o
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,11 +27,14 @@ from photoclinometry.adjust.graph.sun_directions import unexplained_variance
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
 from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
-from photoclinometry.adjust.noise import Noise, local_noise
+from photoclinometry.adjust.noise import Noise, local_noise, tell_brightness_noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.solve.solver import Iteration, Solution
 from photoclinometry.adjust.tie_points import GroundControl, Members, TiePoints, with_tie_points
 from photoclinometry.model.scene import Scene, Tracks
+from photoclinometry.model.warning import warn
+
+log = logging.getLogger(__name__)
 
 ALIKE_IN_SPARSE = 4.0
 """Beside pose-only tie points, sparse ones state so many times their noise: a feature that shading makes moves with the
@@ -96,6 +100,8 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     from the ground (`bounded_normals`). Suns that brightness has moved further than their measurements allow are as
     uncertain as that (`unexplained_variance`).
     """
+    if setup.reflectance is not None and setup.options.brightness_sigma is None:
+        _warn_of_unknown_noise(fit)
     surface = None
     if setup.without_smooth_errors:
         surface = fit.smoothness
@@ -116,6 +122,18 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
         more = unexplained_variance(estimate.views, np.trace(found["sun"], axis1=1, axis2=2) / 2.0)
         found["sun"] = found["sun"] + more[:, None, None] * np.eye(2)
     return found, sigma
+
+
+def _warn_of_unknown_noise(fit: Fit) -> None:
+    """Warns where the residuals of brightness are no measure of its noise."""
+    if not tell_brightness_noise(fit.scene, fit.lit):
+        level = float(np.median(fit.scene.tracks.brightness[fit.lit]))
+        warn(
+            log, "noise-unknown",
+            "most landmarks are lit in three views or fewer, whose brightness a normal and an albedo fit exactly: "
+            "standard deviations assume brightness good to %.1f %%; --adjust.brightness-sigma states another noise",
+            100.0 * fit.noise.brightness_sigma / level,
+        )  # fmt: skip
 
 
 def uncertainty_at(

@@ -155,7 +155,7 @@ def tile_options(options: BodyOptions) -> RunOptions:
         pose_priors=False,
         densify=replace(
             densify,
-            min_views=min(densify.min_views, options.plan.min_views),
+            min_views=min(densify.min_views or options.plan.min_views, options.plan.min_views),
             max_sampson_px2=max(densify.max_sampson_px2, KNOWN_PX**2),
         ),
     )

@@ -26,13 +26,17 @@ BLOCK = 2**21
 FEW_VIEWS = 3
 """In two views a wrong match along the epipolar line cannot be noticed."""
 
+MANY_VIEWS = 6
+"""Views of a landmark that are asked for unless there are few: one wrong match among them is outvoted."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DensifyOptions(Ranged):
     """Landmarks from dense matches."""
 
-    min_views: Annotated[int, Range(least=2, most=1_000_000)] = 6
-    """A landmark is observed in at least this many views, the reference included."""
+    min_views: Annotated[int | None, Range(least=2, most=1_000_000)] = None
+    """A landmark is observed in at least this many views, the reference included; left out, in half of the views that
+    take part, 3 at least and 6 at most."""
     max_sampson_px2: Annotated[float, Range(above=0)] = 1.0
     """Greatest squared Sampson distance of a match to the epipolar geometry of the sparse poses [px^2]."""
     max_reprojection_px: Annotated[float, Range(above=0)] = 3.0
@@ -43,6 +47,10 @@ class DensifyOptions(Ranged):
     """Matches of less certainty are not used."""
     reference_sigma_px: Annotated[float, Range(above=0)] = 0.1
     """Standard deviation of the reference's own keypoint, the pixel centre that defines the landmark [px]."""
+
+    def views_needed(self, views: int) -> int:
+        """In how many of so many views a landmark is observed at least."""
+        return min(max(math.ceil(views / 2), FEW_VIEWS), MANY_VIEWS) if self.min_views is None else self.min_views
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +105,7 @@ def densify(
     body_from_cam: Rigid,
     options: DensifyOptions | None = None,
 ) -> DenseTracks:
-    """Triangulate every pixel of the map's grid that at least `min_views` views agree on.
+    """Triangulate every pixel of the map's grid that enough views agree on (`DensifyOptions.views_needed`).
 
     matches: by view index, over `region`; the reference itself is not in it. cameras, body_from_cam: all K views.
     A match must be valid, certain enough and near its epipolar line. The point is the linear least-squares
@@ -123,10 +131,11 @@ def densify(
 
 
 def _unmatched(views: int, options: DensifyOptions) -> str:
+    needed = options.views_needed(views)
     few = f"ask for fewer views of a landmark (--densify.min-views {FEW_VIEWS}, or --preset few-views), or "
     return (
-        f"no pixel of the region was matched in {options.min_views} views or more (there are {views}); "
-        f"{few if options.min_views > FEW_VIEWS else ''}choose a region that more views see "
+        f"no pixel of the region was matched in {needed} views or more (there are {views}); "
+        f"{few if needed > FEW_VIEWS else ''}choose a region that more views see "
         "([region] in site.toml), or add views of like light"
     )
 
@@ -138,7 +147,8 @@ def _densify_rows(part: Region, rows: slice, views: _MatchedViews, options: Dens
     """
     xy, sigma, used = _observations(part, rows, views, options)
     reference = int(np.flatnonzero(views.index == views.reference)[0])
-    limits = Limits(options.min_views, options.max_reprojection_px, math.radians(options.min_triangulation_deg))
+    needed = options.views_needed(len(views.index))
+    limits = Limits(needed, options.max_reprojection_px, math.radians(options.min_triangulation_deg))
     position, kept = np.zeros((len(xy), 3)), np.zeros(len(xy), bool)
     triangulate_all(xy, sigma, used, views.pinholes(), reference, limits, position, kept)
     landmark, column = np.nonzero(used & kept[:, None])

@@ -21,6 +21,7 @@ CODES: Mapping[str, str] = {
     "held-out-unseen": "a held-out view shows too little of the map to be measured",
     "most-suns-contradict": "the Sun directions as a whole contradict the brightness of the images",
     "no-uncertainty": "no uncertainties could be computed",
+    "noise-unknown": "too few views light the landmarks to tell the noise of brightness",
     "product-left-out": "a product of an export needs a package that is not installed",
     "photometry-held": "Suns, biases and reflectance are not estimated, since relief would contradict parallax",
     "prior-contradicts": "a pose prior is left out, or far off",

@@ -143,7 +143,7 @@ def _blurred(first: Iterate, posed_site: PosedSite) -> dict[str, str]:
     """Views that blur the first map, by name, with the reason; a warning of each."""
     if first.is_start_of_last or not posed_site.options.check_views:
         return {}
-    found = views_to_leave_out(first.scene, posed_site.options.densify.min_views)
+    found = views_to_leave_out(first.scene, posed_site.options.densify.views_needed(len(first.scene.views)))
     reasons = {first.scene.views.name[k]: why_left_out(blur) for k, blur in found.items()}
     for name, reason in reasons.items():
         warn(log, "view-blurred", "%s is left out: %s", name, reason, view=name)

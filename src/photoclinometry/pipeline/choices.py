@@ -15,6 +15,7 @@ import numpy as np
 from photoclinometry.evaluate.held_out import held_out_mask
 from photoclinometry.io.control_points_csv import read_control_points
 from photoclinometry.io.site import MIN_VIEWS, Site
+from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
 from photoclinometry.model.control import ControlPoint
@@ -57,7 +58,7 @@ def choose(site: Site, options: RunOptions) -> Choices:
     reflectance = choose_reflectance(options.reflectance, site.body)
     name = options.matcher_name
     held_out = held_out_mask(names, options.hold_out, reference)
-    check_enough_views(site, ~held_out, options.densify.min_views)
+    check_enough_views(site, ~held_out, options.densify)
     log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
     return Choices(
         reflectance=reflectance,
@@ -71,14 +72,16 @@ def choose(site: Site, options: RunOptions) -> Choices:
 
 
 def check_enough_views(
-    site: Site, mapped: np.ndarray, fewest: int, error: type[PhotoclinometryError] = InputError
+    site: Site, mapped: np.ndarray, densify: DensifyOptions, error: type[PhotoclinometryError] = InputError
 ) -> None:
-    """Raises `error` where no landmark can be in `fewest` views (`DensifyOptions.min_views`). mapped: (K,) bool."""
-    count = np.count_nonzero(mapped)
+    """Raises `error` where no landmark can be in as many views as it is to be in. mapped: (K,) bool."""
+    count = int(np.count_nonzero(mapped))
+    fewest = densify.views_needed(count)
     if count < fewest:
+        enough = count >= MIN_VIEWS
         raise error(
             f"{site.path}: {count} views are to be mapped, but landmarks are to be in {fewest} views at least; add "
-            f"views, or pass --densify.min-views {max(count, MIN_VIEWS)} or --preset few-views"
+            f"views{f', or pass --densify.min-views {count} or --preset few-views' if enough else ''}"
         )
 
 

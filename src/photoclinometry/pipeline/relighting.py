@@ -102,9 +102,9 @@ def rematch(
 
 def _lost(scene: Scene, left: int, options: DensifyOptions) -> ReconstructionError:
     """Why the landmarks of a map were not found again. A map under wrong Suns relights the reference wrongly."""
-    off = _brightness_off(scene)
+    off, needed = _brightness_off(scene), options.views_needed(len(scene.views))
     told = (
-        f"{left} of the {len(scene.landmarks)} landmarks of the map are found again in {options.min_views} views where "
+        f"{left} of the {len(scene.landmarks)} landmarks of the map are found again in {needed} views where "
         "the reference image, relit for each view's Sun by the map, is matched with the view"
     )
     if off > WRONG_LIGHT:

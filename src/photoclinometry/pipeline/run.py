@@ -63,7 +63,7 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
     inputs = read_inputs(folder, site)
     check_reference(site, inputs.value.unusable)
     usable = np.array([image.name not in inputs.value.unusable for image in inputs.value.images])
-    check_enough_views(site, usable & ~choices.held_out, options.densify.min_views, ReconstructionError)
+    check_enough_views(site, usable & ~choices.held_out, options.densify, ReconstructionError)
     sparse = folder.done(SparseReconstruction(inputs=inputs, options=options.sfm))
     posed = PosedImages(inputs=inputs, sparse=sparse)
     return map_posed(folder, PosedSite(site=site, posed=posed, choices=choices, options=options), config)

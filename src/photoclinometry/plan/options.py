@@ -56,8 +56,9 @@ class PlanOptions(Ranged):
     """Side of the representative map, in the middle of the region [reference px]: its square of landmarks."""
     region_px: Annotated[int, Range(least=24, most=65535)] | None = None
     """Side of the region [reference px]; by default the site's, or as much as the reference view has, 400 at most."""
-    min_views: Annotated[int, Range(least=3, most=1_000_000)] = 6
-    """Views in which a landmark must be observed, as `--densify.min-views` of `phomo run`."""
+    min_views: Annotated[int | None, Range(least=3, most=1_000_000)] = None
+    """Views in which a landmark must be observed, as `--densify.min-views` of `phomo run`; left out, half of them, 3 at
+    least and 6 at most."""
     tie_points: Annotated[int, Range(least=0, most=20_000)] = 1000
     """Sparse tie points over the whole reference image. Of simulated images of 256 x
     256 pixels, structure from motion finds 850 to 1500."""

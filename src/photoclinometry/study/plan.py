@@ -149,7 +149,8 @@ def _held_out(names: Sequence[str], options: StudyOptions) -> tuple[str, ...]:
 
 def _check_enough_views(held_out: Sequence[str], views: int, options: StudyOptions) -> None:
     """Raises InputError where no landmark of a site can be in as many views as the runs ask for."""
-    mapped, fewest = views - len(held_out), options.run.densify.min_views
+    mapped = views - len(held_out)
+    fewest = options.run.densify.views_needed(mapped)
     if mapped < fewest:
         raise InputError(
             f"{mapped} views of each site are to be mapped, but landmarks are to be in {fewest} views at least; give "
