@@ -275,3 +275,17 @@ def test_suns_do_not_follow_what_brightness_errs_by_all_over_a_view():
     assert normal < 0.8 * loose_normal
     assert factor > 1.3
     assert found(start, brightness_correlation_px=None)[2] == 1.0
+
+
+def test_keypoints_may_be_stated_to_be_worse_than_they_are_met():
+    """The estimate is the same; without brightness, sigmas of positions and poses grow as those of keypoints do."""
+    scene = synthetic_scene(size=12, views=5, keypoint_noise_px=0.3, reflectance=None)
+    found = adjust(scene, INDEPENDENT)
+    stated = adjust(scene, INDEPENDENT, least_keypoint_factor=3.0 * found.noise.keypoint_factor)
+    np.testing.assert_array_equal(stated.scene.landmarks.position, found.scene.landmarks.position)
+    assert stated.noise == found.noise
+    for name in ("position", "rotation", "center"):
+        trace = [np.trace(one.scene.uncertainty[name], axis1=1, axis2=2) for one in (found, stated)]
+        assert np.sqrt(np.median(trace[1] / trace[0])) == pytest.approx(3.0, rel=0.05)
+    no_better = adjust(scene, INDEPENDENT, least_keypoint_factor=0.3 * found.noise.keypoint_factor)
+    np.testing.assert_array_equal(no_better.scene.uncertainty["position"], found.scene.uncertainty["position"])

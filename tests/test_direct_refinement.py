@@ -141,8 +141,9 @@ def test_with_too_few_views_the_last_estimate_is_of_matches():
         asked.append(step)
         return estimate(start, step)
 
-    refine_directly(confirmed(few), synthetic_images(few), record)
-    assert asked == [Step()]
+    found = refine_directly(confirmed(few), synthetic_images(few), record)
+    refine_directly(confirmed(few), synthetic_images(few), record, found.noise)
+    assert asked == [Step(), Step(least_keypoint_factor=found.noise.keypoint_factor)]
 
 
 def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_the_smooth_errors(true):

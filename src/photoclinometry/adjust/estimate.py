@@ -77,6 +77,7 @@ def adjust(
     reflectance: Reflectance | None = None,
     gradients: ImageGradients | None = None,
     noise: Noise | None = None,
+    least_keypoint_factor: float = 0.0,
     progress: Callable[[Iteration], None] | None = None,
 ) -> Adjustment:
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
@@ -91,7 +92,8 @@ def adjust(
     project, by these gradients.
     They may have a factor; brightness counts times that, and says nothing of Suns, scales, biases and the reflectance's
     parameters then. Uncertainties are those of an estimate without the factor. noise: as an estimate of nearly this
-    scene has found it; reweighting starts from that.
+    scene has found it; reweighting starts from that. least_keypoint_factor: uncertainties take keypoints' standard
+    deviations to be no smaller than this times their own, however well they are met.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or 10 landmarks are
     left to estimate.
@@ -119,7 +121,11 @@ def adjust(
         setup = replace(setup, reflectance=known)
         start = replace(start, parameters=known.relative_change(scene.reflectance))
     fit = _reweighted(setup, start, noise, progress)
-    uncertainty, parameter_sigma = stated_uncertainty(setup, fit) if options.uncertainty else ({}, None)
+    uncertainty, parameter_sigma = {}, None
+    if options.uncertainty:
+        factor = max(fit.noise.keypoint_factor, least_keypoint_factor)
+        stated = replace(fit, noise=replace(fit.noise, keypoint_factor=factor))
+        uncertainty, parameter_sigma = stated_uncertainty(setup, stated)
     return _in_the_order_of(scene, given.order, given.picked, setup, fit, uncertainty, parameter_sigma)
 
 

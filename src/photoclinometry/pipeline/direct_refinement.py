@@ -21,7 +21,7 @@ from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import fitted_albedo, landmark_spacing_px
 from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
-from photoclinometry.pipeline.joint_estimate import Step
+from photoclinometry.pipeline.joint_estimate import Step, by_relit_matches
 from photoclinometry.pipeline.widened_sigmas import widened
 from photoclinometry.surface.sampling import as_coarse, sample_gradient
 
@@ -35,9 +35,9 @@ LAST_REWEIGHTING = 3
 """Reweighting iterations of the last estimate. The first has the noise of the matches, as the rough ones do; two more
 have what the images are found to have."""
 
-MIN_LIT = 7
-"""Lit views from which on brightness determines where a landmark lies: three more than it then has unknowns (depth, two
-of the normal, albedo). With as many as unknowns, noise goes into the depth."""
+MIN_LIT = 5
+"""Lit views from which on brightness determines where a landmark lies: one more than it then has unknowns (depth, two
+of the normal, albedo). With as many as unknowns, and Suns that differ little, single landmarks go astray."""
 
 MIN_SHARE = 0.5
 """Share of the landmarks that must be lit so; with fewer, the last estimate is of matches alone."""
@@ -67,7 +67,7 @@ def refine_directly(
     start, gradients = image_gradients(scene, images)
     if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:
         log.info("too few views light the ground: the last estimate is of matches")
-        return estimate(scene, Step())
+        return estimate(scene, by_relit_matches(noise))
     strayed, before = np.zeros(len(scene.landmarks), bool), None
     for _ in range(ROUGH_PASSES):
         reweighting = None if noise is None else 1

@@ -16,7 +16,7 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.initialize import with_model
 from photoclinometry.pipeline.direct_refinement import refine_directly
 from photoclinometry.pipeline.first_estimate import first_estimate
-from photoclinometry.pipeline.joint_estimate import JointEstimate, Step, in_prior_frame
+from photoclinometry.pipeline.joint_estimate import JointEstimate, Step, by_relit_matches, in_prior_frame
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.relighting import (
     IterationFigures,
@@ -144,7 +144,7 @@ class LastEstimate(Stage[FinishedMap]):
             found = refine_directly(scene, self.posed.registered_images, estimate, start.noise)
             found = replace(found, scene=with_fine_relief(found.scene, self.psf_sigma_px))
         else:
-            found = estimate(scene, Step())
+            found = estimate(scene, by_relit_matches(start.noise))
         found = replace(found, scene=with_neighbours_albedos(found.scene))
         landmarks = f"{len(found.scene.landmarks):,} landmarks in {len(found.scene.views)} views"
         say_found(landmarks if found.converged else f"{landmarks}, not converged")
