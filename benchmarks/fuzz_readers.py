@@ -163,6 +163,28 @@ def read_metrics_file(run: Path) -> None:
     _sound(all(isinstance(row["words"], str) for row in content.get("warnings", [])), "a warning is no text")
 
 
+def read_mark_file(run: Path) -> None:
+    """The mark of a run folder: its format, and which site it belongs to."""
+    from photoclinometry.pipeline.run_mark import check_format, owner_of_folder
+
+    check_format(run)
+    owner_of_folder(run)
+
+
+def read_lock_file(run: Path) -> None:
+    """The lock of a run folder, of a process that has ended. A damaged one counts as just being written."""
+    from photoclinometry.pipeline.run_lock import check_lock
+
+    check_lock(run)
+
+
+def read_manifest_file(path: Path) -> None:
+    """The list of files of an export. A damaged one is that of no export, so that nothing may be replaced."""
+    from photoclinometry.output.export.folder import check_folder
+
+    check_folder(path.parent, made.owner(), overwrite=True)
+
+
 def read_study_record(folder: Path) -> None:
     """The record of a study's cell. Damage is warned of, and nothing is raised; here that counts as refused."""
     from photoclinometry.study.record import ARRAYS, read_record
@@ -302,6 +324,9 @@ READERS = {
     "plan table": Reader(read=read_plan_table, make=made.make_plan_table, alone=True, share=2.0),
     "config.toml": Reader(read=read_config_file, make=made.make_config, share=2.0),
     "metrics.json": Reader(read=read_metrics_file, make=made.make_metrics, share=2.0),
+    "run.json": Reader(read=read_mark_file, make=made.make_mark, share=2.0),
+    "lock": Reader(read=read_lock_file, make=made.make_lock, share=2.0),
+    "export.json": Reader(read=read_manifest_file, make=made.make_manifest, alone=True, share=2.0),
     "study record": Reader(read=read_study_record, make=made.make_study_record, share=2.0),
     "masked site": Reader(read=read_masked_site, make=made.make_masked_site, share=2.0),
     "stage record": Reader(read=read_stage, make=made.make_record),

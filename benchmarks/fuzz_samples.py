@@ -6,9 +6,10 @@ glTF is written and never read, so it has no reader here.
 
 from __future__ import annotations
 
+import socket
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from archives import geometry_tables, texture, write_cube, write_pds3, write_pds4
 from photoclinometry.io.images import write_fits, write_png
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.owner import Owner
 from photoclinometry.model.scene import Camera
 from scenes import synthetic_scene
 from sites import write_small_site
 
 _LARGEST = 1_000_000
 """Real files above this size [bytes] are left out: they cost time and hold nothing that smaller ones lack."""
+
+_NO_PROCESS = 2**30
+"""A number that no system gives to a process."""
 
 
 @dataclass(frozen=True)
@@ -320,8 +325,6 @@ def make_plan_table(folder: Path) -> list[str]:
 
 
 def make_config(folder: Path) -> list[str]:
-    from dataclasses import asdict
-
     from photoclinometry.io.options import write_options
     from photoclinometry.pipeline.options import RunOptions
 
@@ -340,6 +343,36 @@ def make_metrics(folder: Path) -> list[str]:
         folder / "run" / "metrics.json", {"metrics": metrics, "warnings": warned, "not_trusted_because": ["Suns"]}
     )
     return ["run"]
+
+
+def owner() -> Owner:
+    """The site of the run folders and exports whose files are spoiled."""
+    return Owner(kind="site", name="place", body="vesta", place="a/site.toml", images=("1234", "5678"))
+
+
+def make_mark(folder: Path) -> list[str]:
+    from photoclinometry.pipeline.run_mark import write_mark
+
+    (folder / "run").mkdir()
+    write_mark(folder / "run", owner())
+    return ["run"]
+
+
+def make_lock(folder: Path) -> list[str]:
+    from photoclinometry.io.json_file import write_json
+    from photoclinometry.pipeline.run_lock import NAME, Holder
+
+    (folder / "run").mkdir()
+    holder = Holder(_NO_PROCESS, socket.gethostname(), "2026-01-02T03:04:05Z", "123456")
+    write_json(folder / "run" / NAME, asdict(holder) | {"token": "0123abcd"})
+    return ["run"]
+
+
+def make_manifest(folder: Path) -> list[str]:
+    from photoclinometry.output.export import ExportOptions, export_scene
+
+    export_scene(synthetic_scene(size=3, views=3), folder, ExportOptions(products=("csv",)))
+    return ["export.json"]
 
 
 def study_cell() -> Any:

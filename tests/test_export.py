@@ -254,10 +254,11 @@ def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path):
     (tmp_path / "file").write_text("kept")
     with pytest.raises(RunFolderError, match="is a file"):
         export_scene(scene, tmp_path / "file", ExportOptions(products=("csv",)))
-    (out / "export.json").write_text("[]")
     (out / "mine.txt").unlink()
-    with pytest.raises(RunFolderError, match="which no earlier export wrote"):
-        export_scene(scene, out, ExportOptions(products=("csv",)))
+    for damaged in ("[]", "[" * 100_000):
+        (out / "export.json").write_text(damaged)
+        with pytest.raises(RunFolderError, match="which no earlier export wrote"):
+            export_scene(scene, out, ExportOptions(products=("csv",)))
 
 
 def test_an_export_of_another_map_is_replaced_only_where_that_is_asked_for(tmp_path):

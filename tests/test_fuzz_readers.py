@@ -4,6 +4,7 @@ import json
 import logging
 import pickle
 import struct
+import time
 import zipfile
 
 import h5py
@@ -13,7 +14,7 @@ import pytest
 from archives import FORMATS, SHARED
 from fuzz_readers import READERS, SPICE, main, read_kernel
 from fuzz_samples import samples
-from fuzz_workers import spoilt_files, try_file, write_files
+from fuzz_workers import SECONDS, spoilt_files, try_file, write_files
 from photoclinometry.io.arrays import read_arrays
 from photoclinometry.io.ground import read_ground
 from photoclinometry.io.hdf5 import check_hdf5
@@ -26,6 +27,7 @@ from photoclinometry.io.models.text_model import read_text_model
 from photoclinometry.io.scene_file import read_scene, write_scene
 from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.suns_csv import read_suns
+from photoclinometry.io.toml_file import read_toml
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.pipeline.records import read_record
 from photoclinometry.simulate.truth_file import read_truth
@@ -199,6 +201,29 @@ def test_a_transform_whose_products_overflow_is_refused(tmp_path):
     )
     with pytest.raises(InputError, match=r"a\.toml: rotation: is not a rotation"):
         read_similarity(tmp_path / "a.toml")
+
+
+TOO_MUCH = {
+    "a key of 100,000 parts": ("a" + ".a" * 100_000 + " = 1", "a key of more than 64 parts"),
+    "a table of 100,000 parts": ("[a" + ' . "a"' * 100_000 + "]", "a key of more than 64 parts"),
+    "a number of 100,000 digits": ("a = 1" + "0" * 100_000, "more digits than Python reads"),
+    "100,000 lists": ("a = " + "[" * 100_000, "nested too deeply"),
+}
+
+
+@pytest.mark.parametrize("name", TOO_MUCH)
+def test_toml_that_would_take_minutes_or_cannot_be_held_is_refused_at_once(tmp_path, name):
+    text, said = TOO_MUCH[name]
+    (tmp_path / "a.toml").write_text(text + "\n")
+    begin = time.process_time()
+    with pytest.raises(InputError, match=rf"a\.toml: .*{said}"):
+        read_toml(tmp_path / "a.toml")
+    assert time.process_time() - begin < SECONDS
+
+
+def test_keys_of_many_parts_are_read(tmp_path):
+    (tmp_path / "a.toml").write_text(".".join("abcdefgh" * 8) + " = 1\nb = 'a sentence. Another one. 1.5, 2.5'\n")
+    assert read_toml(tmp_path / "a.toml").content["b"] == "a sentence. Another one. 1.5, 2.5"
 
 
 def test_signalling_nans_of_a_mesh_are_no_warning(tmp_path):

@@ -188,7 +188,7 @@ def test_a_run_of_another_format_is_refused(tmp_path):
         open_run(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", "7", "\x00"])
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", "7", "\x00", "[" * 100_000])
 def test_a_damaged_mark_is_refused(tmp_path, text):
     (tmp_path / MARK).write_text(text)
     with pytest.raises(RunFolderError, match=rf"{MARK}: damaged .*choose another --out, or remove the folder"):

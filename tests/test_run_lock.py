@@ -84,7 +84,7 @@ def test_another_computers_lock_is_refused_with_what_to_do(tmp_path):
     assert json.loads((tmp_path / NAME).read_text())["host"] == "elsewhere"
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"pid": "x"}'])
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"pid": "x"}', '{"pid": 1e999}', "[" * 100_000])
 def test_a_damaged_lock_is_waited_for_while_it_is_young(tmp_path, text):
     (tmp_path / NAME).write_text(text)
     with pytest.raises(RunFolderError, match="is just being written by another run; try again"):

@@ -23,6 +23,14 @@ def read_json(path: Path | str, remedy: str = "run the site again") -> Any:
     """
     data = read_bytes(Path(path), error=RunFolderError)
     try:
-        return json.loads(data)
-    except (ValueError, RecursionError) as error:
+        return parse_json(data)
+    except ValueError as error:
         raise RunFolderError(f"{path}: is damaged ({error}); {remedy}") from error
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value that a text in JSON states. Raises ValueError for any other text, and for one nested too deeply."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None

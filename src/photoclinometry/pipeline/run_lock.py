@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from photoclinometry.io.atomic import unwritable
+from photoclinometry.io.json_file import parse_json
 from photoclinometry.model.errors import RunFolderError
 
 log = logging.getLogger(__name__)
@@ -121,9 +122,9 @@ def _content(path: Path) -> str | None:
 def _holder(text: str) -> Holder | None:
     """The process that a lock names; None where it is damaged."""
     try:
-        found = json.loads(text)
+        found = parse_json(text)
         return Holder(int(found["pid"]), str(found["host"]), str(found["since"]), str(found.get("process_start", "")))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError):
         return None
 
 

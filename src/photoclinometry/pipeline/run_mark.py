@@ -10,6 +10,7 @@ from typing import Any
 
 from photoclinometry import __version__
 from photoclinometry.io.atomic import unwritable, write_text
+from photoclinometry.io.json_file import parse_json
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.owner import Owner, read_owner
 from photoclinometry.pipeline import run_lock
@@ -112,7 +113,7 @@ def _read_mark(folder: Path) -> tuple[dict[str, Any], Owner | None]:
     """What the mark says, and of which site. Raises RunFolderError where it is damaged."""
     mark = folder / MARK
     try:
-        content = json.loads(mark.read_text(encoding="utf-8"))
+        content = parse_json(mark.read_text(encoding="utf-8"))
         content["format"]
         return content, read_owner(content)
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -11,6 +11,7 @@ from typing import Any
 
 from photoclinometry import __version__
 from photoclinometry.io.atomic import atomic_path, write_text
+from photoclinometry.io.json_file import parse_json
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.owner import Owner, read_owner
 from photoclinometry.model.warning import warn
@@ -46,7 +47,7 @@ def write_export(
     products = [name for name in products if name not in missing]
     for reason, names in _by_reason(missing).items():
         warn(log, "product-left-out", "left out: %s: %s", ", ".join(names), reason)
-    _check_folder(out, owner, overwrite)
+    check_folder(out, owner, overwrite)
     with atomic_path(out) as temporary:
         temporary.mkdir()
         files = _write(temporary, formats, placed, products, options)
@@ -118,7 +119,7 @@ def _by_reason(missing: dict[str, str]) -> dict[str, list[str]]:
     return found
 
 
-def _check_folder(out: Path, owner: Owner, overwrite: bool) -> None:
+def check_folder(out: Path, owner: Owner, overwrite: bool) -> None:
     """Raises RunFolderError for a folder that holds anything but an earlier export, of `owner` unless `overwrite`."""
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
@@ -127,7 +128,7 @@ def _check_folder(out: Path, owner: Owner, overwrite: bool) -> None:
         raise RunFolderError(f"{out}: is a file, not a folder; {cure}")
     found = None
     try:
-        before = json.loads((out / MANIFEST).read_text(encoding="utf-8"))
+        before = parse_json((out / MANIFEST).read_text(encoding="utf-8"))
         own = {MANIFEST, *before["files"]} if before["format"] == FORMAT else set()
         found = read_owner(before)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
