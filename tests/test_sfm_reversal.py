@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -97,21 +98,56 @@ def test_where_both_explain_the_keypoints_alike_it_is_doubtful_or_undecided(reve
     assert replace(found, shading=RIGHT).undecided is None
 
 
-@pytest.mark.parametrize("kept", [None, (0.2, 0.201)])
-def test_only_the_model_that_is_kept_is_warned_of(kept, one_site, models, tmp_path, monkeypatch):
+def test_a_model_that_only_shading_prefers_is_overruled():
+    assert reversal.Oriented(None, 0.21, 0.2, RIGHT).overruled == (0.21, 0.2)
+    assert reversal.Oriented(None, 0.2, 0.21, RIGHT).overruled is None
+    assert reversal.Oriented(None, 0.2, 0.2, RIGHT).overruled is None
+    assert reversal.Oriented(None, 0.21, 0.2).overruled is None
+
+
+class Known:
+    """A reconstruction of a known reprojection error, which adjustment leaves as it is."""
+
+    def __init__(self, error_px):
+        self.error_px = error_px
+
+    def compute_mean_reprojection_error(self):
+        return self.error_px
+
+
+def test_suns_that_lie_opposite_turn_the_relief_against_the_keypoints(monkeypatch):
+    """Where keypoints tell a model from its reverse by little, shading under such Suns is followed."""
+    right, reverse = Known(0.17), Known(0.2)
+    shading = {right: ReliefShading(-0.6, 0.8, 100.0), reverse: ReliefShading(0.8, -0.6, 100.0)}
+    monkeypatch.setattr(reversal, "reversed_model", lambda model: reverse)
+    unchanged = SimpleNamespace(of_model=lambda model: None)
+    found = reversal._better_of_both(right, unchanged, shading.__getitem__)
+    assert found.model is reverse
+    assert found.overruled == (0.2, 0.17)
+
+
+@pytest.mark.parametrize(
+    ("undecided", "overruled", "codes"),
+    [
+        (None, None, []),
+        ((0.2, 0.201), None, ["reversal-undecided"]),
+        (None, (0.2, 0.201), ["relief-by-shading"]),
+    ],
+)
+def test_only_the_model_that_is_kept_is_warned_of(undecided, overruled, codes, one_site, models, tmp_path, monkeypatch):
     """Views matched by brightness alone make an undecided model of three; with the relief, all make another."""
     model = from_colmap(models[2], 5)
     few = replace(model, registered=np.arange(5) < 3)
     inliers = np.full((5, 5), 100)
-    first = reconstruct._Attempt([], np.zeros((5, 5), int), [few], (0.3, 0.301))
-    second = reconstruct._Attempt([], inliers, [model], kept)
+    first = reconstruct._Attempt([], np.zeros((5, 5), int), [few], (0.3, 0.301), (0.31, 0.3))
+    second = reconstruct._Attempt([], inliers, [model], undecided, overruled)
     monkeypatch.setattr(reconstruct, "_by_brightness", lambda given: first)
     monkeypatch.setattr(reconstruct, "_by_relief_too", lambda given, sun, plain: second)
     monkeypatch.setattr(reconstruct._Given, "shading_of", lambda given, sparse: RIGHT)
     images = [Image(str(k), np.zeros((8, 8)), np.ones((8, 8), bool)) for k in range(5)]
     with collected_warnings() as collected:
         reconstruct.reconstruct_sparse(images, [CAMERA] * 5, tmp_path, OPTIONS, sun_in_cam=np.eye(3)[[2] * 5])
-    assert [each.code for each in collected] == (["reversal-undecided"] if kept else [])
+    assert [each.code for each in collected] == codes
     assert all("0.200 px, and to 0.201 px" in each.words for each in collected)
 
 

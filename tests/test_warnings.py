@@ -147,8 +147,9 @@ def test_a_result_shows_its_warnings(mapped, tmp_path, doubtful):
     assert "&lt;contradict&gt;" in result_card(result)
 
 
-def test_a_map_whose_relief_is_inverted_is_not_trusted(mapped):
-    inverted = Warned("relief-inverted", "brightness contradicts the slopes of the sparse model")
+@pytest.mark.parametrize("code", ["relief-by-shading", "relief-inverted"])
+def test_a_map_whose_relief_is_inverted_is_not_trusted(mapped, code):
+    inverted = Warned(code, "brightness contradicts the slopes of the sparse model")
     (reason,) = why_untrusted(mapped.result.adjustment, 0, (inverted,))
     assert "hills for hollows: check `sun`" in reason
 

@@ -26,6 +26,7 @@ CODES: Mapping[str, str] = {
     "photometry-held": "Suns, biases and reflectance are not estimated, since relief would contradict parallax",
     "prior-contradicts": "a pose prior is left out, or far off",
     "priors-too-few": "the pose priors do not determine the frame",
+    "relief-by-shading": "brightness shows the relief of the keypoints with hills for hollows: Suns or poses are wrong",
     "relief-contradicts": "the relief of the map is not that which the parallax of the images shows",
     "relief-inverted": "brightness shows the sparse model's relief with hills for hollows: Suns or poses are wrong",
     "reversal-undecided": "rays are so nearly parallel that the relief may be reversed",

@@ -44,7 +44,7 @@ def why_untrusted(
         reasons.append(f"the joint estimate has not converged: {adjustment.message}")
     if "most-suns-contradict" in codes:
         reasons.append("the Sun directions as a whole contradict the images: check the convention of `sun`")
-    if "relief-inverted" in codes:
+    if codes & {"relief-by-shading", "relief-inverted"}:
         reasons.append("brightness shows the relief with hills for hollows: check `sun`, and the poses")
     used = len(scene.views)
     if left_out > MOST_LEFT_OUT * (used + left_out):

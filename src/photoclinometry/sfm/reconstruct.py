@@ -74,6 +74,8 @@ class _Attempt(NamedTuple):
     """Of all K views, in a frame of its own each, one for each set of views that matches connect; the largest first."""
     undecided: tuple[float, float] | None
     """Of the largest model (`Oriented.undecided`): the others are another place, or must agree with it to be joined."""
+    overruled: tuple[float, float] | None = None
+    """Likewise (`Oriented.overruled`)."""
 
     @property
     def registered(self) -> set[int]:
@@ -123,6 +125,7 @@ def reconstruct_sparse(
     for view in np.flatnonzero(~sparse.registered):
         warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
     _warn_if_undecided(found.undecided)
+    _warn_if_overruled(found.overruled)
     if sun_in_cam is not None:
         _warn_if_inside_out(given.shading_of(sparse))
     brought_in = _brought_in(plain, found, options)
@@ -179,7 +182,8 @@ def _mapped(given: _Given, pairs: list[tuple[int, int]], new: list[tuple[int, in
     shading_of = None if given.sun_in_cam is None else given.shading_of
     found = map_views(cameras, work_dir, options, progress, shading_of)
     models = [normalised(from_colmap(each.model, len(cameras)), cameras) for each in found]
-    return _Attempt(pairs, inliers, models, found[0].undecided if found else None)
+    doubts = (found[0].undecided, found[0].overruled) if found else (None, None)
+    return _Attempt(pairs, inliers, models, *doubts)
 
 
 def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
@@ -206,6 +210,18 @@ def _warn_if_undecided(errors_px: tuple[float, float] | None) -> None:
             "rays are so nearly parallel that the relief may be reversed, hills for hollows: keypoints are "
             "explained to %.3f px, and to %.3f px the other way round, and shading does not decide. Add images "
             "from other directions or under other light, or pose priors",
+            *errors_px,
+        )  # fmt: skip
+
+
+def _warn_if_overruled(errors_px: tuple[float, float] | None) -> None:
+    if errors_px is not None:
+        warn(
+            log, "relief-by-shading",
+            "rays are nearly parallel, and the images' brightness shows hills where keypoints show hollows: the relief "
+            "is taken from brightness, which explains keypoints to %.3f px, and to %.3f px the other way round. "
+            "Check whether `sun` points the opposite way across the images, or add images from other directions, or "
+            "pose priors",
             *errors_px,
         )  # fmt: skip
 

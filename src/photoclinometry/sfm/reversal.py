@@ -79,6 +79,15 @@ class Oriented:
             return None
         return self.error_px, self.reverse_px
 
+    @property
+    def overruled(self) -> tuple[float, float] | None:
+        """Mean reprojection errors of the model and of its reverse [px], where shading shows the model although its
+        reverse explains the keypoints better; else None. No right model is known of which that holds: it comes of
+        Suns that lie opposite."""
+        if not self.is_shown or self.error_px < ALIKE * self.reverse_px:
+            return None
+        return self.error_px, self.reverse_px
+
 
 def right_way_round(
     model: Any, adjustment: RobustAdjustment, shading_of: Callable[[Any], ReliefShading] | None = None
