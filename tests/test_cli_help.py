@@ -83,6 +83,16 @@ def test_help_says_the_range_of_a_number(capsys):
     assert "inf for least squares. Range: above 0, or inf. (default: 3.0)" in full
 
 
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_says_the_range_of_every_number(command, capsys):
+    """Of options of a command's own, too, which are no fields of options."""
+    text = "\n".join(line.strip("│| ") for line in said(capsys, command, "--help-all").splitlines())
+    options = re.split(r"\n(?=--)", text)[1:]
+    numbers = [option for option in options if re.match(r"--[\w.-]+ .*\b(INT|FLOAT|LON)\b", option)]
+    assert numbers or command in {"evaluate", "info", "view", "fetch"}
+    assert [option for option in numbers if "Range:" not in option] == []
+
+
 def test_the_version_is_printed(capsys):
     assert said(capsys, "--version") == f"phomo {pcm.__version__}\n"
 

@@ -43,9 +43,10 @@ def body(
         out: Folder for the map; new, empty, or that of an earlier call for the same site. Default: body/ by site.toml.
         overwrite: Remove what the folder holds of another site; without it, such a folder is refused.
         plan_only: End with the plan: tiles, coverage and resolution, before anything costly is computed.
-        tile: Map this tile of the plan alone. The same command without it then finds the tile done.
+        tile: Map this tile of the plan alone. The same command without it then finds the tile done. Range:
+            0 to the plan's last.
         print_tasks: Make the plan, and print the command of each tile that is not mapped yet, one a line.
-        workers: Processes that map tiles, one thread each.
+        workers: Processes that map tiles, one thread each. Range: 1 or more.
         scheduler: Address of a Dask scheduler whose workers map the tiles (needs the extra `cluster`).
         options: How the body is mapped.
         words: The command's own words, as typed.

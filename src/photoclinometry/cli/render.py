@@ -34,9 +34,10 @@ def render(
             to the greatest brightness at 65534 (65535 means saturated), 0 outside the map.
         overwrite: Replace a file that is there; without it, such a file is refused.
         view: Name of the view whose camera, Sun, scale and bias to use. Default: the reference view.
-        sun: Direction towards the Sun in the body-fixed frame, of any length.
-        sun_azimuth_deg: Sun's azimuth, clockwise from up in the reference image, along the map's mean plane.
-        sun_elevation_deg: Sun's elevation above the map's mean plane; goes with the azimuth.
+        sun: Direction towards the Sun in the body-fixed frame, of any length. Range: any finite numbers, not all 0.
+        sun_azimuth_deg: Sun's azimuth, clockwise from up in the reference image, along the map's mean plane. Range: any
+            finite number.
+        sun_elevation_deg: Sun's elevation above the map's mean plane; goes with the azimuth. Range: above 0, up to 90.
         geometry: "camera" draws the view's whole image; "reference" the map's own grid of reference pixels.
         cast_shadows: Also draw the shadows that the map's ground casts.
     """

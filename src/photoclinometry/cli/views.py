@@ -34,8 +34,10 @@ def views(
 
     Args:
         site: A site.toml, or a folder with one.
-        at: Longitude, eastward, and planetocentric latitude of the place [degrees].
-        radii_m: The body's radius, its equatorial and polar radius, or its three semi-axes [m]. Default: the body's.
+        at: Longitude, eastward, and planetocentric latitude of the place [degrees]. Range: -360 to 360, then -90 to
+            90.
+        radii_m: The body's radius, its equatorial and polar radius, or its three semi-axes [m]. Range: above 0.
+            Default: the body's.
         out: A new site.toml, or a folder for one: the chosen images, and the region about the place. Images stay where
             they are.
         limits: Which of the images that see the place are chosen.
