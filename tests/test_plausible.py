@@ -169,6 +169,7 @@ ENCODED = {
     "gamma": (b"gAMA", struct.pack(">I", 45455), r"gamma 0\.45\d*"),
     "sRGB": (b"sRGB", b"\0", "sRGB"),
     "profile": (b"iCCP", b"x\0\0" + zlib.compress(b""), "a colour profile"),
+    "video": (b"cICP", bytes([1, 13, 0, 1]), "code points for video, transfer 13"),
 }
 
 
@@ -186,8 +187,9 @@ def test_a_png_that_declares_an_encoding_for_the_eye_is_refused_unless_stated(tm
     assert read_exposure(path, IngestOptions(**about, linear=True), AuxiliaryData(suns=suns)).image.valid.any()
 
 
-def test_a_gamma_of_one_is_linear(tmp_path):
-    assert read_image(png_with(tmp_path / "a.png", b"gAMA", struct.pack(">I", 100_000))).valid.all()
+@pytest.mark.parametrize(("kind", "body"), [(b"gAMA", struct.pack(">I", 100_000)), (b"cICP", bytes([1, 8, 0, 1]))])
+def test_a_png_that_declares_linear_numbers_is_read(tmp_path, kind, body):
+    assert read_image(png_with(tmp_path / "a.png", kind, body)).valid.all()
 
 
 def test_a_site_states_that_its_png_files_are_linear(tmp_path):

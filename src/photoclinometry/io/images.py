@@ -28,6 +28,8 @@ _PNG_PROFILES = {b"sRGB": "sRGB", b"iCCP": "a colour profile"}
 """Chunks of an encoding for the eye."""
 _PNG_UNITY = 100_000
 """gAMA counts in parts of this."""
+_CICP_LINEAR = 8
+"""Transfer characteristics of a cICP chunk, its second byte, that declare linear numbers (ITU-T H.273, table 3)."""
 _JPEG = b"\xff\xd8\xff"
 _TIFF = {b"II*\0": "<", b"MM\0*": ">"}
 _CUT_SHORT = ("buffer is too small", "may have been truncated", "Empty or corrupt FITS", "Header missing END card")
@@ -44,8 +46,8 @@ def read_image(path: Path | str, *, linear: bool = False, remedy: str = "") -> I
     (saturated), values at or above a FITS header's SATURATE or above its DATAMAX. Brightness is 0 there.
     A detector with fewer bits than its container (12 in 16) saturates at a lower number: give it as SATURATE.
     The format is recognised by content, not by name. Colour images are accepted if all channels are equal
-    and every pixel is opaque. A PNG that declares an encoding for the eye (gAMA other than 1, sRGB, iCCP) is refused
-    unless `linear` states that its numbers are linear nevertheless; remedy: how to state so, for the message.
+    and every pixel is opaque. A PNG that declares an encoding for the eye (gAMA other than 1, sRGB, iCCP, cICP) is
+    refused unless `linear` states that its numbers are linear nevertheless; remedy: how to state so, for the message.
     Raises ImageError.
     """
     path = Path(path)
@@ -159,6 +161,8 @@ def _check_png(path: Path, data: bytes) -> str:
         if kind == b"gAMA" and length == 4:
             gamma = struct.unpack_from(">I", data, at + 8)[0] / _PNG_UNITY
             encoding = encoding or (f"gamma {gamma:.4g}" if abs(gamma - 1.0) > _GAMMA_TOLERANCE else "")
+        elif kind == b"cICP" and length == 4 and data[at + 9] != _CICP_LINEAR:
+            encoding = f"code points for video, transfer {data[at + 9]}"
         elif kind in _PNG_PROFILES:
             encoding = _PNG_PROFILES[kind]
         at = end + 4
