@@ -5,13 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.model.geometry import Rigid, Similarity, so3_exp
 from photoclinometry.model.scene import Camera, Region, Surroundings
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.render import render_reference
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.surface.relief import in_sunlight, local_frame, sun_from_angles
-from photoclinometry.surface.surroundings import FINEST, MIN_POINTS, NODES, NOISE_GSD, REACH_PX, surroundings_of
+from photoclinometry.surface.surroundings import (
+    FINEST,
+    MIN_POINTS,
+    NODES,
+    NOISE_GSD,
+    REACH_PX,
+    carried_along,
+    surroundings_of,
+)
 from scenes import GSD, bumpy_surface, look_at_origin, synthetic_scene
 
 DISTANCE = 600e3
@@ -160,3 +169,31 @@ def test_shadows_are_the_same_in_another_frame():
     assert 0.1 < lit.mean() < 0.9
     moved = transform_scene(other, scene)
     np.testing.assert_array_equal(in_sunlight(moved, other.rotation @ sun, moved.surroundings), lit)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.01])
+def test_the_ground_around_stays_where_it_is_to_the_map_when_an_estimate_moves_the_reference(tilt):
+    """Its view moves away along the line of sight; the map is tilted, and the ground around it with it."""
+    scene = replace(
+        synthetic_scene(size=12, views=4), surroundings=Surroundings(depth=np.full((8, 9), 100.0), stride=4)
+    )
+    poses, k = scene.views.body_from_cam, scene.reference
+    center = poses.translation.copy()
+    center[k] -= 50.0 * poses.rotation[k][:, 2]
+    x = scene.landmarks.pixel[:, 1] - scene.landmarks.pixel[:, 1].mean()
+    raised = scene.landmarks.position + tilt * x[:, None] * poses.rotation[k][:, 2]
+    after = scene.with_estimate(
+        replace(scene.views, body_from_cam=Rigid(poses.rotation, center)), replace(scene.landmarks, position=raised)
+    )
+    found = carried_along(scene, after)
+    columns = 4 * np.arange(9) - scene.landmarks.pixel[:, 1].mean()
+    np.testing.assert_allclose(found.depth, np.tile(150.0 + tilt * columns, (8, 1)), atol=1e-6)
+    assert carried_along(replace(scene, surroundings=None), after) is None
+
+
+def test_an_estimate_carries_the_ground_around_along():
+    scene = replace(
+        synthetic_scene(size=12, views=5), surroundings=Surroundings(depth=np.full((8, 9), 100.0), stride=4)
+    )
+    found = adjust(scene, AdjustOptions(uncertainty=False, max_rounds=1)).scene
+    np.testing.assert_array_equal(found.surroundings.depth, carried_along(scene, found).depth)

@@ -30,6 +30,7 @@ from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
+from photoclinometry.surface.surroundings import carried_along
 
 log = logging.getLogger(__name__)
 
@@ -193,8 +194,9 @@ def _in_the_order_of(
         adjusted = replace(adjusted, tracks=replace(scene.tracks, brightness=brightness))
     priors, control = setup.pose_priors, setup.control
     points = estimate.landmarks.position[setup.members.control]
+    adjusted = adjusted.with_estimate(estimate.views, estimate.landmarks[back])
     return Adjustment(
-        scene=adjusted.with_estimate(estimate.views, estimate.landmarks[back]),
+        scene=replace(adjusted, surroundings=carried_along(scene, adjusted)),
         converged=fit.solution.converged,
         message=fit.solution.message,
         log=fit.history,

@@ -6,10 +6,12 @@ crater, often shades it. Structure from motion has points there.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid, unit
-from photoclinometry.model.scene import Camera, Region, Surroundings
+from photoclinometry.model.scene import Camera, Region, Scene, Surroundings
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.depth_fit import SurfaceModel, fit_depth
 
@@ -63,6 +65,30 @@ def surroundings_of(
     known = (_distance(at, samples) <= REACH_PX) & ~_within(region, at, margin_px=stride)
     lower = NOISE_GSD * np.median(depth) / np.mean(camera.focal_px)
     return Surroundings(depth=np.where(known, surface + lower, np.nan), stride=stride)
+
+
+def carried_along(before: Scene, after: Scene) -> Surroundings | None:
+    """The ground around a map after an estimate: it lies to the map as it did before.
+
+    before, after: scenes of the same landmarks in the same order, in the same frame. An estimate moves the reference
+    view along its line of sight by more than the relief is high, since a narrow field of view hardly tells its
+    distance. The depths of the landmarks change with it; these changes, as a plane over the image, are added.
+    """
+    around = before.surroundings
+    if around is None:
+        return None
+    old, new = (_depths(scene) for scene in (before, after))
+    at = before.landmarks.pixel[:, ::-1] + 0.5
+    middle = at.mean(axis=0)
+    plane = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at - middle]), new - old, rcond=None)[0]
+    rows, cols = around.depth.shape
+    x, y = np.meshgrid(around.stride * np.arange(cols) + 0.5, around.stride * np.arange(rows) + 0.5)
+    return replace(around, depth=around.depth + plane[0] + plane[1] * (x - middle[0]) + plane[2] * (y - middle[1]))
+
+
+def _depths(scene: Scene) -> np.ndarray:
+    """(J,) of the landmarks along the reference camera's optical axis."""
+    return scene.views.body_from_cam[scene.reference].inverse()(scene.landmarks.position)[:, 2]
 
 
 def _within(region: Region, xy: np.ndarray, margin_px: float = 0.0) -> np.ndarray:
