@@ -65,6 +65,12 @@ def rows_of(page, table):
     return dict(page.run(script, table))
 
 
+def box_of(page, part):
+    """Left, top, right and bottom of a part of the page in the window [px]."""
+    script = "const b = document.getElementById(arguments[0]).getBoundingClientRect();"
+    return page.run(script + "return [b.left, b.top, b.right, b.bottom]", part)
+
+
 def downloaded(folder, pattern):
     """The file that the page has written, as soon as it is whole."""
     for _ in range(200):
@@ -395,6 +401,85 @@ def test_a_profile_has_the_heights_and_sigmas_of_the_map(page, scene, folder):
     shown = rows_of(page, "measures")
     assert float(shown["along the mean plane"].split()[0]) == pytest.approx(along[-1], rel=1e-3)
     assert " ± " in shown["height of B above A"]
+
+
+def test_a_measurement_is_brought_into_sight(page):
+    """In a window that is lower than the panel: chart, values and buttons, to the pixel that scrolling rounds to."""
+    page.press("p")
+    page.drag((300.0, 200.0))
+    assert rows_of(page, "measures") == {}
+    page.drag((560.0, 480.0))
+    height = page.run("return innerHeight")
+    for part in ("chart", "measures", "save-csv"):
+        _, top, _, bottom = box_of(page, part)
+        assert 0 <= top < bottom <= height + 1, part
+
+
+def test_values_stand_on_the_picture_and_let_the_pointer_through(page):
+    page.hover(*MIDDLE)
+    left, top, right, _ = box_of(page, "values")
+    assert right <= box_of(page, "stage")[2]
+    heading = page.state("heading")
+    page.drag((left + 20, top + 20), (left + 60, top + 20))
+    assert page.state("heading") == pytest.approx(heading + 14)
+
+
+def test_a_click_beside_the_map_says_that_there_is_no_ground(page):
+    page.press("p")
+    page.drag((20.0, 400.0))
+    assert page.state("points") == []
+    hint = "return document.getElementById('tool-hint').textContent"
+    assert "no ground" in page.run(hint)
+    page.drag(MIDDLE)
+    assert "no ground" not in page.run(hint)
+
+
+def test_keys_turn_and_move_the_camera_set_points_and_step_through_layers(page):
+    """All that the mouse does, without one."""
+    heading, tilt, target = (page.state(name) for name in ("heading", "tilt", "target"))
+    page.press("l", "i", "i", "k")
+    assert page.state("heading") == pytest.approx(heading + 5)
+    assert page.state("tilt") == pytest.approx(tilt + 5)
+    page.press("p", "\ue007", "L", "\ue007")
+    assert page.state("target") != target
+    (ax, ay), (bx, by) = page.state("points")
+    assert np.hypot(bx - ax, by - ay) > 1.0
+    assert rows_of(page, "measures")["distance"]
+    page.press("\ue00f")
+    assert page.state("layer") == "relief"
+    page.press("\ue00e", "\ue00e")
+    assert page.state("layer") == "residual"
+    page.press("v")
+    middle = page.state("middle")
+    page.press("l")
+    assert page.state("middle") != middle
+
+
+def test_angles_and_areas_are_saved_with_their_units(page, folder):
+    page.run("viewer.store.update({ tool: 'angle', points: [[5, 5], [33, 6], [30, 32]] })")
+    shown = rows_of(page, "measures")
+    page.click("#save-csv")
+    with open(downloaded(folder, "*-angle.csv"), encoding="utf-8") as stream:
+        rows = {row["quantity"]: row for row in csv.DictReader(stream)}
+    assert rows.keys() == shown.keys()
+    assert f"{rows['angle at B']['value']}{rows['angle at B']['unit']}" == shown["angle at B"]
+    assert f"{rows['A to B']['value']} {rows['A to B']['unit']}" == shown["A to B"]
+    page.run("viewer.store.update({ tool: 'area', points: [[5, 5], [33, 6], [30, 32]] })")
+    page.click("#save-csv")
+    with open(downloaded(folder, "*-area.csv"), encoding="utf-8") as stream:
+        assert {row["unit"] for row in csv.DictReader(stream)} == {"GSD²", "GSD"}
+
+
+def test_sigmas_of_relative_albedos_have_a_layer(window, folder, scene):
+    stated = {**scene.uncertainty, "albedo_relative": 0.5 * scene.uncertainty["albedo"]}
+    window.open(page_of(folder, replace(scene, uncertainty=stated), "relative.html"))
+    window.set("layer", "sigma_albedo")
+    whole = window.picture()
+    window.set("layer", "sigma_albedo_relative")
+    assert window.state("layer") == "sigma_albedo_relative"
+    assert window.run("return viewer.drawn.layer.title") == "sigma of relative albedo"
+    assert differ(whole, window.picture("overlay")[..., :3]) > 0
+    assert window.messages() == []
 
 
 def test_angles_and_areas_are_those_of_the_landmarks(page, scene):

@@ -50,14 +50,20 @@ function actionsOnPoints(viewer) {
     },
     click(pixel) {
       const found = surfaceAt(viewer.renderer, pixel);
-      if (!most[state.tool]) return viewer.hover(pixel);
-      if (found) update({ points: [...(state.points.length < most[state.tool] ? state.points : []), found.place] });
+      viewer.hover(pixel);
+      if (!most[state.tool]) return;
+      if (!found) byId("tool-hint").textContent = NO_GROUND;
+      else update({ points: [...(state.points.length < most[state.tool] ? state.points : []), found.place] });
     },
     savePng() {
       draw(viewer);
       savePng(joined([viewer.picture, viewer.overlay]), `${map.scene.name}-${viewer.drawn.layer.key}.png`);
     },
-    saveCsv: () => saveCsv(profileCsv(viewer.measured.profile, map.scene.unit), `${map.scene.name}-profile.csv`),
+    saveCsv() {
+      const { rows, profile } = viewer.measured;
+      const text = profile ? profileCsv(profile, map.scene.unit) : rowsCsv(rows);
+      saveCsv(text, `${map.scene.name}-${state.tool}.csv`);
+    },
     async copyLink() {
       const address = location.href.replace(/#.*/, "") + fragmentOf(state);
       await navigator.clipboard.writeText(address).catch(() => window.prompt("The link:", address));

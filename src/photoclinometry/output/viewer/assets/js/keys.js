@@ -1,6 +1,8 @@
 // The keyboard. The table of the page's help lists the same.
 
 const SUN_STEP = 2; // degrees; a tenth of it with Shift
+const CAMERA_STEP = 5; // degrees
+const MOVE_SHARE = 0.05; // of the picture's height
 
 function keysOf(viewer) {
   const { store, map, layers } = viewer;
@@ -15,6 +17,18 @@ function keysOf(viewer) {
     });
   };
   const tool = (name) => () => update({ tool: name, points: [] });
+  const move = (right, down) => () => {
+    const [from, by] = [middle(), MOVE_SHARE * viewer.size()[1]];
+    pan(viewer, from, [from[0] - by * right, from[1] - by * down]);
+  };
+  const turn = (right, up) => () => {
+    if (state.camera === "image") move(right, -up)();
+    else turnCamera(viewer, CAMERA_STEP * right, CAMERA_STEP * up);
+  };
+  const layer = (by) => () => {
+    const at = layers.findIndex((one) => one.key === state.layer) + by;
+    update({ layer: layers[(at + layers.length) % layers.length].key });
+  };
   const count = map.scene.views.length;
   const step = (by) => () => viewer.takeCamera((state.view + by + count) % count);
   const found = {
@@ -22,10 +36,21 @@ function keysOf(viewer) {
     ArrowRight: sun(1, 0),
     ArrowUp: sun(0, 1),
     ArrowDown: sun(0, -1),
+    j: turn(-1, 0),
+    l: turn(1, 0),
+    i: turn(0, 1),
+    k: turn(0, -1),
+    J: move(-1, 0),
+    L: move(1, 0),
+    I: move(0, -1),
+    K: move(0, 1),
     "+": () => zoomBy(viewer, 1.25, middle()),
     "=": () => zoomBy(viewer, 1.25, middle()),
     "-": () => zoomBy(viewer, 0.8, middle()),
     0: () => viewer.whole(),
+    PageUp: layer(-1),
+    PageDown: layer(1),
+    Enter: () => viewer.click(middle()),
     "[": step(-1),
     "]": step(1),
     v: () => viewer.takeCamera(state.camera === "image" ? null : state.view),

@@ -22,6 +22,7 @@ function layersOf(map) {
   layer("sigma_position", "sigma of position", length, "cividis", map.sigma_position);
   layer("sigma_normal", "sigma of normal", "°", "cividis", map.sigma_normal);
   layer("sigma_albedo", "sigma of albedo", "%", "cividis", map.sigma_albedo);
+  layer("sigma_albedo_relative", "sigma of relative albedo", "%", "cividis", map.sigma_albedo_relative);
   layer("views", "views per landmark", "views", "viridis", map.views, { limits: [0, scene.views.length] });
   layer("tile", "tile", "", "viridis", map.tile);
   layer("residual", "photometric residual", "% of brightness", "magma", map.residual);

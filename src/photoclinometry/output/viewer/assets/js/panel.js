@@ -8,6 +8,7 @@ const HINTS = {
   angle: "Click three points: the angle is that at the second.",
   area: "Click the corners of a region, three or more.",
 };
+const NO_GROUND = "There is no ground: click on the map.";
 
 function fill(select, entries) {
   for (const [value, words] of entries) select.add(new Option(words, value));
@@ -145,10 +146,11 @@ function showPanel(viewer, showCompare, showTool) {
   byId("tool-hint").textContent = HINTS[state.tool];
 }
 
-/** Shows a measurement: its table, and its chart where it is a profile. */
+/** Shows a measurement: its table, and its chart where it is a profile; and moves the panel so that both are seen. */
 function showMeasure(viewer, { rows, profile }) {
   fillTable(byId("measures"), rows);
-  byId("chart").hidden = !profile;
-  byId("save-csv").disabled = byId("save-chart").disabled = !profile;
+  byId("chart").hidden = byId("save-chart").disabled = !profile;
+  byId("save-csv").disabled = !rows.length;
   if (profile) drawChart(byId("chart"), profile, viewer.map.scene.unit);
+  if (rows.length) byId("save-csv").scrollIntoView({ block: "nearest" });
 }

@@ -54,10 +54,13 @@ function drag(viewer, event, before, now) {
   else if (state.compare === "swipe" && Math.abs(before[0] / viewer.size()[0] - state.swipe) < 0.03) {
     viewer.store.update({ swipe: clamp(now[0] / viewer.size()[0], 0, 1) });
   } else if (event.shiftKey || event.buttons === 2 || state.camera === "image") pan(viewer, before, now);
-  else {
-    const turn = TURN / viewer.ratio();
-    viewer.store.update({ heading: state.heading + turn * du, tilt: clamp(state.tilt - turn * dv, 0, viewer.map.ground.mostTilt) });
-  }
+  else turnCamera(viewer, (TURN / viewer.ratio()) * du, (-TURN / viewer.ratio()) * dv);
+}
+
+/** Turns and tilts the free camera [degrees]. */
+function turnCamera(viewer, heading, tilt) {
+  const { state, update } = viewer.store;
+  update({ heading: state.heading + heading, tilt: clamp(state.tilt + tilt, 0, viewer.map.ground.mostTilt) });
 }
 
 /** The Sun follows the pointer: across changes its azimuth, upwards raises it. */

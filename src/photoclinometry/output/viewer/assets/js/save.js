@@ -32,4 +32,13 @@ function profileCsv(profile, unitName) {
   );
 }
 
+const MEASURED = /^([-–\d]\S*?)(?: ± (\S+?))?(?: ([^\d]+)|(°))?$/; // a value, its standard deviation, its unit
+
+/** Rows [quantity, value] of a measurement as CSV. */
+function rowsCsv(rows) {
+  const parts = rows.map(([name, text]) => [name, ...(text.match(MEASURED) ?? [, text]).slice(1)]);
+  const lines = parts.map(([name, value, sigma, unit, degree]) => [name, value, sigma, unit ?? degree]);
+  return [["quantity", "value", "sigma", "unit"], ...lines].map((line) => line.join(",")).join("\n") + "\n";
+}
+
 const saveCsv = (text, name) => download(new Blob([text], { type: "text/csv" }), safeName(name));
