@@ -6,10 +6,12 @@ import re
 import webbrowser
 import zlib
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pytest
 
+import photoclinometry as pcm
 from browser import why_no_browser
 from commands import phomo
 from photoclinometry.io.scene_file import write_scene
@@ -88,6 +90,21 @@ def test_the_page_names_no_other_file_and_forbids_requests():
     program = re.sub(r'id="data">.*?</script>', "", html, flags=re.S)
     assert not re.search(r"https?://|\bsrc=|\bhref=\"|@import|url\(|fetch\(|XMLHttpRequest", program)
     assert "default-src 'none'" in html
+
+
+def test_a_notebook_is_given_the_page_of_a_run_or_of_a_scene(tmp_path):
+    scene = synthetic_scene(size=12, views=3)
+    assert data_of(pcm.view(scene).page)["scene"]["name"] == scene.name
+    write_scene(tmp_path / "run" / "scene.h5", scene)
+    assert data_of(pcm.view(tmp_path / "run" / "scene.h5").page) == data_of(pcm.view(scene).page)
+    write_viewer(tmp_path / "run" / "report" / "viewer.html", scene, synthetic_images(scene))
+    for given in (tmp_path / "run", str(tmp_path / "run")):
+        assert any(data_of(pcm.view(given).page)["scene"]["pictures"])
+    frame = pcm.view(scene, height_px=321)._repr_html_()
+    assert "height: 321px" in frame
+    assert unescape(re.search('srcdoc="([^"]*)"', frame)[1]) == pcm.view(scene).page
+    with pytest.raises(pcm.InputError):
+        pcm.view(tmp_path / "nothing")
 
 
 def test_names_cannot_break_out_of_the_data():

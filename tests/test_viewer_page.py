@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import LinearNDInterpolator
 from scipy.ndimage import binary_erosion
 
+import photoclinometry as pcm
 from browser import browser, why_no_browser
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.output.viewer import write_viewer
@@ -582,6 +583,28 @@ def test_a_map_on_the_body_has_north_longitudes_and_metres(window, folder, scene
     assert shown["height"].endswith(" m")
     assert "longitude, latitude" in shown
     assert window.messages() == []
+
+
+def test_a_notebooks_frame_shows_the_map(window, folder, scene):
+    """As text of a frame, indented as documents indent it: it draws, asks for nothing, and has no link of its own."""
+    frame = pcm.view(scene, height_px=500)._repr_html_()
+    assert "\n" not in frame
+    notebook = folder / "notebook.html"
+    notebook.write_text(f"<!DOCTYPE html>\n<body>\n    {frame}\n</body>\n", encoding="utf-8")
+    window.messages()
+    window.requests()
+    window.driver.get(notebook.as_uri())
+    window.driver.switch_to.frame(0)
+    window.wait("window.viewer !== undefined")
+    before = window.picture()
+    window.set("azimuth", 100)
+    time.sleep(0.5)
+    assert differ(before, window.picture()) > 0.05
+    assert window.run("return innerHeight") == 500
+    assert window.run("return document.getElementById('copy-link').hidden")
+    window.driver.switch_to.default_content()
+    assert window.messages() == []
+    assert set(window.requests()) <= {notebook.as_uri(), "about:srcdoc"}
 
 
 def test_without_webgl_the_page_says_so(window, file):

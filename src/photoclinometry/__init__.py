@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from photoclinometry.adjust import Adjustment, AdjustOptions
+    from photoclinometry.api.live_map import view
     from photoclinometry.api.maps import (
         adjust,
         choose_views,
@@ -98,6 +99,7 @@ __all__ = [
     "render",
     "run",
     "simulate",
+    "view",
     "write_scene",
 ]
 
@@ -133,6 +135,7 @@ _MODULE = {
     "plot_residuals": "api.pictures",
     "preset": "pipeline.presets",
     "render": "api.pictures",
+    "view": "api.live_map",
 }
 """Where each public name is defined; those not listed are in `api.maps`."""
 

@@ -51,8 +51,12 @@ function stateOf(fragment, map, layers) {
   return found;
 }
 
+/** Whether the page has an address of its own: within another page, as text of a frame, it has none. */
+const hasAddress = () => location.protocol !== "about:";
+
 /** Keeps the address's fragment up to date; not oftener than the browser allows. */
 function keepLink(store) {
+  if (!hasAddress()) return;
   let waiting = null;
   store.listen(() => {
     waiting ??= setTimeout(() => {

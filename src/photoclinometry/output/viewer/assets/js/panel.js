@@ -56,6 +56,7 @@ function panelOf(viewer) {
   fill(byId("camera-of"), [["", "– free –"], ...views]);
   byId("contour-unit").textContent = scene.unit;
   showKind(map.ground);
+  byId("copy-link").hidden = !hasAddress();
   byId("compare-section").hidden = !scene.reflectance || scene.pictures.every((picture) => !picture);
   const showCompare = choices(byId("compare"), COMPARE, (name) => viewer.compare(name));
   const showTool = choices(byId("tools"), TOOLS, (tool) => store.update({ tool, points: [] }));
