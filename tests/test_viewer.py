@@ -15,6 +15,7 @@ import photoclinometry as pcm
 from browser import why_no_browser
 from commands import phomo
 from photoclinometry.io.scene_file import write_scene
+from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import MODELS, Reflectance
 from photoclinometry.model.scene import BODY_FIXED, Image
 from photoclinometry.output.export import ExportOptions, export_scene
@@ -105,6 +106,18 @@ def test_a_notebook_is_given_the_page_of_a_run_or_of_a_scene(tmp_path):
     assert unescape(re.search('srcdoc="([^"]*)"', frame)[1]) == pcm.view(scene).page
     with pytest.raises(pcm.InputError):
         pcm.view(tmp_path / "nothing")
+
+
+def test_pose_priors_are_of_maps_in_their_frame(tmp_path):
+    scene = synthetic_scene(size=12, views=3)
+    name, pose = scene.views.name[1], scene.views.body_from_cam[1]
+    known = {name: PosePrior(pose.inverse(), np.inf, 20.0)}
+    assert [view["prior"] for view in viewer_content(scene, (), known)["views"]] == [None] * 3
+    views = viewer_content(replace(scene, frame=BODY_FIXED), (), known)["views"]
+    assert views[0]["prior"] is None
+    assert views[1]["prior"]["center"] == pytest.approx(views[1]["center"])
+    assert (views[1]["prior"]["center_sigma"], views[1]["prior"]["rotation_sigma"]) == (20.0, None)
+    viewer_page(viewer_content(replace(scene, frame=BODY_FIXED), (), known))  # JSON takes it
 
 
 def test_names_cannot_break_out_of_the_data():

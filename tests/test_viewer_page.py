@@ -3,6 +3,7 @@
 import csv
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,6 +13,8 @@ from scipy.ndimage import binary_erosion
 
 import photoclinometry as pcm
 from browser import browser, why_no_browser
+from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.output.viewer import write_viewer
 from photoclinometry.photometry.render import render_view
@@ -171,6 +174,15 @@ def test_where_many_contours_are_only_every_fifth_is_labelled(page):
         return [numbers(crossings), numbers(crossings.slice(0, 9))];
     """)
     assert numbers == [list(range(-20, 20, 5)), list(range(-20, -11))]
+
+
+def test_cameras_are_marked_within_the_oblique_picture(page):
+    page.click("#oblique")
+    page.set("cameras", True)
+    width, height = page.run("return viewer.size()")
+    for x, y in page.run("return viewer.cameraMarks()"):
+        assert 0 < x < width
+        assert 0 < y < height
 
 
 @pytest.mark.parametrize("mark", ["cameras", "footprints"])
@@ -605,6 +617,46 @@ def test_a_notebooks_frame_shows_the_map(window, folder, scene):
     window.driver.switch_to.default_content()
     assert window.messages() == []
     assert set(window.requests()) <= {notebook.as_uri(), "about:srcdoc"}
+
+
+def moved_by(pose, offset, turn_deg):
+    """A pose prior whose camera was `offset` (3,) away from a pose (`body_from_cam`), turned about its boresight."""
+    angle = np.radians(turn_deg)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    return PosePrior(Rigid(pose.rotation @ turn, pose.translation + offset).inverse(), np.radians(0.02), 50.0)
+
+
+def test_pose_changes_are_told_and_drawn(window, folder, scene):
+    """Of the chosen view in figures, of all as arrows; without priors there is no control for them."""
+    placed = replace(scene, frame=BODY_FIXED)
+    pose = placed.views.body_from_cam
+    priors = {
+        placed.views.name[1]: moved_by(pose[1], np.array([30.0, -40.0, 0.0]), 0.25),
+        placed.views.name[2]: moved_by(pose[2], np.zeros(3), 0.0),
+    }
+    window.open(write_viewer(folder / "moves.html", placed, synthetic_images(placed), priors))
+    window.run("viewer.store.update({ view: 1, tilt: 60 })")
+    before = window.picture("overlay")
+    window.press("m")
+    assert window.state("moves")
+    assert differ(before, window.picture("overlay")) > 1e-4
+    shown = rows_of(window, "pose")
+    name = Path(placed.views.name[1]).stem
+    assert shown[f"{name} moved"] == "50 m (prior ± 50)"
+    assert shown["turned"] == "0.25° (prior ± 0.02)"
+    camera, middle = placed.views.cameras[1], local_frame(placed).translation
+    there = [
+        camera.pixel_from_cam(each(middle)) for each in (pose[1].inverse(), priors[placed.views.name[1]].cam_from_body)
+    ]
+    shift = float(shown["map's middle in its image moved"].removesuffix(" px"))
+    assert shift == pytest.approx(np.linalg.norm(there[0] - there[1]), rel=1e-3)
+    window.run("viewer.store.update({ view: 0 })")
+    assert "it has none" in rows_of(window, "pose").values()
+    window.set("moves", False)
+    assert rows_of(window, "pose") == {}
+    assert window.messages() == []
+    window.open(page_of(folder, scene, "unmoved.html"))
+    assert window.run("return document.getElementById('moves').parentElement.hidden")
 
 
 def test_without_webgl_the_page_says_so(window, file):

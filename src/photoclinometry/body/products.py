@@ -131,6 +131,7 @@ def _viewed(model: BodyModel, made: BodyParts, shape: ShapeModel) -> ViewedBody:
         gsd=made.surface.gsd,
         brightness=model.site.brightness,
         body_fixed=model.posed.frame == BODY_FIXED,
+        pose_priors=model.site.pose_priors,
     )
 
 

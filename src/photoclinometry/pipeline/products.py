@@ -163,6 +163,7 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         stages=[asdict(cost) for cost in folder.costs],
         iterations=[figures.as_row() for figures in summary.iterations],
         pose_priors=tables.pose_priors,
+        known_poses=summary.pose_priors,
         control=tables.control,
         convergence=cost_by_round(summary.adjustment.log),
         options=summary.config,

@@ -17,6 +17,7 @@ from photoclinometry.evaluate.evaluate import evaluate_scene, view_table
 from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.report import page
 from photoclinometry.output.report.curves import CONVERGENCE, draw_convergence, draw_renderings
@@ -47,6 +48,8 @@ class ReportContent:
     """One row for the first map, and one per relighting iteration."""
     pose_priors: Sequence[Mapping[str, Any]] = ()
     """One row per view that has one; those not "used" are red."""
+    known_poses: Mapping[str, PosePrior] = field(default_factory=dict)
+    """The priors themselves, by name of view, for the viewer."""
     control: Sequence[Mapping[str, Any]] = ()
     """One row per ground control point."""
     convergence: Sequence[Mapping[str, float]] = ()
@@ -75,7 +78,7 @@ def write_report(
     metrics = evaluate_scene(scene, images, per_view=rows) if content.metrics is None else content.metrics
     with atomic_path(folder) as work:
         work.mkdir()
-        write_viewer(work / VIEWER, scene, images)
+        write_viewer(work / VIEWER, scene, images, content.known_poses)
         sections = [_summary(work, scene, rows, metrics, content)]
         sections += _map_sections(work, scene, images, content)
         if scene.reflectance is not None:

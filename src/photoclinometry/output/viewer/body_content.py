@@ -6,12 +6,13 @@ neighbours have no meaning.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Views
 from photoclinometry.model.shape_model import ShapeModel
@@ -52,6 +53,8 @@ class ViewedBody:
     """Of the images: "iof" or "dn"."""
     body_fixed: bool
     """Whether longitudes and latitudes are those of the body."""
+    pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
+    """By name of view; they count where the body is in their frame."""
 
 
 def body_content(body: ViewedBody, images: Sequence[Image] = ()) -> Content:
@@ -70,7 +73,9 @@ def body_content(body: ViewedBody, images: Sequence[Image] = ()) -> Content:
         "spacing": body.gsd * length,
         "grid": {"rows": -(-count // _COLUMNS), "cols": _COLUMNS, "row": 0, "col": 0, "stride": 1},
         "reference": first_view(body, frame.translation),
-        "views": views_content(body.views, frame, length, [0.0] * len(body.views)),
+        "views": views_content(
+            body.views, frame, length, [0.0] * len(body.views), body.pose_priors if body.body_fixed else None
+        ),
         "reflectance": reflectance_content(body.reflectance if shape.albedo is not None else None),
         "place": {
             "body_fixed": body.body_fixed,

@@ -7,7 +7,7 @@ the reference image where the scene's unit is unknown.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
 from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.viewer.arrays import packed, share_of_peak, three_digits
 from photoclinometry.output.viewer.pictures import pictures
@@ -34,8 +35,14 @@ ALBEDO_LEVELS = 20_000
 Content = dict[str, Any]
 
 
-def viewer_content(scene: Scene, images: Sequence[Image] = ()) -> Content:
-    """The scene for the page. images: of its views, in any order; without them the page compares with none."""
+def viewer_content(
+    scene: Scene, images: Sequence[Image] = (), pose_priors: Mapping[str, PosePrior] | None = None
+) -> Content:
+    """The scene for the page.
+
+    images: of its views, in any order; without them the page compares with none. pose_priors: by name of view; they
+    count where the scene is in their frame.
+    """
     frame = local_frame(scene)
     length = 1.0 if scene.unit else 1.0 / scene.gsd
     return {
@@ -56,7 +63,11 @@ def viewer_content(scene: Scene, images: Sequence[Image] = ()) -> Content:
         },
         "reference": scene.reference,
         "views": views_content(
-            scene.views, frame, length, [averaging_sigma(scene, k) for k in range(len(scene.views))]
+            scene.views,
+            frame,
+            length,
+            [averaging_sigma(scene, k) for k in range(len(scene.views))],
+            pose_priors if scene.frame == BODY_FIXED else None,
         ),
         "reflectance": reflectance_content(scene.reflectance),
         "place": _place(scene, frame),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 
 from photoclinometry import __version__
 from photoclinometry.io.atomic import write_text
+from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance.shader import shader_functions
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.output.viewer.body_content import ViewedBody, body_content
@@ -37,6 +38,7 @@ SCRIPTS = (
     "state",
     "link",
     "marks",
+    "moves",
     "legend",
     "contours",
     "overlay",
@@ -73,13 +75,19 @@ SHADERS = (
 """Files of assets/glsl."""
 
 
-def write_viewer(path: Path | str, scene: Scene, images: Sequence[Image] = ()) -> Path:
+def write_viewer(
+    path: Path | str,
+    scene: Scene,
+    images: Sequence[Image] = (),
+    pose_priors: Mapping[str, PosePrior] | None = None,
+) -> Path:
     """Writes the scene's page, whole or not at all; returns its path. Raises RunFolderError.
 
-    images: of the scene's views, in any order, to compare renderings with.
+    images: of the scene's views, in any order, to compare renderings with. pose_priors: by name of view, to show how
+    the estimate moved the cameras.
     """
     path = Path(path)
-    write_text(path, viewer_page(viewer_content(scene, images)))
+    write_text(path, viewer_page(viewer_content(scene, images, pose_priors)))
     return path
 
 

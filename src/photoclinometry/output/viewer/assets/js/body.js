@@ -9,6 +9,7 @@ const BODY = {
   slopeName: "slope against the radius",
   footprints: false,
   margin: 2.3,
+  cameraMarks: 1.1,
   mostTilt: 180,
   lowestSun: -90,
   heightOf: length,

@@ -58,6 +58,7 @@ function keysOf(viewer) {
     s: flip("shadows"),
     o: flip("cameras"),
     f: flip("footprints"),
+    m: flip("moves"),
     " ": () => viewer.play(),
     p: tool("profile"),
     a: tool("angle"),

@@ -2,7 +2,7 @@
 
 const NUMBERS = ["azimuth", "elevation", "heading", "tilt", "distance", "zoom", "swipe", "contour", "difference"];
 const VECTORS = { target: 3, middle: 2 };
-const FLAGS = ["shadows", "shading", "cameras", "footprints"];
+const FLAGS = ["shadows", "shading", "cameras", "footprints", "moves"];
 const WORDS = { camera: ["free", "image"], compare: COMPARE, tool: TOOLS };
 const MOST_POINTS = 200;
 

@@ -60,11 +60,16 @@ function drawFootprints(pen, camera, map, chosen) {
   });
 }
 
+/** Where a view's camera is marked: in its direction, so near the map that the first pictures of it show the mark. */
+const cameraMark = (map, view) => times(unit(view.center), map.ground.cameraMarks * map.radius);
+
+/** Whether a view's mark has its name beside it. */
+const isNamed = (map, k, chosen) => k === chosen || map.scene.views.length <= MANY_VIEWS;
+
 /** Directions from the middle of the map to the cameras, each with a small picture frame and the view's name. */
 function drawCameras(pen, camera, map, chosen) {
   map.scene.views.forEach((view, k) => {
-    const towards = unit(view.center);
-    const middle = times(towards, 1.25 * map.radius);
+    const middle = cameraMark(map, view);
     const axes = view.local_from_cam;
     const half = 0.05 * map.radius;
     const corner = (x, y) =>
@@ -74,11 +79,10 @@ function drawCameras(pen, camera, map, chosen) {
       );
     pen.strokeStyle = k === chosen ? INK : OTHER_INK;
     pen.lineWidth = (k === chosen ? 2 : 1) * pen.ratio;
-    line(pen, camera, [times(towards, 0.02 * map.radius), middle]);
+    line(pen, camera, [times(middle, 0.03), middle]);
     line(pen, camera, [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)], true);
     const [u, v, depth] = projected(camera, corner(1, 0));
-    const named = k === chosen || map.scene.views.length <= MANY_VIEWS;
-    if (depth > 0 && named) outlined(pen, shortName(view.name), u + 4 * pen.ratio, v, k === chosen ? INK : OTHER_INK);
+    if (depth > 0 && isNamed(map, k, chosen)) outlined(pen, shortName(view.name), u + 4 * pen.ratio, v, k === chosen ? INK : OTHER_INK);
   });
 }
 

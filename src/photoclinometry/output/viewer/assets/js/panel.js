@@ -56,6 +56,7 @@ function panelOf(viewer) {
   fill(byId("camera-of"), [["", "– free –"], ...views]);
   byId("contour-unit").textContent = scene.unit;
   showKind(map.ground);
+  byId("moves").parentElement.hidden = !hasMoves(map);
   byId("copy-link").hidden = !hasAddress();
   byId("compare-section").hidden = !scene.reflectance || scene.pictures.every((picture) => !picture);
   const showCompare = choices(byId("compare"), COMPARE, (name) => viewer.compare(name));
@@ -89,7 +90,7 @@ function listenToInputs(viewer) {
   const number = (id, name) =>
     on(id, (input) => Number.isFinite(input.valueAsNumber) && store.update({ [name]: input.valueAsNumber }));
   on("layer", (input) => store.update({ layer: input.value }));
-  for (const name of ["shading", "shadows", "cameras", "footprints"])
+  for (const name of FLAGS)
     on(name, (input) => store.update({ [name]: input.checked }));
   for (const name of ["elevation", "swipe"]) number(name, name);
   on("azimuth", ({ valueAsNumber: shown }) => {
@@ -129,7 +130,7 @@ function showPanel(viewer, showCompare, showTool) {
   const { state } = store;
   const layer = layers.find((one) => one.key === state.layer);
   byId("layer").value = state.layer;
-  for (const name of ["shading", "shadows", "cameras", "footprints"]) byId(name).checked = state[name];
+  for (const name of FLAGS) byId(name).checked = state[name];
   const shown = { ...state, azimuth: map.ground.shownAzimuth(state.azimuth) };
   for (const name of ["azimuth", "elevation", "contour", "swipe", "difference"]) {
     if (document.activeElement !== byId(name)) byId(name).value = Number(shown[name].toFixed(4));
@@ -140,6 +141,7 @@ function showPanel(viewer, showCompare, showTool) {
   byId("camera-of").value = state.camera === "image" ? state.view : "";
   byId("swipe-label").hidden = state.compare !== "swipe";
   byId("difference-label").hidden = state.compare !== "difference";
+  fillTable(byId("pose"), state.moves && hasMoves(map) ? moveRows(map, state.view) : []);
   byId("play").textContent = viewer.playing ? "stop" : "play a day";
   byId("play").setAttribute("aria-pressed", String(Boolean(viewer.playing)));
   showCompare(state.compare, (name) => name === "map" || Boolean(map.scene.pictures[state.view]));

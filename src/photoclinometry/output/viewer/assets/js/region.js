@@ -6,6 +6,7 @@ const REGION = {
   slopeName: "slope",
   footprints: true,
   margin: 1.8, // of the first picture: its shorter side over the map's half diagonal
+  cameraMarks: 0.65, // distance of cameras' marks from the origin, over the map's half diagonal
   mostTilt: 85, // degrees from the vertical
   lowestSun: 0, // degrees of elevation
   heightOf: (position) => position[2],

@@ -24,6 +24,7 @@ function firstState(map, layers, size) {
     contour: roundStep(limitsOf(layers.find((layer) => layer.key === "height")).reduce((a, b) => b - a)),
     cameras: false,
     footprints: false,
+    moves: false,
     tool: "look",
     points: [],
   };
