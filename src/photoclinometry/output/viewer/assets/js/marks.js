@@ -63,8 +63,39 @@ function drawFootprints(pen, camera, map, chosen) {
 /** Where a view's camera is marked: in its direction, so near the map that the first pictures of it show the mark. */
 const cameraMark = (map, view) => times(unit(view.center), map.ground.cameraMarks * map.radius);
 
-/** Whether a view's mark has its name beside it. */
-const isNamed = (map, k, chosen) => k === chosen || map.scene.views.length <= MANY_VIEWS;
+/** Names of views in few letters: without what all begin and end with, up to a separator. */
+function labelsOf(views) {
+  const names = views.map((view) => shortName(view.name));
+  if (names.length < 2) return names;
+  const reversed = (text) => [...text].reverse().join("");
+  const start = sharedStart(names);
+  const end = sharedStart(names.map((name) => reversed(name.slice(start))));
+  return names.map((name) => name.slice(start, name.length - end));
+}
+
+/** How many characters all texts begin with, up to their last separator. */
+function sharedStart(texts) {
+  let count = 0;
+  while (count < texts[0].length && texts.every((text) => text[count] === texts[0][count])) count++;
+  return texts[0].slice(0, count).search(/[^_\-. ]*$/);
+}
+
+/** Names of views to the right of points (x, y, z), where no other name is; the chosen view's always. */
+function drawNames(pen, camera, map, chosen, pointOf) {
+  const { views } = map.scene;
+  const [labels, taken, height] = [labelsOf(views), [], 15 * pen.ratio];
+  const order = views.length > MANY_VIEWS ? [] : views.map((_, k) => k).filter((k) => k !== chosen);
+  pen.textAlign = "left";
+  pen.textBaseline = "middle";
+  for (const k of [chosen, ...order]) {
+    const [u, v, depth] = projected(camera, pointOf(views[k]));
+    const [left, right] = [u + 7 * pen.ratio, u + 7 * pen.ratio + pen.measureText(labels[k]).width];
+    if (depth <= 0 || taken.some(([a, b, y]) => left < b && a < right && Math.abs(v - y) < height)) continue;
+    taken.push([left, right, v]);
+    outlined(pen, labels[k], left, v, k === chosen ? INK : OTHER_INK);
+  }
+  pen.textBaseline = "alphabetic";
+}
 
 /** Directions from the middle of the map to the cameras, each with a small picture frame and the view's name. */
 function drawCameras(pen, camera, map, chosen) {
@@ -81,9 +112,9 @@ function drawCameras(pen, camera, map, chosen) {
     pen.lineWidth = (k === chosen ? 2 : 1) * pen.ratio;
     line(pen, camera, [times(middle, 0.03), middle]);
     line(pen, camera, [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)], true);
-    const [u, v, depth] = projected(camera, corner(1, 0));
-    if (depth > 0 && isNamed(map, k, chosen)) outlined(pen, shortName(view.name), u + 4 * pen.ratio, v, k === chosen ? INK : OTHER_INK);
   });
+  const side = (view) => add(cameraMark(map, view), times(view.local_from_cam.map((row) => row[0]), 0.05 * map.radius));
+  drawNames(pen, camera, map, chosen, side);
 }
 
 /** The points of a measurement on the ground, joined along it. */

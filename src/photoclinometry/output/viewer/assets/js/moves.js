@@ -25,7 +25,7 @@ function moveFactor(map) {
 }
 
 /** Of each view with a prior an arrow from there to where it is, where cameras are marked, and too long by a factor. */
-function drawMoves(pen, camera, map, chosen) {
+function drawMoves(pen, camera, map, { view: chosen, cameras }) {
   const factor = moveFactor(map);
   map.scene.views.forEach((view, k) => {
     const change = poseChange(view);
@@ -41,8 +41,8 @@ function drawMoves(pen, camera, map, chosen) {
     pen.arc(u, v, 3.5 * pen.ratio, 0, 2 * Math.PI);
     pen.fillStyle = pen.strokeStyle;
     pen.fill();
-    if (isNamed(map, k, chosen)) outlined(pen, shortName(view.name), u + 7 * pen.ratio, v, pen.strokeStyle);
   });
+  if (!cameras) drawNames(pen, camera, map, chosen, (view) => cameraMark(map, view)); // else they have theirs
 }
 
 /** Rows [quantity, value] of the chosen view's pose change. */
@@ -50,13 +50,14 @@ function moveRows(map, k) {
   const view = map.scene.views[k];
   const change = poseChange(view);
   const name = shortName(view.name);
-  if (!change) return [[`${name} from its pose prior`, "it has none"]];
+  if (!change) return [["image", name], ["pose prior", "none"]];
   const { center_sigma: ofCenter, rotation_sigma: ofRotation } = view.prior;
   const stated = (sigma, words) => (sigma === null ? "" : ` (prior ± ${four(sigma)}${words})`);
   return [
-    [`${name} moved`, `${four(length(change.move))} ${map.scene.unit}${stated(ofCenter, "")}`],
+    ["image", name],
+    ["moved", `${four(length(change.move))} ${map.scene.unit}${stated(ofCenter, "")}`],
     ["turned", `${four(change.turn)}°${stated(ofRotation === null ? null : ofRotation / DEGREE, "")}`],
-    ["map's middle in its image moved", `${four(Math.hypot(...change.shift))} px`],
-    ["arrows of moves are too long by", four(moveFactor(map))],
+    ["moves the map in it by", `${four(Math.hypot(...change.shift))} px`],
+    ["arrows are longer by", four(moveFactor(map))],
   ];
 }

@@ -31,7 +31,7 @@ function drawOverlay(canvas, renderer, state, layer, shown, camera, ratio) {
   if (shown.contour > 0 && shown.compare === "map") drawContourLabels(pen, renderer, shown.contour);
   if (state.footprints && map.ground.footprints) drawFootprints(pen, camera, map, state.view);
   if (state.cameras) drawCameras(pen, camera, map, state.view);
-  if (state.moves && hasMoves(map)) drawMoves(pen, camera, map, state.view);
+  if (state.moves && hasMoves(map)) drawMoves(pen, camera, map, state);
   drawMeasure(pen, camera, map, state);
   if (shown.compare === "difference") {
     const top = 100 * shown.difference[1];
