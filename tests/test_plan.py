@@ -74,6 +74,18 @@ def planned(table):
     return plan_site(vesta(table), options(), with_candidates=False)
 
 
+def test_a_plan_finishes_with_the_model_that_a_run_would_choose(table):
+    """On Hapke's ground views that are kept out prefer Hapke's model, whose albedos have a poorly known level; a model
+    that is given stays."""
+    by_evidence, given = (
+        plan_site(vesta(table), replace(options(reflectance=name), ground="hapke"), with_candidates=False)
+        for name in ("auto", "lunar-lambert")
+    )
+    assert by_evidence.as_dict()["assumed"]["reflectance"] == "hapke"
+    assert given.as_dict()["assumed"]["reflectance"] == "lunar-lambert"
+    assert by_evidence.sigmas["albedo_sigma_median_percent"] > 2.0 * given.sigmas["albedo_sigma_median_percent"]
+
+
 def test_a_table_gives_poses_and_suns(table):
     """What a camera looks at projects to its image's middle. Suns turn back as written."""
     site = read_table(table)

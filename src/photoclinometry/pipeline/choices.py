@@ -62,7 +62,9 @@ def choose(site: Site, options: RunOptions) -> Choices:
     log.info("matcher: %s (%s)", name, matcher_entry(name).precision)
     return Choices(
         reflectance=reflectance,
-        candidates=candidate_models(reflectance, site) if options.reflectance == "auto" and reflectance else (),
+        candidates=candidate_models(reflectance, site.body, site.brightness)
+        if options.reflectance == "auto" and reflectance
+        else (),
         matcher=keyed_matcher(name, options),
         relit_matcher=keyed_matcher(matcher_entry(name).relit_with or name, options),
         held_out=held_out,
@@ -96,13 +98,13 @@ def choose_reflectance(name: str, body: str | None) -> Reflectance | None:
     return published(chosen, body)
 
 
-def candidate_models(first: Reflectance, site: Site) -> tuple[str, ...]:
-    """Names of the models that may turn out better for a site than the one to begin with, and its own.
+def candidate_models(first: Reflectance, body: str | None, brightness: str) -> tuple[str, ...]:
+    """Names of the models that may turn out better for images of a body than the one to begin with, and its own.
 
     Of calibrated images they predict the brightness itself, if the first does: a model without a phase function has
     relative albedos.
     """
-    return models_for(site.body, absolute=not exposure_is_free(site.brightness, first))
+    return models_for(body, absolute=not exposure_is_free(brightness, first))
 
 
 def keyed_matcher(name: str, options: RunOptions) -> Keyed[Matcher]:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 from photoclinometry.evaluate.model_ranking import RankingOptions, rank_models
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance, starting_model
+from photoclinometry.model.scene import Scene
 from photoclinometry.pipeline.map_stages import Iterate
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
@@ -46,18 +48,26 @@ class ChooseModel(Stage[ChosenModel]):
     """Names of models, that of the map among them."""
 
     def make(self, tools: Tools) -> ChosenModel:
-        scene, kept = self.relit.value.scene, ChosenModel(reflectance=self.known)
-        try:
-            ranking = rank_models(scene, RankingOptions(models=self.candidates, landmarks=LANDMARKS), tools.progress)
-        except InputError as error:
-            log.info("reflectance models are not compared: %s", error)
-            say_found(f"{self.known.name}, models are not compared")
-            return kept
-        best = ranking.best
-        own = next(fit for fit in ranking.fits if fit.reflectance.name == self.known.name)
-        errors = f"{best.reflectance.name} misses {best.error_percent:.2f} %"
-        if ranking.is_as_good(own, ONE_ERROR):
-            say_found(f"{self.known.name} misses {own.error_percent:.2f} %, {errors}" if own is not best else errors)
-            return kept
-        say_found(f"{errors}, {self.known.name} {own.error_percent:.2f} %")
-        return ChosenModel(reflectance=starting_model(best.reflectance.name, scene.body))
+        found, why = model_by_kept_out_views(self.relit.value.scene, self.known, self.candidates, tools.progress)
+        say_found(why)
+        return ChosenModel(reflectance=found)
+
+
+def model_by_kept_out_views(
+    scene: Scene, known: Reflectance, candidates: tuple[str, ...], progress: Progress = no_progress
+) -> tuple[Reflectance, str]:
+    """The model of `candidates` to finish a scene with, as it is known beforehand, and the reason in a few words.
+
+    It is `known`, the scene's own as it is known beforehand, where no other is told from that or nothing is compared.
+    """
+    try:
+        ranking = rank_models(scene, RankingOptions(models=candidates, landmarks=LANDMARKS), progress)
+    except InputError as error:
+        log.info("reflectance models are not compared: %s", error)
+        return known, f"{known.name}, models are not compared"
+    best = ranking.best
+    own = next(fit for fit in ranking.fits if fit.reflectance.name == known.name)
+    errors = f"{best.reflectance.name} misses {best.error_percent:.2f} %"
+    if ranking.is_as_good(own, ONE_ERROR):
+        return known, f"{known.name} misses {own.error_percent:.2f} %, {errors}" if own is not best else errors
+    return starting_model(best.reflectance.name, scene.body), f"{errors}, {known.name} {own.error_percent:.2f} %"

@@ -23,11 +23,13 @@ from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import BODY_FIXED, Image, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.photometry.initialize import with_model
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.shading import brightness_on_surface
-from photoclinometry.pipeline.choices import choose_reflectance, keyed_matcher
+from photoclinometry.pipeline.choices import candidate_models, choose_reflectance, keyed_matcher
 from photoclinometry.pipeline.direct_refinement import MIN_SHARE, image_gradients, refine_directly
 from photoclinometry.pipeline.joint_estimate import JointEstimate
+from photoclinometry.pipeline.model_choice import model_by_kept_out_views
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.relighting import rematch
@@ -156,6 +158,8 @@ def forecast(
     )
     try:
         matched = rematch(brightness_on_surface(scene, images), images, matcher, run.densify, progress, "match")
+        if run.reflectance == "auto":
+            matched, reflectance = _with_better_model(matched, reflectance, progress)
         progress("estimate", 0, 0)
         estimate = JointEstimate(options=run.adjust, reflectance=reflectance, tie_points=tie_points, sparse_views=views)
         adjustment = refine_directly(matched, images, estimate)
@@ -304,6 +308,14 @@ def _scene_at_truth(
         reference=reference,
         region=region,
     )
+
+
+def _with_better_model(scene: Scene, known: Reflectance, progress: Progress) -> tuple[Scene, Reflectance]:
+    """The matched map with the model that a run would finish it with, and that as it is known beforehand."""
+    candidates = candidate_models(known, scene.body, scene.brightness)
+    found, why = model_by_kept_out_views(scene, known, candidates, progress)
+    log.info("reflectance: %s", why)
+    return (scene if found.name == known.name else with_model(scene, found)), found
 
 
 def _priors(planned: PlannedViews, views: Views) -> PosePriors | None:
