@@ -7,6 +7,7 @@ from dataclasses import replace
 from xml.etree import ElementTree
 
 import cv2
+import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from photoclinometry.io.scene_file import write_scene
 from photoclinometry.model.geometry import Similarity, sphere_step, unit
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.output.figures.draw import colour_map, limits
+from photoclinometry.output.figures.journal import draw_figure, style_of
 from photoclinometry.output.figures.layers import LAYERS, slope_deg, slope_sigma_deg
 from photoclinometry.output.figures.maps import contour_levels, normal_colours
 from photoclinometry.output.figures.marks import ground_per_pixel, north_in_image, scale_bar, sun_in_image
@@ -321,6 +323,18 @@ def test_an_svg_has_its_size_its_fonts_its_text_and_the_maps_values(run, scene, 
     shown = picture[np.ix_(middles, middles)].astype(float)
     assert np.abs(shown[there][:, 0] - expected[there][:, 0]).max() < 4
     assert (shown[~there][:, 3] == 0).all()
+
+
+def test_labels_of_colour_bars_leave_the_next_map_free(scene):
+    """Albedos of a dark body, whose values need three decimals."""
+    dark = replace(scene.landmarks, albedo=np.linspace(0.0318, 0.0532, len(scene.landmarks)))
+    options = pcm.FigureOptions(layers=("albedo", "height", "slope"), columns=2, across=3)
+    with matplotlib.rc_context(style_of(options)):
+        found = draw_figure(replace(scene, landmarks=dark), options)
+        found.canvas.draw()
+        first, second = found.axes[:2]
+        gap = second.get_window_extent().x0 - first.child_axes[0].get_tightbbox().x1
+    assert gap > 0.03 * found.dpi  # a thirtieth of an inch
 
 
 def test_a_png_has_the_pixels_of_its_size(run, tmp_path):

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from photoclinometry.model.scene import Region
 
@@ -27,6 +28,9 @@ ASPECT = (0.3, 2.0)
 """Range of a panel's height over its width; maps beyond it are drawn with margins."""
 BAR_PLACE = (1.03, 0.0, 0.035, 1.0)
 """Left, bottom, width and height of a colour bar in sizes of its map."""
+_MOST_TICKS = 6
+"""Intervals of a colour bar. Steps of 1, 2 or 5 need a digit less than those of 2.5; beside a bar is room for five
+characters."""
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 10,
@@ -152,7 +156,8 @@ def add_bar(axes: Axes, drawn: Any, values: np.ndarray, label: str) -> None:
     under, over = (finite < low).any(), (finite > high).any()
     extend = "both" if under and over else "min" if under else "max" if over else "neither"
     place = axes.inset_axes(BAR_PLACE)
-    axes.figure.colorbar(drawn, cax=place, label=label, extend=extend, extendfrac=0.03)
+    ticks = MaxNLocator(_MOST_TICKS, steps=(1, 2, 5, 10))
+    axes.figure.colorbar(drawn, cax=place, label=label, extend=extend, extendfrac=0.03, ticks=ticks)
 
 
 def bare(axes: Axes, title: str = "") -> Axes:
