@@ -2,6 +2,7 @@
 
     python benchmarks/viewer.py RUN [VIEW ...]       # a finished run, and numbers of views; default: the reference view
     python benchmarks/viewer.py BODY                 # a finished body
+    python benchmarks/viewer.py --landmarks 1000000  # a made-up map of so many, and none of a run's
 
 Size of the page with the run's images [MB], time until its map is drawn, time of a frame under another Sun and from
 another camera [ms, median], and the difference of its brightness from `render` [% of the mean brightness]. Of a body
@@ -26,6 +27,7 @@ from photoclinometry.surface.relief import local_frame, sun_from_angles
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from browser import Page, browser, why_no_browser
+from scenes import synthetic_scene
 
 SUNS_DEG = ((315.0, 50.0), (90.0, 25.0), (200.0, 12.0))
 """Azimuth and elevation, beside the view's own Sun."""
@@ -63,6 +65,17 @@ def main(run: Path, chosen: list[int]) -> None:
         print_frames(page, 0)
         for view in chosen or [scene.reference]:
             compare(page, scene, view)
+
+
+def main_made_up(count: int) -> None:
+    """Size and times of a made-up map: smooth ground in four views, whose brightness is not compared."""
+    scene = synthetic_scene(size=round(count**0.5), views=4)
+    with tempfile.TemporaryDirectory() as folder, browser(Path(folder)) as page:
+        path = write_viewer(Path(folder) / "viewer.html", scene)
+        print(f"{len(scene.landmarks)} landmarks, no images: {path.stat().st_size / 1e6:.1f} MB")
+        page.open(path)
+        print(f"drawn after {page.run('return viewer.openedIn'):.0f} ms")
+        print_frames(page, 0)
 
 
 def main_body(path: Path) -> None:
@@ -104,4 +117,7 @@ def compare(page: Page, scene, view: int) -> None:
 if __name__ == "__main__":
     if why_no_browser():
         sys.exit(why_no_browser())
-    main(Path(sys.argv[1]), [int(text) for text in sys.argv[2:]])
+    if sys.argv[1] == "--landmarks":
+        main_made_up(int(sys.argv[2]))
+    else:
+        main(Path(sys.argv[1]), [int(text) for text in sys.argv[2:]])
