@@ -19,7 +19,7 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Camera, Landmarks, Views
 from photoclinometry.plan.candidates import candidates, gains
 from photoclinometry.plan.exposures import cropped_views
-from photoclinometry.plan.forecast import KINDS
+from photoclinometry.plan.forecast import KINDS, with_frame
 from photoclinometry.plan.ground import representative_ground
 from photoclinometry.plan.options import CandidateOptions, PlanOptions
 from photoclinometry.plan.place import planned_views
@@ -72,6 +72,13 @@ def vesta(path, views=slice(None)):
 @pytest.fixture(scope="module")
 def planned(table):
     return plan_site(vesta(table), options(), with_candidates=False)
+
+
+def test_landmarks_that_nothing_measures_leave_the_other_sigmas_of_a_frame():
+    """Of four: two whose sigmas the frame adds to, one that it takes nothing from, one that is not measured."""
+    sigma, known = np.array([3.0, 0.0, 2.0, np.inf]), np.array([5.0, 1.0, 0.5, np.inf])
+    own = np.array([3.0, 0.0, 1.0, np.inf])
+    np.testing.assert_allclose(with_frame(sigma, known, own), [5.0, 1.0, 2.0, np.inf])
 
 
 def test_a_plan_finishes_with_the_model_that_a_run_would_choose(table):

@@ -118,10 +118,19 @@ class Forecast:
             return {}
         own, noise = stated_at(self, self.scene, self.images, self.tie_points)
         known, _ = stated_at(self, self.scene, self.images, self.tie_points, noise=noise, pose_priors=self.pose_priors)
-        return {
-            kind: np.sqrt(sigma**2 + np.maximum(known[kind] ** 2 - own[kind] ** 2, 0.0))
-            for kind, sigma in self.sigmas().items()
-        }
+        return {kind: with_frame(sigma, known[kind], own[kind]) for kind, sigma in self.sigmas().items()}
+
+
+def with_frame(sigma: np.ndarray, known: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """Sigmas (J,) with what those of one information gain (`known` over `own`) by the errors of the frame.
+
+    Infinite where one of them is: there nothing was measured.
+    """
+    measured = np.isfinite(sigma) & np.isfinite(known) & np.isfinite(own)
+    found = np.full(len(sigma), np.inf)
+    gained = np.maximum(known[measured] ** 2 - own[measured] ** 2, 0.0)
+    found[measured] = np.sqrt(sigma[measured] ** 2 + gained)
+    return found
 
 
 def run_options(options: PlanOptions) -> RunOptions:
