@@ -3,11 +3,13 @@
 import io
 import logging
 import re
+import time
 
 import pytest
 from rich.console import Console
 
 from commands import phomo
+from photoclinometry.cli import bars
 from photoclinometry.cli.bars import progress_bars, time_left
 from photoclinometry.cli.terminal import log_to
 
@@ -62,6 +64,24 @@ def test_a_bar_goes_when_its_stage_ends(console, tmp_path):
         assert not progress.drawn.tasks
         assert drawn(console)[-1] == ""
     assert "last estimate 2.1 s" in drawn(console)
+
+
+def test_the_log_is_told_of_long_work_from_time_to_time(console, tmp_path, monkeypatch):
+    """What is done, of how much, and the time left; nothing of short work."""
+    monkeypatch.setattr(bars, "LOG_EVERY_S", 0.05)
+    with progress_bars(console) as progress, log_to(tmp_path / "run", console, progress):
+        progress("relight 1", 0, 4)
+        progress("relight 1", 1, 4)
+        time.sleep(0.1)
+        progress("relight 1", 2, 4)
+        progress("relight 1", 3, 4)
+        progress("adjust", 0, 0)
+        time.sleep(0.1)
+        progress("adjust", 7, 0)
+    lines = [
+        line.split("photoclinometry.cli.bars: ")[1] for line in (tmp_path / "run" / "log").read_text().splitlines()
+    ]
+    assert lines == ["relight 1 2/4 left 0:00", "adjust 7"]
 
 
 def test_a_bar_goes_when_its_stage_fails(console):

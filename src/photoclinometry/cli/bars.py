@@ -1,7 +1,11 @@
-"""Progress bars on the terminal: there while their work is, and at their total when it is done."""
+"""Progress bars on the terminal: there while their work is, and at their total when it is done.
+
+Of long work the log has the same.
+"""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -9,6 +13,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.progress import Progress as Drawn
     from rich.progress import TaskID
+
+
+log = logging.getLogger(__name__)
+
+LOG_EVERY_S = 60.0
+"""Time from one line of the log about the same work to the next [s]: an hour's run has dozens, a short one none."""
 
 
 class Bars:
@@ -23,6 +33,8 @@ class Bars:
         self.what: str | None = None
         """The work whose bar is there, None without one."""
         self.task: TaskID
+        self.logged_s = 0.0
+        """When the log was last told of the work, after its begin [s]."""
 
     def __call__(self, what: str, done: int, total: int) -> None:
         begins = what != self.what
@@ -36,9 +48,12 @@ class Bars:
             "left": time_left(elapsed, done, total),
         }
         if begins:
-            self.what, self.task = what, self.drawn.add_task(what, **shown)
+            self.what, self.task, self.logged_s = what, self.drawn.add_task(what, **shown), 0.0
         else:
             self.drawn.update(self.task, **shown)
+        if elapsed is not None and elapsed - self.logged_s >= LOG_EVERY_S:
+            self.logged_s = elapsed
+            log.info("%s", " ".join(part for part in (what, shown["count"], shown["left"]) if part))
         # The thread that draws waits while compiled code holds the interpreter, which may be for seconds.
         if done == total:
             self.drawn.refresh()
