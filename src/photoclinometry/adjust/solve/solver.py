@@ -70,7 +70,7 @@ class SolverOptions(Ranged):
     max_steps: Annotated[int, Range(least=1, most=100_000)] = 100
     """Levenberg-Marquardt steps at most. Most estimates take 5 to 15; of 60 of few views, 4 to 12, 24 took more than
     30, for slow motions of the whole."""
-    relative_decrease: Annotated[float, Range(least=0, below=1)] = 1e-5
+    relative_decrease: Annotated[float, Range(least=0, below=1)] = 1e-4
     """Converged when two successive steps lower the cost by less than this share, or one that promised no more ..."""
     absolute_decrease: Annotated[float, Range(least=0)] = 1.0
     """... or by less than this, in squared standard deviations: no variable then moves by a standard deviation ..."""
