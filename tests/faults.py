@@ -1168,7 +1168,7 @@ def disks() -> Iterator[Fault]:
 
 
 def ends() -> Iterator[Fault]:
-    resumes = "the same command resumes after the last finished stage"
+    resumes = "the same command goes on from what is finished"
     stages, signal = ("finished stages",), "test_signals.py::test_a_signal_ends_a_command_with_one_line"
     row = rows("signals", left=stages)
     yield row("Ctrl-C", RUN, f"interrupted; {resumes}", code=130, test=signal)

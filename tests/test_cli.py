@@ -102,7 +102,7 @@ def test_an_error_is_one_line_and_an_exit_code(site, tmp_path, capsys, fails, er
 def test_an_interrupted_run_says_that_it_can_go_on(site, tmp_path, capsys, fails):
     fails(KeyboardInterrupt())
     assert phomo("run", site, *FEW_VIEWS, "--out", tmp_path / "run") == 130
-    assert "resumes after the last finished stage" in capsys.readouterr().err
+    assert "goes on from what is finished" in capsys.readouterr().err
     assert "stopped: KeyboardInterrupt" in (tmp_path / "run" / "log").read_text()
 
 

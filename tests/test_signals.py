@@ -66,7 +66,7 @@ def test_a_signal_ends_a_command_with_one_line(number, code, word, before, work)
         finally:
             process.kill()
     assert process.returncode == code
-    assert said == f"phomo: {word}; the same command resumes after the last finished stage\n"
+    assert said == f"phomo: {word}; the same command goes on from what is finished\n"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGHUP")

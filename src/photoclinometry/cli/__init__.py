@@ -8,7 +8,7 @@ Exit codes:
 - 2: misuse: a mistake in what was given, or a folder that belongs to another site or is in use.
 - 3: a map was made and all its files are written, but it is not to be trusted; the last line says why.
 - 130: interrupted (Ctrl-C). 143: terminated (SIGTERM). 129: the terminal or SSH session was closed (SIGHUP; `nohup`
-  keeps a command). The same command goes on after the last finished stage.
+  keeps a command). The same command goes on from what is finished.
 - 141: the reader of the output has closed it (`phomo ... | head`).
 """
 

@@ -18,7 +18,7 @@ from types import FrameType
 GRACE_S = 3.0
 """A command that has not ended so long after the signal is ended."""
 
-_RESUMES = "the same command resumes after the last finished stage"
+_RESUMES = "the same command goes on from what is finished"
 HANGUP = getattr(signal, "SIGHUP", None)
 """Comes when a terminal or an SSH session is closed; Windows has none."""
 SAYS = {
