@@ -8,7 +8,15 @@ import pytest
 
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.keypoints import sift_keypoints
-from photoclinometry.sfm.pairs import PREVIEWED, all_pairs, likeness_of, pairs_between, promising_pairs
+from photoclinometry.sfm.pairs import (
+    FEW_PARTNERS,
+    PREVIEWED,
+    RICH,
+    all_pairs,
+    likeness_of,
+    pairs_between,
+    promising_pairs,
+)
 from photoclinometry.sfm.pictures import brightness_picture
 from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site
 from test_sfm_relief import site as lit_site
@@ -25,6 +33,18 @@ def test_each_view_is_matched_with_those_most_like_it():
 def test_few_views_are_all_matched():
     assert promising_pairs(LIKENESS, 3) == promising_pairs(LIKENESS, 20) == all_pairs(4)
     assert len(all_pairs(4)) == 6
+
+
+@pytest.mark.parametrize(("eighth", "partners"), [(RICH, FEW_PARTNERS), (RICH - 1, 10)])
+def test_eight_partners_are_enough_for_a_view_that_matches_them_well(eighth, partners):
+    """View 0 is chosen by none of the others, and chooses eight where its eighth best match is good, else ten."""
+    likeness = np.full((12, 12), RICH - 1)
+    likeness[1:, 0] = -1
+    likeness[0, 1:FEW_PARTNERS] = RICH + 5
+    likeness[0, FEW_PARTNERS] = eighth
+    pairs = promising_pairs(likeness, 10)
+    assert sum(0 in pair for pair in pairs) == partners
+    assert [pair for pair in pairs if 0 not in pair] == [pair for pair in all_pairs(12) if 0 not in pair]
 
 
 def test_models_are_paired_by_their_most_similar_views_and_lone_views_with_all():

@@ -15,8 +15,8 @@ class SfmOptions(Ranged):
     max_features: Annotated[int, Range(least=1, most=1_000_000)] = 5000
     """SIFT keypoints per image, the strongest contrast first."""
     partners: Annotated[int, Range(least=1, most=1_000_000)] = 20
-    """Other views that each view is matched with: the most similar ones by a preview of a few keypoints. Views that do
-    not register then are matched with all."""
+    """Other views that each view is matched with: the most similar ones by a preview of a few keypoints; eight, where
+    the preview shows that these match well. Views that do not register then are matched with all."""
     relief_keypoints: bool = True
     """Where light differs too much for keypoints of the brightness, also match keypoints of the relief, which shading
     reveals if the Sun's direction is known."""

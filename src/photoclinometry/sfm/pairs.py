@@ -17,6 +17,11 @@ from photoclinometry.sfm.keypoints import mutual_matches
 PREVIEWED = 512
 """Largest keypoints of each view that are compared: enough to rank the pairs, a tenth of the default number."""
 
+FEW_PARTNERS, RICH = 8, PREVIEWED // 5
+"""Partners that suffice where the last of so many still matches a fifth of the previewed keypoints: with a thousand
+matches each, eight views say of a ninth what twenty say of it. Views of bodies, of which the eighth best pair has 7 to
+25 matches, keep all their partners; at full size (29 views of one place) it has 137 to 275."""
+
 
 def all_pairs(count: int) -> list[tuple[int, int]]:
     """(a, b) with b < a < count."""
@@ -26,10 +31,15 @@ def all_pairs(count: int) -> list[tuple[int, int]]:
 def promising_pairs(likeness: np.ndarray, partners: int) -> list[tuple[int, int]]:
     """Pairs of views of which one is among the `partners` most similar ones of the other; all pairs of fewer views.
 
-    likeness: (K, K), as of `likeness_of`; its diagonal is ignored.
+    FEW_PARTNERS are enough for a view that matches all of them well (RICH). likeness: (K, K), as of `likeness_of`; its
+    diagonal is ignored.
     """
     count = len(likeness)
-    chosen = _most_alike(np.where(np.eye(count, dtype=bool), -1, likeness), partners)
+    likeness = np.where(np.eye(count, dtype=bool), -1, likeness)
+    chosen = _most_alike(likeness, partners)
+    if count > FEW_PARTNERS:
+        rich = np.sort(likeness, axis=1)[:, -FEW_PARTNERS] >= RICH
+        chosen[rich] &= _most_alike(likeness, FEW_PARTNERS)[rich]
     return [(a, b) for a, b in all_pairs(count) if chosen[a, b] or chosen[b, a]]
 
 
