@@ -1,6 +1,7 @@
 """Views that contradict the others are named and left out; sound ones are kept, and undecided ones too."""
 
 import logging
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -73,6 +74,24 @@ def test_a_view_of_other_ground_is_left_out(scene, view):
     ((found, why),) = inconsistent_views(with_other_ground(scene, [view]))
     assert found == view
     assert "shows another place" in why
+
+
+@pytest.mark.parametrize("factor", [5.0, 0.25])
+def test_a_view_of_another_exposure_is_left_out(scene, factor):
+    tracks = scene.tracks
+    brightness = np.where(tracks.view == 3, factor, 1.0) * tracks.brightness
+    ((view, why),) = inconsistent_views(replace(scene, tracks=replace(tracks, brightness=brightness)))
+    assert view == 3
+    said = re.fullmatch(r"it is (\S+) times as bright .*: check its exposure and its unit", why)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(factor, rel=0.02)
+
+
+def test_exposures_of_uncalibrated_views_and_of_few_are_free(scene):
+    dn = synthetic_scene(size=20, views=8, reflectance=published("mcewen"), brightness_noise=0.01)
+    for one in (dn, only(scene, 4)):
+        brightness = np.where(one.tracks.view == 3, 5.0, 1.0) * one.tracks.brightness
+        assert inconsistent_views(replace(one, tracks=replace(one.tracks, brightness=brightness))) == []
 
 
 def test_another_reflectance_model_is_no_reason(scene):

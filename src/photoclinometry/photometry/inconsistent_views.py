@@ -18,7 +18,8 @@ from photoclinometry.model.reflectance import Reflectance, photometric_angles
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.model.warning import warn
-from photoclinometry.photometry.sun_check import MIN_POINTS, coarse_scene, sun_from_other_views
+from photoclinometry.photometry.initialize import exposure_is_free
+from photoclinometry.photometry.sun_check import MIN_POINTS, coarse_scene, ground_from_views, sun_from_other_views
 from photoclinometry.photometry.sun_fit import MIN_LIT_SHARE, SunFit
 
 log = logging.getLogger(__name__)
@@ -46,6 +47,11 @@ FEW_SIGMAS = 8.0
 """As SIGMAS, where fewer are in use, of the jackknife's standard deviation. This has two degrees of freedom then:
 Student's t exceeds 8 in 1.5 % of cases. Of four simulated views one that is off by 30 degrees is named in 83 to 89 %,
 by 60 in 94 %; sound ones are named in 17 to 33 %, with 5 in 67 %."""
+
+OTHER_EXPOSURE = 3.0
+"""A calibrated view whose brightness is so many times what the others predict, or that share of it, has another
+exposure or unit. Calibrations agree to a few per cent, phase functions to tens: sound simulated views have 0.9 to 1.1
+under models other than their ground's."""
 
 SUSPECTS = 5
 """Views that are tried as the one to leave out, the most suspicious first: each costs a Sun fit of all the others."""
@@ -121,10 +127,31 @@ def inconsistent_views(scene: Scene) -> list[tuple[int, str]]:
             break
         used[worst[0]] = False
         found.append(worst)
+    found += _exposed_otherwise(scene, used)
     for view, why in found:
         name = scene.views.name[view]
         warn(log, "view-left-out", "%s is left out: %s", name, why, view=name)
     return found
+
+
+def _exposed_otherwise(scene: Scene, used: np.ndarray) -> list[tuple[int, str]]:
+    """Views in use (K,) bool whose exposure is not that of the others, as `inconsistent_views` names them.
+
+    None of images whose exposures are free, and none where too few others are left to judge by.
+    """
+    assert scene.reflectance is not None
+    if exposure_is_free(scene.brightness, scene.reflectance) or used.sum() <= MIN_OTHER_VIEWS:
+        return []
+    gain = ground_from_views(scene, used)[0].views.scale
+    factor = gain / np.median(gain[used])
+    other = used & (np.abs(np.log(factor)) > math.log(OTHER_EXPOSURE))
+    if used.sum() - other.sum() < MIN_OTHER_VIEWS:
+        return []
+    return [
+        (int(k), f"it is {factor[k]:.3g} times as bright as the other views show its ground to be under its light: "
+         "check its exposure and its unit")
+        for k in np.flatnonzero(other)
+    ]  # fmt: skip
 
 
 def _worst(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, str] | None:
