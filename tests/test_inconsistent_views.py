@@ -87,6 +87,16 @@ def test_a_view_of_another_exposure_is_left_out(scene, factor):
     assert float(said[1]) == pytest.approx(factor, rel=0.02)
 
 
+def test_a_view_with_hardly_a_lit_point_is_not_judged_by_its_exposure(scene):
+    """Of its ten lit points, which are five times as bright as they should be."""
+    tracks = scene.tracks
+    of_view = np.flatnonzero(tracks.view == 3)
+    lit, brightness = tracks.lit.copy(), tracks.brightness.copy()
+    lit[of_view[10:]] = False
+    brightness[of_view] *= 5.0
+    assert inconsistent_views(replace(scene, tracks=replace(tracks, lit=lit, brightness=brightness))) == []
+
+
 def test_exposures_of_uncalibrated_views_and_of_few_are_free(scene):
     dn = synthetic_scene(size=20, views=8, reflectance=published("mcewen"), brightness_noise=0.01)
     for one in (dn, only(scene, 4)):

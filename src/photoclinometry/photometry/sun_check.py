@@ -104,24 +104,39 @@ def ground_from_views(scene: Scene, used: np.ndarray) -> tuple[Scene, np.ndarray
     Gains of all views are free. Albedos and gains are medians, taken in turns, which a minority of wrong views does not
     move far; shading then turns the normals, with Huber's loss.
     """
-    landmarks, tracks = scene.landmarks, scene.tracks
-    assert scene.reflectance is not None
-    landmark, lit = tracks.landmark, tracks.lit & used[tracks.view]
-    ratio, oblique = predicted_ratio(
-        landmarks.position, landmarks.normal, landmark, tracks.view, scene.views, scene.reflectance
-    )
-    usable = np.flatnonzero(lit & oblique & (ratio > 0))
-    albedo, gain = _albedo_and_gains(
-        tracks.brightness[usable] / ratio[usable], landmark[usable], tracks.view[usable], len(landmarks), len(used)
-    )
-    known = np.isfinite(albedo)
+    albedo, gain, _ = _unshaded(scene, used)
+    landmarks, tracks, known = scene.landmarks, scene.tracks, np.isfinite(albedo)
     start = replace(
         scene,
         views=replace(scene.views, scale=gain),
         landmarks=replace(landmarks, albedo=np.where(known, albedo, 1.0)),
-        tracks=replace(tracks, lit=lit & known[landmark]),
+        tracks=replace(tracks, lit=tracks.lit & used[tracks.view] & known[tracks.landmark]),
     )
     return normals_from_shading(start), known
+
+
+def gains_of_views(scene: Scene, used: np.ndarray) -> np.ndarray:
+    """(K,) gains of views `used` (K,) bool, up to a factor of all, as `ground_from_views` takes them.
+
+    NaN of views with fewer than MIN_POINTS usable points, and of those out of use.
+    """
+    _, gain, number = _unshaded(scene, used)
+    return np.where(number >= MIN_POINTS, gain, np.nan)
+
+
+def _unshaded(scene: Scene, used: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Albedo (J,), NaN where unseen, and gain (K,) of views `used` (K,) bool, and (K,) from how many points it is."""
+    landmarks, tracks = scene.landmarks, scene.tracks
+    assert scene.reflectance is not None
+    ratio, oblique = predicted_ratio(
+        landmarks.position, landmarks.normal, tracks.landmark, tracks.view, scene.views, scene.reflectance
+    )
+    usable = np.flatnonzero(tracks.lit & used[tracks.view] & oblique & (ratio > 0))
+    landmark, view = tracks.landmark[usable], tracks.view[usable]
+    albedo, gain = _albedo_and_gains(
+        tracks.brightness[usable] / ratio[usable], landmark, view, len(landmarks), len(used)
+    )
+    return albedo, gain, np.bincount(view, minlength=len(used))
 
 
 def _albedo_and_gains(
