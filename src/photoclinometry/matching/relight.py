@@ -24,6 +24,7 @@ from photoclinometry.photometry.initialize import SHADOW_SHARE
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
 from photoclinometry.photometry.shading import in_view
 from photoclinometry.surface.depth_fit import landmark_depth
+from photoclinometry.surface.relief import reference_depth
 
 LEVEL_WINDOW_PX = 6.0
 """Standard deviation of the Gaussian in which the levels of two pictures are compared, to fill masked pixels of one
@@ -149,7 +150,7 @@ def map_depth(scene: Scene, padded: Region) -> np.ndarray:
     """
     landmarks, region, pose = scene.landmarks, scene.region, scene.views.body_from_cam[scene.reference]
     depth = landmark_depth(landmarks.position, landmarks.pixel, pose, padded, scene.views.cameras[scene.reference])
-    at_landmarks = pose.inverse()(landmarks.position)[:, 2]
+    at_landmarks = reference_depth(scene)
     row, col = (landmarks.pixel - (padded.row, padded.col)).T
     if region.stride > 1:
         difference = region.between_cells(scene.grid(at_landmarks - depth[row, col]))

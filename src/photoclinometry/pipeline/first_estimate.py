@@ -15,6 +15,7 @@ from photoclinometry.adjust import Adjustment
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.shading import normals_from_shading
+from photoclinometry.surface.relief import reference_depth
 from photoclinometry.surface.sampling import filled_from_nearest, sample
 
 STEP = 2
@@ -51,11 +52,11 @@ def carried(found: Scene, before: Scene, scene: Scene) -> Scene:
     def between(values: np.ndarray, order: int = 3) -> np.ndarray:
         return sample(filled_from_nearest(found.grid(values), there), cell, order=order)
 
-    depth, old = _depth(found), _depth(before)
+    depth, old = reference_depth(found), reference_depth(before)
     rows, cols = there.shape
     inside = (cell <= np.array([cols, rows]) - 0.5).all(-1)
     inside &= sample(there.astype(float), cell, order=1) >= _WHOLE
-    deep = np.where(inside, between(depth), _depth(scene) * between(depth / old, 0))
+    deep = np.where(inside, between(depth), reference_depth(scene) * between(depth / old, 0))
     pose = found.views.body_from_cam[found.reference]
     ray = found.views.cameras[found.reference].ray_in_cam(scene.landmarks.pixel[:, ::-1] + 0.5)
     landmarks = replace(
@@ -68,8 +69,3 @@ def carried(found: Scene, before: Scene, scene: Scene) -> Scene:
         scene, views=found.views, landmarks=landmarks, reflectance=found.reflectance, frame=found.frame, uncertainty={}
     )
     return whole if whole.reflectance is None else normals_from_shading(whole)
-
-
-def _depth(scene: Scene) -> np.ndarray:
-    """(J,) of the landmarks in the reference view's camera."""
-    return scene.views.body_from_cam[scene.reference].inverse()(scene.landmarks.position)[:, 2]

@@ -40,6 +40,7 @@ from photoclinometry.rivals.integrate import integrate_normals, surface_normals
 from photoclinometry.rivals.outcome import Outcome, rendered_map
 from photoclinometry.rivals.problem import Problem
 from photoclinometry.surface.depth_fit import landmark_depth
+from photoclinometry.surface.relief import reference_depth
 
 log = logging.getLogger(__name__)
 
@@ -253,7 +254,7 @@ def _integrated(scene: Scene, landmark: np.ndarray, control: np.ndarray, options
         control[known],
         options.control_sigma * scene.gsd,
     )[scene.cells]
-    before = pose.inverse()(scene.landmarks.position)[:, 2]
+    before = reference_depth(scene)
     return _with_depth(scene, np.where(np.isfinite(depth), depth, before))
 
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.model.scene import Scene
+from photoclinometry.surface.relief import reference_depth
 from photoclinometry.surface.sampling import gaussian, masked_filter, smoothing_px
 
 PIXEL_PX2 = 1.0 / 12.0
@@ -53,7 +54,7 @@ def with_fine_relief(scene: Scene, psf_sigma_px: float) -> Scene:
     psf_sigma_px: standard deviation of the reference view's point-spread function [px].
     """
     view = scene.views.body_from_cam[scene.reference]
-    depth = scene.grid(view.inverse()(scene.landmarks.position)[:, 2])
+    depth = scene.grid(reference_depth(scene))
     added = _restored(depth, blur(scene.region.stride, psf_sigma_px)) - depth
     share = (np.nan_to_num(added) / depth)[scene.cells]
     ray = scene.landmarks.position - view.translation

@@ -49,6 +49,11 @@ def local_frame(scene: Scene) -> Rigid:
     return Rigid(np.stack([np.cross(north, up), north, up], -1), center)
 
 
+def reference_depth(scene: Scene) -> np.ndarray:
+    """(J,) depths of the landmarks along the reference view's optical axis, in units of B."""
+    return scene.views.body_from_cam[scene.reference].inverse()(scene.landmarks.position)[:, 2]
+
+
 def height_map(scene: Scene) -> np.ndarray:
     """Heights (h, w) of the landmarks above their mean plane, in units of B; NaN where there is no landmark."""
     return scene.grid(local_frame(scene).inverse()(scene.landmarks.position)[:, 2])

@@ -14,6 +14,7 @@ from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera, Region, Scene, Surroundings
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.depth_fit import SurfaceModel, fit_depth
+from photoclinometry.surface.relief import reference_depth
 
 FINEST, NODES = 4, 160
 """Nodes of the surface are at least FINEST pixels of the reference image apart, and not many more than NODES along its
@@ -77,18 +78,13 @@ def carried_along(before: Scene, after: Scene) -> Surroundings | None:
     around = before.surroundings
     if around is None:
         return None
-    old, new = (_depths(scene) for scene in (before, after))
     at = before.landmarks.pixel[:, ::-1] + 0.5
     middle = at.mean(axis=0)
-    plane = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at - middle]), new - old, rcond=None)[0]
+    changed = reference_depth(after) - reference_depth(before)
+    plane = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at - middle]), changed, rcond=None)[0]
     rows, cols = around.depth.shape
     x, y = np.meshgrid(around.stride * np.arange(cols) + 0.5, around.stride * np.arange(rows) + 0.5)
     return replace(around, depth=around.depth + plane[0] + plane[1] * (x - middle[0]) + plane[2] * (y - middle[1]))
-
-
-def _depths(scene: Scene) -> np.ndarray:
-    """(J,) of the landmarks along the reference camera's optical axis."""
-    return scene.views.body_from_cam[scene.reference].inverse()(scene.landmarks.position)[:, 2]
 
 
 def _within(region: Region, xy: np.ndarray, margin_px: float = 0.0) -> np.ndarray:
