@@ -30,7 +30,7 @@ from fault_place import (
     scaled,
     table_fits,
 )
-from sites import FEW_VIEWS, HEADER, SIZE, picture
+from sites import HEADER, SIZE, picture
 
 LINE, LIST, BOX = "line", "list", "box"
 """How a message looks: one line; a line and one more for each file; the box of the parser of options."""
@@ -94,10 +94,9 @@ class Fault:
         return not self.whole or (words.endswith(parts[-1]) if parts else at == len(words))
 
 
-FEW = " ".join(FEW_VIEWS)
-RUN = f"run site/site.toml --out map {FEW}"
+RUN = "run site/site.toml --out map"
 BODY = "body site/site.toml"
-MAPPED = f"run mapped/site.toml --out mapped/run {FEW}"
+MAPPED = "run mapped/site.toml --out mapped/run"
 RENDER = "render mapped/run --out a.png"
 FIGURE = "figure mapped/run --out a.pdf"
 EVALUATE = "evaluate mapped/run"
@@ -567,23 +566,23 @@ def folders() -> Iterator[Fault]:
     foreign = "exists and is not a run folder; choose another --out"
     yield row(
         "the output is a file",
-        f"run site {FEW} --out site/site.toml",
+        "run site --out site/site.toml",
         f"site/site.toml: {foreign}",
         whole=True,
     )
-    yield row("the output is the site", f"run site {FEW} --out site", f"site: {foreign}", whole=True)
+    yield row("the output is the site", "run site --out site", f"site: {foreign}", whole=True)
     yield row(
         "the output is below a file",
-        f"run site {FEW} --out site/site.toml/map",
+        "run site --out site/site.toml/map",
         "site/site.toml/map/run.json: cannot be written: Not a directory; part of the path is a file",
     )
     yield row(
         "a name too long",
-        f"run site {FEW} --out {300 * 'x'}",
+        f"run site --out {300 * 'x'}",
         f"{60 * 'x'}... (309 characters): File name too long; choose a shorter path",
         whole=True,
     )
-    another = f"run site {FEW} --out mapped/run"
+    another = "run site --out mapped/run"
     yield row(
         "the map of another site",
         another,

@@ -27,10 +27,6 @@ size_px = [40, 20]
 """
 
 
-FEW_VIEWS = ("--densify.min-views", "3")
-"""Options of `phomo run` for ground that few images of the small site show."""
-
-
 def view_text(number: int) -> str:
     return f"""
 [[views]]

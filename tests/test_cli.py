@@ -14,7 +14,7 @@ from commands import phomo
 from photoclinometry.io.images import read_image
 from photoclinometry.model.errors import ImageError, NotConvergedError, ReconstructionError
 from photoclinometry.pipeline import run as pipeline
-from sites import FEW_VIEWS, write_small_site
+from sites import write_small_site
 
 
 @pytest.fixture
@@ -92,7 +92,7 @@ def test_help_of_run_explains_options(capsys):
 )
 def test_an_error_is_one_line_and_an_exit_code(site, tmp_path, capsys, fails, error, code):
     fails(error)
-    assert phomo("run", site, *FEW_VIEWS, "--out", tmp_path / "run") == code
+    assert phomo("run", site, "--out", tmp_path / "run") == code
     said = capsys.readouterr()
     assert said.err.strip().splitlines()[-1] == f"phomo: {error}"
     assert "Traceback" not in said.err + said.out
@@ -101,7 +101,7 @@ def test_an_error_is_one_line_and_an_exit_code(site, tmp_path, capsys, fails, er
 
 def test_an_interrupted_run_says_that_it_can_go_on(site, tmp_path, capsys, fails):
     fails(KeyboardInterrupt())
-    assert phomo("run", site, *FEW_VIEWS, "--out", tmp_path / "run") == 130
+    assert phomo("run", site, "--out", tmp_path / "run") == 130
     assert "goes on from what is finished" in capsys.readouterr().err
     assert "stopped: KeyboardInterrupt" in (tmp_path / "run" / "log").read_text()
 
@@ -109,7 +109,7 @@ def test_an_interrupted_run_says_that_it_can_go_on(site, tmp_path, capsys, fails
 def test_our_own_mistakes_keep_their_traceback(site, tmp_path, fails):
     fails(ZeroDivisionError("a bug"))
     with pytest.raises(ZeroDivisionError):
-        phomo("run", site, *FEW_VIEWS, "--out", tmp_path / "run")
+        phomo("run", site, "--out", tmp_path / "run")
 
 
 def test_simulate_writes_a_site_once_with_the_options_given(tmp_path, capsys):

@@ -21,7 +21,7 @@ from photoclinometry.pipeline.records import read_record, write_record
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.database import disk_errors
 from scenes import synthetic_scene
-from sites import FEW_VIEWS, write_small_site
+from sites import write_small_site
 
 
 @pytest.mark.parametrize("size", [1_000, 20_000, 100_000], ids="{} bytes".format)
@@ -85,7 +85,7 @@ def test_any_other_write_of_a_command(tmp_path, monkeypatch, capsys, code):
         raise OSError(code, os.strerror(code), "/somewhere/kernel.nbi")
 
     monkeypatch.setattr(pipeline, "run", fails)
-    assert phomo("run", write_small_site(tmp_path / "site"), *FEW_VIEWS, "--out", tmp_path / "run") == 1
+    assert phomo("run", write_small_site(tmp_path / "site"), "--out", tmp_path / "run") == 1
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert last == f"phomo: /somewhere/kernel.nbi: {os.strerror(code)}; free some space, or choose another place"
 
@@ -96,7 +96,7 @@ def test_missing_files_of_the_program_are_no_disk_errors(tmp_path, monkeypatch):
 
     monkeypatch.setattr(pipeline, "run", fails)
     with pytest.raises(FileNotFoundError):
-        phomo("run", write_small_site(tmp_path / "site"), *FEW_VIEWS, "--out", tmp_path / "run")
+        phomo("run", write_small_site(tmp_path / "site"), "--out", tmp_path / "run")
 
 
 SMALL = "--image-size 32 --views 3"
