@@ -2,6 +2,9 @@
 
 const LONGEST_MOVE = 0.3; // of the map's radius: the longest arrow
 
+/** Of a view with a prior [the page's unit]. */
+const moved = (view) => subtract(view.center, view.prior.center);
+
 /** Of a view with a prior: its move [the page's unit], its turn [degrees], and by how much that shifts the middle of the
  * map in its image [px]; else null. */
 function poseChange(view) {
@@ -10,7 +13,7 @@ function poseChange(view) {
   const [a, b] = [view, view.prior].map((each) => each.local_from_cam.flat());
   const apart = Math.sqrt(a.reduce((sum, value, i) => sum + (value - b[i]) ** 2, 0)); // 2 sqrt(2) sin(half the turn)
   return {
-    move: subtract(view.center, view.prior.center),
+    move: moved(view),
     turn: (2 * Math.asin(Math.min(apart / Math.sqrt(8), 1))) / DEGREE,
     shift: [now[0] - then[0], now[1] - then[1]],
   };
@@ -20,7 +23,7 @@ const hasMoves = (map) => map.scene.views.some((view) => view.prior);
 
 /** By how much moves are drawn too long. */
 function moveFactor(map) {
-  const longest = Math.max(...map.scene.views.map((view) => (view.prior ? length(poseChange(view).move) : 0)));
+  const longest = Math.max(...map.scene.views.map((view) => (view.prior ? length(moved(view)) : 0)));
   return longest > 0 ? (LONGEST_MOVE * map.radius) / longest : 1;
 }
 
