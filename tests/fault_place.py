@@ -216,9 +216,10 @@ def lock(**content: object) -> Change:
     def change() -> None:
         import socket
 
-        own = {"pid": os.getpid(), "host": socket.gethostname(), "since": "2026-01-02T03:04:05Z", "process_start": ""}
-        if Path("/proc/self/stat").exists():
-            own["process_start"] = Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19]
+        import psutil
+
+        started = psutil.Process().create_time()
+        own = dict(pid=os.getpid(), host=socket.gethostname(), since="2026-01-02T03:04:05Z", process_started=started)
         Path("mapped/run/lock").write_text(json.dumps(own | content))
 
     return change

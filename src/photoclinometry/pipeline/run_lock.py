@@ -16,6 +16,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import psutil
+
 from photoclinometry.io.atomic import unwritable
 from photoclinometry.io.json_file import parse_json
 from photoclinometry.model.errors import RunFolderError
@@ -26,6 +28,10 @@ NAME = "lock"
 
 GRACE_S = 10.0
 """A lock that cannot be read is taken for one that is just being written, up to this age. That takes milliseconds."""
+
+SET_CLOCK_S = 60.0
+"""A process whose start differs by less is the same one: some systems count the start from a clock that may be set
+meanwhile. A process number is used again after all others, minutes later at the earliest."""
 
 TRIES = 5
 """A lock that vanishes or changes while it is looked at is looked at again, so many times at most."""
@@ -39,8 +45,8 @@ class Holder:
     host: str
     since: str
     """When the lock was made, in UTC."""
-    process_start: str = ""
-    """When the process started, as the system counts; empty where it does not tell. Process numbers are used again."""
+    process_started: float | None = None
+    """When the process started, in seconds since 1970; None where that is not known. Process numbers are used again."""
 
     @property
     def is_here(self) -> bool:
@@ -49,11 +55,16 @@ class Holder:
 
     @property
     def is_running(self) -> bool:
-        """Whether the process still runs; it must be one of this computer."""
-        if not _exists(self.pid):
+        """Whether the process still runs, or may; it must be one of this computer."""
+        try:
+            process = psutil.Process(self.pid)
+            if process.status() == psutil.STATUS_ZOMBIE:
+                return False
+            return self.process_started is None or abs(process.create_time() - self.process_started) < SET_CLOCK_S
+        except psutil.AccessDenied:
+            return True  # another user's
+        except (psutil.NoSuchProcess, OverflowError, ValueError):  # errors of numbers that no process can have, too
             return False
-        start = _process_start(self.pid)
-        return not (start and self.process_start and start != self.process_start)
 
 
 @contextmanager
@@ -83,7 +94,7 @@ def check_lock(folder: Path) -> None:
 def _take(path: Path) -> str:
     """Makes the lock; returns its content."""
     since = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-    holder = Holder(os.getpid(), socket.gethostname(), since, _process_start(os.getpid()))
+    holder = Holder(os.getpid(), socket.gethostname(), since, psutil.Process().create_time())
     # Two threads of one process would write the same.
     text = json.dumps(asdict(holder) | {"token": secrets.token_hex(4)}) + "\n"
     for _ in range(TRIES):
@@ -123,7 +134,9 @@ def _holder(text: str) -> Holder | None:
     """The process that a lock names; None where it is damaged."""
     try:
         found = parse_json(text)
-        return Holder(int(found["pid"]), str(found["host"]), str(found["since"]), str(found.get("process_start", "")))
+        pid, host, since = int(found["pid"]), str(found["host"]), str(found["since"])
+        started = found.get("process_started")
+        return Holder(pid, host, since, None if started is None else float(started))
     except (ValueError, KeyError, TypeError, OverflowError):
         return None
 
@@ -164,35 +177,3 @@ def _refusal(path: Path, text: str) -> str:
     if holder.is_here:
         return f"{who}; wait for it, stop it, or choose another --out"
     return f"{who}; wait for it or choose another --out; if it no longer runs there, remove {path}"
-
-
-def _exists(pid: int) -> bool:
-    """Whether there is a process of this number; True where that cannot be told."""
-    if os.name == "nt":
-        return True  # os.kill would end it
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:
-        return True  # another user's
-    return _state(pid) != "Z"
-
-
-def _stat(pid: int) -> list[str]:
-    """The fields of /proc/PID/stat after the name of the program; empty where there is no such file."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-    except OSError:
-        return []
-
-
-def _state(pid: int) -> str:
-    """One letter, Z of a process that has ended and was not waited for; empty where the system does not tell."""
-    return next(iter(_stat(pid)), "")
-
-
-def _process_start(pid: int) -> str:
-    """When the process started, in clock ticks since the system did (field 22 of /proc/PID/stat); else empty."""
-    fields = _stat(pid)
-    return fields[19] if len(fields) > 19 else ""
