@@ -4,7 +4,7 @@ import ast
 
 import pytest
 
-from sensitivity import SOURCE, Number, Results, changed_source, described, groups_of, table, tuned_numbers
+from sensitivity import SOURCE, Number, Results, changed_source, described, groups_of, is_compiled, table, tuned_numbers
 
 
 @pytest.fixture(scope="module")
@@ -86,3 +86,18 @@ def test_the_table_has_the_largest_change_over_sites_and_directions(tmp_path):
 def test_numbers_that_were_only_changed_together_share_a_row():
     pair = [Number("a.py", 1, 7, "1.5", "A, B", True), Number("a.py", 1, 12, "70.0", "A, B", True)]
     assert described([*pair, Number("a.py", 2, 4, "3", "C", True)]) == "A, B 1.5 and 70.0, C 3"
+
+
+def test_what_compiled_functions_hold_is_compiled_anew(tmp_path):
+    for name, text in (
+        ("a.py", "LIMIT = 0.5\nOTHER = 0.7\n"),
+        ("b.py", "@njit\ndef f(x):\n    return LIMIT * x + 0.3\n"),
+    ):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    limit, other = (
+        Number("a.py", k, 8, text, name, True) for k, text, name in ((1, "0.5", "LIMIT"), (2, "0.7", "OTHER"))
+    )
+    inside = Number("b.py", 3, 23, "0.3", "f()", False)
+    assert is_compiled(tmp_path, [limit])
+    assert is_compiled(tmp_path, [other, inside])
+    assert not is_compiled(tmp_path, [other])
