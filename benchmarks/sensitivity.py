@@ -26,6 +26,7 @@ import itertools
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -416,9 +417,9 @@ def is_compiled(package: Path, numbers: Sequence[Number]) -> bool:
     """Whether a compiled function may hold one of the numbers: its file, or one that has its name, compiles some.
     Functions that call compiled ones keep what was compiled of these, wherever these stand."""
     texts = {file.relative_to(package).as_posix(): file.read_text(encoding="utf-8") for file in package.rglob("*.py")}
-    compiled = {name: text for name, text in texts.items() if "njit" in text}
+    compiled = {name: set(re.findall(r"\w+", text)) for name, text in texts.items() if "njit" in text}
     names = {part for number in numbers if number.named for part in number.name.split(", ")}
-    return any(n.file in compiled for n in numbers) or any(part in text for part in names for text in compiled.values())
+    return any(n.file in compiled for n in numbers) or any(names & words for words in compiled.values())
 
 
 def prepare(site: Path) -> None:

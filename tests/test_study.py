@@ -55,6 +55,7 @@ def test_one_view_in_ten_is_held_out_the_same_for_every_model():
     ("changes", "message"),
     [
         ({"models": ("lambert",)}, "no reflectance model 'lambert'"),
+        ({"models": ("auto",), "surfaces": ("matched",)}, "'auto' among the models needs surfaces that name a model"),
         ({"presets": ("mars",)}, "no preset 'mars'"),
         ({"surfaces": ("chalk",)}, "chalk"),
         ({"lightings": ("dim",)}, "no lighting 'dim'"),
@@ -292,6 +293,12 @@ def test_a_folder_that_is_no_study_is_left_alone(tmp_path, capsys):
     assert stop.value.code == 2
     assert "no preset 'mars'" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+def test_each_run_may_choose_its_model():
+    options = replace(SMALL, models=("lunar-lambert", "auto"), surfaces=("hapke",), geometry_alone=False)
+    assert [cell.run_options(options).reflectance for cell in cells(options)] == ["lunar-lambert", "auto"]
+    assert {cell.simulation.reflectance for cell in cells(options)} == {"hapke"}
 
 
 def test_options_of_runs_are_the_studys():

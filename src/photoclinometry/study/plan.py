@@ -9,7 +9,7 @@ from typing import Annotated
 from photoclinometry.io.site import MIN_VIEWS
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.reflectance import ModelName, model_named
+from photoclinometry.model.reflectance import ModelOrAuto, model_named
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.rivals.compare import Method, RivalOptions
 from photoclinometry.simulate.options import SMALLEST_IMAGE_PX, SimulationOptions
@@ -19,6 +19,8 @@ MODELS = ("akimov", "mcewen", "akimov+", "lunar-lambert", "minnaert")
 """The paper's five, in the order of its tables."""
 MATCHED = "matched"
 """Ground with the reflectance model that it is mapped with."""
+AUTO = "auto"
+"""The model that each run chooses by views kept out."""
 GEOMETRY = "none"
 """The model of a run without photometry: dense structure from motion."""
 
@@ -29,8 +31,8 @@ class StudyOptions(Ranged):
 
     presets: tuple[str, ...] = ("cornelia", "ahuna", "ikapati")
     """Places: cornelia, ahuna, ikapati, demo."""
-    models: tuple[ModelName, ...] = MODELS
-    """Reflectance models to map with."""
+    models: tuple[ModelOrAuto, ...] = MODELS
+    """Reflectance models to map with; "auto": the one that each run chooses, on surfaces that name a model."""
     surfaces: tuple[str, ...] = (MATCHED, "hapke")
     """Reflectance of the simulated ground: "matched" (the model that it is mapped with), or a model for all."""
     lightings: tuple[str, ...] = ("moderate",)
@@ -64,7 +66,10 @@ class StudyOptions(Ranged):
         if len(set(self.rivals)) < len(self.rivals):
             raise InputError(f"a study needs rivals each once, got {list(self.rivals)}")
         for model in self.models:
-            model_named(model)
+            if model != AUTO:
+                model_named(model)
+        if AUTO in self.models and MATCHED in self.surfaces:
+            raise InputError(f"{AUTO!r} among the models needs surfaces that name a model, got {list(self.surfaces)}")
         cells(self)  # raises InputError for options that the simulator refuses
 
     @property

@@ -25,7 +25,7 @@ from photoclinometry.model.reflectance.compiled import (
     photometric_value,
 )
 from photoclinometry.model.reflectance.entry import Disk, Model, Parameter, Phase, of_factors
-from photoclinometry.model.reflectance.models import MODELS, ModelChoice, ModelName, model_named
+from photoclinometry.model.reflectance.models import MODELS, ModelChoice, ModelName, ModelOrAuto, model_named
 from photoclinometry.model.reflectance.reflectance import (
     Reflectance,
     has_published,
@@ -44,6 +44,7 @@ __all__ = [
     "Model",
     "ModelChoice",
     "ModelName",
+    "ModelOrAuto",
     "Parameter",
     "Phase",
     "Reflectance",

@@ -18,11 +18,13 @@ MODELS: dict[str, Model] = {model.name: model for model in _ALL}
 
 if TYPE_CHECKING:
     ModelName = str
+    ModelOrAuto = str
     ModelChoice = str
 else:
     ModelName = Literal[*MODELS]
+    ModelOrAuto = Literal["auto", *MODELS]
     ModelChoice = Literal["auto", *MODELS, "none"]
-"""The types of options: a model's name, or that, "auto" (chosen by body and calibration) or "none" (geometry alone)."""
+"""The types of options: a model's name, or that, "auto" (chosen by views kept out) or "none" (geometry alone)."""
 
 
 def model_named(name: str) -> Model:
