@@ -14,6 +14,7 @@ from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.initialize import with_model
+from photoclinometry.photometry.point_spread import psf_sigma_px
 from photoclinometry.pipeline.direct_refinement import refine_directly
 from photoclinometry.pipeline.first_estimate import first_estimate
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step, by_relit_matches, in_prior_frame
@@ -128,8 +129,8 @@ class LastEstimate(Stage[FinishedMap]):
     posed: PosedImages
     """Of which the scene has the registered views."""
     direct: bool
-    psf_sigma_px: float
-    """Of the images' point-spread function."""
+    psf_sigma_px: float | None
+    """Of the images' point-spread function; None if they tell it."""
 
     @property
     def file_name(self) -> str:
@@ -141,8 +142,10 @@ class LastEstimate(Stage[FinishedMap]):
         if scene.reflectance is not None and model is not None and model.name != scene.reflectance.name:
             scene = with_model(scene, model)
         if self.direct:
-            found = refine_directly(scene, self.posed.registered_images, estimate, start.noise)
-            found = replace(found, scene=with_fine_relief(found.scene, self.psf_sigma_px))
+            images = self.posed.registered_images
+            psf = psf_sigma_px(images) if self.psf_sigma_px is None else self.psf_sigma_px
+            found = refine_directly(scene, images, estimate, start.noise)
+            found = replace(found, scene=with_fine_relief(found.scene, psf))
         else:
             found = estimate(scene, by_relit_matches(start.noise))
         found = replace(found, scene=with_neighbours_albedos(found.scene))

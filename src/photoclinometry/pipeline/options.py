@@ -32,9 +32,10 @@ class RelightOptions(Ranged):
     direct: bool = True
     """Direct photometric refinement: the last estimate takes each image's brightness and gradient where the map
     projects, instead of the matches."""
-    psf_sigma_px: Annotated[float, Range(least=0, most=64)] = 0.5
+    psf_sigma_px: Annotated[float | None, Range(least=0, most=64)] = None
     """Standard deviation of the camera's point-spread function [px]. What it and the pixels average away of the finest
-    relief is restored in a direct refinement. Lenses that fit their pixels have about half a pixel."""
+    relief is restored in a direct refinement. By default the images tell it: at most 1, and 0.5 unless they are clearly
+    sharper or more blurred."""
 
 
 @dataclass(frozen=True, kw_only=True)

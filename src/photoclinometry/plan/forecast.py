@@ -172,7 +172,7 @@ def forecast(
         progress("estimate", 0, 0)
         estimate = JointEstimate(options=run.adjust, reflectance=reflectance, tie_points=tie_points, sparse_views=views)
         adjustment = refine_directly(matched, images, estimate)
-        adjustment = replace(adjustment, scene=with_fine_relief(adjustment.scene, run.relight.psf_sigma_px))
+        adjustment = replace(adjustment, scene=with_fine_relief(adjustment.scene, options.detector.psf_sigma_px))
     except ReconstructionError as error:
         raise InputError(
             f"these views make no map of the place: {error}. Ask for fewer views of a landmark (--min-views), or add "

@@ -1,0 +1,143 @@
+"""The width of a camera's point-spread function, told by images of rough ground.
+
+Natural ground is rough at all scales: the power of its brightness falls as a power of the wave number (Pentland 1984,
+doi:10.1109/TPAMI.1984.4767591). Pixels and point-spread function take from that, the more the shorter the waves, and
+noise adds the same power to all. So the power spectrum of images is fitted with A k^-b B(k)^2 exp(-s^2 k^2) + N, of
+which B is a pixel's transfer function and s the standard deviation of a Gaussian: of the point-spread function, and of
+what the ground itself may lack of its finest waves.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from photoclinometry.model.scene import Image
+from photoclinometry.model.tiny import TINY
+
+log = logging.getLogger(__name__)
+
+USUAL_PX = 0.5
+"""Standard deviation of the point-spread function of lenses that fit their pixels [px]: where images do not tell it, or
+show no more blur than it and smooth ground together."""
+
+SMOOTH_GROUND_PX = 0.4
+"""Ground may lack its finest waves as if blurred by so much, where it is settled dust or a model with a limit of its
+own. Images of simulated ground without a point-spread function have 0.41 px."""
+
+WIDEST_PX = 1.0
+"""Cameras in focus are sharper than that. Relief that ends at longer waves looks like more blur, and restored with it
+a map gets waves that are not there."""
+
+WINDOW_PX = 48
+"""Side of the windows whose spectra are taken: a dozen of the shortest waves that noise leaves, and small against an
+image, so that dozens are free of shadows and sky."""
+
+MOST, FEWEST = 1000, 10
+"""Windows that are looked at, evenly chosen, and with fewer of which nothing is told. The median of ten spectra in
+rings of dozens of coefficients is good to a few per cent."""
+
+DARK, SHADOW = 0.3, 0.2
+"""A window counts whose median is this share of that of the brightest tenth, and whose darkest pixel this share of its
+own: edges of sky and cast shadows are sharper than ground."""
+
+LONGEST_WAVE_PX = 18.0
+"""Longer waves are too few in a window, and are bent by the plane that is taken away."""
+
+RINGS = 23
+"""Rings of wave numbers, down to waves of two pixels, in which power is averaged."""
+
+MISFIT = 0.15
+"""Root mean square difference of the spectrum's logarithm from the fit, beyond which the law does not hold. Simulated
+ground of three kinds and images of Vesta have 0.01 to 0.05."""
+
+
+def psf_sigma_px(images: Sequence[Image]) -> float:
+    """Standard deviation [px] of the point-spread function that images of one camera have in common.
+
+    At most WIDEST_PX. USUAL_PX where the images do not tell it, and less only where they are sharper even so.
+    """
+    spectra = [_spectrum(window) for window in _windows(images)]
+    if len(spectra) < FEWEST:
+        log.info("point-spread function: %d windows of plain ground, too few to tell its width", len(spectra))
+        return USUAL_PX
+    found, misfit = _width(np.median(spectra, axis=0))
+    if misfit > MISFIT:
+        log.info("point-spread function: the ground's spectrum follows no power law (misfit %.2f)", misfit)
+        return USUAL_PX
+    without_ground = np.sqrt(max(found**2 - SMOOTH_GROUND_PX**2, 0.0))
+    sigma_px = float(np.clip(without_ground, min(found, USUAL_PX), WIDEST_PX))
+    log.info(
+        "point-spread function: %.2f px; the spectrum of %d windows shows %.2f (misfit %.2f)",
+        sigma_px,
+        len(spectra),
+        found,
+        misfit,
+    )
+    return sigma_px
+
+
+def _windows(images: Sequence[Image]) -> Iterator[np.ndarray]:
+    """Windows (WINDOW_PX, WINDOW_PX) of lit ground without deep shadows, at most MOST of them."""
+    step = WINDOW_PX // 2
+    parts = [
+        (image, np.s_[row : row + WINDOW_PX, col : col + WINDOW_PX])
+        for image in images
+        for row in range(0, image.valid.shape[0] - WINDOW_PX + 1, step)
+        for col in range(0, image.valid.shape[1] - WINDOW_PX + 1, step)
+    ]
+    windows = [image.brightness[part] for image, part in parts[:: -(-len(parts) // MOST)] if image.valid[part].all()]
+    if not windows:
+        return
+    median = np.array([np.median(window) for window in windows])
+    least = max(DARK * float(np.quantile(median, 0.9)), TINY)
+    for window, middle in zip(windows, median, strict=True):
+        if middle >= least and window.min() >= SHADOW * middle:
+            yield window / middle
+
+
+def _wave_numbers() -> tuple[np.ndarray, np.ndarray]:
+    """Of the Fourier coefficients of a window: wave numbers (n, n) [rad/px], and the ring of each, from 1, of RINGS."""
+    along = 2.0 * np.pi * np.fft.fftfreq(WINDOW_PX)
+    number = np.hypot(along[:, None], along)
+    return number, np.digitize(number, np.linspace(2.0 * np.pi / LONGEST_WAVE_PX, np.pi, RINGS + 1))
+
+
+_NUMBER, _RING = _wave_numbers()
+_TAPER = np.outer(*2 * [np.hanning(WINDOW_PX + 2)[1:-1]])
+
+
+def _of_rings(values: np.ndarray) -> np.ndarray:
+    """(RINGS,) means of values (n, n) of coefficients."""
+    total, count = (np.bincount(_RING.ravel(), each, RINGS + 2)[1:-1] for each in (values.ravel(), None))
+    return total / count
+
+
+def _spectrum(window: np.ndarray) -> np.ndarray:
+    """(RINGS,) power of a window without its plane, over that of its longer half of the waves."""
+    across = np.linspace(-1.0, 1.0, WINDOW_PX)
+    level = window - window.mean()
+    level -= across * (level @ across).mean() / (across @ across)
+    level -= across[:, None] * (across @ level).mean() / (across @ across)
+    power = _of_rings(np.abs(np.fft.fft2(level * _TAPER)) ** 2)
+    return power / max(float(power[: RINGS // 2].mean()), TINY)
+
+
+def _width(power: np.ndarray) -> tuple[float, float]:
+    """The standard deviation [px] that fits a spectrum (RINGS,) best, and the misfit."""
+    from scipy.optimize import least_squares
+
+    number = _of_rings(_NUMBER)
+    pixel = _of_rings((np.sinc(np.fft.fftfreq(WINDOW_PX))[:, None] * np.sinc(np.fft.fftfreq(WINDOW_PX))) ** 2)
+
+    def misfits(parameters: np.ndarray) -> np.ndarray:
+        amplitude, exponent, variance, noise = parameters
+        ground = np.exp(amplitude - exponent * np.log(number) - variance * number**2) * pixel
+        return np.log(ground + np.exp(noise)) - np.log(np.maximum(power, TINY))
+
+    first = np.log(np.maximum(power, TINY))
+    starts = [(first[0] + b * np.log(number[0]), b, s, first[-1] - 1.0) for b in (1.0, 2.0, 3.0) for s in (0.2, 0.8)]
+    best = min((least_squares(misfits, start) for start in starts), key=lambda fit: fit.cost)
+    return float(np.sqrt(max(best.x[2], 0.0))), float(np.sqrt(np.mean(best.fun**2)))
