@@ -49,7 +49,8 @@ def with_fine_relief(scene: Scene, psf_sigma_px: float) -> Scene:
     """The scene with its finest relief restored, each landmark on its ray of the reference view.
 
     Where positions have uncertainties, they get the mean square nearby of what was restored, along the ray: the width
-    of a point-spread function is hardly ever known well, and noise was restored with the rest.
+    of a point-spread function is hardly ever known well, and noise was restored with the rest. Where nothing could be
+    restored they get it twice: as much is missing there.
 
     psf_sigma_px: standard deviation of the reference view's point-spread function [px].
     """
@@ -63,7 +64,8 @@ def with_fine_relief(scene: Scene, psf_sigma_px: float) -> Scene:
         return found
     square = (added / depth) ** 2
     near, _ = masked_filter(square, gaussian(NEARBY))
-    near = np.where(np.isfinite(near), near, np.nanmean(square))[scene.cells]
+    near = np.where(np.isfinite(near), near, np.nanmean(square))
+    near = np.where(np.isfinite(added), near, 2.0 * near)[scene.cells]
     along = near[:, None, None] * ray[:, :, None] * ray[:, None, :]
     return replace(found, uncertainty={**scene.uncertainty, "position": scene.uncertainty["position"] + along})
 
