@@ -201,15 +201,20 @@ def images() -> Iterator[Fault]:
         frame(1, picture(1)[:60]),
         f"{ONE}: is 64 x 60 pixels, but its camera in site.toml is 64 x 64; correct the camera or the image",
     )
+    left_out = "site/site.toml: region: reference: 'images/1.fits' is left out: it"
+    for name, make, why in (
+        ("NaN all over", frame(1, np.full((SIZE, SIZE), np.nan)), "has no valid pixel (all NaN"),
+        ("saturated all over", saturated_png, "has no valid pixel (all NaN"),
+        ("dark", frame(1, noise(0.0, 1e-4)), "is dark: nothing rises"),
+        ("constant", frame(1, np.full((SIZE, SIZE), 0.4)), "is constant:"),
+        ("noise", frame(1, noise(0.2, 0.01)), "is noise alone:"),
+    ):
+        yield image(f"an image is {name}", make, f"{left_out} {why} ... remove this view, or ... or name another view")
     yield image(
-        "an image is NaN all over",
-        frame(1, np.full((SIZE, SIZE), np.nan)),
-        f"{ONE}: has no valid pixel ... remove this view",
+        "too many images are NaN all over",
+        frames(lambda x: np.full_like(x, np.nan), (0, 3)),
+        "site/site.toml: 2 of 4 images cannot be used, 3 must remain: images/0.fits: it has no valid pixel ... remove",
     )
-    yield image("an image is saturated all over", saturated_png, f"{ONE}: has no valid pixel ... remove this view")
-    yield image("an image is dark", frame(1, noise(0.0, 1e-4)), f"{ONE}: is dark: nothing rises ... remove this view")
-    yield image("an image is constant", frame(1, np.full((SIZE, SIZE), 0.4)), f"{ONE}: is constant: ... remove this")
-    yield image("an image is noise", frame(1, noise(0.2, 0.01)), f"{ONE}: is noise alone: ... remove this view")
     yield image(
         "two images are the same",
         copy("site/images/0.fits", ONE),

@@ -14,6 +14,7 @@ from photoclinometry.ingest.exposure import AuxiliaryData, read_exposure
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.archives.archive import read_product
 from photoclinometry.io.images import read_image, write_fits, write_png
+from photoclinometry.io.masks import Masking
 from photoclinometry.io.plausible import impossible_views, overexposed
 from photoclinometry.io.site import Site, SiteView, read_site, write_site
 from photoclinometry.io.site_images import load_images
@@ -96,6 +97,40 @@ def test_one_view_of_impossible_brightness_is_named_and_left_out(tmp_path, caplo
     (record,) = [r for r in caplog.records if "left out" in r.getMessage()]
     assert record.getMessage().startswith("images/2.fits is left out: its ")
     assert (record.__dict__["code"], record.__dict__["view"]) == ("brightness-impossible", "images/2.fits")
+
+
+EMPTY_VIEWS = {
+    "NaN": (lambda x: np.full_like(x, np.nan), r"it has no valid pixel \(all NaN, .*\); remove this view, or correct"),
+    "constant": (lambda x: np.full_like(x, -32768.0), r"it is constant: all its valid pixels are -32768, .*remove"),
+    "dark": (lambda x: 1e-4 * np.random.default_rng(0).normal(size=x.shape), r"it is dark: nothing rises .*remove"),
+}
+
+
+@pytest.mark.parametrize("brightness", ["iof", "dn"])
+@pytest.mark.parametrize("fault", EMPTY_VIEWS)
+def test_views_that_show_nothing_are_named_and_left_out(tmp_path, caplog, fault, brightness):
+    """Two, which are not called the same image; the others have the dark level that they have alone."""
+    change, said = EMPTY_VIEWS[fault]
+    site = replace(site_of(tmp_path, lambda n, x: change(x) if n in (2, 4) else x), brightness=brightness)
+    with caplog.at_level(logging.WARNING):
+        inputs = read_inputs(open_run(tmp_path / "run"), site).value
+    assert list(inputs.unusable) == ["images/2.fits", "images/4.fits"]
+    assert all(re.search(said, reason) for reason in inputs.unusable.values())
+    left_out = [r for r in caplog.records if "left out" in r.getMessage()]
+    assert [r.__dict__["code"] for r in left_out] == 2 * ["view-empty"]
+    assert [r.__dict__["view"] for r in left_out] == list(inputs.unusable)
+    alone = load_images(replace(site, views=tuple(v for k, v in enumerate(site.views) if k not in (2, 4))))
+    for image, own in zip([image for image in inputs.images if image.name not in inputs.unusable], alone, strict=True):
+        np.testing.assert_array_equal(image.brightness, own.brightness)
+
+
+def test_a_view_whose_mask_leaves_nothing_is_left_out(tmp_path):
+    site = site_of(tmp_path)
+    write_png(tmp_path / "mask.png", np.zeros((SIZE, SIZE), np.uint8))
+    views = list(site.views)
+    views[3] = replace(views[3], masking=Masking(files=(tmp_path / "mask.png",)))
+    inputs = read_inputs(open_run(tmp_path / "run"), replace(site, views=tuple(views))).value
+    assert list(inputs.unusable) == ["images/3.fits"]
 
 
 def test_too_few_sound_views_are_an_error_that_names_the_others(tmp_path):

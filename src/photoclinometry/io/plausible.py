@@ -9,6 +9,7 @@ Between views of the same ground it changes with phase by at most 0.05 magnitude
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -39,25 +40,29 @@ _LISTED = 3
 """Views that an error names; the others are counted."""
 
 
-def impossible_views(site: Site, images: Sequence[Image]) -> dict[str, str]:
+def impossible_views(
+    site: Site, images: Sequence[Image], empty: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, str]:
     """Views whose brightness cannot be that of sunlit ground, by name, with the reason; to be left out of the map.
 
-    images: (K,) of the site's views, `valid` without sky. Raises SiteError where most views of a site that is called
-    I/F have an impossible level, so that the key `brightness` is wrong, and ImageError where fewer than MIN_VIEWS views
-    remain.
+    images: (K,) of the site's views, `valid` without sky. empty: those that are left out in any case, by name, with the
+    reason; they are not among those returned. Raises SiteError where most views of a site that is called I/F have an
+    impossible level, so that the key `brightness` is wrong, and ImageError where fewer than MIN_VIEWS views remain.
     """
-    level = np.array([_level(image) for image in images])
+    level = np.array([np.nan if image.name in empty else _level(image) for image in images])
     if site.brightness == "iof":
         _check_unit(site, level, images)
     found: dict[str, str] = {}
     odd = _in_other_units(site, level) if site.brightness == "iof" else {}
     for k, image in enumerate(images):
+        if image.name in empty:
+            continue
         reason = (
             _negative(image) or (site.brightness == "iof" and _beyond(level[k])) or odd.get(k) or overexposed(image)
         )
         if reason:
             found[image.name] = reason
-    _check_enough(site, found)
+    _check_enough(site, {**empty, **found})
     return found
 
 
@@ -87,10 +92,10 @@ def _level(image: Image) -> float:
 
 def _check_unit(site: Site, level: np.ndarray, images: Sequence[Image]) -> None:
     """Raises SiteError where most views cannot be I/F."""
-    bright = np.flatnonzero(level > BRIGHTEST_IOF)
+    known, bright = int(np.isfinite(level).sum()), np.flatnonzero(level > BRIGHTEST_IOF)
     dark = np.flatnonzero((level > 0) & (level < DARKEST_IOF))
     for wrong, than in ((bright, f"above {BRIGHTEST_IOF:g}, brighter than"), (dark, "dimmer than")):
-        if 2 * len(wrong) <= len(level):
+        if 2 * len(wrong) <= known:
             continue
         listed = ", ".join(f"{site.views[k].name} {level[k]:.4g}" for k in wrong[:_LISTED])
         more = ", ..." if len(wrong) > _LISTED else ""
@@ -102,7 +107,7 @@ def _check_unit(site: Site, level: np.ndarray, images: Sequence[Image]) -> None:
         else:
             remedy = 'divide per cent by 100; write brightness = "dn" for radiance or counts'
         raise SiteError(
-            f'{site.path}: brightness: is "iof", but {len(wrong)} of {len(level)} images are {than} any sunlit ground '
+            f'{site.path}: brightness: is "iof", but {len(wrong)} of {known} images are {than} any sunlit ground '
             f"(level of the ground: {listed}{more}): {remedy}"
         )
 

@@ -68,19 +68,19 @@ def site_path(run: Path, given: Path | None = None) -> Path:
 
 def run_images(site: Path, names: Sequence[str]) -> list[Image]:
     """The images of a run's views. Raises SiteError, RunFolderError for another site, and ImageError for images that
-    cannot be read, or whose brightness no ground has."""
+    cannot be read, show nothing, or have a brightness that no ground has."""
     from photoclinometry.io.site import read_site
     from photoclinometry.io.site_images import load_plausible_images
 
-    found, impossible = load_plausible_images(read_site(site))
-    images = {image.name: image for image in found}
+    found = load_plausible_images(read_site(site))
+    images, unusable = {image.name: image for image in found.images}, found.empty | found.impossible
     missing = [name for name in names if name not in images]
     if missing:
         raise RunFolderError(f"{site}: has no view {missing[0]!r}, which the run used; {_GIVE_SITE}")
     for name in names:
-        if name in impossible:
+        if name in unusable:
             raise ImageError(
-                f"{site}: {name}: {impossible[name]}; the run used this view: give the images that it was made of, or "
+                f"{site}: {name}: {unusable[name]}; the run used this view: give the images that it was made of, or "
                 f"{_LEAVE_OUT}"
             )
     return [images[name] for name in names]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,19 @@ log = logging.getLogger(__name__)
 
 _LISTED = 5
 """Missing images that an error names; the others are counted."""
+_NO_PIXEL = "has no valid pixel (all NaN, blank, saturated, masked or sky)"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteImages:
+    """The images of a site, with those that no map can be made of."""
+
+    images: list[Image]
+    """(K,) of all views, as of `load_images`."""
+    empty: dict[str, str]
+    """Views without a valid pixel or without anything to be seen, by name, with the reason as a clause."""
+    impossible: dict[str, str]
+    """Other views, whose brightness as it is in their files cannot be that of ground; as `empty`."""
 
 
 def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
@@ -31,11 +45,51 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
     progress: called with "images", images read and images in all after each. Raises ImageError for images that are
     missing, unreadable, of another size than their camera, empty, dark, or the same as another.
     """
-    return _less_dark_levels(*_read_images(site, progress))
+    images, levels, nothing = _read_images(site, progress)
+    for view in site.views:
+        if view.name in nothing:
+            raise ImageError(f"{view.image}: {nothing[view.name]}; remove this view")
+    return _less_dark_levels(images, levels)
 
 
-def _read_images(site: Site, progress: Progress | None) -> tuple[list[Image], np.ndarray]:
-    """The images of all views as they are, and their dark levels (K,), 0 for calibrated ones. Raises ImageError."""
+def load_plausible_images(site: Site, progress: Progress | None = None) -> SiteImages:
+    """The images as of `load_images`, and those of which no map can be made.
+
+    Raises SiteError and ImageError, also where too few others remain (`plausible.impossible_views`).
+    """
+    images, levels, nothing = _read_images(site, progress)
+    empty = {name: f"it {reason}; remove this view, or correct its image or mask" for name, reason in nothing.items()}
+    impossible = impossible_views(site, images, empty)
+    return SiteImages(images=_less_dark_levels(images, levels), empty=empty, impossible=impossible)
+
+
+def _read_images(site: Site, progress: Progress | None) -> tuple[list[Image], np.ndarray, dict[str, str]]:
+    """The images of all views as they are, their dark levels (K,), 0 for calibrated ones, and why some show nothing,
+    by name. Raises ImageError."""
+    _check_existence(site)
+    images, nothing, darkest, seen = [], {}, {}, {}
+    for number, view in enumerate(site.views, start=1):
+        whole = read_view_image(site, view)
+        _check_size(view, whole)
+        image = Image(view.name, whole.brightness, whole.valid & ~off_body_mask(whole))
+        reason = why_it_shows_nothing(whole) if image.valid.any() else _NO_PIXEL
+        if reason:
+            nothing[view.name] = reason
+        else:
+            _check_difference(site, view, whole, seen)
+            if site.brightness == "dn":
+                darkest[number - 1] = darkest_pixels(whole)
+        images.append(image)
+        if progress is not None:
+            progress("images", number, len(site.views))
+    levels = np.zeros(len(images))
+    if darkest:
+        levels[list(darkest)] = dark_levels(list(darkest.values()), [site.views[k].camera for k in darkest])
+    return images, levels, nothing
+
+
+def _check_existence(site: Site) -> None:
+    """Raises ImageError if images are missing."""
     missing = [str(view.image) for view in site.views if not view.image.exists()]
     if missing:
         listed = ", ".join(missing[:_LISTED]) + (", ..." if len(missing) > _LISTED else "")
@@ -43,24 +97,17 @@ def _read_images(site: Site, progress: Progress | None) -> tuple[list[Image], np
             f"{site.path}: {len(missing)} of {len(site.views)} images do not exist: {listed}; "
             "image paths are relative to this file"
         )
-    images, darkest, seen = [], [], {}
-    for number, view in enumerate(site.views, start=1):
-        image = read_view_image(site, view)
-        _check_image(view, image)
-        content = hashlib.sha256(image.brightness.tobytes()).digest()
-        if content in seen:
-            raise ImageError(
-                f"{site.path}: {seen[content]} and {view.name} are the same image (all pixels equal); "
-                "remove one of the two views"
-            )
-        seen[content] = view.name
-        if site.brightness == "dn":
-            darkest.append(darkest_pixels(image))
-        images.append(Image(view.name, image.brightness, image.valid & ~off_body_mask(image)))
-        if progress is not None:
-            progress("images", number, len(site.views))
-    levels = dark_levels(darkest, [view.camera for view in site.views]) if darkest else np.zeros(len(images))
-    return images, levels
+
+
+def _check_difference(site: Site, view: SiteView, image: Image, seen: dict[bytes, str]) -> None:
+    """Raises ImageError if the image is the same as one before; else adds its digest to `seen`, names by digest."""
+    content = hashlib.sha256(image.brightness.tobytes()).digest()
+    if content in seen:
+        raise ImageError(
+            f"{site.path}: {seen[content]} and {view.name} are the same image (all pixels equal); "
+            "remove one of the two views"
+        )
+    seen[content] = view.name
 
 
 def _less_dark_levels(images: list[Image], levels: np.ndarray) -> list[Image]:
@@ -68,17 +115,6 @@ def _less_dark_levels(images: list[Image], levels: np.ndarray) -> list[Image]:
         return images
     log.info("dark levels of %g to %g are taken from the images' brightness", levels.min(), levels.max())
     return [without_dark_level(image, float(level)) for image, level in zip(images, levels, strict=True)]
-
-
-def load_plausible_images(site: Site, progress: Progress | None = None) -> tuple[list[Image], dict[str, str]]:
-    """The images as of `load_images`, and those whose brightness, as it is in their files, cannot be that of ground, by
-    name, with the reason.
-
-    Raises SiteError and ImageError, also where too many cannot (`plausible.impossible_views`).
-    """
-    images, levels = _read_images(site, progress)
-    impossible = impossible_views(site, images)
-    return _less_dark_levels(images, levels), impossible
 
 
 def read_view_image(site: Site, view: SiteView) -> Image:
@@ -119,16 +155,11 @@ def _digest(file: Path) -> bytes:
         raise ImageError(f"{file}: cannot be read: {error.strerror}; check the path") from error
 
 
-def _check_image(view: SiteView, image: Image) -> None:
-    """Raises ImageError if the image has another size than the camera, no valid pixel, or no signal above its noise."""
+def _check_size(view: SiteView, image: Image) -> None:
+    """Raises ImageError if the image has another size than the camera."""
     height, width = image.brightness.shape
     if (width, height) != (view.camera.width, view.camera.height):
         raise ImageError(
             f"{view.image}: is {width} x {height} pixels, but its camera in site.toml is "
             f"{view.camera.width} x {view.camera.height}; correct the camera or the image"
         )
-    if not image.valid.any():
-        raise ImageError(f"{view.image}: has no valid pixel (all NaN, blank, saturated or masked); remove this view")
-    nothing = why_it_shows_nothing(image)
-    if nothing:
-        raise ImageError(f"{view.image}: {nothing}; remove this view")

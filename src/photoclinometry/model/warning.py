@@ -39,6 +39,7 @@ CODES: Mapping[str, str] = {
     "tile-untrusted": "the map of a tile is not to be trusted, and counts only where there is no other",
     "view-blurred": "a view is less sharp than the map of all views",
     "view-brightness": "the brightness of a view is far off what the map predicts",
+    "view-empty": "a view has no valid pixel, or shows nothing, and is left out",
     "view-left-out": "a view contradicts the others and is left out",
     "view-past-edge": "a simulated view sees past the edge of its ground",
     "view-unregistered": "a view could not be registered and is left out",

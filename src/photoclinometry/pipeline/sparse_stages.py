@@ -34,7 +34,7 @@ class Inputs:
     images: list[Image]
     """(K,) in the site's order."""
     unusable: Mapping[str, str] = field(default_factory=dict)
-    """Views whose brightness cannot be, by name, with the reason. No stage uses them."""
+    """Views that show nothing, or whose brightness cannot be, by name, with the reason. No stage uses them."""
 
     @property
     def cameras(self) -> list[Camera]:
@@ -143,15 +143,19 @@ class ChooseRegion(Stage[Place]):
 def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
     """The images of a site, with a digest of their content and of what the site says of them.
 
-    Views whose brightness cannot be that of ground are named, to be left out. Raises SiteError, ImageError.
+    Views that show nothing, or whose brightness cannot be that of ground, are named, to be left out. Raises SiteError,
+    ImageError.
     """
     alone = without_priors(site)
     with folder.timed("images"):
-        images, unusable = load_plausible_images(alone, folder.progress)
-        say_found(f"{len(images)} of {site.name}")
-    for name, reason in unusable.items():
+        found = load_plausible_images(alone, folder.progress)
+        say_found(f"{len(found.images)} of {site.name}")
+    for name, reason in found.empty.items():
+        warn(log, "view-empty", "%s is left out: %s", name, reason, view=name)
+    for name, reason in found.impossible.items():
         warn(log, "brightness-impossible", "%s is left out: %s", name, reason, view=name)
-    return Keyed(Inputs(site=alone, images=images, unusable=unusable), input_fingerprint(alone))
+    unusable = found.empty | found.impossible
+    return Keyed(Inputs(site=alone, images=found.images, unusable=unusable), input_fingerprint(alone))
 
 
 def without_priors(site: Site) -> Site:
