@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,15 +21,19 @@ from photoclinometry.model.robust import huber_weight
 from photoclinometry.model.scene import BODY_FIXED, OWN, Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.registration.alignment import align_poses, camera_distance, transform_poses, transform_scene
+from photoclinometry.registration.pose_knowledge import disagreement, pose_information
 
 log = logging.getLogger(__name__)
 
 MIN_PRIORS = 3
 """Fewer that agree do not determine a frame: of two, a wrong one cannot be told from a right one."""
 OUTLIER = 5.0
-"""A prior is left out if it is off by so many sigmas, and by so many times the median deviation."""
+"""So many sigmas off its prior an estimate is far off, and an attitude is wrong ..."""
 FAR_RAD = np.radians(5.0)
-"""An attitude off by so many sigmas is left out only beyond this angle [rad]: images determine attitudes far better."""
+"""... but only beyond this angle [rad]: images determine attitudes far better."""
+CONTRADICTS = 2.5
+"""A prior is left out if it disagrees with images and other priors by so many sigmas, root mean square over its six,
+and by so many times the median: by 6 sigmas in one of the six directions. Sound ones disagree by 2 at most (0008)."""
 RESIDUALS = 6
 """Of each prior: three of position, three of attitude."""
 _ITERATIONS = 50
@@ -58,6 +62,8 @@ class Georeference:
     """(7, 7) of rotation [rad], translation of the cameras' mean centre, and log scale, if the sigmas are true."""
     used: np.ndarray
     """(n,) bool: priors that determine the frame."""
+    disagreement: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """(n,) of `pose_knowledge.disagreement`; empty where images were not asked."""
 
     @property
     def rms_position(self) -> float:
@@ -96,15 +102,16 @@ def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene,
     cameras whose poses determine no scale.
     """
     fit = agreement(scene, priors)
-    outliers = [describe(fit, int(k)) for k in np.flatnonzero(~fit.used)]
+    outliers = {fit.names[k]: describe(fit, int(k)) for k in np.flatnonzero(~fit.used)}
+    some = "; ".join([*list(outliers.values())[:3], *(["..."] if len(outliers) > 3 else [])])
     if fit.used.sum() < MIN_PRIORS:
         raise InputError(
             f"only {fit.used.sum()} of {len(fit.used)} pose priors agree with the images and each other: "
-            f"{'; '.join(outliers[:3])}{'; ...' if len(outliers) > 3 else ''}; check cam_from_body in site.toml "
+            f"{some}; check cam_from_body in site.toml "
             "(x_C = R x_B + t, x right, y down, z forward, metres)"
         )
-    for outlier in outliers:
-        warn(log, "prior-contradicts", "pose prior left out, it contradicts the images: %s", outlier)
+    for name, outlier in outliers.items():
+        warn(log, "prior-contradicts", "pose prior left out, it contradicts the images: %s", outlier, view=name)
     frame = BODY_FIXED if scene.frame == OWN else scene.frame
     return replace(transform_scene(fit.similarity, scene), frame=frame), fit
 
@@ -112,8 +119,10 @@ def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene,
 def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     """The fit of the scene's poses to those priors of its views (by name) that agree with the images and each other.
 
-    A prior is left out if it is off by more than OUTLIER sigmas and more than OUTLIER times the median, since poses
-    made from images err, too; or if its attitude is off by more than OUTLIER sigmas and FAR_RAD. Fewer than MIN_PRIORS
+    A prior is left out if it disagrees with what the images and the other priors say of its view (`disagreement`) by
+    more than CONTRADICTS sigmas and more than CONTRADICTS times the median, since images err by more than is known of
+    them; or if its attitude is off by more than OUTLIER sigmas and FAR_RAD. The worst goes first: a wrong prior makes
+    sound ones look wrong. Fewer than MIN_PRIORS
     may be left in `used`. Raises InputError where fewer than MIN_PRIORS are given.
     """
     seen = [k for k, name in enumerate(scene.views.name) if name in priors]
@@ -125,21 +134,28 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     distance = camera_distance(scene)
     names = tuple(scene.views.name[k] for k in seen)
     poses, known = scene.views.body_from_cam[seen], [priors[name] for name in names]
-    used, fit = np.ones(len(seen), bool), None
-    for _ in range(_ITERATIONS):
+    information, used = pose_information(scene), np.ones(len(seen), bool)
+    while True:
         fit = fit_to_priors(poses, known, distance, names, used)
-        agree = _agree(fit)
+        fit = replace(fit, disagreement=_disagreement(fit, information, np.array(seen)))
+        agree = used & _agree(fit)
         if agree.sum() < MIN_PRIORS or (agree == used).all():
             return replace(fit, used=agree)
-        used = agree
-    assert fit is not None
-    return fit
+        used = used & (np.arange(len(seen)) != np.argmax(np.where(used & ~agree, fit.disagreement, -1.0)))
+
+
+def _disagreement(fit: Georeference, information: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """(n,) of the priors of views (n,). information: of the scene's poses, in its own frame."""
+    frame = fit.similarity
+    turned, moved = fit.rotation_residual @ frame.rotation, fit.position_residual @ frame.rotation / frame.scale
+    sigma = np.repeat(np.stack([fit.rotation_sigma, fit.position_sigma / frame.scale], -1), 3, axis=-1)
+    return disagreement(information, -np.concatenate([turned, moved], -1), sigma, view, fit.used)
 
 
 def _agree(fit: Georeference) -> np.ndarray:
-    """(n,) bool: priors whose residuals are within the bounds of `agreement`."""
-    off, turned = fit.deviation, np.linalg.norm(fit.rotation_residual, axis=-1)
-    near = off <= OUTLIER * max(1.0, float(np.median(off[fit.used])))
+    """(n,) bool: priors within the bounds of `agreement`."""
+    near = fit.disagreement <= CONTRADICTS * max(1.0, float(np.median(fit.disagreement[fit.used])))
+    turned = np.linalg.norm(fit.rotation_residual, axis=-1)
     return near & (turned <= np.maximum(FAR_RAD, OUTLIER * fit.rotation_sigma))
 
 
@@ -148,7 +164,8 @@ def describe(fit: Georeference, k: int) -> str:
     moved, turned = (np.linalg.norm(part[k]) for part in (fit.position_residual, fit.rotation_residual))
     return (
         f"{fit.names[k]} is off by {moved:.4g} m and {np.degrees(turned):.3g} degrees, at sigmas of "
-        f"{fit.position_sigma[k]:.3g} m and {np.degrees(fit.rotation_sigma[k]):.3g} degrees"
+        f"{fit.position_sigma[k]:.3g} m and {np.degrees(fit.rotation_sigma[k]):.3g} degrees: "
+        f"{fit.disagreement[k]:.3g} sigmas from what images and other priors say"
     )
 
 
