@@ -96,6 +96,16 @@ def test_unknown_heights_count_as_the_worst_known(egg):
     np.testing.assert_allclose(sigmas(found), sigmas(whole))
 
 
+def test_one_vertex_does_not_tell_how_badly_unknown_heights_are_known(egg):
+    vertices, faces = egg
+    sigma = np.full(len(vertices), 0.01)
+    whole = mass_properties(vertices, faces, sigma_height=sigma, correlation_length=0.3)
+    sigma[: len(sigma) // 2] = np.nan
+    sigma[-1] = 0.1
+    found = mass_properties(vertices, faces, sigma_height=sigma, correlation_length=0.3)
+    np.testing.assert_allclose(found.sigma_volume, whole.sigma_volume, rtol=0.3)
+
+
 def test_the_unit_of_length_does_not_matter(egg):
     vertices, faces = egg
     sigma = np.full(len(vertices), 0.01)

@@ -19,6 +19,9 @@ from numba import njit
 import photoclinometry.model.kernel_cache  # noqa: F401
 from photoclinometry.surface.closed_mesh import area_vectors, vertex_normals
 
+UNKNOWN_PERCENT = 99.0
+"""Heights without a standard deviation count as known as badly as this percentile of the others. The very worst is that
+of a single vertex: 520 m on a simulated body of 900 m whose 99th percentile is 5 m."""
 _REACH = 4.0
 """Correlations beyond this many lengths, 0.0003 and less, are left out."""
 _CLUSTER = 0.25
@@ -79,7 +82,7 @@ def mass_properties(
     """Of a closed mesh of vertices (V, 3) and faces (F, 3) that look outwards.
 
     normals: (V, 3) directions of the height errors, by default the mesh's; sigma_height: (V,) standard deviations, NaN
-    where unknown, which counts as the largest known; correlation_length: L above, 0 to infinity.
+    where unknown, which counts as their UNKNOWN_PERCENT percentile; correlation_length: L above, 0 to infinity.
     """
     lengths = (correlation_length,)
     return properties_by_length(vertices, faces, lengths, normals=normals, sigma_height=sigma_height)[0]
@@ -182,7 +185,8 @@ def _sigmas(
     """(n,) standard deviations of quantities with derivatives (V, n) by the heights of vertices (V, 3)."""
     if sigma_height is None or not np.isfinite(sigma_height).any():
         return np.full(derivatives.shape[1], np.nan)
-    sigma = np.where(np.isfinite(sigma_height), sigma_height, np.nanmax(sigma_height))
+    known = np.isfinite(sigma_height)
+    sigma = np.where(known, sigma_height, np.percentile(sigma_height[known], UNKNOWN_PERCENT, method="lower"))
     moves = derivatives * sigma[:, None]
     if length == 0.0:
         return np.sqrt((moves**2).sum(0))
