@@ -16,10 +16,10 @@ from photoclinometry.body.finished_surface import reflectance_of_tiles
 from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.placement import PlacedViews
 from photoclinometry.body.renderings import RenderingQuality
+from photoclinometry.body.surface_figures import surface_figures
 from photoclinometry.body.tile import BodyModel
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
-from photoclinometry.evaluate.metrics import spread
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
@@ -34,7 +34,6 @@ from photoclinometry.output.report.body_report import BodyContent, write_body_re
 from photoclinometry.output.viewer import ViewedBody
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.stage import Keyed
-from photoclinometry.surface.closed_mesh import area_vectors, signed_volume
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,12 +164,7 @@ def _poses(model: BodyModel, made: BodyParts) -> Scene:
 
 
 def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
-    tiles, surface = made.tiles, made.surface
-    registered = model.posed.sparse.value.registered
-    area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=-1)
-    mapped = (surface.views[surface.faces] > 0).all(1)
-    volume = signed_volume(surface.vertices, surface.faces)
-    overlap = surface.step[np.isfinite(surface.step)] / surface.gsd
+    tiles, registered = made.tiles, model.posed.sparse.value.registered
     found = {
         "images": len(registered),
         "images_registered": int(registered.sum()),
@@ -180,17 +174,8 @@ def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
         "tiles_mapped": sum(1 for tile in tiles if not tile.value.failure),
         "tiles_untrusted": sum(1 for tile in tiles if tile.value.distrust),
         "landmarks": sum(len(tile.value.landmarks) for tile in tiles),
-        "facets": len(surface.faces),
-        "mapped_percent": 100.0 * float(area[mapped].sum() / area.sum()),
-        "mean_radius": float(np.cbrt(0.75 / np.pi * volume)),
-        "volume": volume,
-        "area": float(area.sum()),
-        "gsd": surface.gsd,
-        "height_sigma_median_gsd": float(np.nanmedian(surface.height_sigma) / surface.gsd),
+        **surface_figures(made.surface),
     }
-    names = ("height", "normal", "albedo")
-    found |= {f"{name}_sigma_factor": float(f) for name, f in zip(names, surface.sigma_factor, strict=True)}
-    found |= spread(overlap, "step_between_tiles", "gsd") if len(overlap) else {}
     known = made.renderings.psnr_db[np.isfinite(made.renderings.psnr_db)]
     return found | ({"psnr_mean_db": float(known.mean()), "psnr_min_db": float(known.min())} if len(known) else {})
 

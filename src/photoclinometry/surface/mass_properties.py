@@ -19,6 +19,8 @@ from numba import njit
 import photoclinometry.model.kernel_cache  # noqa: F401
 from photoclinometry.surface.closed_mesh import area_vectors, vertex_normals
 
+DEFAULT_CORRELATION = 0.1
+"""Correlation length of height errors where none is given [mean radii]: the size of a landform that images resolve."""
 UNKNOWN_PERCENT = 99.0
 """Heights without a standard deviation count as known as badly as this percentile of the others. The very worst is that
 of a single vertex: 520 m on a simulated body of 900 m whose 99th percentile is 5 m."""
@@ -68,7 +70,12 @@ class MassProperties:
     @property
     def mean_radius(self) -> float:
         """Of the sphere of the same volume."""
-        return math.cbrt(0.75 / math.pi * self.volume)
+        return mean_radius(self.volume)
+
+
+def mean_radius(volume: float) -> float:
+    """Of the sphere of a volume."""
+    return math.cbrt(0.75 / math.pi * volume)
 
 
 def mass_properties(

@@ -19,13 +19,15 @@ from photoclinometry.output.export.shape.options import ShapeOptions
 from photoclinometry.registration.closest_points import MeshSurface
 from photoclinometry.surface.closed_mesh import is_watertight, signed_volume, unique_edges, vertex_normals
 from photoclinometry.surface.decimate import decimate
-from photoclinometry.surface.mass_properties import MassProperties, properties_by_length
+from photoclinometry.surface.mass_properties import (
+    DEFAULT_CORRELATION,
+    MassProperties,
+    mean_radius,
+    properties_by_length,
+)
 from photoclinometry.surface.polyhedron_gravity import GRAVITATIONAL_CONSTANT, Polyhedron
 from photoclinometry.surface.radial_rays import RadialRays, is_star_shaped
 from photoclinometry.surface.surface_gravity import GroundGravity, carried, ground_gravity, spin_rate
-
-DEFAULT_CORRELATION = 0.1
-"""Correlation length of height errors where none is given [mean radii]: the size of a landform that images resolve."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class PlacedShape:
     @cached_property
     def mean_radius(self) -> float:
         """Of the sphere of the same volume."""
-        return math.cbrt(0.75 / math.pi * signed_volume(self.shape.vertices, self.shape.faces))
+        return mean_radius(signed_volume(self.shape.vertices, self.shape.faces))
 
     @cached_property
     def correlation(self) -> float:
