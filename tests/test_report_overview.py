@@ -7,8 +7,9 @@ import pytest
 
 from photoclinometry.evaluate.evaluate import evaluate_scene
 from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.output.report.facts import CARE, SOUND, WRONG, digits, sun_span_deg, with_sigma
 from photoclinometry.output.report.first_screen import first_screen
-from photoclinometry.output.report.overview import CARE, SOUND, WRONG, digits, light, overview, sun_span_deg
+from photoclinometry.output.report.overview import light, overview
 from photoclinometry.output.report.weak_places import BLOCKS, block_side, block_values, weak_places
 from photoclinometry.surface.relief import local_frame
 from scenes import synthetic_scene
@@ -90,7 +91,7 @@ def test_light_is_that_of_level_ground(scene):
     phase = np.degrees(np.arccos(np.sum(scene.views.sun * to_camera, -1)))
     np.testing.assert_allclose(found["phase"], phase, atol=0.1)
     pairs = np.degrees(np.arccos(np.clip(scene.views.sun @ scene.views.sun.T, -1, 1)))
-    assert sun_span_deg(scene) == pytest.approx(pairs.max(), abs=1e-3)
+    assert sun_span_deg(scene.views) == pytest.approx(pairs.max(), abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -169,3 +170,9 @@ def test_blocks_with_too_few_landmarks_are_not_judged():
 def test_numbers_have_their_digits():
     assert [digits(value) for value in (0.05123, 1.0, 181.4, 12345.0)] == ["0.0512", "1.00", "181", "12\u202f345"]
     assert digits(0.0512, 2) == "0.051"
+
+
+def test_a_value_has_the_digits_of_its_sigma():
+    assert with_sigma(3.06058, 0.00124) == "3.0606 ± 0.0012"
+    assert with_sigma(123456.7, 210.0) == "123\u202f457 ± 210"
+    assert with_sigma(3.06058, float("nan")) == "3.06"

@@ -11,7 +11,6 @@ import pytest
 
 from commands import phomo
 from photoclinometry.model.warning import CODES, Warned, collected_warnings, distinct, warn
-from photoclinometry.output.report import page
 from photoclinometry.output.report.overview import UNCHECKED_RELIEF
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline import run as pipeline
@@ -165,13 +164,6 @@ def test_a_sound_map_is_trusted_and_has_no_warnings(mapped):
     with_care = unsure > UNCHECKED_RELIEF
     assert f"<b>{'Usable with care' if with_care else 'Sound'}:</b>" in report
     assert report.count(f"<li>parallax checks the relief to {100.0 * unsure:.0f} % only") == with_care
-
-
-def test_the_banners_of_the_report_name_warnings_and_reasons():
-    html = page.banners(["<b>"], ["one", "two"])
-    assert html.index("not to be trusted") < html.index("&lt;b&gt;") < html.index("2 warnings") < html.index("two")
-    assert 'class="banner wrong"' in html
-    assert page.banners([], []) == ""
 
 
 def mirrored(scene):

@@ -102,7 +102,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
             views=views,
             stages=[asdict(cost) for cost in folder.costs if not cost.stage.startswith("tile_")],
             options=config,
-            warnings=[f"{warned.words} [{warned.code}]" for warned in warnings],
+            warnings=warnings,
         )
         page = write_body_report(folder.path / "report", viewed, surface.step, content, model.posed.inputs.value.images)
     document = {

@@ -46,14 +46,20 @@ def is_watertight(faces: np.ndarray) -> bool:
     return bool((along == against).all() and (np.diff(along) > 0).all())
 
 
-def largest_component(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The vertices and faces of the connected part with the most faces."""
+def parts_of(faces: np.ndarray, vertices: int) -> np.ndarray:
+    """(F,) int: the connected part of each face (F, 3); faces with a vertex in common are in one. vertices: how many
+    there are."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
     edges, _ = unique_edges(faces)
-    joined = coo_matrix((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
-    part = connected_components(joined, directed=False)[1][faces[:, 0]]
+    joined = coo_matrix((np.ones(len(edges), bool), edges.T), shape=(vertices, vertices))
+    return connected_components(joined, directed=False)[1][faces[:, 0]]
+
+
+def largest_component(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices and faces of the connected part with the most faces."""
+    part = parts_of(faces, len(vertices))
     kept = faces[part == np.bincount(part).argmax()]
     used, renumbered = np.unique(kept, return_inverse=True)
     return vertices[used], renumbered.reshape(-1, 3).astype(faces.dtype)

@@ -68,6 +68,12 @@ def panels(
     return figure, axes
 
 
+def mark_number(axes: Axes, number: int, place: tuple[float, float]) -> None:
+    """A number in a white box, its middle at a place (x, y) of the data."""
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.78, "pad": 1.0}
+    axes.annotate(str(number), place, ha="center", va="center", weight="bold", bbox=box)
+
+
 def one_panel(aspect: float) -> tuple[Figure, Axes]:
     """A figure for one map (height / width = aspect) with its colour bar."""
     figure, axes = panels(1, 1, 4.3, aspect, (0.0, 0.0), (0.6, 1.0, 0.5, 0.3))

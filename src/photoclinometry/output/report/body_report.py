@@ -5,19 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from photoclinometry import __version__
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.scene import Image
 from photoclinometry.model.shape_model import ShapeModel
+from photoclinometry.model.warning import Warned
 from photoclinometry.output.report import page
-from photoclinometry.output.report.sides import draw_sides
+from photoclinometry.output.report.body_overview import body_overview
+from photoclinometry.output.report.first_screen import first_screen
+from photoclinometry.output.report.sides import draw_numbered_sides, draw_sides
 from photoclinometry.output.viewer import ViewedBody, write_body_viewer
 from photoclinometry.output.viewer.page import NAME as VIEWER
 from photoclinometry.surface.mesh_rays import MeshRays
@@ -29,14 +30,16 @@ class BodyContent:
 
     name: str
     metrics: Mapping[str, float]
+    """As in the body's metrics.json."""
     tiles: Sequence[Mapping[str, Any]]
     """One row per tile; those not "used" are red."""
     views: Sequence[Mapping[str, Any]]
     """One row per image; those not "used" are red."""
     stages: Sequence[Mapping[str, Any]]
     options: Mapping[str, Any]
-    warnings: Sequence[str] = ()
+    warnings: Sequence[Warned] = ()
     distrust: Sequence[str] = ()
+    """Why the body is not to be trusted."""
 
 
 def write_body_report(
@@ -53,9 +56,8 @@ def write_body_report(
         work.mkdir()
         write_body_viewer(work / VIEWER, body, images)
         rays = MeshRays(shape.vertices, shape.faces, _spacing(shape))
-        link = page.link(VIEWER, "Move the Sun over the body, and measure on it")
         sections = [
-            ("Summary", "", page.tiles(content.metrics) + link),
+            ("Summary", "", _summary(work, body, rays, step, content)),
             (
                 "Six sides",
                 "Orthographic; north is up, 0° E is up in the views of the poles.",
@@ -65,15 +67,33 @@ def write_body_report(
             ("Tiles", "Each is the folder of a run, with a report of its own.", page.mapping_table(content.tiles)),
             ("Images", "", page.mapping_table(content.views)),
             ("Stages", "", page.mapping_table(content.stages)),
-            ("Options", "", page.options_text(content.options)),
+            ("All figures", "", page.metrics_tables(content.metrics)),
+            page.options_section(content.options),
         ]
-        banner = page.banners(content.distrust, content.warnings)
-        footer = f"photoclinometry {escape(__version__)}"
-        title = f"{content.name}: the whole body"
-        (work / "index.html").write_text(page.page(title, "", sections, footer, banner), encoding="utf-8")
-        summary = {"metrics": json_numbers(content.metrics), "warnings": list(content.warnings)}
+        html = page.page(f"{content.name}: the whole body", _subtitle(body), sections)
+        (work / "index.html").write_text(html, encoding="utf-8")
+        summary = {
+            "metrics": json_numbers(content.metrics),
+            "warnings": [f"{warned.words} [{warned.code}]" for warned in content.warnings],
+        }
         (work / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return Path(folder) / "index.html"
+
+
+def _summary(work: Path, body: ViewedBody, rays: MeshRays, step: np.ndarray, content: BodyContent) -> str:
+    """The first screen, with its six sides drawn into `work`."""
+    found = body_overview(body, step, content.metrics, content.tiles, content.warnings, content.distrust)
+    draw_numbered_sides(work / "overview.png", rays, body.shape, [place.vertex for place in found.places])
+    numbered = " Numbers: the worst places." if found.places else ""
+    caption = f"The surface from six sides; north is up, 0° E is up in the views of the poles.{numbered}"
+    link = page.link(VIEWER, "Move the Sun over the body, and measure on it")
+    return first_screen(found, "overview.png", caption) + link
+
+
+def _subtitle(body: ViewedBody) -> str:
+    frame = "body-fixed frame" if body.body_fixed else ""
+    made_of = page.made_of(body.reflectance, body.brightness)
+    return ", ".join(part for part in (body.body, *made_of, frame) if part)
 
 
 def _sides(work: Path, shape: ShapeModel, rays: MeshRays) -> str:

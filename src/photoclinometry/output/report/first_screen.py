@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from photoclinometry.output.report.overview import CARE, SOUND, WRONG, Fact, Overview
+from photoclinometry.output.report.facts import CARE, SOUND, WRONG, Fact, Overview, WorstPlace
 
 STYLE = """
 .verdict { border: 1px solid #8cbf9b; border-left-width: 6px; border-radius: 8px; background: #e9f5ec; color: #1d5b33;
@@ -32,7 +32,7 @@ _VERDICTS = {
 }
 
 
-def first_screen(found: Overview, picture: str, caption: str) -> str:
+def first_screen(found: Overview[WorstPlace], picture: str, caption: str) -> str:
     """The HTML. picture: file name of the map, with the worst places numbered; caption: what it shows."""
     figure = (
         f'<figure><a href="{escape(picture)}"><img src="{escape(picture)}" alt="{escape(caption)}"></a>'
@@ -46,7 +46,7 @@ def first_screen(found: Overview, picture: str, caption: str) -> str:
     return f'{_verdict(found)}<div class="glance">{facts}{figure}</div>'
 
 
-def _verdict(found: Overview) -> str:
+def _verdict(found: Overview[WorstPlace]) -> str:
     kind, words = _VERDICTS[found.verdict]
     listed = _list("ul", found.reasons)
     if found.warnings:
@@ -63,7 +63,7 @@ def _facts(facts: Sequence[Fact]) -> str:
     return f"<dl>{''.join(lines)}</dl>"
 
 
-def _places(found: Overview) -> str:
+def _places(found: Overview[WorstPlace]) -> str:
     if not found.places:
         return "<ul><li>None stands out: no part of the map is much worse than the rest.</li></ul>"
     return _list("ol", [f"{place.where}: {place.words}" for place in found.places])

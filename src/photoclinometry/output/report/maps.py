@@ -15,6 +15,7 @@ from photoclinometry.output.figures.draw import (
     bare,
     colour_map,
     limits,
+    mark_number,
     one_panel,
     panels,
     region_extent,
@@ -72,9 +73,8 @@ def draw_overview(path: Path, scene: Scene, places: Sequence[WeakPlace]) -> str:
         for count, place in enumerate(places, 1):
             for color, width in (("white", 2.6), ("black", 1.2)):
                 axes.add_patch(Rectangle(place.corner, *place.size, fill=False, edgecolor=color, linewidth=width))
-            box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.78, "pad": 1.0}
-            middle = np.array(place.corner) + 0.5 * np.array(place.size)
-            axes.annotate(str(count), tuple(middle), ha="center", va="center", weight="bold", bbox=box)
+            x, y = np.array(place.corner) + 0.5 * np.array(place.size)
+            mark_number(axes, count, (x, y))
         save(figure, path)
     north = "; N is north" if scene.frame == BODY_FIXED else "; north is not known"
     numbered = " Squares: the worst places." if places else ""

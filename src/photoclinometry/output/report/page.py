@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from photoclinometry import __version__
 from photoclinometry.evaluate.tables import metric_rows, number, split_unit, words
+from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.output.report.first_screen import STYLE as FIRST_SCREEN
 
 STYLE = """
@@ -24,10 +26,6 @@ nav a:hover { text-decoration: underline; }
 section { padding: 16px 0 6px; }
 h2 { font-size: 19px; font-weight: 600; margin: 0 0 12px; }
 h2 + p { margin-top: -6px; color: var(--soft); }
-.tiles { display: grid; grid-template-columns: repeat(auto-fill, minmax(165px, 1fr)); gap: 12px; }
-.tile { background: white; border: 1px solid var(--line); border-radius: 8px; padding: 12px 14px; }
-.tile b { display: block; font-size: 22px; font-weight: 600; font-variant-numeric: tabular-nums; }
-.tile span { color: var(--soft); font-size: 13px; }
 .grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(380px, 1fr)); gap: 16px; }
 .wide { grid-template-columns: 1fr; }
 figure { margin: 0; background: white; border: 1px solid var(--line); border-radius: 8px; padding: 10px; }
@@ -41,49 +39,11 @@ th { color: var(--soft); font-weight: 600; background: #fafbfc; }
 th:first-child, td:first-child, td.text, th.text { text-align: left; }
 tr:last-child td { border-bottom: 0; }
 tr.out td { color: #a33; }
-.banner { border: 1px solid #e3c76b; border-left-width: 6px; border-radius: 8px; background: #fdf6e0;
-          padding: 12px 16px; margin: 18px 0 0; }
-.banner.wrong { border-color: #b3261e; background: #fbe9e7; color: #8c1d18; }
-.banner ul { margin: 6px 0 0; padding-left: 20px; }
 .stack > * + * { margin-top: 16px; }
 pre { margin: 0; padding: 12px 14px; font-size: 12.5px; line-height: 1.45; overflow-x: auto; }
 .link a { display: inline-block; padding: 8px 14px; border: 1px solid var(--line); border-radius: 8px; }
 footer { color: var(--soft); font-size: 13px; padding: 18px 0 40px; }
 """
-
-HEADLINES: tuple[tuple[str, str], ...] = (
-    ("views", "views"),
-    ("landmarks", "landmarks"),
-    ("completeness_percent", "of the lit region mapped"),
-    ("psnr_mean_db", "mean PSNR of renderings"),
-    ("photometric_error_without_scale_and_bias_mean_percent", "mean photometric error"),
-    ("keypoint_residual_rms_px", "keypoint residual, RMS"),
-    ("surface_distance_mean_gsd", "mean distance to the true surface"),
-    ("normal_error_mean_deg", "mean normal error"),
-    ("albedo_error_mean_percent", "mean albedo error"),
-    ("camera_position_error_rms_m", "camera position, RMS"),
-)
-
-
-def tiles(metrics: Mapping[str, Any]) -> str:
-    """The most important figures."""
-    shown = []
-    for key, caption in HEADLINES:
-        if key in metrics:
-            unit = split_unit(key)[1]
-            value = f"{number(metrics[key])} {unit}".strip()
-            shown.append(f'<div class="tile"><b>{escape(value)}</b><span>{escape(caption)}</span></div>')
-    return f'<div class="tiles">{"".join(shown)}</div>'
-
-
-def banners(distrust: Sequence[str], warnings: Sequence[str]) -> str:
-    """What must be read before the map is used: why it is not to be trusted, in red, and what the run warned of."""
-    shown = ""
-    if distrust:
-        shown += _banner("wrong", "This map is not to be trusted", distrust)
-    if warnings:
-        shown += _banner("", f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}", warnings)
-    return shown
 
 
 def link(file: str, words: str) -> str:
@@ -158,27 +118,34 @@ def options_text(options: Mapping[str, Any], prefix: str = "") -> str:
     return "\n".join(line for line in lines if line)
 
 
-def page(title: str, subtitle: str, sections: Sequence[tuple[str, str, str]], footer: str, banner: str = "") -> str:
-    """The whole document; sections are (heading, one line below it or "", HTML), banner is HTML above them."""
+def options_section(options: Mapping[str, Any]) -> tuple[str, str, str]:
+    """The section of a page that lists the options."""
+    return "Options", "", f'<div class="scroll"><pre>{escape(options_text(options))}</pre></div>'
+
+
+def made_of(reflectance: Reflectance | None, brightness: str) -> tuple[str, str]:
+    """The reflectance model and the kind of brightness of a map, in words."""
+    model = "geometry alone" if reflectance is None else f"{reflectance.name} reflectance"
+    return model, "radiance factor I/F" if brightness == "iof" else "uncalibrated brightness"
+
+
+def page(title: str, subtitle: str, sections: Sequence[tuple[str, str, str]]) -> str:
+    """The whole document; sections are (heading, one line below it or "", HTML)."""
     anchors = [heading.lower().replace(" ", "-") for heading, _, _ in sections]
     links = "".join(f'<a href="#{a}">{escape(s[0])}</a>' for a, s in zip(anchors, sections, strict=True))
     body = "".join(
         f'<section id="{anchor}"><h2>{escape(heading)}</h2>{_note(note)}{html}</section>'
         for anchor, (heading, note, html) in zip(anchors, sections, strict=True)
     )
+    footer = f"Written by photoclinometry {__version__}."
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(title)}</title>'
         f"<style>{STYLE}{FIRST_SCREEN}</style></head><body>"
         f'<header><div class="wrap"><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></div></header>'
         f'<nav><div class="wrap">{links}</div></nav>'
-        f'<main class="wrap">{banner}{body}</main><footer class="wrap">{escape(footer)}</footer></body></html>\n'
+        f'<main class="wrap">{body}</main><footer class="wrap">{escape(footer)}</footer></body></html>\n'
     )
-
-
-def _banner(kind: str, heading: str, lines: Sequence[str]) -> str:
-    listed = "".join(f"<li>{escape(line)}</li>" for line in lines)
-    return f'<div class="{f"banner {kind}".strip()}"><b>{escape(heading)}</b><ul>{listed}</ul></div>'
 
 
 def _note(text: str) -> str:

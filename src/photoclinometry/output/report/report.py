@@ -6,13 +6,11 @@ import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from photoclinometry import __version__
 from photoclinometry.evaluate.evaluate import evaluate_scene, view_table
 from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.evaluate.tables import json_numbers
@@ -89,14 +87,8 @@ def write_report(
             sections.append(("Time and memory", "", page.mapping_table(content.stages)))
         sections.append(("All figures", "", page.metrics_tables(metrics)))
         if content.options:
-            text = escape(page.options_text(content.options))
-            sections.append(("Options", "", f'<div class="scroll"><pre>{text}</pre></div>'))
-        html = page.page(
-            scene.name,
-            _subtitle(scene),
-            sections,
-            f"Written by photoclinometry {__version__}.",
-        )
+            sections.append(page.options_section(content.options))
+        html = page.page(scene.name, _subtitle(scene), sections)
         (work / "index.html").write_text(html, encoding="utf-8")
         (work / "summary.json").write_text(json.dumps(json_numbers(metrics), indent=2) + "\n", encoding="utf-8")
     log.info("report: %s", folder / "index.html")
@@ -166,9 +158,9 @@ def _estimate_sections(work: Path, content: ReportContent) -> list[Section]:
 
 
 def _subtitle(scene: Scene) -> str:
-    model = "geometry alone" if scene.reflectance is None else f"{scene.reflectance.name} reflectance"
-    kind = "radiance factor I/F" if scene.brightness == "iof" else "uncalibrated brightness"
     every = "" if scene.region.stride == 1 else f" at a stride of {scene.region.stride}"
     size = f"{scene.region.width} x {scene.region.height} pixels{every} of {scene.views.name[scene.reference]}"
     frame = "body-fixed frame" if scene.frame == BODY_FIXED else ""
-    return ", ".join(part for part in (scene.body, size, model, kind, frame) if part)
+    return ", ".join(
+        part for part in (scene.body, size, *page.made_of(scene.reflectance, scene.brightness), frame) if part
+    )

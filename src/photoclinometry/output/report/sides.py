@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.shape_model import ShapeModel
-from photoclinometry.output.figures.draw import bare, colour_map, limits, panels, save, style
+from photoclinometry.output.figures.draw import bare, colour_map, limits, mark_number, panels, save, style
 from photoclinometry.surface.closed_mesh import vertex_normals
 from photoclinometry.surface.mesh_rays import MeshRays
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SIDES = (
     ("0° E", (1.0, 0.0, 0.0)),
@@ -26,6 +30,10 @@ PIXELS = 320
 """Width and height of each picture [px]."""
 PANEL = 2.6
 """Width and height of each picture [inches]."""
+GAP = (0.12, 0.3)
+"""Across and down between pictures [inches]."""
+_SAME_DEPTH = 0.05
+"""Ground that is nearer than a point by less than this share of half the picture does not hide it."""
 LIGHT = (-0.45, 0.45, 0.77)
 """Towards the Sun, in the picture: rightwards, upwards, towards the viewer. Left above, as people expect."""
 AMBIENT = 0.15
@@ -45,7 +53,7 @@ class Side(NamedTuple):
 
 def seen_from(rays: MeshRays, towards: np.ndarray) -> Side:
     """What parallel rays from a direction (3,) meet first; the body fills the picture."""
-    reach = 1.02 * float(np.linalg.norm(rays.vertices, axis=1).max())
+    reach = _reach(rays)
     up = np.array([1.0, 0.0, 0.0]) if abs(towards[2]) > 0.9 else np.array([0.0, 0.0, 1.0])
     right = unit(np.cross(up, towards))
     axes = np.stack([right, np.cross(towards, right), towards])
@@ -62,15 +70,13 @@ def draw_sides(
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    normals = vertex_normals(shape.vertices, shape.faces) if shape.normals is None else shape.normals
     with style():
-        figure, axes = panels(2, 3, PANEL, 1.0, (0.12, 0.3), (0.1, 0.1 if values is None else 0.9, 0.1, 0.6))
+        figure, axes = panels(2, 3, PANEL, 1.0, GAP, (0.1, 0.1 if values is None else 0.9, 0.1, 0.6))
         colours = None if values is None else Normalize(*limits(values[np.isfinite(values)]))
         for panel, (name, towards) in zip(axes.flat, SIDES, strict=True):
             side = seen_from(rays, np.array(towards))
             if values is None or colours is None:
-                picture = _shaded(rays, side, normals)
-                panel.imshow(picture, cmap="gray", vmin=0.0, vmax=1.0)
+                _show_shaded(panel, rays, side, _normals(shape))
             else:
                 drawn = _of_vertices(rays, side, values[:, None])[:, 0].reshape(PIXELS, PIXELS)
                 panel.imshow(drawn, cmap=colour_map(cmap), norm=colours)
@@ -80,6 +86,59 @@ def draw_sides(
             bar = figure.add_axes((0.91, 0.15, 0.018, 0.65))
             figure.colorbar(ScalarMappable(colours, colour_map(cmap)), cax=bar)
         return save(figure, path)
+
+
+def draw_numbered_sides(path: Path, rays: MeshRays, shape: ShapeModel, marked: Sequence[int]) -> Path:
+    """The six sides, shaded, in three rows; vertices of these numbers are marked 1, 2, ... where they are seen best."""
+    with style():
+        figure, axes = panels(3, 2, PANEL, 1.0, GAP, (0.1, 0.1, 0.1, 0.3))
+        sides = [seen_from(rays, np.array(towards)) for _, towards in SIDES]
+        for panel, side, (name, _) in zip(axes.flat, sides, SIDES, strict=True):
+            _show_shaded(panel, rays, side, _normals(shape))
+            bare(panel, name)
+        for count, vertex in enumerate(marked, 1):
+            best, place = best_seen(rays, sides, shape.vertices[vertex], _normals(shape)[vertex])
+            mark_number(axes.flat[best], count, place)
+        return save(figure, path)
+
+
+def best_seen(
+    rays: MeshRays, sides: Sequence[Side], point: np.ndarray, normal: np.ndarray
+) -> tuple[int, tuple[float, float]]:
+    """The side that sees a point (3,) with its normal (3,) least obliquely, and (x, y) in its picture [px]."""
+    best = max(range(len(sides)), key=lambda n: _seen(rays, sides[n], point, normal))
+    x, y = _pixel(rays, sides[best], point)
+    return best, (float(x), float(y))
+
+
+def _seen(rays: MeshRays, side: Side, point: np.ndarray, normal: np.ndarray) -> float:
+    """Cosine of emission of a point (3,) from a side; -1 where other ground is before it."""
+    x, y = np.clip(_pixel(rays, side, point), 0, PIXELS - 1).astype(int)
+    triangle = side.triangle[y * PIXELS + x]
+    if triangle < 0:
+        return -1.0
+    depth = rays.vertices[rays.faces[triangle]].mean(0) @ side.axes[2]
+    behind = depth - point @ side.axes[2]
+    return float(normal @ side.axes[2]) if behind < _SAME_DEPTH * _reach(rays) else -1.0
+
+
+def _pixel(rays: MeshRays, side: Side, point: np.ndarray) -> np.ndarray:
+    """(x, y) of a point (3,) in the picture of a side [px]."""
+    across, up, _ = side.axes @ point
+    return (1.0 + np.array([across, -up]) / _reach(rays)) * 0.5 * PIXELS
+
+
+def _reach(rays: MeshRays) -> float:
+    """Half the width of a picture, in the unit of the mesh."""
+    return 1.02 * float(np.linalg.norm(rays.vertices, axis=1).max())
+
+
+def _normals(shape: ShapeModel) -> np.ndarray:
+    return vertex_normals(shape.vertices, shape.faces) if shape.normals is None else shape.normals
+
+
+def _show_shaded(panel: Axes, rays: MeshRays, side: Side, normals: np.ndarray) -> None:
+    panel.imshow(_shaded(rays, side, normals), cmap="gray", vmin=0.0, vmax=1.0)
 
 
 def _shaded(rays: MeshRays, side: Side, normals: np.ndarray) -> np.ndarray:

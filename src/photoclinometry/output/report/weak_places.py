@@ -8,6 +8,7 @@ import numpy as np
 
 from photoclinometry.model.scene import Scene
 from photoclinometry.output.figures.layers import LAYERS
+from photoclinometry.output.report.facts import WorstPlace
 
 BLOCKS = 8
 """A map is parted into so many blocks along its longer side."""
@@ -28,13 +29,9 @@ _THIRDS = (("upper left", "top", "upper right"), ("left", "middle", "right"), ("
 
 
 @dataclass(frozen=True, kw_only=True)
-class WeakPlace:
-    """A block of the map's grid that is worse than the rest in one respect."""
+class WeakPlace(WorstPlace):
+    """A block of the map's grid."""
 
-    words: str
-    """What is wrong with it, with its value and that of the map."""
-    where: str
-    """In words, with its middle in pixels of the reference image."""
     corner: tuple[float, float]
     """(x, y) of its upper left corner in the reference image [px]."""
     size: tuple[float, float]
@@ -55,12 +52,21 @@ def weak_places(scene: Scene) -> tuple[WeakPlace, ...]:
         whole = float(np.nanmean(grid) if not large_is_bad else np.nanmedian(grid[np.isfinite(grid)]))
         row, col = np.unravel_index(np.nanargmax(blocks if large_is_bad else -blocks), blocks.shape)
         value = float(blocks[row, col])
-        if (value < NOTABLE * whole if large_is_bad else value * NOTABLE > whole) or (row, col) in found:
+        if not stands_out(value, whole, large_is_bad=large_is_bad) or (row, col) in found:
             continue
-        unit = _unit_of(layer.label(scene))
-        told = f"{words}: {value:.3g}{unit} {how}, of the whole map {whole:.3g}{unit}"
+        told = compared(words, value, whole, _unit_of(layer.label(scene)), how, "map")
         found[int(row), int(col)] = _place(scene, int(row), int(col), side, told)
     return tuple(found.values())
+
+
+def stands_out(value: float, whole: float, *, large_is_bad: bool) -> bool:
+    """Whether a part of a map is NOTABLE times worse than the whole."""
+    return value >= NOTABLE * whole if large_is_bad else value * NOTABLE <= whole
+
+
+def compared(words: str, value: float, whole: float, unit: str, how: str, of: str) -> str:
+    """What is wrong with a part of a map, with its value and that of the whole (of: "map" or "surface")."""
+    return f"{words}: {value:.3g}{unit} {how}, of the whole {of} {whole:.3g}{unit}"
 
 
 def block_side(shape: tuple[int, int]) -> int:

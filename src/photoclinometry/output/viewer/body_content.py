@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.geometry import Rigid, angle_between
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Views
@@ -103,8 +103,7 @@ def first_view(body: ViewedBody, middle: np.ndarray) -> int:
     middle: (3,) of the body.
     """
     views = body.views
-    cosine = np.sum(unit(views.body_from_cam.translation - middle) * views.sun, axis=-1)
-    off = np.abs(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) - 45.0)
+    off = np.abs(np.degrees(angle_between(views.body_from_cam.translation - middle, views.sun)) - 45.0)
     size = np.array([(camera.width, camera.height) for camera in views.cameras])
     pixel = np.stack([views.project(k, body.shape.vertices[::_EVERY]) for k in range(len(views))])
     whole = ((pixel > 0) & (pixel < size[:, None])).all((1, 2))

@@ -1,0 +1,189 @@
+"""What a reader of a body's report wants to know first: what was mapped, how good it is, and what to distrust."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.evaluate.tables import number
+from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.warning import Warned
+from photoclinometry.output.report.body_places import BodyPlace, body_places
+from photoclinometry.output.report.facts import (
+    Fact,
+    Overview,
+    dark_level,
+    digits,
+    few_views,
+    rough_heights,
+    rough_normals,
+    span,
+    stated_sigmas,
+    sun_span_deg,
+    verdict_of,
+    with_sigma,
+    with_unit,
+)
+from photoclinometry.output.viewer import ViewedBody
+from photoclinometry.surface.closed_mesh import centroid
+
+GUESSED_PERCENT = 5.0
+"""Share of the surface without a map beyond which shape and volume rest on a guess. Sound simulated bodies have 0.2 to
+1 per cent."""
+POOR_DISK_PSNR_DB = 22.0
+"""Mean PSNR of whole disks below which renderings differ from images by more than 8 % of the peak, twice as much as
+those of sound simulated bodies, which have 27 to 30 dB."""
+MANY_ALIKE = 3
+"""Of warnings of one kind so many are listed; there may be one for each of hundreds of images."""
+KILO = 1000.0
+"""Lengths from so many metres on are shown in kilometres."""
+_SIGMAS = {
+    "height": "one sigma along the normal, at one vertex, as overlapping tiles disagree",
+    "normal": "one sigma over both axes, at one vertex",
+    "albedo": "one sigma between places; the level of all errs with the model",
+}
+
+
+def body_overview(
+    body: ViewedBody,
+    step: np.ndarray,
+    metrics: Mapping[str, Any],
+    tiles: Sequence[Mapping[str, Any]],
+    warnings: Sequence[Warned] = (),
+    distrust: Sequence[str] = (),
+) -> Overview[BodyPlace]:
+    """The overview of a body.
+
+    step: (V,) scatter of heights between tiles, NaN where there is but one; metrics: as in the body's metrics.json;
+    tiles: a row for each, with "used".
+    """
+    care = _care(body, metrics, tiles)
+    return Overview(
+        verdict=verdict_of(distrust, [warned.words for warned in warnings], care),
+        reasons=(*distrust, *care),
+        warnings=tuple(listed(warnings)),
+        what=tuple(_what(body, metrics)),
+        quality=tuple(_quality(body, metrics)),
+        places=body_places(body.shape, step, body.gsd),
+    )
+
+
+def listed(warnings: Sequence[Warned]) -> list[str]:
+    """Warnings with their codes; of those of one code the first MANY_ALIKE, and how many more there are."""
+    lines = []
+    for code in dict.fromkeys(warned.code for warned in warnings):
+        alike = [warned.words for warned in warnings if warned.code == code]
+        lines += [f"{words} [{code}]" for words in alike[:MANY_ALIKE]]
+        if len(alike) > MANY_ALIKE:
+            lines.append(f"and {len(alike) - MANY_ALIKE} more like it, listed in metrics.json [{code}]")
+    return lines
+
+
+def phases_deg(body: ViewedBody) -> np.ndarray:
+    """(K,) phase angles of the views at the body's centre [degrees]."""
+    middle = centroid(body.shape.vertices, body.shape.faces)
+    return np.degrees(angle_between(body.views.body_from_cam.translation - middle, body.views.sun))
+
+
+def _what(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
+    """Body, size, surface, images and light."""
+    name = (body.body or "unknown body").capitalize()
+    frame = "in its body-fixed frame" if body.body_fixed else "images alone tell neither its size nor its poles"
+    used = metrics["images_registered"] + metrics["images_placed_by_surface"]
+    each = f"; a vertex is measured in {_mean_views(body):.1f} of them" if body.shape.views is not None else ""
+    return [
+        Fact(name="Body", value=name, meaning=frame),
+        *_size(body, metrics),
+        Fact(
+            name="GSD",
+            value=f"{digits(body.gsd)} m" if body.shape.unit else "of unknown length",
+            meaning="ground sample distance: one reference pixel, the median of all tiles",
+        ),
+        Fact(
+            name="Surface",
+            value=f"{metrics['mapped_percent']:.1f} % mapped",
+            meaning=f"{100.0 - metrics['mapped_percent']:.1f} % without a map are closed by a smooth guess",
+        ),
+        Fact(
+            name="Images",
+            value=f"{number(used)} of {number(metrics['images'])} used",
+            meaning=f"{number(metrics['images_placed_by_surface'])} of these placed by the finished surface{each}",
+        ),
+        Fact(
+            name="Tiles",
+            value=f"{number(metrics['tiles_mapped'])} of {number(metrics['tiles'])} mapped",
+            meaning=f"{number(metrics['landmarks'])} landmarks, {number(metrics['facets'])} facets",
+        ),
+        Fact(
+            name="Light",
+            value=f"phase {span(phases_deg(body))}",
+            meaning=f"Suns up to {sun_span_deg(body.views):.0f}° apart, as seen from the body",
+        ),
+        *dark_level(body.brightness, body.views),
+    ]
+
+
+def _mean_views(body: ViewedBody) -> float:
+    """Images per vertex that was mapped."""
+    views = body.shape.views
+    return float(views[views > 0].mean()) if views is not None and (views > 0).any() else 0.0
+
+
+def _size(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
+    """Extents and volume, in metres or kilometres; in GSD where these are not known."""
+    extents = np.array([metrics[f"{name}_extent"] for name in ("longest", "middle", "shortest")])
+    if body.shape.unit is None:
+        length, unit = 1.0 / body.gsd, "GSD"
+    else:
+        length, unit = (1.0 / KILO, "km") if extents.max() >= KILO else (1.0, body.shape.unit)
+    radius = f"{digits(metrics['mean_radius'] * length)} {unit}"
+    volume = with_sigma(metrics["volume"] * length**3, metrics["volume_sigma"] * length**3)
+    return [
+        Fact(
+            name="Size",
+            value=f"{' x '.join(digits(each * length) for each in extents)} {unit}",
+            meaning=f"along its principal axes of inertia; mean radius {radius}",
+        ),
+        Fact(
+            name="Volume",
+            value=f"{volume} {unit}³",
+            meaning="one sigma, if heights err alike over a tenth of the mean radius",
+        ),
+    ]
+
+
+def _quality(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
+    """Sigmas, how tiles agree, and renderings."""
+    gsd_m = body.gsd if body.shape.unit else None
+    found = stated_sigmas(metrics, gsd_m, _SIGMAS)
+    if "step_between_tiles_median_gsd" in metrics:
+        value = with_unit(metrics["step_between_tiles_median_gsd"], "gsd", gsd_m)
+        meaning = "scatter of heights where tiles overlap, the median"
+        found.append(Fact(name="Tiles agree", value=f"to {value}", meaning=meaning))
+    if "psnr_mean_db" in metrics:
+        worst = f"whole disks against images, worst {metrics['psnr_min_db']:.1f}; 30 dB is 3 % of the peak"
+        found.append(Fact(name="PSNR", value=f"{metrics['psnr_mean_db']:.1f} dB", meaning=worst))
+    return found
+
+
+def _care(body: ViewedBody, metrics: Mapping[str, Any], tiles: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What makes a body that nothing is wrong with less than sound."""
+    found = few_views(_mean_views(body)) if body.shape.views is not None else []
+    left_out = metrics["images"] - metrics["images_registered"] - metrics["images_placed_by_surface"]
+    if left_out:
+        found.append(f"left out, since they have no pose: {number(left_out)} of {number(metrics['images'])} images")
+    without = [str(n) for n, row in enumerate(tiles) if not row["used"]]
+    if without:
+        found.append(f"{len(without)} of {len(tiles)} tiles have no map: {', '.join(without)}")
+    if metrics["tiles_untrusted"]:
+        count = f"{number(metrics['tiles_untrusted'])} of {number(metrics['tiles'])}"
+        found.append(f"{count} tiles are not to be trusted, and count only where there is no other")
+    guessed = 100.0 - metrics["mapped_percent"]
+    if guessed > GUESSED_PERCENT:
+        found.append(f"{guessed:.0f} % of the surface were never mapped: shape and volume rest on a guess there")
+    found += rough_normals(metrics) + rough_heights(metrics)
+    if metrics.get("psnr_mean_db", np.inf) < POOR_DISK_PSNR_DB:
+        found.append(f"renderings differ from the images: mean PSNR {metrics['psnr_mean_db']:.1f} dB")
+    return found
