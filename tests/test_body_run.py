@@ -124,6 +124,10 @@ def test_a_body_is_mapped_by_processes_to_one_closed_surface(body, mapped):
     page = data_of((folder / "body" / "report" / "viewer.html").read_text())["scene"]
     assert page["facets"] == len(written.faces)
     assert len(page["views"]) == sum(picture is not None for picture in page["pictures"])
+    (folder / "body" / "report" / "viewer.html").unlink()
+    again = data_of(run_page(folder / "body").read_text())["scene"]
+    assert (again["facets"], again["pictures"]) == (page["facets"], page["pictures"])
+    assert again["reflectance"] == page["reflectance"]
     document = json.loads((folder / "body" / "metrics.json").read_text())
     assert max(row["tie_points_px"] for row in document["tiles"]) < 0.4
     placed = {row["name"] for row in document["views"] if row["placed_by_surface"]}

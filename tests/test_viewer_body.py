@@ -1,6 +1,7 @@
 """The viewer of whole bodies in a real browser: brightness and shadows as by rays, measures on a sphere, levels."""
 
 import csv
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,11 @@ from scipy.ndimage import binary_erosion
 from scipy.spatial import cKDTree
 
 from browser import browser, why_no_browser
+from photoclinometry.io.images import write_fits
+from photoclinometry.io.meshes.shape_ply import write_shape_ply
+from photoclinometry.io.models.colmap import write_colmap
+from photoclinometry.io.scene_file import write_scene
+from photoclinometry.io.site import Site, SiteView, read_site, write_site
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import starting_model
@@ -20,8 +26,8 @@ from photoclinometry.output.viewer.run_page import run_page
 from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
 from photoclinometry.surface.closed_mesh import area_vectors, icosahedron, refine, vertex_normals
 from photoclinometry.surface.mesh_rays import MeshRays
-from scenes import look_at_origin
-from test_viewer import unpacked
+from scenes import look_at_origin, synthetic_images, synthetic_scene
+from test_viewer import data_of, unpacked
 from test_viewer_light import RENDERED
 from test_viewer_page import downloaded, rows_of
 
@@ -202,13 +208,77 @@ def test_large_surfaces_are_made_coarser_and_have_a_level_for_moving(monkeypatch
         assert outward.sum() / 3.0 == pytest.approx(4.0 / 3.0 * np.pi * RADIUS**3, rel=0.03)
 
 
-def test_a_body_whose_page_is_missing_says_what_makes_it(tmp_path):
-    (tmp_path / "body.ply").write_text("")
-    with pytest.raises(RunFolderError, match="run `phomo body`"):
-        run_page(tmp_path)
-    (tmp_path / "report").mkdir()
-    (tmp_path / "report" / "viewer.html").write_text("the page")
-    assert run_page(tmp_path) == tmp_path / "report" / "viewer.html"
+@pytest.fixture
+def body_folder(tmp_path):
+    """What `phomo body` leaves without its report: an unknown sphere with one tile, in four views of its site."""
+    scene = synthetic_scene(size=12, views=4)
+    views = []
+    for k, image in enumerate(synthetic_images(scene)):
+        write_fits(tmp_path / image.name, image.brightness)
+        camera, sun = scene.views.cameras[k], scene.views.sun_measured[k]
+        views.append(SiteView(name=image.name, image=tmp_path / image.name, camera=camera, sun=sun))
+    site, folder = tmp_path / "site.toml", tmp_path / "body"
+    write_site(site, Site(scene.name, None, "iof", tuple(views), None, site))
+    tile = folder / "tiles" / "0000"
+    tile.mkdir(parents=True)
+    write_scene(tile / "scene.h5", scene)
+    write_colmap(folder / "sparse", scene)
+    write_shape_ply(folder / "body.ply", replace(body_of(round_one, spacing=60.0).shape, unit=None))
+    (folder / "config.toml").write_text(f"site = '{site}'\n")
+    (folder / "metrics.json").write_text(json.dumps({"metrics": {"gsd": 3.5}, "views": []}))
+    return folder, scene
+
+
+def test_a_body_whose_page_is_missing_gets_it(body_folder):
+    folder, scene = body_folder
+    path = folder / "report" / "viewer.html"
+    assert run_page(folder) == path
+    page = data_of(path.read_text(encoding="utf-8"))["scene"]
+    assert page["kind"] == "body"
+    assert page["gsd"] == 1.0  # lengths are in GSD, since the images alone tell none
+    assert page["reflectance"]["name"] == scene.reflectance.name
+    assert [view["name"] for view in page["views"]] == list(scene.views.name)
+    assert all(picture is not None for picture in page["pictures"])
+    poses = np.array([view["local_from_cam"] for view in page["views"]])
+    np.testing.assert_allclose(poses, scene.views.body_from_cam.rotation, atol=1e-9)
+    path.write_text("the page")
+    assert run_page(folder) == path
+    assert path.read_text() == "the page"  # it is made where it is missing
+
+
+def test_a_page_without_images_says_nothing_of_them(body_folder):
+    folder, scene = body_folder
+    (folder.parent / scene.views.name[2]).unlink()
+    assert not any(data_of(run_page(folder).read_text(encoding="utf-8"))["scene"]["pictures"])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda folder: (folder.parent / "site.toml").unlink(), "is not there"),
+        (lambda folder: (folder / "metrics.json").unlink(), "names no ground sample distance; run `phomo body`"),
+        (lambda folder: (folder / "tiles" / "0000" / "scene.h5").unlink(), "holds no tile"),
+    ],
+    ids=["site", "metrics", "tiles"],
+)
+def test_a_body_that_lacks_what_its_page_needs_says_so(body_folder, spoil, words):
+    folder, _ = body_folder
+    spoil(folder)
+    with pytest.raises(RunFolderError, match=words):
+        run_page(folder)
+
+
+def test_the_brightness_of_uncalibrated_images_is_that_of_the_folder(body_folder):
+    """It is not made up where an earlier version has not kept it."""
+    folder, scene = body_folder
+    site = folder.parent / "site.toml"
+    write_site(site, replace(read_site(site), brightness="dn"))
+    with pytest.raises(RunFolderError, match="names no brightness of its images"):
+        run_page(folder)
+    rows = [{"name": name, "gain": gain} for name, gain in zip(scene.views.name, (2.0, 3.0, None, 5.0), strict=True)]
+    (folder / "metrics.json").write_text(json.dumps({"metrics": {"gsd": 3.5}, "views": rows}))
+    page = data_of(run_page(folder).read_text(encoding="utf-8"))["scene"]
+    assert [view["scale"] for view in page["views"]] == [2.0, 3.0, 1.0, 5.0]
 
 
 @needs_browser

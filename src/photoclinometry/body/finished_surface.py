@@ -10,7 +10,7 @@ import numpy as np
 
 from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.tile_map import TileMap
-from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.reflectance import Reflectance, mean_model
 from photoclinometry.photometry.shape_rendering import ShadedSurface
 from photoclinometry.pipeline.stage import Keyed
 from photoclinometry.surface.mesh_rays import MeshRays
@@ -44,6 +44,4 @@ def reflectance_of_tiles(tiles: Sequence[TileMap]) -> Reflectance | None:
     known = [(model, tile) for model, tile in known if not tile.distrust] or known
     if not known:
         return None
-    weights = [len(tile.landmarks) for _, tile in known]
-    values = np.average([model.parameters for model, _ in known], axis=0, weights=weights)
-    return known[0][0].with_parameters(values)
+    return mean_model([model for model, _ in known], [len(tile.landmarks) for _, tile in known])

@@ -217,6 +217,7 @@ def _view_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
             "placed_by_surface": bool(made.placed.placed[k]),
             "psnr_db": round(float(made.renderings.psnr_db[k]), 1),
             "optics_px": float(made.renderings.optics_px[k]),
+            "gain": float(made.renderings.gain[k]),
             "left_out": why.get(k, ""),
         }
         for k, view in enumerate(model.site.views)

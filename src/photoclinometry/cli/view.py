@@ -8,8 +8,8 @@ from pathlib import Path
 def view(run: Path, /, browser: bool = True) -> Path:
     """Open a map in the browser: move the Sun, compare with the images, measure.
 
-    The page is report/viewer.html of the run or body, one file that needs no network and can be given to others. A run
-    whose report lacks it gets it now, with its images where they still are.
+    The page is report/viewer.html of the run or body, one file that needs no network and can be given to others. Where
+    the report lacks it, it is made now, with the images where they still are.
 
     Args:
         run: Folder of a finished run, or of a body.

@@ -10,6 +10,7 @@ import numpy as np
 
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.io.site_images import input_fingerprint, load_plausible_images
+from photoclinometry.io.site_views import views_at
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import OWN, Camera, Image, Region, Views
@@ -192,17 +193,4 @@ def check_reference(site: Site, left_out: Mapping[str, str]) -> None:
 
 def views_from(site: Site, sparse: SparseModel) -> Views:
     """All K views of the site with the poses of the sparse model, in the site's order."""
-    count, sun_in_cam = len(site.views), site.sun_in_cam
-    own, common = site.sun_sigmas
-    return Views(
-        name=tuple(view.name for view in site.views),
-        cameras=tuple(view.camera for view in site.views),
-        body_from_cam=sparse.body_from_cam,
-        sun=np.einsum("kij,kj->ki", sparse.body_from_cam.rotation, sun_in_cam),
-        scale=np.ones(count),
-        bias=np.zeros(count),
-        dark_level=np.zeros(count),
-        sun_measured=sun_in_cam,
-        sun_sigma=own,
-        sun_common_sigma=common,
-    )
+    return views_at(site, sparse.body_from_cam)

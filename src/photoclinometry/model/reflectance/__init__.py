@@ -29,6 +29,7 @@ from photoclinometry.model.reflectance.models import MODELS, ModelChoice, ModelN
 from photoclinometry.model.reflectance.reflectance import (
     Reflectance,
     has_published,
+    mean_model,
     models_for,
     published,
     starting_model,
@@ -52,6 +53,7 @@ __all__ = [
     "continued_function",
     "continued_parameters",
     "has_published",
+    "mean_model",
     "model_named",
     "models_for",
     "of_factors",

@@ -142,6 +142,11 @@ class Reflectance:
         return [min(max(v, p.lower), p.upper) for p, v in zip(self._parameters, self.values, strict=True)]
 
 
+def mean_model(models: Sequence[Reflectance], weights: Sequence[float]) -> Reflectance:
+    """The first model with the weighted mean of all their parameters; all are of one name."""
+    return models[0].with_parameters(np.average([model.parameters for model in models], axis=0, weights=weights))
+
+
 def has_published(name: str, body: str | None) -> bool:
     """Whether values of this model's parameters are published for this body, or it has none."""
     model = model_named(name)
