@@ -54,6 +54,14 @@ MISFIT = 0.15
 ground of three kinds and images of Vesta have 0.01 to 0.05."""
 
 
+UNCERTAIN_PX = 0.2
+"""Standard deviation of the width, by the fit, beyond which it is not told. Where ground shows it is 0.02 to 0.15 px;
+where noise hides it there is no limit."""
+
+FLATTEST = 0.7
+"""Least exponent of the power law of ground, whose spectra have 1.3 to 3. Noise alone has 0."""
+
+
 def psf_sigma_px(images: Sequence[Image]) -> float:
     """Standard deviation [px] of the point-spread function that images of one camera have in common.
 
@@ -63,9 +71,13 @@ def psf_sigma_px(images: Sequence[Image]) -> float:
     if len(spectra) < FEWEST:
         log.info("point-spread function: %d windows of plain ground, too few to tell its width", len(spectra))
         return USUAL_PX
-    found, misfit = _width(np.median(spectra, axis=0))
+    exponent, variance, uncertainty, misfit = _fit(np.median(spectra, axis=0))
     if misfit > MISFIT:
         log.info("point-spread function: the ground's spectrum follows no power law (misfit %.2f)", misfit)
+        return USUAL_PX
+    found = np.sqrt(max(variance, 0.0))
+    if exponent < FLATTEST or uncertainty > 2.0 * UNCERTAIN_PX * max(found, USUAL_PX):
+        log.info("point-spread function: noise hides its width")
         return USUAL_PX
     without_ground = np.sqrt(max(found**2 - SMOOTH_GROUND_PX**2, 0.0))
     sigma_px = float(np.clip(without_ground, min(found, USUAL_PX), WIDEST_PX))
@@ -125,19 +137,23 @@ def _spectrum(window: np.ndarray) -> np.ndarray:
     return power / max(float(power[: RINGS // 2].mean()), TINY)
 
 
-def _width(power: np.ndarray) -> tuple[float, float]:
-    """The standard deviation [px] that fits a spectrum (RINGS,) best, and the misfit."""
+def _fit(power: np.ndarray) -> tuple[float, float, float, float]:
+    """The exponent and the Gaussian's variance [px^2] that fit a spectrum (RINGS,) best, the variance's standard
+    deviation, and the misfit."""
     from scipy.optimize import least_squares
 
-    number = _of_rings(_NUMBER)
-    pixel = _of_rings((np.sinc(np.fft.fftfreq(WINDOW_PX))[:, None] * np.sinc(np.fft.fftfreq(WINDOW_PX))) ** 2)
+    number, told = _of_rings(_NUMBER), np.log(np.maximum(power, TINY))
+    pixel = _of_rings(np.outer(*2 * [np.sinc(np.fft.fftfreq(WINDOW_PX)) ** 2]))
 
     def misfits(parameters: np.ndarray) -> np.ndarray:
         amplitude, exponent, variance, noise = parameters
-        ground = np.exp(amplitude - exponent * np.log(number) - variance * number**2) * pixel
-        return np.log(ground + np.exp(noise)) - np.log(np.maximum(power, TINY))
+        ground = amplitude - exponent * np.log(number) - variance * number**2 + np.log(pixel)
+        return np.logaddexp(ground, noise) - told
 
-    first = np.log(np.maximum(power, TINY))
-    starts = [(first[0] + b * np.log(number[0]), b, s, first[-1] - 1.0) for b in (1.0, 2.0, 3.0) for s in (0.2, 0.8)]
+    starts = [(told[0] + b * np.log(number[0]), b, s, told[-1] - 1.0) for b in (1.0, 2.0, 3.0) for s in (0.2, 0.8)]
     best = min((least_squares(misfits, start) for start in starts), key=lambda fit: fit.cost)
-    return float(np.sqrt(max(best.x[2], 0.0))), float(np.sqrt(np.mean(best.fun**2)))
+    misfit = float(np.sqrt(np.mean(best.fun**2)))
+    others = np.delete(best.jac, 2, axis=1)
+    own = best.jac[:, 2] - others @ np.linalg.lstsq(others, best.jac[:, 2], rcond=None)[0]
+    uncertainty = misfit * np.sqrt(RINGS) / max(float(np.linalg.norm(own)), TINY)
+    return float(best.x[1]), float(best.x[2]), uncertainty, misfit
