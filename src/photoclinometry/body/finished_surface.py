@@ -40,8 +40,4 @@ class FinishedSurface:
 
 def reflectance_of_tiles(tiles: Sequence[TileMap]) -> Reflectance | None:
     """The mean model of the tiles that are to be trusted, by their landmarks; None of geometry alone."""
-    known = [(tile.reflectance, tile) for tile in tiles if tile.reflectance]
-    known = [(model, tile) for model, tile in known if not tile.distrust] or known
-    if not known:
-        return None
-    return mean_model([model for model, _ in known], [len(tile.landmarks) for _, tile in known])
+    return mean_model([(tile.reflectance, len(tile.landmarks), not tile.distrust) for tile in tiles])

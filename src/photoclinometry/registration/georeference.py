@@ -28,9 +28,10 @@ log = logging.getLogger(__name__)
 MIN_PRIORS = 3
 """Fewer that agree do not determine a frame: of two, a wrong one cannot be told from a right one."""
 OUTLIER = 5.0
-"""So many sigmas off its prior an estimate is far off, and an attitude is wrong ..."""
+"""Sigmas off its prior from which an estimate is far off. An attitude's prior is then left out, if off by
+FAR_RAD, too."""
 FAR_RAD = np.radians(5.0)
-"""... but only beyond this angle [rad]: images determine attitudes far better."""
+"""Images determine attitudes far better than this [rad]."""
 CONTRADICTS = 2.5
 """A prior is left out if it disagrees with images and other priors by so many sigmas, root mean square over its six,
 and by so many times the median: by 6 sigmas in one of the six directions. Sound ones disagree by 2 at most (0008)."""
@@ -122,8 +123,7 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     A prior is left out if it disagrees with what the images and the other priors say of its view (`disagreement`) by
     more than CONTRADICTS sigmas and more than CONTRADICTS times the median, since images err by more than is known of
     them; or if its attitude is off by more than OUTLIER sigmas and FAR_RAD. The worst goes first: a wrong prior makes
-    sound ones look wrong. Fewer than MIN_PRIORS
-    may be left in `used`. Raises InputError where fewer than MIN_PRIORS are given.
+    sound ones look wrong. Fewer than MIN_PRIORS may be left in `used`. Raises InputError where fewer are given.
     """
     seen = [k for k, name in enumerate(scene.views.name) if name in priors]
     if len(seen) < MIN_PRIORS:

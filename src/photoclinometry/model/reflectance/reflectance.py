@@ -142,9 +142,17 @@ class Reflectance:
         return [min(max(v, p.lower), p.upper) for p, v in zip(self._parameters, self.values, strict=True)]
 
 
-def mean_model(models: Sequence[Reflectance], weights: Sequence[float]) -> Reflectance:
-    """The first model with the weighted mean of all their parameters; all are of one name."""
-    return models[0].with_parameters(np.average([model.parameters for model in models], axis=0, weights=weights))
+def mean_model(models: Sequence[tuple[Reflectance | None, float, bool]]) -> Reflectance | None:
+    """The weighted mean of models of one name, of those that are to be trusted where there are such; None without any.
+
+    models: each with its weight, and whether it is to be trusted.
+    """
+    known = [(model, weight, trusted) for model, weight, trusted in models if model is not None]
+    used = [each for each in known if each[2]] or known
+    if not used:
+        return None
+    weights = [weight for _, weight, _ in used]
+    return used[0][0].with_parameters(np.average([model.parameters for model, *_ in used], axis=0, weights=weights))
 
 
 def has_published(name: str, body: str | None) -> bool:

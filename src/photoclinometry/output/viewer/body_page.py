@@ -74,7 +74,6 @@ def _reflectance(folder: Path) -> Reflectance | None:
         raise RunFolderError(f"{folder / 'tiles'}: holds no tile, and with these the reflectance; {REMAKE}")
     scenes = [read_run(tile) for tile in tiles]
     trusted = [not read_metrics(tile).get("not_trusted_because") for tile in tiles]
-    known = [(each.reflectance, len(each.landmarks), good) for each, good in zip(scenes, trusted, strict=True)]
-    models = [(model, count, good) for model, count, good in known if model is not None]
-    models = [each for each in models if each[2]] or models
-    return mean_model([model for model, *_ in models], [count for _, count, _ in models]) if models else None
+    return mean_model(
+        [(each.reflectance, len(each.landmarks), good) for each, good in zip(scenes, trusted, strict=True)]
+    )
