@@ -16,7 +16,9 @@ from photoclinometry.io.meshes.ply import read_ply
 from photoclinometry.io.models.colmap import read_colmap
 from photoclinometry.io.scene_file import read_scene
 from photoclinometry.io.site import RegionRequest, read_site, write_site
+from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import ReconstructionError, RunFolderError, SiteError
+from photoclinometry.photometry.point_spread import psf_sigma_px
 from photoclinometry.pipeline import joint_estimate, products
 from photoclinometry.pipeline.run import RunOptions, choose_reflectance, run
 from photoclinometry.simulate.truth_file import read_truth
@@ -85,6 +87,7 @@ def test_metrics_and_config_say_what_was_done(mapped):
     assert metrics["brought_in"] == []
     assert metrics["metrics"]["converged"] == 1
     assert metrics["metrics"]["psnr_mean_db"] > 30
+    assert metrics["metrics"]["psf_sigma_px"] == psf_sigma_px(load_images(read_site(mapped.site)))
     assert [v["name"] for v in metrics["views"]] == [v.name for v in read_site(mapped.site).views]
     assert [s["stage"] for s in metrics["stages"]][1:5] == BEFORE
     assert all(s["wall_s"] >= 0 and not s["resumed"] for s in metrics["stages"])

@@ -66,6 +66,11 @@ def test_the_dark_level_of_uncalibrated_images_is_told(scene):
         assert facts(overview(raw, METRICS, ()))["Dark level"] == told
 
 
+def test_the_width_of_the_point_spread_function_is_told_where_it_was_used(scene):
+    assert "Point-spread function" not in facts(overview(scene, METRICS, ()))
+    assert facts(overview(scene, METRICS | {"psf_sigma_px": 0.614}, ()))["Point-spread function"] == "0.61 px"
+
+
 def test_lengths_are_in_metres_where_these_are_known(scene):
     told = facts(overview(replace(scene, frame=BODY_FIXED), METRICS, ()))
     assert told["GSD"] == f"{scene.gsd:.1f} m"

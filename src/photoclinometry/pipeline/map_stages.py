@@ -56,6 +56,8 @@ class FinishedMap:
 
     adjustment: Adjustment
     figures: IterationFigures
+    psf_sigma_px: float | None = None
+    """Of the point-spread function with which fine relief was restored; None where it was not."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +140,7 @@ class LastEstimate(Stage[FinishedMap]):
 
     def make(self, tools: Tools) -> FinishedMap:
         start, estimate = self.start.value, partial(self.estimate, progress=tools.progress)
-        scene, model = start.scene, self.estimate.reflectance
+        scene, model, psf = start.scene, self.estimate.reflectance, None
         if scene.reflectance is not None and model is not None and model.name != scene.reflectance.name:
             scene = with_model(scene, model)
         if self.direct:
@@ -152,10 +154,11 @@ class LastEstimate(Stage[FinishedMap]):
         landmarks = f"{len(found.scene.landmarks):,} landmarks in {len(found.scene.views)} views"
         say_found(landmarks if found.converged else f"{landmarks}, not converged")
         if self.before is None:
-            return FinishedMap(adjustment=found, figures=first_map_figures(found.scene))
+            return FinishedMap(adjustment=found, figures=first_map_figures(found.scene), psf_sigma_px=psf)
         before, moved = self.before.value.scene, start.keypoints_moved_px
         assert moved is not None
-        return FinishedMap(adjustment=found, figures=iteration_figures(start.number, found.scene, before, moved))
+        figures = iteration_figures(start.number, found.scene, before, moved)
+        return FinishedMap(adjustment=found, figures=figures, psf_sigma_px=psf)
 
 
 def _suffix(estimate: JointEstimate) -> str:

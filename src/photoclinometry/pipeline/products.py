@@ -84,6 +84,8 @@ class RunSummary:
     """Ground control points."""
     relief: ReliefCheck | None = None
     """Of the map beside the parallax of the images; None where it was not looked at."""
+    psf_sigma_px: float | None = None
+    """Standard deviation of the point-spread function with which fine relief was restored; None where it was not."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,6 +139,8 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     metrics |= control_metrics(of_control)
     if summary.relief is not None:
         metrics |= summary.relief.metrics()
+    if summary.psf_sigma_px is not None:
+        metrics["psf_sigma_px"] = summary.psf_sigma_px
     if scene.reflectance is not None:
         metrics["brightness_change_explained_percent"] = 100.0 * change_explained(scene)
     how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}

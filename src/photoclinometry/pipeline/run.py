@@ -96,6 +96,7 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
         pose_priors=found.pose_priors,
         control=choices.control,
         relief=found.relief,
+        psf_sigma_px=found.finished.value.psf_sigma_px,
     )
     return write_products(folder, summary)
 

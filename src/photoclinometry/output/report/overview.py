@@ -67,7 +67,7 @@ def overview(
         verdict=verdict_of(distrust, warnings, care),
         reasons=(*distrust, *care),
         warnings=tuple(warnings),
-        what=tuple(_what(scene, rows)),
+        what=(*_what(scene, rows), *_optics(metrics)),
         quality=tuple(_quality(scene, metrics)),
         places=weak_places(scene),
     )
@@ -114,6 +114,15 @@ def _what(scene: Scene, rows: Sequence[Mapping[str, Any]]) -> list[Fact]:
         ),
         *dark_level(scene.brightness, scene.views),
     ]
+
+
+def _optics(metrics: Mapping[str, Any]) -> list[Fact]:
+    """The width of the point-spread function, where fine relief was restored with it."""
+    sigma_px = metrics.get("psf_sigma_px")
+    if sigma_px is None:
+        return []
+    meaning = "one sigma; what it and the pixels take from the finest relief is restored"
+    return [Fact(name="Point-spread function", value=f"{sigma_px:.2f} px", meaning=meaning)]
 
 
 def _where(scene: Scene) -> str:
