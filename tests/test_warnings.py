@@ -15,6 +15,7 @@ from photoclinometry.output.report.overview import UNCHECKED_RELIEF
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.pose_priors import prior_table
+from photoclinometry.pipeline.rendering_check import POOR_PSNR_DB, warn_of_renderings
 from photoclinometry.pipeline.result_display import result_card
 from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.stage import Stage, Tools
@@ -79,6 +80,16 @@ def test_of_warnings_about_one_view_the_latest_counts():
         Warned("b", "y"),
     ]
     assert distinct(said) == (Warned("a", "4 % off", "v"), Warned("b", "x"), Warned("b", "y"))
+
+
+@pytest.mark.parametrize(
+    ("metrics", "codes"),
+    [({"psnr_mean_db": POOR_PSNR_DB - 0.1}, ["renderings-differ"]), ({"psnr_mean_db": POOR_PSNR_DB}, []), ({}, [])],
+)
+def test_renderings_that_differ_from_the_images_are_warned_of(metrics, codes):
+    with collected_warnings() as warned:
+        warn_of_renderings(metrics)
+    assert [each.code for each in warned] == codes
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from photoclinometry.pipeline.moved_suns import warn_of_suns
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
 from photoclinometry.pipeline.relief_check import ReliefCheck, warn_of_relief
 from photoclinometry.pipeline.relighting import IterationFigures
+from photoclinometry.pipeline.rendering_check import warn_of_renderings
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.trust import change_explained, why_untrusted
 
@@ -134,6 +135,7 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     warn_of_relief(summary.relief)
     warn_of_blurred_views(scene)
     metrics = evaluate_scene(scene, images, per_view=used, held_out=aside)
+    warn_of_renderings(metrics)
     metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
     metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
     metrics |= control_metrics(of_control)

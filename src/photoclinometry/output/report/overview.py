@@ -38,9 +38,8 @@ UNCHECKED_RELIEF = 0.1
 100 x 100 landmarks have 0.01 to 0.05."""
 SPARSE_PERCENT = 80.0
 """Share of the lit region below which a map is full of holes."""
-POOR_PSNR_DB, WORSE_BY_DB = 30.0, 6.0
-"""Mean PSNR below which renderings differ from images by more than 3 % of the peak (sound simulated sites have 40 dB);
-and how much worse held-out views may be: twice the error."""
+WORSE_BY_DB = 6.0
+"""How much worse the PSNR of held-out views may be: twice the error."""
 _SIGMAS = {
     "height": "one sigma of a landmark above the mean plane",
     "normal": "one sigma over both axes, at one landmark",
@@ -176,8 +175,6 @@ def _care(scene: Scene, metrics: Mapping[str, Any]) -> list[str]:
     if metrics.get("completeness_percent", 100.0) < SPARSE_PERCENT:
         found.append(f"{100.0 - metrics['completeness_percent']:.0f} % of the lit region are not mapped")
     quality, held_out = metrics.get("psnr_mean_db"), metrics.get("psnr_held_out_mean_db")
-    if quality is not None and quality < POOR_PSNR_DB:
-        found.append(f"renderings differ from the images: mean PSNR {quality:.1f} dB")
     if quality is not None and held_out is not None and held_out < quality - WORSE_BY_DB:
         found.append(f"held-out views are predicted {quality - held_out:.1f} dB worse than those that were used")
     return found
