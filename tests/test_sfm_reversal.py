@@ -200,6 +200,15 @@ def test_views_are_mapped_again_until_the_best_is_found_twice(found, kept, trial
     assert seeds == [OPTIONS.seed + k for k in range(trials)]
 
 
+def test_all_trials_are_made_if_that_is_asked_for(monkeypatch):
+    """Though the second model is found twice, and is beyond doubt."""
+    found = [oriented(5, error_px, 2.0) for error_px in (0.40, 0.34, 0.34, 0.34, 0.30, 0.34)]
+    trials = iter(found)
+    monkeypatch.setattr(mapping, "_mapped", lambda *_: next(trials))
+    assert mapping.map_views([CAMERA] * 5, None, OPTIONS, None, all_trials=True) == found[4]
+    assert next(trials, None) is None
+
+
 def with_reversed_views(model, *views):
     found = copy.deepcopy(model)
     for image_id in found.reg_image_ids():

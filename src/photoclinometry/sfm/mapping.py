@@ -84,12 +84,15 @@ def map_views(
     options: SfmOptions,
     progress: Progress | None,
     shading_of: Callable[[SparseModel], ReliefShading] | None = None,
+    *,
+    all_trials: bool = False,
 ) -> list[Oriented]:
     """The reconstructions found, one for each connected set of views, the largest first.
 
     Where the largest may have views reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
     which begins with other views, until the best is found twice, and the images show it if any Sun is known, or after
-    TRIALS. shading_of: the shading of a model compared with the images; None where no Sun is known.
+    TRIALS. shading_of: the shading of a model compared with the images; None where no Sun is known. all_trials: map
+    TRIALS times in any case.
     """
     best: list[Oriented] = []
     for trial in range(TRIALS):
@@ -97,7 +100,7 @@ def map_views(
         found_again = bool(best and found) and _alike(best[0], found[0])
         best = max((best, found), key=_quality)
         shown = bool(best) and (best[0].is_shown or best[0].shading is None)
-        if not best or (found_again and shown) or not best[0].is_doubtful:
+        if not best or (not all_trials and ((found_again and shown) or not best[0].is_doubtful)):
             break
     return best
 

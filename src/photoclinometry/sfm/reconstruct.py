@@ -1,7 +1,8 @@
 """Images and intrinsics -> poses and sparse points.
 
 SIFT keypoints are matched between images that look alike, verified by two-view geometry and mapped with the intrinsics
-held fixed. Where light differs too much for that, keypoints of the relief are added.
+held fixed. Where light differs too much for that, keypoints of the relief are added, and matching is guided by what
+most matches of two views have in common.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from photoclinometry.sfm.completion import completed
 from photoclinometry.sfm.database import (
     add_relief_keypoints,
     disk_errors,
+    match_guided,
     match_views,
     read_keypoints,
     read_matches,
@@ -42,6 +44,10 @@ MIN_VIEWS = 3
 THIN_SHARE = 0.5
 """If a smaller share of the pairs matches, light differs much, and keypoints of the relief are tried."""
 
+
+WELL_BEGUN = 0.5
+"""Share of the views that a model needs to be completed by guided matches: one of three views of nine, with 25 points,
+was the reverse of the ground."""
 
 NAMED = 5
 """Views of another place that the message about one of them names."""
@@ -78,6 +84,11 @@ class _Attempt(NamedTuple):
     """Likewise (`Oriented.overruled`)."""
 
     @property
+    def is_sound(self) -> bool:
+        """Whether keypoints and shading agree that the largest model is no reverse."""
+        return self.undecided is None and self.overruled is None
+
+    @property
     def registered(self) -> set[int]:
         """Views of the largest model."""
         return set(np.flatnonzero(self.models[0].registered).tolist()) if self.models else set()
@@ -95,7 +106,8 @@ def reconstruct_sparse(
 
     images, cameras: one per view. work_dir receives 8-bit copies and COLMAP's database (overwritten).
     sun_in_cam: (K, 3) unit vectors towards the Sun in C. With them, if views do not register or fewer than half of the
-    pairs match, all are matched again with keypoints of the relief (`relief_picture`) as well.
+    pairs match, all are matched again with keypoints of the relief (`relief_picture`) as well; and if views do not
+    register even so, pairs that no model has in common are matched by guidance (`guided_matches`).
     Views that do not register are logged by name and False in `registered`, with the `reason`. `brought_in` describes
     the matches of views that registered only with the relief.
     Raises InputError for fewer than MIN_VIEWS images, ReconstructionError where fewer views register,
@@ -113,6 +125,8 @@ def reconstruct_sparse(
         found = plain
         if sun_in_cam is not None and options.relief_keypoints and _matches_little(plain, options):
             found = _by_relief_too(given, sun_in_cam, plain)
+            if len(found.registered) < len(images):
+                found = _guided_too(given, found)
     if len(found.registered) < MIN_VIEWS:
         raise ReconstructionError(_explain_failure(names, found, options))
     sparse = found.models[0]
@@ -176,11 +190,21 @@ def _joined(models: list[SparseModel], given: _Given) -> list[SparseModel]:
 
 def _mapped(given: _Given, pairs: list[tuple[int, int]], new: list[tuple[int, int]], stage: str) -> _Attempt:
     """All views mapped after matching. new: those of the pairs that are not matched yet."""
+    inliers = match_views(len(given.cameras), new, given.work_dir, given.options, stage, given.progress)
+    return _mapped_by(given, pairs, inliers, stage)
+
+
+def _mapped_by(
+    given: _Given, pairs: list[tuple[int, int]], inliers: np.ndarray, stage: str, *, all_trials: bool = False
+) -> _Attempt:
+    """All views mapped by the verified matches in the database, of which inliers (K, K) are the numbers.
+
+    all_trials: as of `map_views`.
+    """
     cameras, work_dir, options, progress = given.cameras, given.work_dir, given.options, given.progress
-    inliers = match_views(len(cameras), new, work_dir, options, stage, progress)
     log.info("%d of %d pairs match (%s)", np.count_nonzero(inliers) // 2, len(pairs), stage)
     shading_of = None if given.sun_in_cam is None else given.shading_of
-    found = map_views(cameras, work_dir, options, progress, shading_of)
+    found = map_views(cameras, work_dir, options, progress, shading_of, all_trials=all_trials)
     models = [normalised(from_colmap(each.model, len(cameras)), cameras) for each in found]
     doubts = (found[0].undecided, found[0].overruled) if found else (None, None)
     return _Attempt(pairs, inliers, models, *doubts)
@@ -201,6 +225,25 @@ def _by_relief_too(given: _Given, sun_in_cam: np.ndarray, plain: _Attempt) -> _A
     add_relief_keypoints(given.images, sun_in_cam, given.work_dir, given.options)
     found = _matched_and_mapped(given, "relief matches")
     return found if len(found.registered) >= len(plain.registered) else plain
+
+
+def _guided_too(given: _Given, before: _Attempt) -> _Attempt:
+    """Guided matching of the pairs of views of which no model has both; kept if that brings in views.
+
+    All are mapped anew, by all trials: few points are seen by many views then, and the mapper gave several views of a
+    site the reversed pose with five seeds of six. Besides, models of half of the views and more are joined and
+    completed by these matches, which keeps poses that were right; of equally many views these are preferred.
+    """
+    together = np.zeros(before.inliers.shape, bool)
+    for model in before.models:
+        together |= np.outer(model.registered, model.registered)
+    pairs = [pair for pair in before.pairs if not together[pair]]
+    inliers = match_guided(given.cameras, pairs, given.work_dir, given.options, "guided matches", given.progress)
+    mapped = _mapped_by(given, before.pairs, inliers, "guided matches", all_trials=True)
+    attempts = [before, mapped._replace(models=_joined(mapped.models, given))]
+    if before.is_sound and len(before.registered) >= WELL_BEGUN * len(inliers):
+        attempts.insert(1, before._replace(inliers=inliers, models=_joined(before.models, given)))
+    return max(attempts, key=lambda attempt: len(attempt.registered))
 
 
 def _warn_if_undecided(errors_px: tuple[float, float] | None) -> None:
@@ -242,7 +285,9 @@ def _brought_in(plain: _Attempt, found: _Attempt, options: SfmOptions) -> np.nda
     how = np.full(len(plain.inliers), "", object)
     gained = (found.inliers >= options.min_pair_matches) & (plain.inliers < options.min_pair_matches)
     for view in found.registered - plain.registered:
-        how[view] = f"keypoints of the relief, which match it with {gained[view].sum()} more views"
+        number = gained[view].sum()
+        with_others = f"which match it with {number} more views" if number else "few of each view, but of many views"
+        how[view] = f"keypoints of the relief, {with_others}"
     return how.astype(str)
 
 

@@ -34,9 +34,9 @@ DOUBTFUL = 1.3
 """The same ratio, below which a model is mapped again. Models with some views reversed have 1.0 to 1.2; right ones of
 low relief and a field of view of 1.7 degrees 1.1 and more."""
 
-HOPELESS = 5.0
+HOPELESS = 6.0
 """Times its reprojection error that the reverse of a model, or of a pose with the same points, has before it is
-adjusted, beyond which it is not: relief is then plainly seen. Wrong poses have 0.8 to 3.4, right ones of low relief 4
+adjusted, beyond which it is not: relief is then plainly seen. Wrong poses have 0.8 to 5.8, right ones of low relief 4
 to 9, of others 10 and more."""
 
 SETTLED = 1e-4
