@@ -19,7 +19,7 @@ class SfmOptions(Ranged):
     the preview shows that these match well. Views that do not register then are matched with all."""
     relief_keypoints: bool = True
     """Where light differs too much for keypoints of the brightness, also match keypoints of the relief, which shading
-    reveals if the Sun's direction is known."""
+    reveals if the Sun's direction is known; and by guidance, where views are left out even so."""
     mapper: Literal["incremental", "global"] = "incremental"
     """How poses are found: view after view, or all at once."""
     max_ratio: Annotated[float, Range(above=0, most=1)] = 0.8
