@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.errors import ReconstructionError
-from photoclinometry.sfm import reconstruct_sparse
+from photoclinometry.sfm import reconstruct, reconstruct_sparse
 from photoclinometry.sfm.guided_matching import (
     LOOSE_RATIO,
     ROWS_AT_ONCE,
@@ -124,3 +124,23 @@ def test_views_lit_from_all_sides_register(tmp_path):
     assert len(found.points) > 200
     assert rotation_errors_deg(found.body_from_cam, poses).max() < 1.5
     assert set(found.how_brought_in()) == set(range(5))
+
+
+def test_nothing_is_mapped_again_where_guidance_finds_nothing(tmp_path, monkeypatch):
+    """An image of another place is matched by guidance in vain; the model of the others stays."""
+    images, suns, _ = site([20, 25, 30])
+    strangers, their_suns, _ = site([22], seed=7, prefix="b")
+    trials = []
+    mapped = reconstruct.map_views
+
+    def counted(*args, all_trials=False):
+        trials.append(all_trials)
+        return mapped(*args, all_trials=all_trials)
+
+    monkeypatch.setattr(reconstruct, "map_views", counted)
+    options = replace(OPTIONS, threads=1)
+    found = reconstruct_sparse(
+        images + strangers, [CAMERA] * 4, tmp_path, options, sun_in_cam=np.concatenate([suns, their_suns])
+    )
+    assert found.registered.tolist() == [True] * 3 + [False]
+    assert trials == [False, False]

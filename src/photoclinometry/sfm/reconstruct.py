@@ -210,9 +210,14 @@ def _mapped_by(
     return _Attempt(pairs, inliers, models, *doubts)
 
 
+def _match(inliers: np.ndarray, options: SfmOptions) -> np.ndarray:
+    """(K, K) bool: pairs of views with enough verified matches."""
+    return inliers >= options.min_pair_matches
+
+
 def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
     """Views did not register, or fewer than THIN_SHARE of the pairs match."""
-    matching = np.count_nonzero(found.inliers >= options.min_pair_matches) // 2
+    matching = np.count_nonzero(_match(found.inliers, options)) // 2
     return bool(len(found.registered) < len(found.inliers) or matching < THIN_SHARE * len(found.pairs))
 
 
@@ -239,6 +244,8 @@ def _guided_too(given: _Given, before: _Attempt) -> _Attempt:
         together |= np.outer(model.registered, model.registered)
     pairs = [pair for pair in before.pairs if not together[pair]]
     inliers = match_guided(given.cameras, pairs, given.work_dir, given.options, "guided matches", given.progress)
+    if not (_match(inliers, given.options) & ~_match(before.inliers, given.options)).any():
+        return before
     mapped = _mapped_by(given, before.pairs, inliers, "guided matches", all_trials=True)
     attempts = [before, mapped._replace(models=_joined(mapped.models, given))]
     if before.is_sound and len(before.registered) >= WELL_BEGUN * len(inliers):
@@ -283,7 +290,7 @@ def _warn_if_inside_out(shading: ReliefShading) -> None:
 def _brought_in(plain: _Attempt, found: _Attempt, options: SfmOptions) -> np.ndarray:
     """(K,) str: the matches of views that register only with the relief; empty for the others."""
     how = np.full(len(plain.inliers), "", object)
-    gained = (found.inliers >= options.min_pair_matches) & (plain.inliers < options.min_pair_matches)
+    gained = _match(found.inliers, options) & ~_match(plain.inliers, options)
     for view in found.registered - plain.registered:
         number = gained[view].sum()
         with_others = f"which match it with {number} more views" if number else "few of each view, but of many views"
@@ -292,7 +299,7 @@ def _brought_in(plain: _Attempt, found: _Attempt, options: SfmOptions) -> np.nda
 
 
 def _explain_failure(names: list[str], found: _Attempt, options: SfmOptions) -> str:
-    matching = np.count_nonzero(found.inliers >= options.min_pair_matches) // 2
+    matching = np.count_nonzero(_match(found.inliers, options)) // 2
     other = "global" if options.mapper == "incremental" else "incremental"
     message = (
         f"{len(found.registered)} of {len(names)} views registered, at least {MIN_VIEWS} are needed "
