@@ -321,15 +321,29 @@ def _write_descriptors(database: Any, image_id: int, data: np.ndarray) -> None:
     database.write_descriptors(image_id, pycolmap.FeatureDescriptors(pycolmap.FeatureExtractorType.SIFT, data))
 
 
+def numbers_of_matches(count: int, work_dir: Path) -> np.ndarray:
+    """(K, K) numbers of matches between `count` views by their descriptors, right or wrong."""
+    import pycolmap
+
+    with pycolmap.Database.open(work_dir / DATABASE) as database:
+        return _by_views(count, database, database.read_num_matches())
+
+
 def _verified_numbers(count: int, work_dir: Path) -> np.ndarray:
     """(K, K) numbers of verified matches between `count` views."""
     import pycolmap
 
     with pycolmap.Database.open(work_dir / DATABASE) as database:
-        view = {image_id: view for view, image_id in _image_ids(database).items()}
-        pair_ids, numbers = database.read_two_view_geometry_num_inliers()
-    inliers = np.zeros((count, count), int)
-    for pair_id, number in zip(pair_ids, numbers, strict=True):
+        return _by_views(count, database, database.read_two_view_geometry_num_inliers())
+
+
+def _by_views(count: int, database: Any, numbers: tuple[list[int], list[int]]) -> np.ndarray:
+    """(K, K) from COLMAP's ids of pairs of images, and a number of each."""
+    import pycolmap
+
+    view = {image_id: view for view, image_id in _image_ids(database).items()}
+    found = np.zeros((count, count), int)
+    for pair_id, number in zip(*numbers, strict=True):
         a, b = (view[image_id] for image_id in pycolmap.pair_id_to_image_pair(pair_id))
-        inliers[a, b] = inliers[b, a] = number
-    return inliers
+        found[a, b] = found[b, a] = number
+    return found

@@ -26,6 +26,7 @@ from photoclinometry.sfm.database import (
     disk_errors,
     match_guided,
     match_views,
+    numbers_of_matches,
     read_keypoints,
     read_matches,
     write_views,
@@ -233,8 +234,9 @@ def _by_relief_too(given: _Given, sun_in_cam: np.ndarray, plain: _Attempt) -> _A
 
 
 def _guided_too(given: _Given, before: _Attempt) -> _Attempt:
-    """Guided matching of the pairs of views of which no model has both; kept if that brings in views.
+    """Guided matching of pairs of views of which no model has both; kept if that brings in views.
 
+    Of many views each is paired with the `partners` others that have most matches with it, most of them wrong.
     All are mapped anew, by all trials: few points are seen by many views then, and the mapper gave several views of a
     site the reversed pose with five seeds of six. Besides, models of half of the views and more are joined and
     completed by these matches, which keeps poses that were right; of equally many views these are preferred.
@@ -242,9 +244,11 @@ def _guided_too(given: _Given, before: _Attempt) -> _Attempt:
     together = np.zeros(before.inliers.shape, bool)
     for model in before.models:
         together |= np.outer(model.registered, model.registered)
-    pairs = [pair for pair in before.pairs if not together[pair]]
-    inliers = match_guided(given.cameras, pairs, given.work_dir, given.options, "guided matches", given.progress)
-    if not (_match(inliers, given.options) & ~_match(before.inliers, given.options)).any():
+    options, work_dir = given.options, given.work_dir
+    likeness = np.where(together, -1, numbers_of_matches(len(together), work_dir))
+    pairs = [pair for pair in promising_pairs(likeness, options.partners) if not together[pair]]
+    inliers = match_guided(given.cameras, pairs, work_dir, options, "guided matches", given.progress)
+    if not (_match(inliers, options) & ~_match(before.inliers, options)).any():
         return before
     mapped = _mapped_by(given, before.pairs, inliers, "guided matches", all_trials=True)
     attempts = [before, mapped._replace(models=_joined(mapped.models, given))]
