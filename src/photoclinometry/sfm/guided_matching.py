@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.sfm.keypoints import mutual_matches
+from photoclinometry.sfm.keypoints import mutual_matches, unit_descriptors
 
 LOOSE_RATIO, STRICT_RATIO = 0.9, 0.8
 """Lowe's ratio test among all keypoints, and among those near. Where light differs, the latter would leave one in three
@@ -78,9 +78,7 @@ class Described:
 
 def described(keypoints: np.ndarray, descriptors: np.ndarray) -> Described:
     """From keypoints (n, 4) and uint8 descriptors (n, 128), as of `sift_keypoints`."""
-    values = descriptors.astype(np.float32)
-    length = np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1.0)
-    return Described(keypoints=keypoints, descriptors=values / length)
+    return Described(keypoints=keypoints, descriptors=unit_descriptors(descriptors))
 
 
 def guided_matches(first: Described, second: Described, side_px: float) -> np.ndarray:
@@ -88,11 +86,11 @@ def guided_matches(first: Described, second: Described, side_px: float) -> np.nd
 
     side_px: of the second picture, the root of its area.
     """
-    nothing = np.empty((0, 2), int)
-    rough = _rough_map(first, second, REACH * side_px)
+    nothing, reach = np.empty((0, 2), int), REACH * side_px
+    rough = _rough_map(first, second, reach)
     if rough is None:
         return nothing
-    leads, reach = _moved(rough, first.xy), REACH * side_px
+    leads = _moved(rough, first.xy)
     near = _matches_near(first, second, leads, reach, STRICT_RATIO)
     agree = _agree_with_neighbours(first, second, near, leads, reach)
     if np.count_nonzero(agree) <= NEIGHBOURS or np.mean(agree) < FEWEST_ALIKE:
@@ -110,7 +108,7 @@ def _grown(first: Described, second: Described, near: np.ndarray, rough: np.ndar
         leads = rough + _median_nearby(first.xy[near[:, 0]], shift, first.xy)
         found = _matches_near(first, second, leads, reach, LOOSE_RATIO)
         agree = _agree_with_neighbours(first, second, found, leads, reach)
-        if np.mean(agree) < FEWEST_ALIKE_AGAIN:
+        if np.count_nonzero(agree) < FEWEST_ALIKE_AGAIN * len(agree):
             return np.empty((0, 2), int)
         before, near = len(near), found[agree]
         if len(near) < GROWTH * before or len(near) <= NEIGHBOURS:

@@ -50,3 +50,9 @@ def sift_keypoints(picture: np.ndarray, valid: np.ndarray, count: int) -> tuple[
     keypoints = [(k.pt[0] + 0.5, k.pt[1] + 0.5, k.size / 2, np.radians(k.angle)) for k in found]
     root = np.sqrt(descriptors / np.maximum(descriptors.sum(1, keepdims=True), TINY))
     return np.array(keypoints, np.float32), np.minimum(np.rint(512 * root), 255).astype(np.uint8)
+
+
+def unit_descriptors(descriptors: np.ndarray) -> np.ndarray:
+    """(n, 128) float32 of unit length, from those of `sift_keypoints`; zeros stay."""
+    values = descriptors.astype(np.float32)
+    return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1.0)

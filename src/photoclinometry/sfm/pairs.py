@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from photoclinometry.sfm.keypoints import mutual_matches
+from photoclinometry.sfm.keypoints import mutual_matches, unit_descriptors
 
 PREVIEWED = 512
 """Largest keypoints of each view that are compared: enough to rank the pairs, a tenth of the default number."""
@@ -79,8 +79,7 @@ def likeness_of(keypoints: list[tuple[np.ndarray, np.ndarray]], max_ratio: float
 def _preview(keypoints: np.ndarray, descriptors: np.ndarray) -> np.ndarray:
     """(m, 128) unit descriptors of the largest keypoints."""
     largest = np.argsort(-keypoints[:, 2], kind="stable")[:PREVIEWED]
-    chosen = descriptors[largest].astype(np.float32)
-    return chosen / np.maximum(np.linalg.norm(chosen, axis=1, keepdims=True), 1.0)
+    return unit_descriptors(descriptors[largest])
 
 
 def _matches(a: np.ndarray, b: np.ndarray, max_ratio: float) -> int:

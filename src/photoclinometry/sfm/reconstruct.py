@@ -297,7 +297,7 @@ def _brought_in(plain: _Attempt, found: _Attempt, options: SfmOptions) -> np.nda
     gained = _match(found.inliers, options) & ~_match(plain.inliers, options)
     for view in found.registered - plain.registered:
         number = gained[view].sum()
-        with_others = f"which match it with {number} more views" if number else "few of each view, but of many views"
+        with_others = f"which match it with {number} more views" if number else "few in each of many views"
         how[view] = f"keypoints of the relief, {with_others}"
     return how.astype(str)
 
