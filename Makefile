@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo demo-body docs test lint types check bench bench-full bench-update clean
+.PHONY: demo demo-body docs test suite lint types check bench bench-full bench-update clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -32,8 +32,11 @@ types: $(READY)  ## the checker is a wheel that brings its own Node.js: nothing 
 
 check: lint types
 
-test: check  ## one process a core, one thread a process: kernels of so small maps wait for threads more than they compute
+suite: $(READY)  ## one process a core, one thread a process: kernels of so small maps wait for threads more than they compute
 	NUMBA_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadscope
+
+test: $(READY)  ## the suite, and beside it what `make check` does, which is a minute of one core
+	$(MAKE) --jobs=2 suite check
 
 $(VENV)/.docs: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
