@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from photoclinometry.body.placement import place_view
-from photoclinometry.body.renderings import OPTICS_PX, best_optics, disk_psnr, median_gain, psnr_by_optics
+from photoclinometry.body.renderings import (
+    OPTICS_PX,
+    best_optics,
+    disk_explained,
+    disk_psnr,
+    median_gain,
+    psnr_by_optics,
+)
 from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import published
@@ -128,6 +135,20 @@ def test_uncalibrated_images_have_the_gain_of_their_lit_ground():
     assert median_gain(image, drawn) == pytest.approx(340.0, rel=1e-5)
     assert disk_psnr(image, drawn, absolute=False) == pytest.approx(disk_psnr(image, 340.0 * drawn, absolute=True))
     assert median_gain(image, 0.0 * drawn) == 1.0
+
+
+def test_the_share_that_is_explained_is_all_of_a_right_rendering_and_none_of_an_even_disk():
+    """And less than none under the opposite Sun. What the rendering does not show lit has no part."""
+    drawn = rendered_shape(ball(spots), CAMERA, POSE, SUN)
+    image = Image("0", np.nan_to_num(drawn, nan=7.0).astype(np.float32), np.ones(drawn.shape, bool))
+    lit = drawn > 0
+    assert disk_explained(image, drawn) == pytest.approx(1.0, abs=1e-5)
+    even = np.where(lit, np.median(drawn[lit]), drawn)
+    assert disk_explained(image, even) == pytest.approx(0.0, abs=1e-6)
+    across = unit(np.cross(unit(POSE.translation), SUN))
+    mirrored = SUN - 2.0 * (SUN @ np.cross(across, unit(POSE.translation))) * np.cross(across, unit(POSE.translation))
+    assert disk_explained(image, rendered_shape(ball(spots), CAMERA, POSE, mirrored)) < -0.3
+    assert np.isnan(disk_explained(image, 0.0 * drawn))
 
 
 def test_optics_spread_brightness_and_lose_none_of_it_inside_the_disk():

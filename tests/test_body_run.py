@@ -136,6 +136,31 @@ def test_a_body_is_mapped_by_processes_to_one_closed_surface(body, mapped):
     assert not left_out & placed
     assert len(left_out) + len(placed) == mapped.metrics["images"] - mapped.metrics["images_registered"]
     assert mapped.metrics["psnr_mean_db"] > 15.0
+    assert mapped.metrics["disk_brightness_explained_percent"] > 30.0
+    assert mapped.trusted
+    assert (document["trusted"], document["not_trusted_because"]) == (True, [])
+
+
+def test_renderings_of_tiles_are_told_by_the_tiles_alone(body, mapped):
+    """Ground that is rough to the pixel has renderings of 29 dB; of the body whole disks are compared."""
+    folder, _, _ = body
+    of_tile = json.loads((folder / "body" / "tiles" / "0000" / "metrics.json").read_text())
+    assert "renderings-differ" in {warned["code"] for warned in of_tile["warnings"]}
+    assert "renderings-differ" not in {warned.code for warned in mapped.warnings}
+
+
+def test_a_body_that_is_not_to_be_trusted_ends_with_exit_code_3(body, mapped, monkeypatch, capsys):
+    folder, _, _ = body
+    monkeypatch.setattr("photoclinometry.body.products.why_untrusted", lambda *_: ("the Suns are wrong",))
+    with pytest.raises(SystemExit) as end:
+        main(["body", str(folder / "site" / "site.toml"), "--out", str(folder / "body"), "--plan.tile-px", "64"])
+    assert end.value.code == 3
+    said = capsys.readouterr()
+    assert said.out.strip() == str(folder / "body" / "report" / "index.html")
+    assert said.err.splitlines()[-1] == "phomo: the map is written, but not to be trusted: the Suns are wrong"
+    document = json.loads((folder / "body" / "metrics.json").read_text())
+    assert (document["trusted"], document["not_trusted_because"]) == (False, ["the Suns are wrong"])
+    assert "Do not trust" in mapped.report.read_text(encoding="utf-8")
 
 
 def test_neighbouring_tiles_are_one_surface_by_their_shared_cameras(body, mapped):

@@ -19,6 +19,7 @@ from photoclinometry.body.renderings import RenderingQuality
 from photoclinometry.body.surface_figures import surface_figures
 from photoclinometry.body.tile import BodyModel
 from photoclinometry.body.tile_map import TileMap
+from photoclinometry.body.trust import why_untrusted
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import write_text
@@ -47,6 +48,13 @@ class BodyResult:
     report: Path
     """The report's page."""
     warnings: tuple[Warned, ...]
+    distrust: tuple[str, ...] = ()
+    """Why the map is not to be trusted; empty where it is."""
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing says that the map is wrong as a whole."""
+        return not self.distrust
 
     @property
     def shape(self) -> ShapeModel:
@@ -88,7 +96,8 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     """body.ply, metrics.json and the report."""
     surface = made.surface
     shape = shape_model(surface, model.unit)
-    metrics, warnings = _metrics(model, made), _still_true(folder.warnings, model, made.placed)
+    metrics, warnings = _metrics(model, made), _of_the_body(folder.warnings, model, made.placed)
+    distrust = why_untrusted([tile.value for tile in made.tiles], made.renderings.explained, warnings)
     rows, views = ([json_numbers(row) for row in each] for each in (_tile_rows(model, made), _view_rows(model, made)))
     with folder.timed("products"):
         write_shape_ply(folder.path / BODY_FILE, shape)
@@ -103,9 +112,12 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
             stages=[asdict(cost) for cost in folder.costs if not cost.stage.startswith("tile_")],
             options=config,
             warnings=warnings,
+            distrust=distrust,
         )
         page = write_body_report(folder.path / "report", viewed, surface.step, content, model.posed.inputs.value.images)
     document = {
+        "trusted": not distrust,
+        "not_trusted_because": list(distrust),
         "warnings": [warned.as_row() for warned in warnings],
         "metrics": json_numbers(metrics),
         "tiles": rows,
@@ -113,7 +125,15 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
         "stages": [asdict(cost) for cost in folder.costs],
     }
     write_text(folder.path / "metrics.json", json.dumps(document, indent=2) + "\n")
-    return BodyResult(folder=folder.path, model=model, surface=surface, metrics=metrics, report=page, warnings=warnings)
+    return BodyResult(
+        folder=folder.path,
+        model=model,
+        surface=surface,
+        metrics=metrics,
+        report=page,
+        warnings=warnings,
+        distrust=distrust,
+    )
 
 
 def _viewed(model: BodyModel, made: BodyParts, shape: ShapeModel) -> ViewedBody:
@@ -134,10 +154,17 @@ def _viewed(model: BodyModel, made: BodyParts, shape: ShapeModel) -> ViewedBody:
     )
 
 
-def _still_true(warnings: Sequence[Warned], model: BodyModel, placed: PlacedViews) -> tuple[Warned, ...]:
-    """Without those of views that are left out, where the surface has placed the view."""
+def _of_the_body(warnings: Sequence[Warned], model: BodyModel, placed: PlacedViews) -> tuple[Warned, ...]:
+    """Without those of views that are left out, where the surface has placed the view, and of renderings of tiles.
+
+    Those stand in the tiles' own reports: tiles of sound bodies have 25 to 35 dB. Of the body whole disks are compared.
+    """
     names = {model.site.views[k].name for k in np.flatnonzero(placed.placed)}
-    return tuple(warned for warned in warnings if warned.code != "view-unregistered" or warned.view not in names)
+    return tuple(
+        warned
+        for warned in warnings
+        if warned.code != "renderings-differ" and (warned.code != "view-unregistered" or warned.view not in names)
+    )
 
 
 def _poses(model: BodyModel, made: BodyParts) -> Scene:
@@ -176,8 +203,12 @@ def _metrics(model: BodyModel, made: BodyParts) -> dict[str, float]:
         "landmarks": sum(len(tile.value.landmarks) for tile in tiles),
         **surface_figures(made.surface),
     }
-    known = made.renderings.psnr_db[np.isfinite(made.renderings.psnr_db)]
-    return found | ({"psnr_mean_db": float(known.mean()), "psnr_min_db": float(known.min())} if len(known) else {})
+    quality, explained = (of[np.isfinite(of)] for of in (made.renderings.psnr_db, made.renderings.explained))
+    if len(quality):
+        found |= {"psnr_mean_db": float(quality.mean()), "psnr_min_db": float(quality.min())}
+    if len(explained):
+        found["disk_brightness_explained_percent"] = 100.0 * float(np.median(explained))
+    return found
 
 
 def _tile_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
@@ -216,6 +247,7 @@ def _view_rows(model: BodyModel, made: BodyParts) -> list[dict[str, Any]]:
             "tiles": int(used_by[k]),
             "placed_by_surface": bool(made.placed.placed[k]),
             "psnr_db": round(float(made.renderings.psnr_db[k]), 1),
+            "brightness_explained_percent": round(100.0 * float(made.renderings.explained[k]), 1),
             "optics_px": float(made.renderings.optics_px[k]),
             "gain": float(made.renderings.gain[k]),
             "left_out": why.get(k, ""),

@@ -11,6 +11,7 @@ from photoclinometry.body.finished_surface import FinishedSurface
 from photoclinometry.body.placement import PlacedViews
 from photoclinometry.evaluate.metrics import psnr
 from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.shape_rendering import rendered_shape, through_optics
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
@@ -30,6 +31,9 @@ class RenderingQuality:
     """(K,) width of the point-spread function with which the images of the view's camera are predicted best [px]."""
     gain: np.ndarray
     """(K,) brightness of an image over that of its rendering: 1 where brightness is absolute; NaN as `psnr_db`."""
+    explained: np.ndarray
+    """(K,) share of how brightness changes over the disk that the rendering explains (`disk_explained`); NaN as
+    `psnr_db`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,21 +48,23 @@ class CompareRenderings(Stage[RenderingQuality]):
 
     def make(self, tools: Tools) -> RenderingQuality:
         inputs, views = self.posed.inputs.value, self.posed.views.at_poses(self.placed.value.body_from_cam)
-        found, gain = np.full((len(views), len(OPTICS_PX)), np.nan), np.full(len(views), np.nan)
+        found = np.full((len(views), len(OPTICS_PX)), np.nan)
+        gain, explained = (np.full(len(views), np.nan) for _ in range(2))
         surface = self.surface.shaded
         which = np.flatnonzero(self.posed.sparse.value.registered | self.placed.value.placed)
         if surface is None:
-            return RenderingQuality(psnr_db=found[:, 0], optics_px=found[:, 0], gain=gain)
+            return RenderingQuality(psnr_db=found[:, 0], optics_px=found[:, 0], gain=gain, explained=explained)
         absolute = inputs.site.brightness == "iof"
         for done, k in enumerate(which):
             drawn = rendered_shape(surface, views.cameras[k], views.body_from_cam[k], views.sun[k])
             found[k] = psnr_by_optics(inputs.images[k], drawn, absolute=absolute)
             gain[k] = 1.0 if absolute else median_gain(inputs.images[k], drawn)
+            explained[k] = disk_explained(inputs.images[k], gain[k] * drawn)
             tools.progress("renderings", done + 1, len(which))
         best = best_optics(views.cameras, found)
         quality = found[np.arange(len(found)), best]
         say_found(f"PSNR {np.nanmedian(quality):.1f} dB in the median, of whole disks")
-        return RenderingQuality(psnr_db=quality, optics_px=OPTICS_PX[best], gain=gain)
+        return RenderingQuality(psnr_db=quality, optics_px=OPTICS_PX[best], gain=gain, explained=explained)
 
 
 def psnr_by_optics(image: Image, rendering: np.ndarray, *, absolute: bool) -> np.ndarray:
@@ -85,6 +91,19 @@ def disk_psnr(image: Image, rendering: np.ndarray, *, absolute: bool) -> float:
         return float("nan")
     gain = 1.0 if absolute else median_gain(image, rendering)
     return psnr(image.brightness.astype(float), gain * rendering, mask, float(image.brightness[image.valid].max()))
+
+
+def disk_explained(image: Image, rendering: np.ndarray) -> float:
+    """The share of how brightness changes over the ground that a rendering shows lit which the rendering explains.
+
+    It is 1 - a / b by medians of |image - rendering| (a) and |image - its median| (b). NaN where no ground is lit.
+    """
+    lit = image.valid & np.isfinite(rendering) & (rendering > 0)
+    if not lit.any():
+        return float("nan")
+    measured = image.brightness[lit].astype(float)
+    left = np.median(np.abs(measured - rendering[lit]))
+    return float(1.0 - left / max(np.median(np.abs(measured - np.median(measured))), TINY))
 
 
 def median_gain(image: Image, rendering: np.ndarray) -> float:

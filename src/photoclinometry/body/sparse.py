@@ -18,6 +18,7 @@ from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.model.warning import warn
+from photoclinometry.photometry.relief_shading import relief_shading
 from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, views_from
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
@@ -26,6 +27,7 @@ from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.database import add_relief_keypoints, disk_errors, match_views, write_views
 from photoclinometry.sfm.known_poses import VerifiedMatches, likely_pairs
 from photoclinometry.sfm.mapping import quiet_pycolmap
+from photoclinometry.sfm.reconstruct import warn_if_inside_out
 
 log = logging.getLogger(__name__)
 
@@ -100,7 +102,9 @@ class BodySparse(Stage[SparseModel]):
         ]
         for view in np.flatnonzero(~registered):
             warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
-        return replace(found, registered=registered, reason=np.array(reason))
+        found = replace(found, registered=registered, reason=np.array(reason))
+        warn_if_inside_out(relief_shading(found, inputs.images, inputs.cameras, inputs.site.sun_in_cam))
+        return found
 
     def _matched(self, inputs: Inputs, poses: Rigid, work_dir: Path, progress: Progress) -> VerifiedMatches:
         work_dir.mkdir(parents=True, exist_ok=True)

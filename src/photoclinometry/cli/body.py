@@ -12,7 +12,7 @@ import tyro
 from photoclinometry.body.options import BodyOptions
 from photoclinometry.cli.bars import progress_bars
 from photoclinometry.cli.site_path import site_file
-from photoclinometry.cli.terminal import log_to, say_warnings
+from photoclinometry.cli.terminal import log_to, say_ending
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -124,6 +124,7 @@ def _say_plan(console: Console, model: BodyModel) -> None:
 
 
 def _say_result(console: Console, found: BodyResult) -> None:
+    """The size of the map and its shortcomings on the console, and as `say_ending`."""
     metrics = found.metrics
     console.print(
         f"{metrics['facets']:,.0f} facets, {metrics['mapped_percent']:.1f} % of the surface mapped, in "
@@ -135,5 +136,4 @@ def _say_result(console: Console, found: BodyResult) -> None:
         f"{metrics['images_placed_by_surface']:.0f} more are placed by the surface",
         highlight=False,
     )
-    say_warnings(console, found.warnings)
-    print(found.report, flush=True)
+    say_ending(console, found)

@@ -17,14 +17,11 @@ from photoclinometry.pipeline.products import RunResult
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from photoclinometry.body.products import BodyResult
+
 
 def say_result(console: Any, result: RunResult) -> None:
-    """The size of the map and its shortcomings on the console; the report's path on standard output.
-
-    Raises UntrustedMapError, for the last line and the exit code, where the map is not to be trusted.
-    """
-    from photoclinometry.model.errors import UntrustedMapError
-
+    """The size of the map and its shortcomings on the console, and as `say_ending`."""
     warned_of = {warned.view for warned in result.warnings}
     for name, reason in result.left_out.items():
         if name not in warned_of:
@@ -34,6 +31,16 @@ def say_result(console: Any, result: RunResult) -> None:
     console.print(f"{len(result.scene.landmarks)} landmarks in {len(result.scene.views)} views{quality}")
     if not result.adjustment.converged:
         console.print(f"the joint estimate has not converged: {result.adjustment.message}")
+    say_ending(console, result)
+
+
+def say_ending(console: Any, result: RunResult | BodyResult) -> None:
+    """All warnings on the console, once more at the end, and the report's path on standard output.
+
+    Raises UntrustedMapError, for the last line and the exit code, where the map is not to be trusted.
+    """
+    from photoclinometry.model.errors import UntrustedMapError
+
     say_warnings(console, result.warnings)
     print(result.report, flush=True)
     if not result.trusted:

@@ -39,13 +39,10 @@ def why_untrusted(
 
     left_out: number of views that the map was made without, but for those held out. warnings: all of the run.
     """
-    scene, reasons, codes = adjustment.scene, [], {warned.code for warned in warnings}
+    scene, reasons = adjustment.scene, []
     if not adjustment.converged:
         reasons.append(f"the joint estimate has not converged: {adjustment.message}")
-    if "most-suns-contradict" in codes:
-        reasons.append("the Sun directions as a whole contradict the images: check the convention of `sun`")
-    if codes & {"relief-by-shading", "relief-inverted"}:
-        reasons.append("brightness shows the relief with hills for hollows: check `sun`, and the poses")
+    reasons += reasons_of_warnings(warnings)
     used = len(scene.views)
     if left_out > MOST_LEFT_OUT * (used + left_out):
         reasons.append(f"{left_out} of {used + left_out} views are left out")
@@ -63,6 +60,16 @@ def why_untrusted(
     if scene.brightness == "iof" and albedo > HIGHEST_ALBEDO:
         reasons.append(f"the median albedo is {albedo:.3g}, which no surface has: the brightness is not I/F")
     return tuple(reasons)
+
+
+def reasons_of_warnings(warnings: Sequence[Warned]) -> list[str]:
+    """Those of warnings after which nothing of a map is to be trusted."""
+    codes, reasons = {warned.code for warned in warnings}, []
+    if "most-suns-contradict" in codes:
+        reasons.append("the Sun directions as a whole contradict the images: check the convention of `sun`")
+    if codes & {"relief-by-shading", "relief-inverted"}:
+        reasons.append("brightness shows the relief with hills for hollows: check `sun`, and the poses")
+    return reasons
 
 
 def brightness_off(scene: Scene) -> float:

@@ -142,7 +142,7 @@ def reconstruct_sparse(
     _warn_if_undecided(found.undecided)
     _warn_if_overruled(found.overruled)
     if sun_in_cam is not None:
-        _warn_if_inside_out(given.shading_of(sparse))
+        warn_if_inside_out(given.shading_of(sparse))
     brought_in = _brought_in(plain, found, options)
     for view in np.flatnonzero(brought_in != ""):
         log.info("%s registers by %s", names[view], brought_in[view])
@@ -280,7 +280,8 @@ def _warn_if_overruled(errors_px: tuple[float, float] | None) -> None:
         )  # fmt: skip
 
 
-def _warn_if_inside_out(shading: ReliefShading) -> None:
+def warn_if_inside_out(shading: ReliefShading) -> None:
+    """Warns where images show the reverse of a sparse model."""
     if shading.shows == "reverse":
         warn(
             log, "relief-inverted",

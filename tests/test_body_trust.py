@@ -1,0 +1,40 @@
+"""Whether a body's map is to be trusted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap
+from photoclinometry.body.trust import why_untrusted
+from photoclinometry.model.warning import Warned
+
+SOUND = TileMap(landmarks=TileLandmarks.none(), ties=TiePoints.none(), gsd=1.0)
+FAILED = replace(SOUND, failure="no landmark is seen by enough views")
+WRONG = replace(SOUND, distrust=("the joint estimate has not converged: it ran out of rounds",))
+WELL = np.array([0.9, 0.8, np.nan, 0.95])
+
+
+def test_a_sound_body_is_trusted():
+    assert why_untrusted([SOUND, SOUND, FAILED, WRONG], WELL, [Warned("tile-failed", "tile 2 is not mapped")]) == ()
+
+
+def test_a_body_most_of_whose_tiles_are_wrong_is_not_trusted():
+    """The words are those of the more frequent kind."""
+    (reason,) = why_untrusted([FAILED, SOUND, WRONG, WRONG], WELL, [])
+    of = "tiles have no map or one that is not to be trusted, such as tile"
+    assert reason == f"3 of 4 {of} 2: the joint estimate has not converged: it ran out of rounds"
+    (reason,) = why_untrusted([SOUND, FAILED, FAILED, replace(WRONG, failure=FAILED.failure)], WELL, [])
+    assert reason == f"3 of 4 {of} 1: no landmark is seen by enough views"
+
+
+def test_a_body_that_predicts_images_worse_than_even_disks_is_not_trusted():
+    (reason,) = why_untrusted([SOUND], np.array([0.9, -0.5, np.nan, -2.0]), [])
+    assert reason.startswith("renderings of the surface are 1.5 times as far off the images as disks of one brightness")
+    assert why_untrusted([SOUND], np.array([np.nan]), []) == ()
+
+
+@pytest.mark.parametrize("code", ["relief-by-shading", "relief-inverted"])
+def test_a_body_whose_relief_is_inverted_is_not_trusted(code):
+    (reason,) = why_untrusted([SOUND], WELL, [Warned(code, "brightness contradicts the slopes of the sparse model")])
+    assert "hills for hollows" in reason
