@@ -722,7 +722,9 @@ def others() -> Iterator[Fault]:
     yield row(
         "info of nothing", "info none", "none: no such file or folder; give a site.toml or the folder of a finished"
     )
-    yield row("info of another folder", "info photos", "photos: the folder holds neither site.toml nor scene.h5; give")
+    yield row(
+        "info of another folder", "info photos", "photos: the folder holds none of site.toml, scene.h5 and body.ply"
+    )
     yield row(
         "metrics.json is damaged",
         "info mapped/run",

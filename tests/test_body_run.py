@@ -17,6 +17,7 @@ from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.model.warning import MANY_ALIKE
 from photoclinometry.output.viewer.run_page import run_page
 from photoclinometry.pipeline.records import write_record
 from photoclinometry.pipeline.run_folder import check_run, claimed_run
@@ -139,6 +140,19 @@ def test_a_body_is_mapped_by_processes_to_one_closed_surface(body, mapped):
     assert mapped.metrics["disk_brightness_explained_percent"] > 30.0
     assert mapped.trusted
     assert (document["trusted"], document["not_trusted_because"]) == (True, [])
+
+
+def test_info_of_a_body_has_its_figures_and_a_few_warnings_of_each_kind(body, mapped, capsys):
+    folder, _, _ = body
+    main(["info", str(folder / "body")])
+    said = capsys.readouterr().out
+    assert said.startswith(f"body: a whole body, {mapped.metrics['facets']:,.0f} facets")
+    assert f"{mapped.metrics['images_registered']:.0f}" in said
+    left_out = [warned for warned in mapped.warnings if warned.code == "view-unregistered"]
+    assert len(left_out) > MANY_ALIKE
+    assert said.count("is left out") == MANY_ALIKE
+    more = f"and {len(left_out) - MANY_ALIKE} more like it, listed in metrics.json [view-unregistered]"
+    assert more in " ".join(said.split())
 
 
 def test_renderings_of_tiles_are_told_by_the_tiles_alone(body, mapped):

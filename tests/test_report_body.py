@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.model.warning import Warned
-from photoclinometry.output.report.body_overview import MANY_ALIKE, body_overview, listed, phases_deg
+from photoclinometry.model.warning import MANY_ALIKE, Warned, few_of_each
+from photoclinometry.output.report.body_overview import body_overview, phases_deg
 from photoclinometry.output.report.body_places import body_places
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
 from photoclinometry.output.report.facts import CARE, SOUND, WRONG
@@ -124,7 +124,7 @@ def test_tiles_without_a_map_and_few_images_are_told(body):
 
 def test_of_many_warnings_of_one_kind_the_first_are_listed():
     alike = [Warned("view-unregistered", f"{n} is left out", f"{n}") for n in range(MANY_ALIKE + 4)]
-    lines = listed([*alike, Warned("tile-failed", "tile 3 is not mapped")])
+    lines = few_of_each([*alike, Warned("tile-failed", "tile 3 is not mapped")])
     assert lines[:2] == ["0 is left out [view-unregistered]", "1 is left out [view-unregistered]"]
     assert lines[MANY_ALIKE] == "and 4 more like it, listed in metrics.json [view-unregistered]"
     assert lines[-1] == "tile 3 is not mapped [tile-failed]"

@@ -13,6 +13,7 @@ from photoclinometry.body.options import BodyOptions
 from photoclinometry.cli.bars import progress_bars
 from photoclinometry.cli.site_path import site_file
 from photoclinometry.cli.terminal import log_to, say_ending
+from photoclinometry.model.warning import few_of_each
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -136,4 +137,4 @@ def _say_result(console: Console, found: BodyResult) -> None:
         f"{metrics['images_placed_by_surface']:.0f} more are placed by the surface",
         highlight=False,
     )
-    say_ending(console, found)
+    say_ending(console, found, few_of_each(found.warnings))

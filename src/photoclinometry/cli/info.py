@@ -1,4 +1,4 @@
-"""`phomo info`: the content of a site or of a run folder."""
+"""`phomo info`: the content of a site, of a run folder, or of the folder of a whole body."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from photoclinometry.cli.columns import plain_number, short_names
 from photoclinometry.io.run_files import read_metrics, read_run
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.model.warning import Warned, few_of_each
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,20 +27,26 @@ _LONGEST_NAME = 20
 
 
 def info(path: Path, /) -> None:
-    """Show the content of a site.toml, or of a run folder.
+    """Show the content of a site.toml, of a run folder, or of the folder of a whole body.
 
     Args:
-        path: A site.toml, a folder with one, or a run folder.
+        path: A site.toml, a folder with one, a run folder, or the folder of a whole body.
     """
+    from photoclinometry.evaluate.body_folder import is_body
+
     if path.is_file():
         show_site(path)
     elif (path / "scene.h5").is_file():
         show_run(path)
+    elif is_body(path):
+        show_body(path)
     elif (path / "site.toml").is_file():
         show_site(path / "site.toml")
     else:
-        found = "the folder holds neither site.toml nor scene.h5" if path.is_dir() else "no such file or folder"
-        raise InputError(f"{path}: {found}; give a site.toml or the folder of a finished run")
+        found = (
+            "the folder holds none of site.toml, scene.h5 and body.ply" if path.is_dir() else "no such file or folder"
+        )
+        raise InputError(f"{path}: {found}; give a site.toml or the folder of a finished run or body")
 
 
 def show_site(path: Path) -> None:
@@ -121,9 +128,7 @@ def figure_rows(content: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], list
 
 def show_run(run: Path) -> None:
     """The content of the scene, its views, and the figures that the run recorded."""
-    from rich import box
     from rich.console import Console
-    from rich.table import Column, Table
 
     from photoclinometry.evaluate.sigmas import view_sigmas
     from photoclinometry.evaluate.tables import split_unit, words
@@ -156,16 +161,37 @@ def show_run(run: Path) -> None:
         table.add_row(name, str(keypoints[k]), *shown)
     console.print(table)
     content = read_metrics(run)
-    if content:
-        spreads, singles = figure_rows(content)
-        heads = (Column(head, justify="right") for head in ("mean", "median", "RMS", "90 %"))
-        figures = Table("figure", *heads, box=box.SIMPLE_HEAD, padding=TIGHT, pad_edge=False)
-        for name, unit, *values in spreads:
-            figures.add_row(f"{name} [{unit}]".replace("[", r"\["), *values)
-        for name, value in singles:
-            figures.add_row(name, value.replace(" ", "\u00a0"))
-        console.print(figures)
-        for warned in content.get("warnings", []):
-            console.print(f"warning: {warned['words']}", markup=False)
-        for reason in content.get("not_trusted_because", []):
-            console.print(f"not to be trusted: {reason}", markup=False, style="red")
+    _show_figures(console, content, [warned["words"] for warned in content.get("warnings", [])])
+
+
+def show_body(body: Path) -> None:
+    """The figures that a body recorded."""
+    from rich.console import Console
+
+    console, content = Console(highlight=False), read_metrics(body)
+    metrics = content.get("metrics", {})
+    told = f"{metrics['facets']:,.0f} facets" if "facets" in metrics else "without metrics.json"
+    console.print(f"[bold]{body.resolve().name}[/bold]: a whole body, {told}")
+    warned = [Warned(str(row["code"]), str(row["words"])) for row in content.get("warnings", [])]
+    _show_figures(console, content, few_of_each(warned))
+
+
+def _show_figures(console: Console, content: Mapping[str, Any], warnings: Sequence[str]) -> None:
+    """The figures of metrics.json, the lines of what was warned of, and why the map is not to be trusted."""
+    from rich import box
+    from rich.table import Column, Table
+
+    if not content:
+        return
+    spreads, singles = figure_rows(content)
+    heads = (Column(head, justify="right") for head in ("mean", "median", "RMS", "90 %"))
+    figures = Table("figure", *heads, box=box.SIMPLE_HEAD, padding=TIGHT, pad_edge=False)
+    for name, unit, *values in spreads:
+        figures.add_row(f"{name} [{unit}]".replace("[", r"\["), *values)
+    for name, value in singles:
+        figures.add_row(name, value.replace(" ", "\u00a0"))
+    console.print(figures)
+    for line in warnings:
+        console.print(f"warning: {line}", markup=False)
+    for reason in content.get("not_trusted_because", []):
+        console.print(f"not to be trusted: {reason}", markup=False, style="red")

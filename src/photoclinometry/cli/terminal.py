@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 from photoclinometry.cli.bars import Bars
 from photoclinometry.cli.stage_lines import StageLines, has_ended
-from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline.products import RunResult
 
 if TYPE_CHECKING:
@@ -31,28 +30,23 @@ def say_result(console: Any, result: RunResult) -> None:
     console.print(f"{len(result.scene.landmarks)} landmarks in {len(result.scene.views)} views{quality}")
     if not result.adjustment.converged:
         console.print(f"the joint estimate has not converged: {result.adjustment.message}")
-    say_ending(console, result)
+    say_ending(console, result, [f"{warned.words} [{warned.code}]" for warned in result.warnings])
 
 
-def say_ending(console: Any, result: RunResult | BodyResult) -> None:
-    """All warnings on the console, once more at the end, and the report's path on standard output.
+def say_ending(console: Any, result: RunResult | BodyResult, warnings: Sequence[str]) -> None:
+    """Lines of warnings on the console, once more at the end, and the report's path on standard output.
 
     Raises UntrustedMapError, for the last line and the exit code, where the map is not to be trusted.
     """
     from photoclinometry.model.errors import UntrustedMapError
 
-    say_warnings(console, result.warnings)
+    if warnings:
+        console.print(f"warnings: {len(result.warnings)}")
+    for line in warnings:
+        console.print(f"- {line}", highlight=False, markup=False)
     print(result.report, flush=True)
     if not result.trusted:
         raise UntrustedMapError(f"the map is written, but not to be trusted: {'; '.join(result.distrust)}")
-
-
-def say_warnings(console: Any, warnings: Sequence[Warned]) -> None:
-    """All that was warned of, once more at the end, where people look."""
-    if warnings:
-        console.print(f"warnings: {len(warnings)}")
-    for warned in warnings:
-        console.print(f"- {warned.words} [{warned.code}]", highlight=False, markup=False)
 
 
 class log_to:

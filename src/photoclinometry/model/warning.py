@@ -6,7 +6,7 @@ Every warning goes through `warn`, which asks for a code. Collecting does not de
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 
@@ -63,6 +63,9 @@ class Warned:
         return asdict(self)
 
 
+MANY_ALIKE = 3
+"""Of warnings of one kind about a body so many are shown; there may be one for each of hundreds of images and tiles."""
+
 _collectors: list[list[Warned]] = []
 """The lists of all blocks of `collected_warnings` that are open."""
 
@@ -104,3 +107,14 @@ def distinct(warnings: Iterable[Warned]) -> tuple[Warned, ...]:
     """
     latest = {subject(w.code, w.view, w.words): w for w in warnings}
     return tuple(latest.values())
+
+
+def few_of_each(warnings: Sequence[Warned]) -> list[str]:
+    """Lines of warnings with their codes; of those of one code the first MANY_ALIKE, and how many more there are."""
+    lines = []
+    for code in dict.fromkeys(warned.code for warned in warnings):
+        alike = [warned.words for warned in warnings if warned.code == code]
+        lines += [f"{words} [{code}]" for words in alike[:MANY_ALIKE]]
+        if len(alike) > MANY_ALIKE:
+            lines.append(f"and {len(alike) - MANY_ALIKE} more like it, listed in metrics.json [{code}]")
+    return lines

@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.evaluate.tables import number
 from photoclinometry.model.geometry import angle_between
-from photoclinometry.model.warning import Warned
+from photoclinometry.model.warning import Warned, few_of_each
 from photoclinometry.output.report.body_places import BodyPlace, body_places
 from photoclinometry.output.report.facts import (
     Fact,
@@ -35,8 +35,6 @@ GUESSED_PERCENT = 5.0
 POOR_DISK_PSNR_DB = 22.0
 """Mean PSNR of whole disks below which renderings differ from images by more than 8 % of the peak, twice as much as
 those of sound simulated bodies, which have 27 to 30 dB."""
-MANY_ALIKE = 3
-"""Of warnings of one kind so many are listed; there may be one for each of hundreds of images."""
 KILO = 1000.0
 """Lengths from so many metres on are shown in kilometres."""
 _SIGMAS = {
@@ -63,22 +61,11 @@ def body_overview(
     return Overview(
         verdict=verdict_of(distrust, [warned.words for warned in warnings], care),
         reasons=(*distrust, *care),
-        warnings=tuple(listed(warnings)),
+        warnings=tuple(few_of_each(warnings)),
         what=tuple(_what(body, metrics)),
         quality=tuple(_quality(body, metrics)),
         places=body_places(body.shape, step, body.gsd),
     )
-
-
-def listed(warnings: Sequence[Warned]) -> list[str]:
-    """Warnings with their codes; of those of one code the first MANY_ALIKE, and how many more there are."""
-    lines = []
-    for code in dict.fromkeys(warned.code for warned in warnings):
-        alike = [warned.words for warned in warnings if warned.code == code]
-        lines += [f"{words} [{code}]" for words in alike[:MANY_ALIKE]]
-        if len(alike) > MANY_ALIKE:
-            lines.append(f"and {len(alike) - MANY_ALIKE} more like it, listed in metrics.json [{code}]")
-    return lines
 
 
 def phases_deg(body: ViewedBody) -> np.ndarray:
