@@ -19,6 +19,12 @@ def test_a_sound_body_is_trusted():
     assert why_untrusted([SOUND, SOUND, FAILED, WRONG], WELL, [Warned("tile-failed", "tile 2 is not mapped")]) == ()
 
 
+def test_suns_that_contradict_one_tile_leave_the_others_trusted():
+    """The check of Suns is that of a tile: a body's list of warnings has those of its tiles, too."""
+    warned = Warned("most-suns-contradict", "the Sun directions and the brightness of the views contradict each other")
+    assert why_untrusted([SOUND, SOUND, WRONG], WELL, [warned]) == ()
+
+
 def test_a_body_most_of_whose_tiles_are_wrong_is_not_trusted():
     """The words are those of the more frequent kind."""
     (reason,) = why_untrusted([FAILED, SOUND, WRONG, WRONG], WELL, [])

@@ -42,7 +42,9 @@ def why_untrusted(
     scene, reasons = adjustment.scene, []
     if not adjustment.converged:
         reasons.append(f"the joint estimate has not converged: {adjustment.message}")
-    reasons += reasons_of_warnings(warnings)
+    if any(warned.code == "most-suns-contradict" for warned in warnings):
+        reasons.append("the Sun directions as a whole contradict the images: check the convention of `sun`")
+    reasons += inverted_relief(warnings)
     used = len(scene.views)
     if left_out > MOST_LEFT_OUT * (used + left_out):
         reasons.append(f"{left_out} of {used + left_out} views are left out")
@@ -62,14 +64,11 @@ def why_untrusted(
     return tuple(reasons)
 
 
-def reasons_of_warnings(warnings: Sequence[Warned]) -> list[str]:
-    """Those of warnings after which nothing of a map is to be trusted."""
-    codes, reasons = {warned.code for warned in warnings}, []
-    if "most-suns-contradict" in codes:
-        reasons.append("the Sun directions as a whole contradict the images: check the convention of `sun`")
-    if codes & {"relief-by-shading", "relief-inverted"}:
-        reasons.append("brightness shows the relief with hills for hollows: check `sun`, and the poses")
-    return reasons
+def inverted_relief(warnings: Sequence[Warned]) -> list[str]:
+    """The reason for distrust of a map whose sparse model was warned of as inverted; none without such a warning."""
+    if not any(warned.code in ("relief-by-shading", "relief-inverted") for warned in warnings):
+        return []
+    return ["brightness shows the relief with hills for hollows: check `sun`, and the poses"]
 
 
 def brightness_off(scene: Scene) -> float:
