@@ -98,7 +98,7 @@ def disk_explained(image: Image, rendering: np.ndarray) -> float:
 
     It is 1 - a / b by medians of |image - rendering| (a) and |image - its median| (b). NaN where no ground is lit.
     """
-    lit = image.valid & np.isfinite(rendering) & (rendering > 0)
+    lit = _lit(image, rendering)
     if not lit.any():
         return float("nan")
     measured = image.brightness[lit].astype(float)
@@ -108,5 +108,10 @@ def disk_explained(image: Image, rendering: np.ndarray) -> float:
 
 def median_gain(image: Image, rendering: np.ndarray) -> float:
     """Brightness of an image over that of its rendering, the median over lit ground; 1 where none is lit."""
-    lit = image.valid & np.isfinite(rendering) & (rendering > 0)
+    lit = _lit(image, rendering)
     return float(np.median(image.brightness[lit] / rendering[lit])) if lit.any() else 1.0
+
+
+def _lit(image: Image, rendering: np.ndarray) -> np.ndarray:
+    """(h, w) bool: valid pixels of ground that the rendering shows lit."""
+    return image.valid & np.isfinite(rendering) & (rendering > 0)

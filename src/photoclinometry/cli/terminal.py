@@ -30,7 +30,7 @@ def say_result(console: Any, result: RunResult) -> None:
     console.print(f"{len(result.scene.landmarks)} landmarks in {len(result.scene.views)} views{quality}")
     if not result.adjustment.converged:
         console.print(f"the joint estimate has not converged: {result.adjustment.message}")
-    say_ending(console, result, [f"{warned.words} [{warned.code}]" for warned in result.warnings])
+    say_ending(console, result, [warned.line for warned in result.warnings])
 
 
 def say_ending(console: Any, result: RunResult | BodyResult, warnings: Sequence[str]) -> None:

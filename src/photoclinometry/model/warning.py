@@ -58,6 +58,11 @@ class Warned:
     view: str = ""
     """Name of the view that it is about; empty where it is about several or none."""
 
+    @property
+    def line(self) -> str:
+        """For people: the words, and the code to look up."""
+        return f"{self.words} [{self.code}]"
+
     def as_row(self) -> dict[str, str]:
         """For JSON and tables."""
         return asdict(self)
@@ -113,8 +118,8 @@ def few_of_each(warnings: Sequence[Warned]) -> list[str]:
     """Lines of warnings with their codes; of those of one code the first MANY_ALIKE, and how many more there are."""
     lines = []
     for code in dict.fromkeys(warned.code for warned in warnings):
-        alike = [warned.words for warned in warnings if warned.code == code]
-        lines += [f"{words} [{code}]" for words in alike[:MANY_ALIKE]]
+        alike = [warned.line for warned in warnings if warned.code == code]
+        lines += alike[:MANY_ALIKE]
         if len(alike) > MANY_ALIKE:
             lines.append(f"and {len(alike) - MANY_ALIKE} more like it, listed in metrics.json [{code}]")
     return lines

@@ -74,7 +74,7 @@ def write_body_report(
         (work / "index.html").write_text(html, encoding="utf-8")
         summary = {
             "metrics": json_numbers(content.metrics),
-            "warnings": [f"{warned.words} [{warned.code}]" for warned in content.warnings],
+            "warnings": [warned.line for warned in content.warnings],
         }
         (work / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return Path(folder) / "index.html"
