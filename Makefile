@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+ONE_THREAD := NUMBA_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
-.PHONY: demo demo-body docs test suite lint types check bench bench-full bench-update clean
+.PHONY: demo demo-body docs test suite kernels lint types check bench bench-full bench-update clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -32,11 +33,15 @@ types: $(READY)  ## the checker is a wheel that brings its own Node.js: nothing 
 
 check: lint types
 
-suite: $(READY)  ## one process a core, one thread a process: kernels of so small maps wait for threads more than they compute
-	NUMBA_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadscope
+kernels: $(READY)  ## compiled before the suite: its processes would each compile them, all at once
+	$(ONE_THREAD) $(BIN)/python tests/runs.py
 
-test: $(READY)  ## the suite, and beside it what `make check` does, which is a minute of one core
-	$(MAKE) --jobs=2 suite check
+suite: $(READY)  ## one process more than cores, as commands and browsers are waited for; one thread a process, as kernels of so small maps wait for threads more than they compute
+	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadscope
+
+test: $(READY)  ## the suite, after what `make check` does, which is a minute of one core
+	$(MAKE) --jobs=2 kernels check
+	$(MAKE) suite
 
 $(VENV)/.docs: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'

@@ -1,10 +1,14 @@
-"""A small simulated site and a run of it, made once for all tests that look at either."""
+"""A small simulated site and a run of it, made once for all tests that look at either.
+
+`python tests/runs.py` makes both and forgets them: what remains are compiled kernels.
+"""
 
 from __future__ import annotations
 
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numba
 
@@ -42,3 +46,8 @@ def map_small_site(folder: Path) -> Mapped:
     finally:
         numba.set_num_threads(threads)
     return Mapped(site, site.with_name("truth.h5"), folder / "run", result)
+
+
+if __name__ == "__main__":
+    with TemporaryDirectory() as folder:
+        map_small_site(Path(folder))
