@@ -1,3 +1,5 @@
+from importlib import import_module
+
 import pytest
 
 
@@ -29,3 +31,14 @@ def adjust_nothing(monkeypatch):
 def no_figures(monkeypatch, mapped):
     """Figures are drawn once, for the shared run; `test_report.py` proves them."""
     monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
+
+
+@pytest.fixture
+def no_ranking(monkeypatch):
+    """Maps are finished with the reflectance model that they begin with; `test_model_ranking.py` proves the choice."""
+
+    def kept(scene, known, candidates, progress=None):
+        return known, f"{known.name}, models are not compared"
+
+    for user in ("pipeline.model_choice", "plan.forecast"):
+        monkeypatch.setattr(import_module(f"photoclinometry.{user}"), "model_by_kept_out_views", kept)

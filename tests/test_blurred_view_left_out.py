@@ -13,7 +13,7 @@ from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 
-pytestmark = pytest.mark.usefixtures("no_figures")
+pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")
 
 BLURRED = "images/001.fits"
 OPTIONS = RunOptions(

@@ -98,7 +98,7 @@ def test_control_points_in_unregistered_views_are_left_out(known):
     assert control.name == ("P1",)
 
 
-def test_a_run_with_control_is_body_fixed_and_in_metres(mapped, tmp_path, no_figures):
+def test_a_run_with_control_is_body_fixed_and_in_metres(mapped, tmp_path, no_figures, no_ranking):
     """Four points of the true ground, measured to a tenth of a pixel in all views: frame and scale are the truth's."""
     scene, truth = mapped.result.scene, read_truth(mapped.truth)
     ground = truth_maps(truth, scene.views.name[scene.reference], scene.region)

@@ -29,7 +29,7 @@ BEFORE = ["sparse", "inconsistent_views", "region", "dense"]
 MAPPED = [*BEFORE, "first_estimate", "relighting_1", "relighting_2", "reflectance", "last_estimate"]
 """All that the folder of the small site keeps."""
 
-pytestmark = pytest.mark.usefixtures("no_figures")
+pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")
 
 
 NEVER_KEPT = {"images", "initialise", "products", "report"}

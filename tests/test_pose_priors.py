@@ -178,7 +178,7 @@ def with_priors(mapped, priors):
     return path
 
 
-@pytest.mark.usefixtures("no_figures")
+@pytest.mark.usefixtures("no_figures", "no_ranking")
 def test_a_run_comes_out_in_the_frame_of_the_truth_and_names_a_wrong_prior(mapped, known, tmp_path, caplog):
     """Of six priors of 0.01 degrees and 100 m one is wrong by a degree. The poses of so small a site by itself are
     off by up to 0.3 degrees, so that only the estimate with all of them tells."""
@@ -214,7 +214,7 @@ def test_a_run_comes_out_in_the_frame_of_the_truth_and_names_a_wrong_prior(mappe
     np.testing.assert_array_equal(again.scene.landmarks.position, scene.landmarks.position)
 
 
-@pytest.mark.usefixtures("no_figures")
+@pytest.mark.usefixtures("no_figures", "no_ranking")
 def test_priors_that_are_not_used_change_nothing(mapped, known, tmp_path):
     """Switched off, all is read back from the run without priors: the keys of every stage are the same."""
     folder = mapped.copy(tmp_path / "run")
@@ -230,7 +230,7 @@ def test_priors_that_are_not_used_change_nothing(mapped, known, tmp_path):
         assert result.metrics == mapped.result.metrics
 
 
-@pytest.mark.usefixtures("no_figures")
+@pytest.mark.usefixtures("no_figures", "no_ranking")
 def test_a_view_held_out_is_placed_in_the_frame_of_the_priors(mapped, known, tmp_path, adjust_nothing):
     """Its own prior has no say, nor is it needed."""
     loose = {n: replace(p, rotation_sigma_rad=2e-3, translation_sigma=1e3) for n, p in known.items()}

@@ -108,7 +108,7 @@ def test_suns_that_move_alike_or_alone_are_named(scene):
 
 @pytest.mark.parametrize(("held", "is_kept"), [(0.95, True), (0.6, False)])
 def test_a_map_that_contradicts_parallax_is_made_again_with_photometry_held(
-    mapped, tmp_path, monkeypatch, held, is_kept
+    mapped, tmp_path, monkeypatch, no_figures, held, is_kept
 ):
     """Of the two the nearer one is kept; a run that goes on finds both."""
     reliefs = [ReliefCheck(0.7, 0.01), ReliefCheck(held, 0.01)] * 2
