@@ -147,11 +147,13 @@ def test_with_too_few_views_the_last_estimate_is_of_matches():
 
 
 def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_the_smooth_errors(true):
-    asked = []
+    asked, noise = [], []
 
     def record(start, step):
         asked.append(step)
-        return estimate(start, step)
+        found = estimate(start, step)
+        noise.append(found.noise)
+        return found
 
     wrong = replace(true, reflectance=published("minnaert", "vesta"))
     found = refine_directly(wrong, synthetic_images(true), record)
@@ -163,9 +165,23 @@ def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_t
         assert step.rough
         assert step.all_steps
         assert step.gradients.factor is None
+    assert [step.noise for step in (*rough, last)] == [None, *noise[:ROUGH_PASSES]]
     assert photometry == Step(rough=True, hold_geometry=True)
     assert not last.rough
     assert 0.001 < np.std(last.gradients.factor) < 0.1
+
+
+@pytest.mark.parametrize(("poses_are_known", "reweighting"), [(False, 1), (True, None)])
+def test_rough_estimates_by_the_images_weigh_as_matches_do_while_poses_are_free(true, poses_are_known, reweighting):
+    asked = []
+
+    def record(start, step):
+        asked.append(step.reweighting)
+        return estimate(start, step)
+
+    noise = estimate(true, Step()).noise
+    refine_directly(true, synthetic_images(true), record, noise, poses_are_known=poses_are_known)
+    assert asked[:ROUGH_PASSES] == [reweighting] * ROUGH_PASSES
 
 
 def test_a_rough_estimate_may_end_with_all_steps(true, monkeypatch):

@@ -55,11 +55,15 @@ def refine_directly(
     images: Sequence[Image],
     estimate: Callable[[Scene, Step], Adjustment],
     noise: Noise | None = None,
+    *,
+    poses_are_known: bool = False,
 ) -> Adjustment:
     """The last estimate of a scene by its images; by its matches, where too few views light more than half of it.
 
     images: of the scene's views, in their order. estimate: as `JointEstimate`. noise: as an estimate by matches has
     found it; the rough estimates weigh with it, so that brightness counts loosely and its smooth errors pull little.
+    poses_are_known: from a larger model; smooth errors then pull little at them, and each rough estimate measures its
+    noise.
     ROUGH_PASSES rough estimates are made and a last one, each with brightness and gradients taken where the one before
     projects. Landmarks that stray in a rough one are put back and left to their matches. Where the rough ones have
     converged, brightness counts in the last without its smooth errors. Uncertainties allow for what that moves.
@@ -70,7 +74,7 @@ def refine_directly(
         return estimate(scene, by_relit_matches(noise))
     strayed, before = np.zeros(len(scene.landmarks), bool), None
     for _ in range(ROUGH_PASSES):
-        reweighting = None if noise is None else 1
+        reweighting = None if noise is None or poses_are_known else 1
         step = Step(rough=True, all_steps=True, gradients=gradients, noise=noise, reweighting=reweighting)
         before = estimate(start, step)
         noise, strayed = before.noise, strayed | has_strayed(before.scene)

@@ -146,7 +146,8 @@ class LastEstimate(Stage[FinishedMap]):
         if self.direct:
             images = self.posed.registered_images
             psf = psf_sigma_px(images) if self.psf_sigma_px is None else self.psf_sigma_px
-            found = refine_directly(scene, images, estimate, start.noise)
+            known = self.estimate.known_views is not None
+            found = refine_directly(scene, images, estimate, start.noise, poses_are_known=known)
             found = replace(found, scene=with_fine_relief(found.scene, psf))
         else:
             found = estimate(scene, by_relit_matches(start.noise))
