@@ -39,7 +39,7 @@ kernels: $(READY)  ## compiled before the suite: its processes would each compil
 suite: $(READY)  ## one process more than cores, as commands and browsers are waited for; one thread a process, as kernels of so small maps wait for threads more than they compute
 	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadscope
 
-test: $(READY)  ## the suite, after what `make check` does, which is a minute of one core
+test: $(READY)  ## style and types, beside the compilation of kernels; then the suite
 	$(MAKE) --jobs=2 kernels check
 	$(MAKE) suite
 

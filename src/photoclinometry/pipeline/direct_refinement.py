@@ -32,8 +32,8 @@ ROUGH_PASSES = 2
 worse; a third changes them by less than 0.5 per cent."""
 
 LAST_REWEIGHTING = 3
-"""Reweighting iterations of the last estimate. The first has the noise of the matches, as the rough ones do; two more
-have what the images are found to have."""
+"""Reweighting iterations of the last estimate. The first has the noise that the rough ones have, of places that of the
+matches; two more have what the images are found to have."""
 
 MIN_LIT = 5
 """Lit views from which on brightness determines where a landmark lies: one more than it then has unknowns (depth, two
