@@ -3,9 +3,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+SMALL_RUN := build/small-run
 ONE_THREAD := NUMBA_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
-.PHONY: demo demo-body docs test suite kernels lint types check bench bench-full bench-update clean
+.PHONY: demo demo-body docs test suite small-run lint types check bench bench-full bench-update clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -33,15 +34,18 @@ types: $(READY)  ## the checker is a wheel that brings its own Node.js: nothing 
 
 check: lint types
 
-kernels: $(READY)  ## compiled before the suite: its processes would each compile them, all at once
-	$(ONE_THREAD) $(BIN)/python tests/runs.py
+# Its kernels are compiled, and the run is mapped, once: processes of the suite would each do both, all at once.
+small-run: $(READY)  ## the run that many tests look at
+	$(ONE_THREAD) $(BIN)/python tests/runs.py $(SMALL_RUN)
 
-suite: $(READY)  ## one process more than cores, as commands and browsers are waited for; one thread a process, as kernels of so small maps wait for threads more than they compute
-	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadscope
+# One process more than cores, as commands and browsers are waited for; one thread a process, as kernels of so small maps
+# wait for threads more than they compute; in the order of files, as the long ones are not those of most tests.
+suite: $(READY)  ## the tests alone
+	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadscope --no-loadscope-reorder
 
 test: $(READY)  ## style and types, beside the compilation of kernels; then the suite
-	$(MAKE) --jobs=2 kernels check
-	$(MAKE) suite
+	$(MAKE) --jobs=2 small-run check
+	SMALL_RUN=$(SMALL_RUN) $(MAKE) suite
 
 $(VENV)/.docs: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'

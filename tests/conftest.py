@@ -1,4 +1,6 @@
+import os
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -6,9 +8,10 @@ import pytest
 @pytest.fixture(scope="session")
 def mapped(tmp_path_factory):
     """A small simulated site and the run that mapped it (`runs.Mapped`); for reading only."""
-    from runs import map_small_site
+    from runs import small_run, small_run_left_in
 
-    return map_small_site(tmp_path_factory.mktemp("mapped"))
+    made = os.environ.get("SMALL_RUN")
+    return small_run_left_in(Path(made).resolve()) if made else small_run(tmp_path_factory.mktemp("mapped"))
 
 
 @pytest.fixture

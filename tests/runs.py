@@ -1,14 +1,16 @@
 """A small simulated site and a run of it, made once for all tests that look at either.
 
-`python tests/runs.py` makes both and forgets them: what remains are compiled kernels.
+`python tests/runs.py FOLDER` makes both before the suite, and compiled kernels with them; where `SMALL_RUN` names that
+folder, processes of the suite take them from there.
 """
 
 from __future__ import annotations
 
+import pickle
 import shutil
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numba
 
@@ -17,6 +19,7 @@ from photoclinometry.pipeline.products import RunResult
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
 
+RESULT = "result.pickle"
 SITE = SimulationOptions(image_size=192, views=6, region_size=32)
 
 
@@ -35,19 +38,33 @@ class Mapped:
         return Path(shutil.copytree(self.run, folder))
 
 
-def map_small_site(folder: Path) -> Mapped:
+def small_run(folder: Path) -> Mapped:
     """Simulates and maps the small site in `folder`."""
-    site = simulate_site(SITE, folder / "site")
+    simulate_site(SITE, folder / "site")
     threads = numba.get_num_threads()
     # So small a map spends its time waiting for threads, milliseconds for each step on a busy machine.
     numba.set_num_threads(1)
     try:
-        result = pipeline.run(site, folder / "run")
+        return _mapped(folder, pipeline.run(folder / "site" / "site.toml", folder / "run"))
     finally:
         numba.set_num_threads(threads)
-    return Mapped(site, site.with_name("truth.h5"), folder / "run", result)
+
+
+def small_run_left_in(folder: Path) -> Mapped:
+    """What `python tests/runs.py` left in `folder`."""
+    return _mapped(folder, pickle.loads((folder / RESULT).read_bytes()))
+
+
+def _mapped(folder: Path, result: RunResult) -> Mapped:
+    return Mapped(folder / "site" / "site.toml", folder / "site" / "truth.h5", folder / "run", result)
+
+
+def _leave_small_run(folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    result = small_run(folder).result
+    (folder / RESULT).write_bytes(pickle.dumps(result))
 
 
 if __name__ == "__main__":
-    with TemporaryDirectory() as folder:
-        map_small_site(Path(folder))
+    _leave_small_run(Path(sys.argv[1]).resolve())
