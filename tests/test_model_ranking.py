@@ -58,6 +58,13 @@ def test_the_model_of_the_ground_is_the_best_and_misses_little_more_than_the_noi
     assert ranking.best.level_percent < 0.5
 
 
+def test_errors_of_a_model_are_those_without_its_parameters_by_all_views(scene, ranking):
+    (alone,) = rank_models(scene, replace(OPTIONS, models=("lunar-lambert",)), with_parameters=False).fits
+    np.testing.assert_array_equal(alone.error, ranking.best.error)
+    np.testing.assert_array_equal(alone.reflectance.parameters, published("lunar-lambert", "vesta").parameters)
+    assert not np.array_equal(ranking.best.reflectance.parameters, alone.reflectance.parameters)
+
+
 def test_other_models_are_told_from_it(ranking):
     """Hapke's is; Minnaert's disk function, with a limb darkening of its own, explains the same ground."""
     pattern = {fit.reflectance.name: np.mean(fit.pattern) for fit in ranking.fits}

@@ -105,7 +105,7 @@ class ModelFit:
     """One model fitted to the brightness of a map."""
 
     reflectance: Reflectance
-    """With parameters estimated from all views."""
+    """With parameters estimated from all views, or as it is known beforehand (`rank_models`)."""
     without_part: tuple[Reflectance, ...]
     """With parameters estimated without one part of the views each."""
     prior_sigma: np.ndarray
@@ -183,15 +183,22 @@ def is_larger(error: np.ndarray, other: np.ndarray, confidence: float = CONFIDEN
     return float(known.mean()) > limit * float(known.std(ddof=1)) / math.sqrt(len(known))
 
 
-def rank_models(scene: Scene, options: RankingOptions | None = None, progress: Progress = no_progress) -> ModelRanking:
+def rank_models(
+    scene: Scene,
+    options: RankingOptions | None = None,
+    progress: Progress = no_progress,
+    *,
+    with_parameters: bool = True,
+) -> ModelRanking:
     """Ranks reflectance models by how well they predict views that were kept out.
 
     The positions of the scene are held. For each model and each part of the views the joint estimate gives normals,
     albedos, Suns, exposures and the model's parameters from the other views, without smoothness between neighbours.
     The brightness of the part is then predicted under its measured Suns, turned by the error that all Suns have in
     common. A factor on each view's brightness is fitted then; it counts as an error, too, unless a model, or
-    uncalibrated images, leave it open. Raises InputError for scenes without a reflectance model (brightness was not
-    measured), of too few views or lit landmarks, and for unknown models.
+    uncalibrated images, leave it open. with_parameters: the parameters of each model are estimated from all views, too;
+    the order of the models does not depend on it. Raises InputError for scenes without a reflectance model (brightness
+    was not measured), of too few views or lit landmarks, and for unknown models.
     """
     options = options or RankingOptions()
     reflectance_of(scene)
@@ -202,8 +209,13 @@ def rank_models(scene: Scene, options: RankingOptions | None = None, progress: P
     fits = []
     for number, name in enumerate(names):
         progress("models", number, len(names))
-        fits.append(_fit(sample, starting_model(name, scene.body), fold, absolute=absolute))
-        log.info("%s: %.3f %% on views kept out", name, fits[-1].error_percent)
+        start = starting_model(name, scene.body)
+        fit = _fit(sample, start, fold, absolute=absolute)
+        if with_parameters:
+            all_views = np.arange(len(sample.views))
+            fit = replace(fit, reflectance=reflectance_of(_estimated(sample, start, all_views)))
+        fits.append(fit)
+        log.info("%s: %.3f %% on views kept out", name, fit.error_percent)
     progress("models", len(names), len(names))
     fits.sort(key=lambda fit: fit.error_percent)
     return ModelRanking(fits=tuple(fits), left_out=left_out, views=scene.views.name)
@@ -251,7 +263,7 @@ def _folds(scene: Scene, count: int) -> np.ndarray:
 
 
 def _fit(scene: Scene, start: Reflectance, fold: np.ndarray, *, absolute: bool) -> ModelFit:
-    """Predictions of every part by the others, and the parameters from all. absolute: the level counts."""
+    """Predictions of every part by the others. absolute: the level counts."""
     parts, models = [], []
     for part in range(fold.max() + 1):
         others = _estimated(scene, start, np.flatnonzero(fold != part))
@@ -261,7 +273,7 @@ def _fit(scene: Scene, start: Reflectance, fold: np.ndarray, *, absolute: bool) 
     residual = found.residual(views, free_bias=scene.brightness == "dn")
     measured, predicted = (found.mean_by_view(values, views) for values in (found.measured, found.predicted))
     return ModelFit(
-        reflectance=reflectance_of(_estimated(scene, start, np.arange(views))),
+        reflectance=start,
         without_part=tuple(models),
         prior_sigma=AdjustOptions().reflectance_sigma * np.abs(start.parameter_scale),
         predictions=found,

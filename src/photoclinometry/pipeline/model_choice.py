@@ -61,7 +61,8 @@ def model_by_kept_out_views(
     It is `known`, the scene's own as it is known beforehand, where no other is told from that or nothing is compared.
     """
     try:
-        ranking = rank_models(scene, RankingOptions(models=candidates, landmarks=LANDMARKS), progress)
+        options = RankingOptions(models=candidates, landmarks=LANDMARKS)
+        ranking = rank_models(scene, options, progress, with_parameters=False)
     except InputError as error:
         log.info("reflectance models are not compared: %s", error)
         return known, f"{known.name}, models are not compared"
