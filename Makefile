@@ -39,7 +39,7 @@ small-run: $(READY)  ## the run that many tests look at
 	$(ONE_THREAD) $(BIN)/python tests/runs.py $(SMALL_RUN)
 
 # One process more than cores, as commands and browsers are waited for; one thread a process, as kernels of so small maps
-# wait for threads more than they compute; in the order of files, as the long ones are not those of most tests.
+# wait for threads more than they compute; in the order of `tests/conftest.py`, not by numbers of tests.
 suite: $(READY)  ## the tests alone
 	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadscope --no-loadscope-reorder
 

@@ -4,6 +4,13 @@ from pathlib import Path
 
 import pytest
 
+LONG = ("body_run", "stages", "viewer_page", "viewer_light", "viewer_body", "plan", "left_out")
+"""Modules of half a minute and more. They begin first: the last to begin runs in one process, while others idle."""
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: item.module.__name__.removeprefix("test_") not in LONG)
+
 
 @pytest.fixture(scope="session")
 def mapped(tmp_path_factory):

@@ -83,7 +83,7 @@ def test_every_stage_of_the_program_has_a_name():
     assert not any("_" in name for name in NAMES.values())
 
 
-def test_findings_of_a_run_fit_their_column_and_its_work_ends_at_its_totals(mapped, tmp_path, shown):
+def test_findings_of_a_run_fit_their_column_and_its_work_ends_at_its_totals(mapped, no_figures, tmp_path, shown):
     """All stages anew, from the images."""
     from photoclinometry.pipeline import run as pipeline
     from photoclinometry.pipeline.options import RelightOptions, RunOptions
