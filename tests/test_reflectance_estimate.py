@@ -42,7 +42,7 @@ def test_an_estimate_with_hardly_a_prior_stays_within_bounds():
 
 
 @pytest.mark.slow
-def test_a_site_is_simulated_and_mapped_with_a_model_from_the_table(tmp_path):
+def test_a_site_is_simulated_and_mapped_with_a_model_from_the_table(no_figures, tmp_path):
     site = simulate_site(replace(SITE, reflectance="minnaert-magnitudes"), tmp_path / "site")
     result = run(site, tmp_path / "run", RunOptions(reflectance="minnaert-magnitudes", matcher="flow"))
     kept = read_scene(tmp_path / "run" / "scene.h5").reflectance
