@@ -40,12 +40,12 @@ class Mapped:
 
 def small_run(folder: Path) -> Mapped:
     """Simulates and maps the small site in `folder`."""
-    simulate_site(SITE, folder / "site")
+    site = simulate_site(SITE, folder / "site")
     threads = numba.get_num_threads()
     # So small a map spends its time waiting for threads, milliseconds for each step on a busy machine.
     numba.set_num_threads(1)
     try:
-        return _mapped(folder, pipeline.run(folder / "site" / "site.toml", folder / "run"))
+        return _mapped(folder, pipeline.run(site, folder / "run"))
     finally:
         numba.set_num_threads(threads)
 

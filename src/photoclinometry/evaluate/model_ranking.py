@@ -210,12 +210,8 @@ def rank_models(
     for number, name in enumerate(names):
         progress("models", number, len(names))
         start = starting_model(name, scene.body)
-        fit = _fit(sample, start, fold, absolute=absolute)
-        if with_parameters:
-            all_views = np.arange(len(sample.views))
-            fit = replace(fit, reflectance=reflectance_of(_estimated(sample, start, all_views)))
-        fits.append(fit)
-        log.info("%s: %.3f %% on views kept out", name, fit.error_percent)
+        fits.append(_fit(sample, start, fold, absolute=absolute, with_parameters=with_parameters))
+        log.info("%s: %.3f %% on views kept out", name, fits[-1].error_percent)
     progress("models", len(names), len(names))
     fits.sort(key=lambda fit: fit.error_percent)
     return ModelRanking(fits=tuple(fits), left_out=left_out, views=scene.views.name)
@@ -262,8 +258,11 @@ def _folds(scene: Scene, count: int) -> np.ndarray:
     return fold
 
 
-def _fit(scene: Scene, start: Reflectance, fold: np.ndarray, *, absolute: bool) -> ModelFit:
-    """Predictions of every part by the others. absolute: the level counts."""
+def _fit(scene: Scene, start: Reflectance, fold: np.ndarray, *, absolute: bool, with_parameters: bool) -> ModelFit:
+    """Predictions of every part by the others.
+
+    absolute: the level counts. with_parameters: as of `rank_models`.
+    """
     parts, models = [], []
     for part in range(fold.max() + 1):
         others = _estimated(scene, start, np.flatnonzero(fold != part))
@@ -273,7 +272,7 @@ def _fit(scene: Scene, start: Reflectance, fold: np.ndarray, *, absolute: bool) 
     residual = found.residual(views, free_bias=scene.brightness == "dn")
     measured, predicted = (found.mean_by_view(values, views) for values in (found.measured, found.predicted))
     return ModelFit(
-        reflectance=start,
+        reflectance=reflectance_of(_estimated(scene, start, np.arange(views))) if with_parameters else start,
         without_part=tuple(models),
         prior_sigma=AdjustOptions().reflectance_sigma * np.abs(start.parameter_scale),
         predictions=found,
