@@ -40,7 +40,9 @@ def adjust_nothing(monkeypatch):
 @pytest.fixture
 def no_figures(monkeypatch, mapped):
     """Figures are drawn once, for the shared run; `test_report.py` proves them."""
-    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    from runs import draw_no_figures
+
+    draw_no_figures(monkeypatch)
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numba
+import pytest
 
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.products import RunResult
@@ -53,6 +54,11 @@ def small_run(folder: Path) -> Mapped:
 def small_run_left_in(folder: Path) -> Mapped:
     """What `python tests/runs.py` left in `folder`."""
     return _mapped(folder, pickle.loads((folder / RESULT).read_bytes()))
+
+
+def draw_no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs write no report."""
+    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
 
 
 def _mapped(folder: Path, result: RunResult) -> Mapped:

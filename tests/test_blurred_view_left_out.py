@@ -12,11 +12,13 @@ from photoclinometry.adjust import AdjustOptions
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
+from runs import draw_no_figures
 
-pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")
+pytestmark = pytest.mark.usefixtures("no_figures")
 
 BLURRED = "images/001.fits"
 OPTIONS = RunOptions(
+    reflectance="lunar-lambert",
     densify=DensifyOptions(min_views=4),
     relight=RelightOptions(rounds=1, direct=False),
     adjust=AdjustOptions(uncertainty=False),
@@ -37,7 +39,9 @@ def site(mapped, tmp_path_factory):
 def without(site):
     """The run, and its folder."""
     folder = site.parent.with_name("run")
-    return run(site, folder, OPTIONS), folder
+    with pytest.MonkeyPatch.context() as patch:
+        draw_no_figures(patch)
+        return run(site, folder, OPTIONS), folder
 
 
 def test_the_view_is_left_out_and_named(without):

@@ -51,9 +51,16 @@ def table_text(views=7, height=10_000.0, beside=""):
 
 
 def options(**changes):
-    return PlanOptions(
-        point=(0.0, 0.0, RADIUS), normal=(0.0, 0.0, 1.0), patch_px=28, tie_points=500, ground="lunar-lambert", **changes
-    )
+    """Of a small patch whose reflectance is known; to compare models takes as long as all else."""
+    given = {
+        "point": (0.0, 0.0, RADIUS),
+        "normal": (0.0, 0.0, 1.0),
+        "patch_px": 28,
+        "tie_points": 500,
+        "ground": "lunar-lambert",
+        "reflectance": "lunar-lambert",
+    }
+    return PlanOptions(**given | changes)
 
 
 @pytest.fixture(scope="module")

@@ -121,7 +121,7 @@ def calibration(error: np.ndarray, covariance: np.ndarray, name: str) -> dict[st
     {name}_within_68_percent and _within_95_percent: the share of errors inside the ellipsoids that should hold 68.27
     and 95.45 percent.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     size = 1 if np.ndim(error) == 1 else np.shape(error)[1]
     square = normalised_square(error, covariance)
@@ -130,9 +130,9 @@ def calibration(error: np.ndarray, covariance: np.ndarray, name: str) -> dict[st
         return {}
     metrics = {
         f"{name}_nees": float(square.mean()),
-        f"{name}_nees_median": float(np.median(square) * size / chi2.ppf(0.5, size)),
+        f"{name}_nees_median": float(np.median(square) * size / chdtri(size, 0.5)),
     }
     for share, label in _SHARES:
-        inside = square * size <= chi2.ppf(share, size)
+        inside = square * size <= chdtri(size, 1.0 - share)
         metrics[f"{name}_within_{label}_percent"] = 100.0 * float(inside.mean())
     return metrics

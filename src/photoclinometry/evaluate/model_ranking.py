@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.adjust.graph.sun_directions import common_turn
@@ -179,7 +179,7 @@ def is_larger(error: np.ndarray, other: np.ndarray, confidence: float = CONFIDEN
     known = ratio[np.isfinite(ratio)]
     if len(known) < 2:
         return False
-    limit = float(student_t.ppf(confidence, len(known) - 1))
+    limit = float(stdtrit(len(known) - 1, confidence))
     return float(known.mean()) > limit * float(known.std(ddof=1)) / math.sqrt(len(known))
 
 
