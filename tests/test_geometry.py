@@ -8,6 +8,7 @@ from photoclinometry.model.geometry import (
     Similarity,
     align_similarity,
     angle_between,
+    similarities_of,
     skew,
     so3_exp,
     so3_log,
@@ -72,6 +73,17 @@ def test_sphere_step_moves_by_its_length():
 def test_angles_are_exact_where_arccos_is_not():
     tiny = 1e-9
     assert angle_between(np.array([1.0, 0, 0]), np.array([np.cos(tiny), np.sin(tiny), 0])) == pytest.approx(tiny)
+
+
+def test_many_alignments_are_those_one_by_one():
+    source, target = RNG.normal(size=(2, 20, 3, 3))
+    scale, rotation, translation = similarities_of(source, target)
+    for k in range(20):
+        one = align_similarity(source[k], target[k])
+        assert scale[k] == pytest.approx(one.scale)
+        np.testing.assert_allclose(rotation[k], one.rotation, atol=1e-12)
+        np.testing.assert_allclose(translation[k], one.translation, atol=1e-12)
+    assert np.isnan(similarities_of(np.ones((1, 3, 3)), target[:1])[0]).all()
 
 
 def test_alignment_recovers_a_similarity():

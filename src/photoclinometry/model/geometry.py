@@ -121,15 +121,27 @@ def sphere_step(direction: np.ndarray, step: np.ndarray) -> np.ndarray:
 def align_similarity(source: np.ndarray, target: np.ndarray) -> Similarity:
     """The least-squares target_from_source similarity between paired points (n, 3), n >= 3.
 
-    Umeyama (1991), IEEE PAMI 13(4), Eqs. 39-42. Raises ValueError for fewer points.
+    Raises ValueError for fewer points.
     """
     source, target = np.asarray(source, float), np.asarray(target, float)
     if len(source) < 3:
         raise ValueError(f"a similarity needs at least 3 point pairs, got {len(source)}")
-    source_mean, target_mean = source.mean(0), target.mean(0)
-    a, b = source - source_mean, target - target_mean
-    u, singular, vt = np.linalg.svd(b.T @ a)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation = (u * sign) @ vt
-    scale = float((singular * sign).sum() / (a**2).sum())
-    return Similarity(scale, rotation, target_mean - scale * rotation @ source_mean)
+    scale, rotation, translation = similarities_of(source, target)
+    return Similarity(float(scale), rotation, translation)
+
+
+def similarities_of(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Least-squares target_from_source similarities between paired points (..., n, 3), n >= 3: scales (...), rotations
+    (..., 3, 3) and translations (..., 3). Those of points at one place are NaN.
+
+    Umeyama (1991), IEEE PAMI 13(4), Eqs. 39-42.
+    """
+    source_mean, target_mean = source.mean(-2), target.mean(-2)
+    a, b = source - source_mean[..., None, :], target - target_mean[..., None, :]
+    u, singular, vt = np.linalg.svd(np.swapaxes(b, -1, -2) @ a)
+    sign = np.ones(singular.shape)
+    sign[..., 2] = np.sign(np.linalg.det(u @ vt))
+    rotation = (u * sign[..., None, :]) @ vt
+    extent = (a**2).sum((-2, -1))
+    scale = (singular * sign).sum(-1) / np.where(extent > 0.0, extent, np.nan)
+    return scale, rotation, target_mean - scale[..., None] * (rotation @ source_mean[..., None])[..., 0]

@@ -12,11 +12,12 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, count
+from typing import Any
 
 import numpy as np
 
 from photoclinometry.model.compressed_rows import row_starts
-from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, so3_exp, so3_log
+from photoclinometry.model.geometry import Rigid, Similarity, similarities_of, so3_exp, so3_log
 from photoclinometry.model.projection import pixel_from_cam
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, transformed, without_views
@@ -48,6 +49,10 @@ FEWEST_OF_VIEW = 15
 degrees."""
 BEHIND_PX = 1e3
 """Counts as the distance of a keypoint from a point behind its camera [px]."""
+AT_A_TIME = 64
+"""Similarities that are compared with all matches at a time: of thousands of matches they take some megabytes."""
+DIFFERENCE = 1e-7
+"""Steps of forward differences [rad, and shares of the scale and of the matches' extent]: half of the digits."""
 SCALES = 0.05, 20.0
 """Bounds of the scale between two models in the gauge of `normalised`, whose units are ground sample distances."""
 
@@ -166,11 +171,11 @@ class _Side:
     """(n, 2)."""
 
     def off_px(self, points: np.ndarray) -> np.ndarray:
-        """(n, 2) from the keypoints to the projections of points (n, 3) [px]; large behind the camera."""
+        """(..., n, 2) from the keypoints to the projections of points (..., n, 3) [px]; large behind the camera."""
         local = self.cam_from_body(points)
-        behind = local[:, 2] <= 0
-        off = pixel_from_cam(np.where(behind[:, None], [0.0, 0.0, 1.0], local), self.intrinsics) - self.xy
-        return np.where(behind[:, None], BEHIND_PX, off)
+        behind = local[..., 2:] <= 0
+        off = pixel_from_cam(np.where(behind, [0.0, 0.0, 1.0], local), self.intrinsics) - self.xy
+        return np.where(behind, BEHIND_PX, off)
 
     def __getitem__(self, rows: np.ndarray) -> _Side:
         return _Side(
@@ -182,55 +187,111 @@ class _Side:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _Similarities:
+    """m similarities `first_from_second`, as `Similarity` is one."""
+
+    scale: np.ndarray
+    """(m,)."""
+    rotation: np.ndarray
+    """(m, 3, 3)."""
+    translation: np.ndarray
+    """(m, 3)."""
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """(m, n, 3) of points (n, 3)."""
+        turned = points @ np.swapaxes(self.rotation, -1, -2)
+        return self.scale[:, None, None] * turned + self.translation[:, None]
+
+    def inverse(self) -> _Similarities:
+        back = np.swapaxes(self.rotation, -1, -2)
+        moved = -np.einsum("mij,mj->mi", back, self.translation) / self.scale[:, None]
+        return _Similarities(scale=1.0 / self.scale, rotation=back, translation=moved)
+
+    def __getitem__(self, rows: np.ndarray | slice) -> _Similarities:
+        return _Similarities(scale=self.scale[rows], rotation=self.rotation[rows], translation=self.translation[rows])
+
+    def __len__(self) -> int:
+        return len(self.scale)
+
+    def one(self, row: int) -> Similarity:
+        return Similarity(float(self.scale[row]), self.rotation[row], self.translation[row])
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Between:
     """The matches between two models."""
 
     first: _Side
     second: _Side
 
-    def off_px(self, similarity: Similarity) -> np.ndarray:
-        """(n, 4) what `first_from_second` leaves of each match, in both images [px]."""
-        there, back = similarity(self.second.point), similarity.inverse()(self.first.point)
+    def off_px(self, similarities: _Similarities) -> np.ndarray:
+        """(m, n, 4) what `first_from_second` leaves of each match, in both images [px]."""
+        there, back = similarities(self.second.point), similarities.inverse()(self.first.point)
         return np.concatenate([self.first.off_px(there), self.second.off_px(back)], axis=-1)
 
-    def agreeing(self, similarity: Similarity) -> np.ndarray:
-        """(n,) bool."""
-        off = self.off_px(similarity)
-        return np.maximum(np.hypot(off[:, 0], off[:, 1]), np.hypot(off[:, 2], off[:, 3])) <= AGREE_PX
+    def agreeing(self, similarities: _Similarities) -> np.ndarray:
+        """(m, n) bool."""
+        found = []
+        for first in range(0, len(similarities), AT_A_TIME):
+            off = self.off_px(similarities[first : first + AT_A_TIME])
+            found.append(np.hypot(off[..., ::2], off[..., 1::2]).max(axis=-1) <= AGREE_PX)
+        return np.concatenate(found)
 
-    def of_three(self, rows: np.ndarray) -> Similarity | None:
-        """The similarity of matches (m,) int; None where these are one point, or differ absurdly in size."""
+    def agreeing_number(self, similarity: Similarity) -> int:
+        return int(self.agreeing(_only(similarity)).sum())
+
+    def of_threes(self, rows: np.ndarray) -> _Similarities:
+        """The similarities of matches (m, 3) int each; without those of one point, or of absurdly different sizes."""
         one, other = self.second.point[rows], self.first.point[rows]
-        if min(np.ptp(each, axis=0).max() for each in (one, other)) == 0.0:
-            return None
-        found = align_similarity(one, other)
-        return found if SCALES[0] < found.scale < SCALES[1] else None
+        apart = np.minimum(*(np.ptp(each, axis=1).max(axis=-1) for each in (one, other))) > 0.0
+        scale, rotation, translation = similarities_of(one, other)
+        found = _Similarities(scale=scale, rotation=rotation, translation=translation)
+        return found[np.flatnonzero(apart & (found.scale > SCALES[0]) & (found.scale < SCALES[1]))]
 
     def fitted(self, start: Similarity) -> tuple[Similarity, float]:
         """The similarity of robust least squares of the pixels of matches that agree with `start`, and the standard
         deviation of its rotation about the axis that these determine least [rad]."""
         from scipy.optimize import least_squares
 
-        rows = np.flatnonzero(self.agreeing(start))
+        rows = np.flatnonzero(self.agreeing(_only(start))[0])
         chosen = _Between(first=self.first[rows], second=self.second[rows])
         middle = start(chosen.second.point.mean(axis=0))
         size = float(np.linalg.norm(chosen.first.point.std(axis=0)))
 
-        def moved(step: np.ndarray) -> Similarity:
-            turn, stretch = so3_exp(step[:3]), float(np.exp(step[3]))
-            about = Similarity(stretch, turn, middle - stretch * turn @ middle + size * step[4:])
-            return about @ start
+        def moved(steps: np.ndarray) -> _Similarities:
+            """About the middle, by steps (m, 7)."""
+            turn, stretch = so3_exp(steps[:, :3]), np.exp(steps[:, 3])
+            from_middle = turn @ (start.translation - middle)
+            return _Similarities(
+                scale=stretch * start.scale,
+                rotation=turn @ start.rotation,
+                translation=middle + stretch[:, None] * from_middle + size * steps[:, 4:],
+            )
 
         def residuals(step: np.ndarray) -> np.ndarray:
-            return chosen.off_px(moved(step)).ravel()
+            return chosen.off_px(moved(step[None])).ravel()
 
-        found = least_squares(residuals, np.zeros(7), loss="soft_l1", f_scale=AGREE_PX / 2.0)
+        def jacobian(step: np.ndarray) -> np.ndarray:
+            """By forward differences, all at a time."""
+            off = chosen.off_px(moved(step + np.concatenate([np.zeros((1, 7)), DIFFERENCE * np.eye(7)]))).reshape(8, -1)
+            return (off[1:] - off[0]).T / DIFFERENCE
+
+        given: dict[str, Any] = {"jac": jacobian}  # SciPy has no types, but for that of the default, a string
+        found = least_squares(residuals, np.zeros(7), **given, loss="soft_l1", f_scale=AGREE_PX / 2.0)
         # A wrong depth shows in both images, so that the four numbers of a match count as two.
         spare = max(2 * len(rows) - len(found.x), 1)
         information, axes = np.linalg.eigh(found.jac.T @ found.jac)
         known = np.maximum(information, np.finfo(float).eps * information[-1])  # what matches leave open is uncertain
         covariance = (axes[:3] / known) @ axes[:3].T * 2.0 * found.cost / spare
-        return moved(found.x), float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+        return moved(found.x[None]).one(0), float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+
+
+def _only(similarity: Similarity) -> _Similarities:
+    return _Similarities(
+        scale=np.array([similarity.scale]),
+        rotation=similarity.rotation[None],
+        translation=similarity.translation[None],
+    )
 
 
 def find_join(
@@ -242,22 +303,19 @@ def find_join(
         return None
     between, blocks = matching
     share = np.array([len(block) for block in blocks], float)
-    found: list[tuple[int, Similarity]] = []
-    for block in rng.choice(len(blocks), TRIALS, p=share / share.sum()):
-        similarity = between.of_three(rng.choice(blocks[block], 3, replace=False))
-        if similarity is not None:
-            found.append((int(between.agreeing(similarity).sum()), similarity))
-    found = sorted(found, key=lambda each: each[0], reverse=True)[:REFINED]
-    if not found:
+    drawn = rng.choice(len(blocks), TRIALS, p=share / share.sum())
+    tried = between.of_threes(np.array([rng.choice(blocks[block], 3, replace=False) for block in drawn]))
+    if len(tried) == 0:
         return None
-    refined = [between.fitted(similarity)[0] for _, similarity in found]
-    agreeing = [int(between.agreeing(similarity).sum()) for similarity in refined]
+    most = np.argsort(-between.agreeing(tried).sum(axis=-1), kind="stable")[:REFINED]
+    refined = [between.fitted(tried.one(row))[0] for row in most]
+    agreeing = [between.agreeing_number(similarity) for similarity in refined]
     best = refined[int(np.argmax(agreeing))]
     others = [number for number, each in zip(agreeing, refined, strict=True) if _apart(each, best)]
     again, turn_sigma_rad = between.fitted(best)  # by all that agree now, which may be more than it was fitted to
     return Join(
         first_from_second=again,
-        agreeing=int(between.agreeing(again).sum()),
+        agreeing=between.agreeing_number(again),
         runner_up=max(others, default=0),
         turn_sigma_rad=turn_sigma_rad,
     )
