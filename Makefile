@@ -4,9 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 SMALL_RUN := build/small-run
+# Tests that need neither that run nor compiled kernels.
+LIGHT := $(patsubst %,tests/test_%.py,docs kernel_cache sfm_joining io_pvl fuzz_readers architecture ingest_geometry)
 ONE_THREAD := NUMBA_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1
 
-.PHONY: demo demo-body docs test suite small-run lint types check bench bench-full bench-update clean
+.PHONY: demo demo-body docs test suite light small-run lint types check bench bench-full bench-update clean
 
 # Modules are compiled when they are imported: most of what is installed never is.
 $(READY): pyproject.toml constraints.txt
@@ -42,11 +44,14 @@ small-run: $(READY)  ## the run that many tests look at
 # One process more than cores, as commands and browsers are waited for; one thread a process, as kernels of so small maps
 # wait for threads more than they compute; in the order of `tests/conftest.py`, not by numbers of tests.
 suite: $(READY)  ## the tests alone
-	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadscope --no-loadscope-reorder
+	$(ONE_THREAD) $(BIN)/python -m pytest --numprocesses $$(($$(getconf _NPROCESSORS_ONLN) + 1)) --dist loadscope --no-loadscope-reorder $(WITHOUT:%=--ignore=%)
 
-test: $(READY)  ## style and types, beside the compilation of kernels; then the suite
-	$(MAKE) --jobs=2 small-run check
-	SMALL_RUN=$(SMALL_RUN) $(MAKE) suite
+light: check
+	$(ONE_THREAD) $(BIN)/python -m pytest $(LIGHT)
+
+test: $(READY)  ## style, types and light tests, beside the compilation of kernels; then all other tests
+	$(MAKE) --jobs=2 small-run light
+	SMALL_RUN=$(SMALL_RUN) $(MAKE) suite WITHOUT="$(LIGHT)"
 
 $(VENV)/.docs: $(READY)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'

@@ -6,15 +6,19 @@ folder, processes of the suite take them from there.
 
 from __future__ import annotations
 
+import logging
 import pickle
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numba
 import pytest
 
+from photoclinometry.cli.stage_lines import StageLines
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.simulate.options import SimulationOptions
@@ -22,6 +26,16 @@ from photoclinometry.simulate.site import simulate_site
 
 RESULT = "result.pickle"
 SITE = SimulationOptions(image_size=192, views=6, region_size=32)
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a run lets its user see."""
+
+    lines: tuple[str, ...]
+    """On the terminal, one a stage."""
+    progress: dict[str, tuple[int, int]]
+    """What is done at last of each kind of work, and its total."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +47,7 @@ class Mapped:
     truth: Path
     run: Path
     result: RunResult
+    told: Told
 
     def copy(self, folder: Path) -> Path:
         """The run folder again, to spoil."""
@@ -46,14 +61,43 @@ def small_run(folder: Path) -> Mapped:
     # So small a map spends its time waiting for threads, milliseconds for each step on a busy machine.
     numba.set_num_threads(1)
     try:
-        return _mapped(folder, pipeline.run(site, folder / "run"))
+        with lines_shown() as lines:
+            progress: dict[str, tuple[int, int]] = {}
+
+            def note(what: str, done: int, total: int) -> None:
+                progress[what] = done, total
+
+            result = pipeline.run(site, folder / "run", progress=note)
+        return _mapped(folder, result, Told(tuple(lines), progress))
     finally:
         numba.set_num_threads(threads)
 
 
 def small_run_left_in(folder: Path) -> Mapped:
     """What `python tests/runs.py` left in `folder`."""
-    return _mapped(folder, pickle.loads((folder / RESULT).read_bytes()))
+    return _mapped(folder, *pickle.loads((folder / RESULT).read_bytes()))
+
+
+@contextmanager
+def lines_shown() -> Iterator[list[str]]:
+    """Lines that the records of the package's log make on the terminal meanwhile."""
+    lines, found = StageLines(), []
+
+    class Handler(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            line = lines.line(record)
+            if line is not None:
+                found.append(line)
+
+    log, handler = logging.getLogger("photoclinometry"), Handler()
+    level = log.level
+    log.addHandler(handler)
+    log.setLevel(logging.DEBUG)
+    try:
+        yield found
+    finally:
+        log.removeHandler(handler)
+        log.setLevel(level)
 
 
 def draw_no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,15 +105,15 @@ def draw_no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
 
 
-def _mapped(folder: Path, result: RunResult) -> Mapped:
-    return Mapped(folder / "site" / "site.toml", folder / "site" / "truth.h5", folder / "run", result)
+def _mapped(folder: Path, result: RunResult, told: Told) -> Mapped:
+    return Mapped(folder / "site" / "site.toml", folder / "site" / "truth.h5", folder / "run", result, told)
 
 
 def _leave_small_run(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    result = small_run(folder).result
-    (folder / RESULT).write_bytes(pickle.dumps(result))
+    made = small_run(folder)
+    (folder / RESULT).write_bytes(pickle.dumps((made.result, made.told)))
 
 
 if __name__ == "__main__":

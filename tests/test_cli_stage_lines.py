@@ -7,29 +7,17 @@ from pathlib import Path
 import pytest
 
 import photoclinometry
-from photoclinometry.cli.stage_lines import NAMES, StageLines, shown_name, stage_line
+from photoclinometry.cli.stage_lines import NAMES, shown_name, stage_line
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.stage import say_found
+from runs import lines_shown
 
 
 @pytest.fixture
 def shown():
     """Lines that the records of the package's log make."""
-    lines, found = StageLines(), []
-
-    class Handler(logging.Handler):
-        def emit(self, record):
-            line = lines.line(record)
-            if line is not None:
-                found.append(line)
-
-    log, handler = logging.getLogger("photoclinometry"), Handler()
-    level = log.level
-    log.addHandler(handler)
-    log.setLevel(logging.DEBUG)
-    yield found
-    log.removeHandler(handler)
-    log.setLevel(level)
+    with lines_shown() as lines:
+        yield lines
 
 
 def test_a_stage_is_one_line_of_what_it_found_and_its_time(shown):
@@ -83,24 +71,16 @@ def test_every_stage_of_the_program_has_a_name():
     assert not any("_" in name for name in NAMES.values())
 
 
-def test_findings_of_a_run_fit_their_column_and_its_work_ends_at_its_totals(mapped, no_figures, tmp_path, shown):
-    """All stages anew, from the images."""
-    from photoclinometry.pipeline import run as pipeline
-    from photoclinometry.pipeline.options import RelightOptions, RunOptions
-
-    last: dict[str, tuple[int, int]] = {}
-
-    def progress(what, done, total):
-        last[what] = (done, total)
-
-    pipeline.run(mapped.site, tmp_path / "run", RunOptions(relight=RelightOptions(rounds=1)), progress)
-    assert {"images", "features", "matches", "mapping", "match 1", "relight 1"} <= set(last)
-    assert all(done == total for done, total in last.values() if total)
-    lines = {line[:16].strip(): line for line in shown}
+def test_findings_of_a_run_fit_their_column_and_its_work_ends_at_its_totals(mapped):
+    """All stages, from the images."""
+    told = mapped.told
+    assert {"images", "features", "matches", "mapping", "match 1", "relight 1"} <= set(told.progress)
+    assert all(done == total for done, total in told.progress.values() if total)
+    lines = {line[:16].strip(): line for line in told.lines}
     assert "6 of 6 views, " in lines["sparse"]
     assert "32 x 32 px of images/" in lines["region"]
     assert " landmarks (" in lines["dense"]
     assert "matches moved" in lines["relighting 1"]
     assert "landmarks in 6 views" in lines["last estimate"]
-    assert all(len(line) <= 80 for line in shown)
-    assert not any("Noise(" in line for line in shown)
+    assert all(len(line) <= 80 for line in told.lines)
+    assert not any("Noise(" in line for line in told.lines)
