@@ -109,7 +109,8 @@ def _mapped(folder: Path, result: RunResult, told: Told) -> Mapped:
     return Mapped(folder / "site" / "site.toml", folder / "site" / "truth.h5", folder / "run", result, told)
 
 
-def _leave_small_run(folder: Path) -> None:
+def leave_small_run(folder: Path) -> None:
+    """For `small_run_left_in`."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     made = small_run(folder)
@@ -117,4 +118,6 @@ def _leave_small_run(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    _leave_small_run(Path(sys.argv[1]).resolve())
+    import runs  # whose classes are pickled, not this program's
+
+    runs.leave_small_run(Path(sys.argv[1]).resolve())
