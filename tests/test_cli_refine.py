@@ -4,6 +4,7 @@ import pytest
 
 from commands import phomo
 from photoclinometry.io.models.text_model import read_text_model, write_text_model
+from runs import draw_no_figures
 from scenes import synthetic_scene
 
 
@@ -15,7 +16,7 @@ def model(tmp_path_factory):
 
 
 def test_refine_writes_a_run_folder_that_the_other_commands_read(model, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    draw_no_figures(monkeypatch)
     out = tmp_path / "out"
     options = ("--reflectance", "lunar-lambert", "--body", "vesta", "--min-observations", 4)
     assert phomo("refine", model, "--out", out, *options, "--adjust.solver.max-steps", 3) == 0

@@ -52,15 +52,15 @@ def table_text(views=7, height=10_000.0, beside=""):
 
 def options(**changes):
     """Of a small patch whose reflectance is known; to compare models takes as long as all else."""
-    given = {
-        "point": (0.0, 0.0, RADIUS),
-        "normal": (0.0, 0.0, 1.0),
-        "patch_px": 28,
-        "tie_points": 500,
-        "ground": "lunar-lambert",
-        "reflectance": "lunar-lambert",
-    }
-    return PlanOptions(**given | changes)
+    return PlanOptions(
+        point=(0.0, 0.0, RADIUS),
+        normal=(0.0, 0.0, 1.0),
+        patch_px=28,
+        tie_points=500,
+        ground="lunar-lambert",
+        reflectance="lunar-lambert",
+        **changes,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_a_plan_finishes_with_the_model_that_a_run_would_choose(table):
     """On Hapke's ground views that are kept out prefer Hapke's model, whose albedos have a poorly known level; a model
     that is given stays."""
     by_evidence, given = (
-        plan_site(vesta(table), replace(options(reflectance=name), ground="hapke"), with_candidates=False)
+        plan_site(vesta(table), replace(options(), reflectance=name, ground="hapke"), with_candidates=False)
         for name in ("auto", "lunar-lambert")
     )
     assert by_evidence.as_dict()["assumed"]["reflectance"] == "hapke"

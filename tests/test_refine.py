@@ -15,6 +15,7 @@ from photoclinometry.model.geometry import Rigid, align_similarity, angle_betwee
 from photoclinometry.model.reflectance import published
 from photoclinometry.pipeline import joint_estimate
 from photoclinometry.pipeline.refine import RefineOptions, photometry, read_start, refine
+from runs import draw_no_figures
 from scenes import GSD, LUNAR_LAMBERT, synthetic_scene
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "model-format"
@@ -58,7 +59,7 @@ def folder(tmp_path_factory, truth):
 @pytest.fixture
 def no_report(monkeypatch):
     """Figures are drawn elsewhere; `test_report.py` proves them."""
-    monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
+    draw_no_figures(monkeypatch)
 
 
 def test_a_spoiled_model_is_refined_and_written_in_its_own_numbers(folder, truth, tmp_path, no_report):
