@@ -25,7 +25,8 @@ from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.run_files import read_run, run_images
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.reflectance import photometric_angles
-from photoclinometry.model.scene import Image, Region, Scene, Surroundings, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Image, Scene, Surroundings, Views
 from photoclinometry.photometry.predict import observation_brightness, reflectance_of
 from photoclinometry.photometry.render import landmark_faces
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading

@@ -15,7 +15,8 @@ from scipy.ndimage import gaussian_filter
 from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
 from photoclinometry.model.reflectance import Reflectance, published
-from photoclinometry.model.scene import Camera, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera, Landmarks, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import initial_albedo, normals_from_neighbours
 from photoclinometry.photometry.predict import shading
 

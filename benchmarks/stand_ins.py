@@ -28,7 +28,7 @@ from photoclinometry.io.archives.fits_header import read_fits_header
 from photoclinometry.io.spice import kernel_files
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.reflectance import photometric_angles
-from photoclinometry.model.scene import Region
+from photoclinometry.model.region import Region
 from photoclinometry.simulate.bodies.build import build_body, preset_shape
 from photoclinometry.simulate.bodies.presets import BODIES
 from photoclinometry.simulate.bodies.surface import BodyRaycaster, BodySurface

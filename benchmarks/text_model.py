@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid, unit
-from photoclinometry.model.scene import Camera, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera, Landmarks, Scene, Tracks, Views
 
 
 def generated_scene(landmarks: int, views: int, observations: int) -> Scene:

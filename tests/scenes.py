@@ -12,7 +12,8 @@ import numpy as np
 
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.reflectance import Reflectance, photometric_angles, published
-from photoclinometry.model.scene import Camera, Image, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera, Image, Landmarks, Scene, Tracks, Views
 
 GSD = 60.0
 FOCAL_PX = 10_000.0

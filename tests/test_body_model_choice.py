@@ -17,7 +17,7 @@ from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import starting_model
-from photoclinometry.model.scene import Region
+from photoclinometry.model.region import Region
 from photoclinometry.pipeline.stage import Keyed, Tools
 from sites import write_small_site
 

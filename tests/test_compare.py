@@ -16,7 +16,8 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, so3_exp, tangent_basis, unit
 from photoclinometry.model.mesh import grid_faces
 from photoclinometry.model.reflectance import published
-from photoclinometry.model.scene import Landmarks, Region, Scene
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Landmarks, Scene
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.registration.closest_points import CloudSurface
 from photoclinometry.simulate.options import SimulationOptions

@@ -9,7 +9,8 @@ from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.meshes.obj import read_obj
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.reflectance import published
-from photoclinometry.model.scene import Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.photometry.render import render_view
 
 SPC = FORMATS / "spc"

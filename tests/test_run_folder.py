@@ -11,7 +11,7 @@ import pytest
 from photoclinometry import __version__
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid, so3_exp
-from photoclinometry.model.scene import Region
+from photoclinometry.model.region import Region
 from photoclinometry.pipeline.records import write_record
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.pipeline.run_folder import FORMAT, MARK, open_run

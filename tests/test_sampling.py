@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from photoclinometry.model.scene import Image, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Image
 from photoclinometry.surface.sampling import gaussian, masked_filter, sample, sample_image
 
 CENTERS = Region(row=0, col=0, height=40, width=60).pixel_centers()

@@ -10,7 +10,8 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, so3_log
-from photoclinometry.model.scene import Camera, Image, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import connected_groups, normalised, transformed
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.keypoints import sift_keypoints

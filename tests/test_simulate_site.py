@@ -9,7 +9,7 @@ from photoclinometry.io.site import read_site
 from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, so3_log
-from photoclinometry.model.scene import Region
+from photoclinometry.model.region import Region
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.presets import PRESETS

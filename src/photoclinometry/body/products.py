@@ -27,7 +27,8 @@ from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import BODY_FIXED, Region, Scene
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.model.sparse import of_views
 from photoclinometry.model.warning import Warned

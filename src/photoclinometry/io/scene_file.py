@@ -19,6 +19,7 @@ from photoclinometry.io.hdf5 import check_hdf5, new_hdf5
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import MODELS, Reflectance
+from photoclinometry.model.region import Region
 from photoclinometry.model.scene import (
     BODY_FIXED,
     OWN,
@@ -26,7 +27,6 @@ from photoclinometry.model.scene import (
     VIEW_ARRAYS,
     Camera,
     Landmarks,
-    Region,
     Scene,
     Surroundings,
     Tracks,

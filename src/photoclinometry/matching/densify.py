@@ -16,7 +16,8 @@ from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.scene import Camera, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import Camera, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera
 
 
 def predict_pixels(

@@ -19,7 +19,8 @@ import numpy as np
 from photoclinometry.matching.flow import FlowMatcher, resample
 from photoclinometry.matching.interface import Matcher, Matches, MatchRequest
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import Image, Region, Scene
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import SHADOW_SHARE
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
 from photoclinometry.photometry.shading import in_view

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import Camera, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera
 
 
 def pixels_of_landmarks(xy: np.ndarray, camera: Camera) -> tuple[np.ndarray, Region]:

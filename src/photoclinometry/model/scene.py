@@ -8,7 +8,6 @@ centre of the top-left pixel, so array index [row, col] is (col + 0.5, row + 0.5
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from typing import Self
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.projection import pixel_from_cam
 from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.region import Region
 
 OWN, BODY_FIXED, SHARED = "own", "body-fixed", "shared"
 """What is known of a scene's frame B."""
@@ -58,9 +58,14 @@ class Camera:
     def principal_px(self) -> tuple[float, float]:
         return (self.params[-2], self.params[-1])
 
+    @property
+    def intrinsics(self) -> tuple[float, float, float, float]:
+        """fx, fy, cx, cy [px]."""
+        return (*self.focal_px, *self.principal_px)
+
     def pixel_from_cam(self, points: np.ndarray) -> np.ndarray:
         """Pixels (..., 2) of points (..., 3) of frame C with z > 0 (paper Eq. 10)."""
-        return pixel_from_cam(points, (*self.focal_px, *self.principal_px))
+        return pixel_from_cam(points, self.intrinsics)
 
     def ray_in_cam(self, pixels: np.ndarray) -> np.ndarray:
         """Rays (..., 3) in frame C through pixels (..., 2), scaled to z = 1."""
@@ -123,7 +128,7 @@ class Views:
     @property
     def intrinsics(self) -> np.ndarray:
         """(K, 4) fx, fy, cx, cy [px]."""
-        return np.array([(*c.focal_px, *c.principal_px) for c in self.cameras], float)
+        return np.array([c.intrinsics for c in self.cameras], float)
 
     @property
     def offset(self) -> np.ndarray:
@@ -251,67 +256,6 @@ class Tracks:
         return Tracks(
             start=row_starts(count), view=number[self.view[kept]], **{name: getattr(self, name)[kept] for name in names}
         )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Region:
-    """A rectangle of the reference image, in whole pixels, and which of its pixels may become landmarks."""
-
-    row: int
-    col: int
-    height: int
-    width: int
-    stride: int = 1
-    """Every so many pixels, down and across, from the corner on: these make the map's grid."""
-
-    @property
-    def slices(self) -> tuple[slice, slice]:
-        """Of the whole image: all of the region's pixels."""
-        return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
-
-    @property
-    def grid_shape(self) -> tuple[int, int]:
-        """Rows and columns of the map's grid."""
-        return -(-self.height // self.stride), -(-self.width // self.stride)
-
-    @property
-    def grid_slices(self) -> tuple[slice, slice]:
-        """Of arrays over all of the region's pixels: those of the map's grid."""
-        return slice(None, None, self.stride), slice(None, None, self.stride)
-
-    def slices_in(self, outer: Region) -> tuple[slice, slice]:
-        """Of arrays over all pixels of a region around this one: all of this one's pixels."""
-        row, col = self.row - outer.row, self.col - outer.col
-        return slice(row, row + self.height), slice(col, col + self.width)
-
-    def row_blocks(self, count: int) -> list[Self]:
-        """The region cut into parts of so many rows of the map's grid; the last may have fewer."""
-        step, bottom = count * self.stride, self.row + self.height
-        return [replace(self, row=row, height=min(step, bottom - row)) for row in range(self.row, bottom, step)]
-
-    def cells(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Row and column (J,) in the map's grid of pixels (J, 2) of the image that are landmarks'."""
-        row, col = ((pixel - (self.row, self.col)) // self.stride).T
-        return row, col
-
-    def between_cells(self, values: np.ndarray) -> np.ndarray:
-        """Values (rows, cols, ...) on the map's grid at every pixel (height, width, ...), linear from cell to cell.
-
-        NaN where a cell that it takes is NaN; beyond the last row and column as in these.
-        """
-        for axis, count in enumerate((self.height, self.width)):
-            cell = np.arange(count) / self.stride
-            low = cell.astype(int)
-            share = np.where(low == values.shape[axis] - 1, 0.0, cell - low)
-            high = np.where(share > 0.0, low + 1, low)
-            share = share.reshape(-1, *[1] * (values.ndim - 1 - axis))
-            values = (1.0 - share) * np.take(values, low, axis) + share * np.take(values, high, axis)
-        return values
-
-    def pixel_centers(self) -> np.ndarray:
-        """(height, width, 2) pixel coordinates (x, y) of the pixel centres."""
-        x, y = np.meshgrid(self.col + 0.5 + np.arange(self.width), self.row + 0.5 + np.arange(self.height))
-        return np.stack([x, y], -1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,8 @@ import numpy as np
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Image, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Image, Landmarks, Scene, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.initialize import (
     SCALE_SWEEPS,

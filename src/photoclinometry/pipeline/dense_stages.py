@@ -11,7 +11,8 @@ from photoclinometry.matching.dense import match_views, triangulated
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions
 from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import (
     landmark_spacing_px,
     normals_from_neighbours,

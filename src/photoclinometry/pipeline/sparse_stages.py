@@ -13,7 +13,8 @@ from photoclinometry.io.site_images import input_fingerprint, load_plausible_ima
 from photoclinometry.io.site_views import views_at
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import OWN, Camera, Image, Region, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import OWN, Camera, Image, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import InconsistentViews as Inconsistent

@@ -22,7 +22,8 @@ from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import BODY_FIXED, Image, Landmarks, Region, Scene, Tracks, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import BODY_FIXED, Image, Landmarks, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import with_model
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.shading import brightness_on_surface

@@ -10,7 +10,8 @@ import numpy as np
 
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.scene import Camera, Image, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.initialize import SHADOW_SHARE
 from photoclinometry.sfm.region_score import CELL, cell_scores

@@ -12,7 +12,8 @@ import numpy as np
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import photometric_angles
-from photoclinometry.model.scene import Camera, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.photometry import Photometry, radiance_factor
 from photoclinometry.simulate.raycast import Hits
 

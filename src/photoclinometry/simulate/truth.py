@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import Region, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Views
 from photoclinometry.simulate.camera_model import PSF_REACH, pixel_average
 from photoclinometry.simulate.observe import cast, sample_points
 from photoclinometry.simulate.photometry import Photometry

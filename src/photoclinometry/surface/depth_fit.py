@@ -9,8 +9,9 @@ import numpy as np
 
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.region import Region
 from photoclinometry.model.robust import REWEIGHTINGS, robust_sigma
-from photoclinometry.model.scene import Camera, Region
+from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.sampling import sample
 

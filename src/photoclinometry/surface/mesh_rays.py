@@ -13,7 +13,8 @@ import numpy as np
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, unit
-from photoclinometry.model.scene import Camera, Region, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera, Views
 from photoclinometry.surface.closed_mesh import face_normals
 
 _SHADOW_OFFSET = 5e-3

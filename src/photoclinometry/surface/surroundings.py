@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid, unit
-from photoclinometry.model.scene import Camera, Region, Scene, Surroundings
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera, Scene, Surroundings
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.depth_fit import SurfaceModel, fit_depth
 from photoclinometry.surface.relief import reference_depth

@@ -16,7 +16,7 @@ from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from photoclinometry.model.scene import Region
+from photoclinometry.model.region import Region
 
 MISSING = (0.66, 0.71, 0.77)
 """What the report shows behind pixels without a value: a bluish grey, which is not mistaken for a brightness."""
