@@ -7,10 +7,10 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from photoclinometry.adjust import AdjustOptions, adjust
+from photoclinometry.adjust.correlation import correlation_px
 from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
-    correlation_px,
     fitted_sigma,
     keypoint_factor,
     local_noise,

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.adjust.correlation import correlation_px
 from photoclinometry.adjust.graph.sun_directions import sun_offsets
 from photoclinometry.adjust.groups import Setup
 from photoclinometry.adjust.noise import (
     MAX_VIEW_PRIOR_FACTOR,
     Noise,
     brightness_noise,
-    correlation_px,
     keypoint_factor,
     scale_scatter,
     tell_brightness_noise,

@@ -1,0 +1,93 @@
+"""Over how much ground errors are alike, from the autocorrelation of residuals.
+
+Neighbouring landmarks do not err independently (`noise`): of n that share an error, each one's standard deviation is
+multiplied by sqrt(n).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.fft import irfft2, next_fast_len, rfft2
+
+from photoclinometry.model.robust import robust_sigma
+
+_MAX_VIEWS = 8
+"""Views from which the correlation is measured, evenly chosen."""
+
+_SIDE = 256
+"""Landmarks, down and across, in the middle of the map from which the correlation is measured: dozens of times what
+shares an error."""
+
+MIN_PAIRS = 0.1
+"""Lags count in a correlation that have this share of the pairs that their number lets expect."""
+
+_CUT = 0.05
+"""Correlation below which lags are left out: beyond, there is mostly the noise of the correlation itself."""
+
+_FEWEST = 100
+"""Residuals of a view from which on they tell a correlation: it is known to a tenth then."""
+
+_CLIPPED = 3.0
+"""Residuals are cut at so many standard deviations: single wrong ones have no neighbours that share them."""
+
+
+def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stride: int = 1) -> float:
+    """Side of the square of pixels in which observations share an error: the median over views, `stride` at least.
+
+    values: (N,) residuals, or (N, c) of c kinds, of which the most alike count; view: (N,); pixel: (N, 2) row and
+    column of each one's landmark in the reference image, on a grid of every `stride`-th pixel. The square root of the
+    number of landmarks that share an error, times the stride. In a view, the variance of the sum of all residuals over
+    the sum of their variances, from their autocorrelation up to the lag at which it has died away. Landmarks in the
+    middle of what a view sees tell it (_SIDE).
+    """
+    shared = []
+    views = np.unique(view)
+    for k in views[np.linspace(0, len(views) - 1, min(len(views), _MAX_VIEWS)).astype(int)]:
+        mine = np.flatnonzero(view == k)
+        row, col = ((pixel[mine] - pixel[mine].min(0)) // stride).T
+        middle = _in_the_middle(row) & _in_the_middle(col)
+        if np.count_nonzero(middle) >= _FEWEST:
+            shared.append(_shared(values[mine[middle]].reshape(middle.sum(), -1), row[middle], col[middle]))
+    return stride * float(np.sqrt(max(1.0, *np.median(shared, axis=0)))) if shared else float(stride)
+
+
+def _in_the_middle(cell: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether a row or column is among the middle _SIDE of 0 to the last."""
+    first = (cell.max() + 1 - _SIDE) // 2
+    return (cell >= first) & (cell < first + _SIDE)
+
+
+def _shared(values: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
+    """(c,) how many of one view's residuals (n, c) share an error; row, col: (n,) of each in the map's grid."""
+    row, col = row - row.min(), col - col.min()
+    shape = row.max() + 1, col.max() + 1
+    there = np.zeros(shape, np.float32)
+    there[row, col] = 1.0
+    pairs = np.round(_autocorrelation(there))
+    distance = np.hypot(*np.meshgrid(*(np.fft.fftfreq(n, 1 / n) for n in pairs.shape), indexing="ij"))
+    enough = pairs >= MIN_PAIRS * len(values) * (len(values) / there.size)
+    ring = distance[enough].round().astype(int)
+    count = np.bincount(ring, pairs[enough])
+    found = np.ones(values.shape[1])
+    for c, column in enumerate(values.T):
+        middle = np.median(column)
+        spread = robust_sigma(column - middle)
+        if spread > 0.0:
+            there[row, col] = np.clip((column - middle) / spread, -_CLIPPED, _CLIPPED)
+            products = _autocorrelation(there)
+            found[c] = _sum_of_correlation(np.bincount(ring, products[enough]), count, products[0, 0] / len(values))
+    return found
+
+
+def _sum_of_correlation(total: np.ndarray, count: np.ndarray, variance: float) -> float:
+    """The correlation summed over lags, from sums of products and numbers of pairs by distance, until it has died."""
+    correlation = np.divide(total, count, out=np.zeros_like(total), where=count > 0) / variance
+    died = np.flatnonzero(correlation < _CUT)
+    end = died[0] if len(died) else len(correlation)
+    return float(total[:end].sum() / total[0])
+
+
+def _autocorrelation(field: np.ndarray) -> np.ndarray:
+    """Sums of products at every lag; lags wrap around an array of twice the size, so that ends do not meet."""
+    shape = [next_fast_len(2 * n, real=True) for n in field.shape]
+    return np.asarray(irfft2(np.abs(np.asarray(rfft2(field, shape))) ** 2, shape))
