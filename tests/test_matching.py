@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from photoclinometry.matching import MatchRequest
-from photoclinometry.matching.flow import FlowMatcher, as_coarse_as, normalise, resample
+from photoclinometry.matching.flow import FlowMatcher, as_coarse_as, in_target, normalise, resample
 from photoclinometry.matching.interface import MatchSetup, padded_region
 from photoclinometry.matching.prewarp import (
     predict_pixels,
 )
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import Camera, Image, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.depth_fit import (
     fit_depth,
@@ -100,6 +101,41 @@ def test_a_target_of_half_the_resolution_meets_a_reference_as_coarse():
     assert matches.valid.all()
     assert np.median(error_px(matches, prediction[whole.inner])) < 0.03
     assert np.median(matches.sigma_px) < 0.08  # 0.13 where the reference keeps its detail
+
+
+@pytest.mark.parametrize("step", [2.0, 4.0])
+def test_sigmas_are_those_of_positions_in_the_target(step):
+    """Errors are those of the ground, so many target pixels to one of the reference: sigmas grow as they do."""
+    from scipy.ndimage import gaussian_filter, map_coordinates
+
+    target = gaussian_filter(texture((240, 240), sigma=3.0).astype(float), 1.0)
+    rng = np.random.default_rng(1)
+
+    def seen(step):
+        size = int(200 * step)
+        where = (Region(row=0, col=0, height=size, width=size).pixel_centers() / step)[..., ::-1] + 19.5
+        image = map_coordinates(target, np.moveaxis(where, -1, 0), order=5)
+        # noise of the ground, alike to a matcher that averages a finer view
+        return Image("b", image + 0.01 * step * rng.standard_normal(image.shape), np.ones(image.shape, bool))
+
+    def stated(step):
+        prediction = PADDED.pixel_centers() * step
+        request = MatchRequest(
+            reference=seen(1.0), target=seen(step), region=REGION, padded=PADDED, prediction=prediction
+        )
+        matches = FlowMatcher().match(request)
+        return np.median(matches.sigma_px), np.median(error_px(matches, prediction[request.inner]))
+
+    sigma, error = np.divide(stated(step), stated(1.0))
+    assert sigma == pytest.approx(step, rel=0.3)
+    assert error == pytest.approx(step, rel=0.5)
+
+
+def test_sigmas_of_an_oblique_view_are_the_rms_of_both_axes():
+    squeezed = Region(row=0, col=0, height=6, width=8).pixel_centers() * (0.5, 1.0)
+    squeezed[2, 3] = np.nan
+    expected = 0.1 * np.sqrt((0.25 + 1.0) / 2.0)
+    np.testing.assert_allclose(in_target(np.full((6, 8), 0.1), squeezed), expected)
 
 
 def test_a_target_as_fine_leaves_the_reference_as_it_is():

@@ -16,7 +16,8 @@ import numpy as np
 
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.scene import Image, Region
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Image
 from photoclinometry.model.tiny import TINY
 from photoclinometry.surface.sampling import ALL_VALID, sample, smoothing_px
 
@@ -47,7 +48,7 @@ class FlowOptions(Ranged):
     refinement_steps: Annotated[int, Range(least=0, most=1000)] = 10
     """Fixed-point steps of the variational refinement."""
     sigma_floor_px: Annotated[float, Range(above=0)] = 0.04
-    """Least standard deviation that a match is given [px]."""
+    """Least standard deviation that a match is given [reference px]."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class FlowMatcher:
         valid = inside & (round_trip < options.max_round_trip_px) & (correlation > options.min_correlation)
         position = follow(request.prediction, forward, order=1)
         valid &= np.isfinite(position).all(-1)
-        sigma = np.sqrt(options.sigma_floor_px**2 + sigma**2 + round_trip**2)
+        sigma = in_target(np.sqrt(options.sigma_floor_px**2 + sigma**2 + round_trip**2), request.prediction)
         certainty = correlation.clip(0, 1) * np.exp(-0.5 * (round_trip / options.max_round_trip_px) ** 2)
         return region_matches(request, position, certainty, sigma, valid)
 
@@ -91,6 +92,18 @@ def as_coarse_as(xy: np.ndarray, brightness: np.ndarray, valid: np.ndarray) -> t
 def target_step(xy: np.ndarray) -> float:
     """Target pixels from one pixel of a grid to the next, in the median, from where these lie in it (h, w, 2)."""
     return float(np.sqrt(np.abs(np.nanmedian(jacobian_determinant(xy)))))
+
+
+def in_target(sigma: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """Standard deviations (h, w) of displacements on a grid, alike in all directions, as those of positions in the
+    target about each axis [target px], RMS of the two.
+
+    xy: (h, w, 2) where the grid's pixels lie in the target. A pixel beside one that lies nowhere has the grid's median
+    of target pixels to a pixel.
+    """
+    down, right = np.gradient(xy, axis=0), np.gradient(xy, axis=1)
+    step = np.sqrt(0.5 * np.sum(down**2 + right**2, -1))
+    return sigma * np.where(np.isfinite(step), step, np.nanmedian(step))
 
 
 def resample(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

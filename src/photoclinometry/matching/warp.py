@@ -13,10 +13,10 @@ from typing import Annotated
 
 import numpy as np
 
-from photoclinometry.matching.flow import crop, jacobian_determinant, resample
+from photoclinometry.matching.flow import crop, in_target, resample
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.scene import Region
+from photoclinometry.model.region import Region
 from photoclinometry.model.tiny import TINY
 from photoclinometry.surface.sampling import ALL_VALID, sample
 
@@ -95,8 +95,7 @@ def matches_from_warps(
     valid &= np.all((found > 0.5 - ROUNDING_PX) & (found < outermost), axis=-1) & np.isfinite(position).all(-1)
     valid &= (round_trip < options.max_round_trip_px) & (certainty >= options.min_certainty)
     cell_px = np.sqrt(np.prod(shape) / there.certainty.size)
-    step = np.sqrt(np.abs(jacobian_determinant(request.prediction)))  # target pixels for one of the reference
-    sigma = step * np.hypot(options.sigma_cells * cell_px, round_trip)
+    sigma = in_target(np.hypot(options.sigma_cells * cell_px, round_trip), request.prediction)
     return region_matches(request, position, certainty, sigma, valid)
 
 
