@@ -51,6 +51,22 @@ def projections(model):
     return [CAMERA.pixel_from_cam(points) for points in local], [points[:, 2] for points in local]
 
 
+def test_of_two_keypoints_of_one_image_in_a_track_the_nearer_counts(models):
+    import pycolmap
+
+    model = copy.deepcopy(models[0])
+    before = from_colmap(model, 5)
+    point = next(i for i in sorted(model.point3D_ids()) if len(model.points3D[i].track.elements) >= 3)
+    image = model.images[model.points3D[point].track.elements[1].image_id]
+    free = next(n for n, each in enumerate(image.points2D) if not each.has_point3D())
+    model.add_observation(point, pycolmap.TrackElement(image.image_id, free))
+    assert model.compute_num_observations() == models[0].compute_num_observations() + 1
+    after = from_colmap(model, 5)
+    np.testing.assert_array_equal(after.point_view, before.point_view)
+    np.testing.assert_array_equal(after.point_xy, before.point_xy)
+    assert len(np.unique(5 * after.point_of_observation + after.point_view)) == len(after.point_view)
+
+
 def test_a_reversed_model_is_recognised_and_turned_round(models, one_site):
     *_, sparse = models
     assert sparse.registered.all()
@@ -139,8 +155,8 @@ def test_only_the_model_that_is_kept_is_warned_of(undecided, overruled, codes, o
     model = from_colmap(models[2], 5)
     few = replace(model, registered=np.arange(5) < 3)
     inliers = np.full((5, 5), 100)
-    first = reconstruct._Attempt([], np.zeros((5, 5), int), [few], (0.3, 0.301), (0.31, 0.3))
-    second = reconstruct._Attempt([], inliers, [model], undecided, overruled)
+    first = reconstruct._Attempt([], np.zeros((5, 5), int), [few], [reconstruct._Doubts((0.3, 0.301), (0.31, 0.3))])
+    second = reconstruct._Attempt([], inliers, [model], [reconstruct._Doubts(undecided, overruled)])
     monkeypatch.setattr(reconstruct, "_by_brightness", lambda given: first)
     monkeypatch.setattr(reconstruct, "_by_relief_too", lambda given, sun, plain: second)
     monkeypatch.setattr(reconstruct._Given, "shading_of", lambda given, sparse: RIGHT)

@@ -91,8 +91,8 @@ def map_views(
 
     Where the largest may have views reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
     which begins with other views, until the best is found twice, and the images show it if any Sun is known, or after
-    TRIALS. shading_of: the shading of a model compared with the images; None where no Sun is known. all_trials: map
-    TRIALS times in any case.
+    TRIALS. A first seed that maps nothing ends it. shading_of: the shading of a model compared with the images; None
+    where no Sun is known. all_trials: map TRIALS times in any case.
     """
     best: list[Oriented] = []
     for trial in range(TRIALS):
@@ -100,7 +100,7 @@ def map_views(
         found_again = bool(best and found) and _alike(best[0], found[0])
         best = max((best, found), key=_quality)
         shown = bool(best) and (best[0].is_shown or best[0].shading is None)
-        if not best or (not all_trials and ((found_again and shown) or not best[0].is_doubtful)):
+        if not all_trials and (not best or (found_again and shown) or not best[0].is_doubtful):
             break
     return best
 
@@ -243,7 +243,10 @@ def size(model: Any) -> tuple[int, int]:
 
 
 def from_colmap(model: Any, count: int) -> SparseModel:
-    """A pycolmap reconstruction of `count` views, in its own frame."""
+    """A pycolmap reconstruction of `count` views, in its own frame.
+
+    Where a track has several keypoints of one image, such as a corner found twice, the one nearest to the point counts.
+    """
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     registered, view_of = np.zeros(count, bool), {}
     for image_id in model.reg_image_ids():
@@ -252,8 +255,9 @@ def from_colmap(model: Any, count: int) -> SparseModel:
         body_from_cam = image.cam_from_world().inverse()
         rotation[view], translation[view] = body_from_cam.rotation.matrix(), body_from_cam.translation
         registered[view] = True
-    points = [model.points3D[i] for i in sorted(model.point3D_ids())]
-    elements = [point.track.elements for point in points]
+    tracks = [(model.points3D[i], _one_per_image(model, model.points3D[i])) for i in sorted(model.point3D_ids())]
+    tracks = [(point, track) for point, track in tracks if len(track) >= 2]
+    points, elements = [point for point, _ in tracks], [track for _, track in tracks]
     observed = [(e.image_id, e.point2D_idx) for track in elements for e in track]
     return SparseModel(
         registered=registered,
@@ -264,3 +268,17 @@ def from_colmap(model: Any, count: int) -> SparseModel:
         point_xy=np.array([model.images[i].points2D[n].xy for i, n in observed]).reshape(-1, 2),
         mean_reprojection_px=float(model.compute_mean_reprojection_error()),
     )
+
+
+def _one_per_image(model: Any, point: Any) -> list[Any]:
+    """The elements of a point's track, of several in one image the one nearest to the point."""
+    track = point.track.elements
+    if len({element.image_id for element in track}) == len(track):
+        return list(track)
+    nearest: dict[int, tuple[float, Any]] = {}
+    for element in track:
+        image = model.images[element.image_id]
+        off = float(np.linalg.norm(image.project_point(point.xyz) - image.points2D[element.point2D_idx].xy))
+        if element.image_id not in nearest or off < nearest[element.image_id][0]:
+            nearest[element.image_id] = off, element
+    return [element for _, element in nearest.values()]

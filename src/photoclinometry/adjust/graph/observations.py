@@ -1,8 +1,8 @@
 """Factors of a landmark seen in a view: keypoints and brightness, fused into one compiled group.
 
 There are millions of these. All `Keypoints` groups and the `Brightness` of a graph share one table of observations, so
-that one pass makes the rows of both, and fifteen stored numbers say them all (`kernels`). A group switches its rows on
-by giving them a weight.
+that one pass makes the rows of both, and fifteen stored numbers say them all (`slot.STORED`). A group switches its
+rows on by giving them a weight.
 """
 
 from __future__ import annotations
@@ -58,11 +58,16 @@ class ImageGradients(NamedTuple):
 
 
 class ObservationTable:
-    """N observations of J landmarks in K views, and how they lie in memory. Landmarks are in a local order."""
+    """N observations of J landmarks in K views, one at most of a landmark in a view, and how they lie in memory.
+
+    Landmarks are in a local order.
+    """
 
     def __init__(self, tracks: Tracks, view_count: int):
         self.tracks, self.view_count = tracks, view_count
         self.layout, self.place = build_layout(tracks, view_count)
+        if len(self.place) and np.bincount(self.place).max() > 1:
+            raise ValueError("a landmark has two observations in one view; keep one of them")
 
     @cached_property
     def keypoint_lanes(self) -> np.ndarray:
@@ -116,7 +121,7 @@ class ObservationRows:
     """(2,) squared whitened residuals of keypoints and of brightness, after the loss."""
     layout: Layout
     stored: np.ndarray
-    """(STORED P,) float32, see `kernels`."""
+    """(STORED P,) float32, see `slot.STORED`."""
     where: Linearized
     landmark_block: np.ndarray
     """(J, 6, 6)."""
