@@ -267,12 +267,22 @@ def test_general_groups_add_to_gradient_blocks_and_products():
     jacobian, residual = np.vstack(jacobian), np.concatenate(residual)
     expected = jacobian.T @ residual
     np.testing.assert_allclose(more.gradient - plain.gradient, expected, atol=1e-9 * abs(more.gradient).max())
+    own = np.sum(jacobian**2, axis=0)
+    np.testing.assert_allclose((more.diagonal - plain.diagonal) / more.diagonal, own / more.diagonal, atol=1e-5)
     size = 1.0 / np.sqrt(more.diagonal)
     for i in range(5):
         x = (np.random.default_rng(i).normal(size=n) * size).astype(np.float32)
         found = (more.multiply(x) - plain.multiply(x)) * size
         whole = np.linalg.norm(more.multiply(x) * size)
         np.testing.assert_allclose(found, (jacobian.T @ (jacobian @ x)) * size, atol=2e-5 * whole)
+
+
+def test_a_landmark_seen_twice_in_one_view_is_refused():
+    tracks = synthetic_scene(size=4, views=4).tracks
+    view = tracks.view.copy()
+    view[tracks.start[3] + 1] = view[tracks.start[3]]
+    with pytest.raises(ValueError, match="two observations in one view"):
+        ObservationTable(replace(tracks, view=view), 4)
 
 
 def test_a_view_without_brightness_adds_nothing_but_its_keypoints():

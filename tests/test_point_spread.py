@@ -38,6 +38,10 @@ def test_what_simulated_images_are_blurred_by_is_found(sigma_px, exponent):
     assert found == pytest.approx(max(expected, min(sigma_px, USUAL_PX)), abs=0.06)
 
 
+def test_images_without_room_for_a_window_have_the_usual_width():
+    assert psf_sigma_px([Image("a", np.full((40, 400), 0.1), np.ones((40, 400), bool))]) == USUAL_PX
+
+
 def test_smooth_ground_is_not_taken_for_a_blurred_camera():
     about = dict(exponent=2.0, sigma_px=USUAL_PX, noise=2e-5)
     assert psf_sigma_px(images(ground_sigma_px=SMOOTH_GROUND_PX, **about)) == pytest.approx(USUAL_PX, abs=0.05)

@@ -100,7 +100,8 @@ def _windows(images: Sequence[Image]) -> Iterator[np.ndarray]:
         for row in range(0, image.valid.shape[0] - WINDOW_PX + 1, step)
         for col in range(0, image.valid.shape[1] - WINDOW_PX + 1, step)
     ]
-    windows = [image.brightness[part] for image, part in parts[:: -(-len(parts) // MOST)] if image.valid[part].all()]
+    every = max(1, -(-len(parts) // MOST))
+    windows = [image.brightness[part] for image, part in parts[::every] if image.valid[part].all()]
     if not windows:
         return
     median = np.array([np.median(window) for window in windows])

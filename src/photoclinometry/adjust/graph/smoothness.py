@@ -144,16 +144,15 @@ def add_smoothness(neighbours, rows, residual, block, rest, gradient):
                 gradient[j, i] += a * residual[p]
                 for k in range(5):
                     b = -rows[p, k] if k < 3 else rows[p, k]
+                    block[j, i, k] += a * b
                     rest[j, i, k] += a * b
         for e in range(neighbours.incoming_start[j], neighbours.incoming_start[j + 1]):
             p = neighbours.incoming[e]
             for i in range(3):
                 gradient[j, i] += rows[p, i] * residual[p]
                 for k in range(3):
+                    block[j, i, k] += rows[p, i] * rows[p, k]
                     rest[j, i, k] += rows[p, i] * rows[p, k]
-        for i in range(5):
-            for k in range(5):
-                block[j, i, k] += rest[j, i, k]
 
 
 @njit(**COMPILED)
