@@ -138,6 +138,14 @@ def test_matches_by_chance_join_nothing(models, poses, seed):
     assert len(joined_models(models, matches, CAMERAS, 0)) == 2
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("count", [3, 4, 6])
+def test_a_handful_of_wrong_matches_joins_nothing(models, poses, count, seed):
+    matches = matches_of(poses, [(3, 0), (4, 1)], 0, seed)
+    few = replace(matches, pairs={pair: index[:count] for pair, index in matches.pairs.items()})
+    assert len(joined_models(models, few, CAMERAS, 0)) == 2
+
+
 def test_models_without_matches_stay_apart(models, poses):
     matches = matches_of(poses, [(1, 0), (4, 3)], 20)
     assert [model.registered.sum() for model in joined_models(models, matches, CAMERAS, 0)] == [3, 3]

@@ -297,7 +297,7 @@ def _only(similarity: Similarity) -> _Similarities:
 def find_join(
     first: Lifted, second: Lifted, matches: Matches, cameras: Sequence[Camera], rng: np.random.Generator
 ) -> Join | None:
-    """The similarity between two models that most matches agree with; None where three matches have none."""
+    """The similarity between two models that most matches agree with; None where no three agree with one."""
     matching = _between(first, second, matches, cameras)
     if matching is None:
         return None
@@ -307,9 +307,12 @@ def find_join(
     tried = between.of_threes(np.array([rng.choice(blocks[block], 3, replace=False) for block in drawn]))
     if len(tried) == 0:
         return None
-    most = np.argsort(-between.agreeing(tried).sum(axis=-1), kind="stable")[:REFINED]
-    refined = [between.fitted(tried.one(row))[0] for row in most]
+    number = between.agreeing(tried).sum(axis=-1)
+    most = np.argsort(-number, kind="stable")[:REFINED]
+    refined = [between.fitted(tried.one(row))[0] for row in most[number[most] >= 3]]
     agreeing = [between.agreeing_number(similarity) for similarity in refined]
+    if max(agreeing, default=0) < 3:
+        return None
     best = refined[int(np.argmax(agreeing))]
     others = [number for number, each in zip(agreeing, refined, strict=True) if _apart(each, best)]
     again, turn_sigma_rad = between.fitted(best)  # by all that agree now, which may be more than it was fitted to

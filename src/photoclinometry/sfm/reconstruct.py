@@ -70,6 +70,15 @@ class _Given(NamedTuple):
         return relief_shading(model, self.images, self.cameras, self.sun_in_cam)
 
 
+class _Doubts(NamedTuple):
+    """Whether a model may be the reverse of the ground."""
+
+    undecided: tuple[float, float] | None
+    """As of `Oriented`."""
+    overruled: tuple[float, float] | None
+    """As of `Oriented`."""
+
+
 class _Attempt(NamedTuple):
     """The outcome of matching and mapping with one kind of keypoints, or with both."""
 
@@ -79,15 +88,18 @@ class _Attempt(NamedTuple):
     """(K, K) numbers of verified matches between views."""
     models: list[SparseModel]
     """Of all K views, in a frame of its own each, one for each set of views that matches connect; the largest first."""
-    undecided: tuple[float, float] | None
-    """Of the largest model (`Oriented.undecided`): the others are another place, or must agree with it to be joined."""
-    overruled: tuple[float, float] | None = None
-    """Likewise (`Oriented.overruled`)."""
+    doubts: list[_Doubts]
+    """Of each model, or of the largest part of one that was joined: the others must agree with it to be joined."""
+
+    @property
+    def largest_doubts(self) -> _Doubts:
+        """Of the largest model; none where there is no model."""
+        return self.doubts[0] if self.doubts else _Doubts(None, None)
 
     @property
     def is_sound(self) -> bool:
         """Whether keypoints and shading agree that the largest model is no reverse."""
-        return self.undecided is None and self.overruled is None
+        return self.largest_doubts == _Doubts(None, None)
 
     @property
     def registered(self) -> set[int]:
@@ -139,8 +151,8 @@ def reconstruct_sparse(
     reason = _reasons(names, sparse.registered, places, found.inliers, options)
     for view in np.flatnonzero(~sparse.registered):
         warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
-    _warn_if_undecided(found.undecided)
-    _warn_if_overruled(found.overruled)
+    _warn_if_undecided(found.largest_doubts.undecided)
+    _warn_if_overruled(found.largest_doubts.overruled)
     if sun_in_cam is not None:
         warn_if_inside_out(given.shading_of(sparse))
     brought_in = _brought_in(plain, found, options)
@@ -173,7 +185,18 @@ def _matched_and_mapped(given: _Given, stage: str) -> _Attempt:
         if more:
             log.info("%d models; %d more pairs of views are matched", len(places), len(more))
             found = _mapped(given, pairs + more, more, stage)
-    return found._replace(models=_joined(found.models, given))
+    return _with_joined(found, given)
+
+
+def _with_joined(found: _Attempt, given: _Given) -> _Attempt:
+    """The attempt with those models that are one joined."""
+    models = _joined(found.models, given)
+    return found._replace(models=models, doubts=[found.doubts[_largest_part(model, found.models)] for model in models])
+
+
+def _largest_part(model: SparseModel, before: list[SparseModel]) -> int:
+    """Which of the models `before` has most views in common with one that was made of some of them."""
+    return int(np.argmax([np.count_nonzero(model.registered & each.registered) for each in before]))
 
 
 def _joined(models: list[SparseModel], given: _Given) -> list[SparseModel]:
@@ -207,8 +230,7 @@ def _mapped_by(
     shading_of = None if given.sun_in_cam is None else given.shading_of
     found = map_views(cameras, work_dir, options, progress, shading_of, all_trials=all_trials)
     models = [normalised(from_colmap(each.model, len(cameras)), cameras) for each in found]
-    doubts = (found[0].undecided, found[0].overruled) if found else (None, None)
-    return _Attempt(pairs, inliers, models, *doubts)
+    return _Attempt(pairs, inliers, models, [_Doubts(each.undecided, each.overruled) for each in found])
 
 
 def _match(inliers: np.ndarray, options: SfmOptions) -> np.ndarray:
@@ -251,9 +273,9 @@ def _guided_too(given: _Given, before: _Attempt) -> _Attempt:
     if not (_match(inliers, options) & ~_match(before.inliers, options)).any():
         return before
     mapped = _mapped_by(given, before.pairs, inliers, "guided matches", all_trials=True)
-    attempts = [before, mapped._replace(models=_joined(mapped.models, given))]
+    attempts = [before, _with_joined(mapped, given)]
     if before.is_sound and len(before.registered) >= WELL_BEGUN * len(inliers):
-        attempts.insert(1, before._replace(inliers=inliers, models=_joined(before.models, given)))
+        attempts.insert(1, _with_joined(before._replace(inliers=inliers), given))
     return max(attempts, key=lambda attempt: len(attempt.registered))
 
 
