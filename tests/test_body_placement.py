@@ -14,6 +14,7 @@ from photoclinometry.body.renderings import (
     median_gain,
     psnr_by_optics,
 )
+from photoclinometry.body.sparse import FEWEST_POINTS
 from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import published
@@ -88,7 +89,7 @@ def test_an_image_is_placed_by_a_rendering_from_a_prior_that_is_off_by_many_pixe
     prior = PosePrior(cam_from_body=off.inverse(), rotation_sigma_rad=5e-3, translation_sigma=1.0)
     start = view_at(POSE, SUN).at_poses(Rigid(off.rotation[None], off.translation[None]))
     found = place_view(surface, GSD, image, start, prior)
-    assert found.matches > 50
+    assert found.matches > 3 * FEWEST_POINTS
     assert found.off_px < 0.3
     points = RADIUS * unit(POSE.translation + np.random.default_rng(1).normal(size=(50, 3)) * 60.0)
     placed = start.at_poses(found.pose)
@@ -103,6 +104,17 @@ def test_an_image_of_something_else_is_not_placed():
     prior = PosePrior(cam_from_body=POSE.inverse(), rotation_sigma_rad=2e-3, translation_sigma=1.0)
     found = place_view(ball(spots), GSD, image, view_at(POSE, SUN), prior)
     assert not found.is_placed
+
+
+@pytest.mark.parametrize("wrong", ["beside the body", "of its night"])
+def test_an_image_whose_prior_shows_sky_or_night_is_not_placed(wrong):
+    picture = np.random.default_rng(2).uniform(0.1, 1.0, (SIZE, SIZE)).astype(np.float32)
+    image = Image("0", picture, np.ones((SIZE, SIZE), bool))
+    turned = Rigid(POSE.rotation @ so3_exp(np.array([0.3, 0.0, 0.0])), POSE.translation)
+    pose, sun = (turned, SUN) if wrong == "beside the body" else (POSE, -SUN)
+    prior = PosePrior(cam_from_body=pose.inverse(), rotation_sigma_rad=2e-3, translation_sigma=1.0)
+    found = place_view(ball(), GSD, image, view_at(pose, sun), prior)
+    assert (found.matches, found.is_placed) == (0, False)
 
 
 def test_the_sun_turns_with_the_camera():

@@ -36,13 +36,13 @@ def rays_at(mesh):
     return MeshRays(mesh.vertices, mesh.faces, mesh.spacing)
 
 
-def views_from(directions, suns):
+def views_from(directions, suns, focal=FOCAL):
     """Views of the origin from unit vectors (K, 3)."""
     poses = [looking_at(DISTANCE * np.array(d), np.zeros(3), 0.0, (0.1, 0.2, 1.0)) for d in directions]
-    count = len(poses)
+    count, camera = len(poses), Camera("PINHOLE", SIZE, SIZE, (focal, focal, SIZE / 2, SIZE / 2))
     return Views(
         name=tuple(f"{k}" for k in range(count)),
-        cameras=(CAMERA,) * count,
+        cameras=(camera,) * count,
         body_from_cam=Rigid(np.array([p.rotation for p in poses]), np.array([p.translation for p in poses])),
         sun=np.array(suns),
         scale=np.ones(count),
@@ -179,6 +179,14 @@ def test_a_plan_covers_what_enough_views_see_lit(plan_of_ball, ball):
     assert sum(plan.area[name] for name in ("seen", "dark", "unseen")) == pytest.approx(1.0)
     assert wanted[plan.tile_of_face >= 0].all()
     assert sum(tile.new_area for tile in plan.tiles) <= sum(tile.area for tile in plan.tiles)
+
+
+def test_images_narrower_than_the_body_are_planned_to_their_borders_and_on(ball):
+    """Ground in an image's margin is mapped by no region of it; another view's is taken there."""
+    directions = refine(*icosahedron(), 0.22, unit)[0]
+    views = views_from(directions, directions, focal=4000.0)
+    plan = planned(ball, views, np.arange(len(views)), PlanOptions(tile_px=128, overlap=0.25, max_incidence=90.0))
+    assert plan.area["planned"] > 0.93 * plan.area["seen"]
 
 
 def test_a_face_projects_into_the_region_of_its_tile_less_margins(plan_of_ball, ball):

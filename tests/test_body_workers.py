@@ -1,6 +1,7 @@
 """Tasks in processes of their own: all are done, errors come through, and processes that die are replaced."""
 
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ def write_threads(folder: Path, number: int) -> None:
 def refuse(folder: Path, number: int) -> None:
     if number == 1:
         raise InputError("task 1 is refused")
+    time.sleep(0.05)
     write_threads(folder, number)
 
 
@@ -52,7 +54,8 @@ def test_every_task_is_done_in_one_thread_and_counted(tmp_path, monkeypatch):
 
 def test_what_a_task_raises_comes_through(tmp_path):
     with pytest.raises(InputError, match="task 1 is refused"):
-        in_processes(1, refuse, calls(tmp_path), lambda *_: None)
+        in_processes(1, refuse, [(tmp_path, number) for number in range(40)], lambda *_: None)
+    assert len(done(tmp_path)) < 20  # those that had not begun are given up
 
 
 def test_a_task_whose_process_died_is_begun_again(tmp_path):

@@ -15,6 +15,7 @@ from photoclinometry.model.reflectance import (
     DEG,
     Reflectance,
     continued_function,
+    mean_model,
     photometric_angles,
     photometric_function,
     photometric_parameters,
@@ -321,3 +322,12 @@ def test_beyond_grazing_emission_estimates_see_what_they_see_there():
     assert continued_function(packed, 0.5, 0.3, 1.0) == photometric_function(packed, 0.5, 0.3, 1.0)
     assert photometric_function(packed, 0.5, 1e-3, 1.0)[0] > 0.1 * max(seen)
     assert photometric_function(packed, 0.5, -1e-3, 1.0)[0] == 0.0
+
+
+def test_a_mean_is_of_models_of_one_name():
+    one, other = published("minnaert", "vesta"), published("lunar-lambert", "vesta")
+    moved = one.with_parameters(1.1 * one.parameters)
+    found = mean_model([(one, 1.0, True), (other, 3.0, True), (moved, 3.0, True)])
+    np.testing.assert_allclose(found.parameters, 1.075 * one.parameters)
+    assert found.name == "minnaert"
+    assert mean_model([(one, 1.0, False), (other, 0.1, True)]) == other

@@ -1,6 +1,7 @@
 """Relief beside parallax, and Suns that the estimate has moved."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.stats import norm
 
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.model.geometry import angle_between, so3_exp
+from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline import checked_map, relief_check
 from photoclinometry.pipeline import run as pipeline
@@ -150,3 +152,11 @@ def test_held_photometry_stays_where_it_is_stated(scene):
     assert held.reflectance == model != free.reflectance
     np.testing.assert_array_equal(held.views.sun_common_sigma, off.sun_common_sigma)
     np.testing.assert_array_equal(held.views.sun_sigma, off.sun_sigma)
+
+
+def test_a_tile_whose_photometry_is_held_finishes_with_the_model_of_its_body():
+    known, chosen = published("mcewen", "vesta"), published("hapke", "vesta")
+    choices = SimpleNamespace(reflectance=known, candidates=(), last_reflectance=chosen)
+    assert checked_map._last_model(None, choices, None, holds_photometry=True) is chosen
+    of_a_place = SimpleNamespace(reflectance=known, candidates=("hapke",), last_reflectance=None)
+    assert checked_map._last_model(None, of_a_place, None, holds_photometry=True) is known

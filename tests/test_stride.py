@@ -7,9 +7,10 @@ import pytest
 
 from commands import phomo
 from photoclinometry.adjust import AdjustOptions, adjust
+from photoclinometry.adjust.correlation import correlation_px
 from photoclinometry.adjust.groups import setup_of
-from photoclinometry.adjust.noise import correlation_px
 from photoclinometry.adjust.tie_points import with_tie_points
+from photoclinometry.body.tile_map import tile_map
 from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.meshes import ply
 from photoclinometry.io.scene_file import write_scene
@@ -22,7 +23,7 @@ from photoclinometry.matching.interface import MatchSetup, padded_region
 from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_reference
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between
-from photoclinometry.model.scene import Region
+from photoclinometry.model.region import Region
 from photoclinometry.output.figures.draw import region_extent
 from photoclinometry.photometry.render import landmark_brightness, landmark_faces, render_reference, render_view
 from photoclinometry.pipeline.run import RunOptions, run
@@ -72,6 +73,19 @@ def test_between_cells_a_ramp_is_a_ramp_and_a_gap_spoils_what_takes_it(stride):
     lost = np.isnan(region.between_cells(holed))
     assert lost.sum() == (2 * stride - 1) ** 2
     assert lost[stride, stride]
+
+
+@pytest.mark.parametrize("stride", [1, 2, 3, 4, 16])
+def test_a_tile_of_any_stride_has_tie_points(scene, stride):
+    """One for a square of about eight pixels, wherever its region begins."""
+    thin = thinned(scene, stride)
+    shifted = replace(thin.landmarks, pixel=thin.landmarks.pixel + 1)
+    moved = replace(
+        thin, landmarks=shifted, region=replace(thin.region, row=thin.region.row + 1, col=thin.region.col + 1)
+    )
+    for each in (thin, moved):
+        ties = tile_map(each, np.arange(VIEWS), ()).ties
+        assert len(ties.landmark) >= min(25, len(thin.landmarks))
 
 
 def test_at_stride_1_nothing_lies_between_cells(scene):

@@ -40,7 +40,7 @@ class SharedCameras:
     """Poses of all views, and how well tie points agree with them."""
 
     body_from_cam: Rigid
-    """(K,); those of the sparse model where no tile uses a view."""
+    """(K,) by the tie points of all tiles, the sparse points and the pose priors."""
     tile_px: np.ndarray
     """(T,) mean distance of each tile's keypoints from its tie points by these poses [px]; NaN where there are none."""
 

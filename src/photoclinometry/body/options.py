@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.sfm import SfmOptions
@@ -40,3 +41,11 @@ class BodyOptions(Ranged):
     plan: PlanOptions = field(default_factory=PlanOptions)
     run: RunOptions = field(default_factory=_tile_options)
     """How each tile is mapped."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        if self.run.hold_out or self.run.control is not None:
+            raise InputError(
+                "--run.hold-out and --run.control are of a place: tiles share the poses of all views, which neither "
+                "may change. Leave views out of site.toml; control points go with `phomo run`"
+            )

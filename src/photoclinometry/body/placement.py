@@ -24,7 +24,7 @@ from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.sfm.keypoints import mutual_matches, sift_keypoints
-from photoclinometry.sfm.pictures import brightness_picture
+from photoclinometry.sfm.pictures import brightness_picture, shows_something
 from photoclinometry.surface.mesh_rays import MeshRays
 
 NEXT_GATE_PX = 4.0
@@ -130,8 +130,13 @@ def place_view(surface: ShadedSurface, gsd: float, image: Image, view: Views, pr
 
 
 def _matches(rendering: np.ndarray, image: Image, gate_px: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (n, 2) in the rendering and (n, 2) in the image that show the same, at most `gate_px` apart."""
+    """Pixels (n, 2) in the rendering and (n, 2) in the image that show the same, at most `gate_px` apart.
+
+    None where a prior is so wrong that the rendering shows sky or night alone.
+    """
     drawn = Image("rendering", np.nan_to_num(rendering).astype(np.float32), np.isfinite(rendering))
+    if not shows_something(drawn):
+        return np.empty((0, 2)), np.empty((0, 2))
     of_rendering, of_image = (
         sift_keypoints(brightness_picture(each), each.valid, KEYPOINTS) for each in (drawn, image)
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from photoclinometry.body.coarse_shape import ClosedMesh
 from photoclinometry.body.options import PlanOptions
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between, unit
-from photoclinometry.model.scene import Region, Views
+from photoclinometry.model.region import Region
+from photoclinometry.model.scene import Views
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.registration.view_choice import most_diverse
@@ -80,11 +82,15 @@ class Cost:
     """Of each worker, at most."""
 
 
-def cost_of(plan: Plan) -> Cost:
-    """What a plan takes, by what maps of 4,000 to 160,000 landmarks in 10 to 29 views took."""
-    observations = [tile.region.width * tile.region.height * len(tile.views) for tile in plan.tiles]
+def cost_of(plan: Plan, stride: int = 1) -> Cost:
+    """What a plan takes, by what maps of 4,000 to 160,000 landmarks in 10 to 29 views took.
+
+    stride: a landmark at every so many pixels, down and across.
+    """
+    landmarks = [math.prod(replace(tile.region, stride=stride).grid_shape) for tile in plan.tiles]
+    observations = [count * len(tile.views) for count, tile in zip(landmarks, plan.tiles, strict=True)]
     return Cost(
-        landmarks=sum(tile.region.width * tile.region.height for tile in plan.tiles),
+        landmarks=sum(landmarks),
         cpu_s=sum(TILE_S + OBSERVATION_S * each for each in observations),
         memory_gb=PROCESS_GB + OBSERVATION_GB * max(observations, default=0),
     )
@@ -212,7 +218,8 @@ def _best_region(
         size = min(options.tile_px, camera.width, camera.height)
         step = max(1, size // STEPS)
         margin = int(options.overlap * size)
-        own = np.flatnonzero(fine[k] & left)
+        whole = Region(row=0, col=0, height=camera.height, width=camera.width)
+        own = np.flatnonzero(fine[k] & left & _inside(sights.pixel[k], whole, margin))
         if not len(own):
             continue
         col, row = (sights.pixel[k, own] / step).astype(int).T

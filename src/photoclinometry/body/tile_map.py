@@ -146,7 +146,9 @@ def tile_map(scene: Scene, number: np.ndarray, distrust: tuple[str, ...]) -> Til
 
 
 def _ties(scene: Scene, number: np.ndarray) -> TiePoints:
-    chosen = np.flatnonzero((scene.landmarks.pixel % TIE_STEP_PX == TIE_STEP_PX // 2).all(-1))
+    step = max(1, TIE_STEP_PX // scene.region.stride)
+    row, col = scene.cells
+    chosen = np.flatnonzero((row % step == step // 2) & (col % step == step // 2))
     tracks, picked = scene.tracks.of_landmarks(chosen)
     keypoint = projected_keypoints(scene)[picked]
     return TiePoints(landmark=chosen, start=tracks.start, view=number[tracks.view].astype(np.int32), keypoint=keypoint)

@@ -29,19 +29,22 @@ TRIES = 2
 def in_processes(workers: int, task: Callable[..., None], calls: Sequence[tuple[Any, ...]], progress: Progress) -> None:
     """task(*call) of every call, `workers` at a time, in fresh processes of one thread each.
 
-    What the task raises is raised here, after the others of its time have ended. Raises ReconstructionError where a
-    process dies again and again, as for lack of memory.
+    What the task raises is raised here, after those that had begun have ended; the others are given up. Raises
+    ReconstructionError where a process dies again and again, as for lack of memory.
     """
     left, died, done = list(range(len(calls))), dict.fromkeys(range(len(calls)), 0), 0
     while left:
         try:
             with _one_thread_each(), _pool(workers) as pool:
                 running = {pool.submit(task, *calls[n]): n for n in left}
-                for future in as_completed(running):
-                    future.result()
-                    left.remove(running[future])
-                    done += 1
-                    progress("tiles", done, len(calls))
+                try:
+                    for future in as_completed(running):
+                        future.result()
+                        left.remove(running[future])
+                        done += 1
+                        progress("tiles", done, len(calls))
+                finally:
+                    pool.shutdown(cancel_futures=True)
         except BrokenProcessPool as error:
             first = left[: max(1, workers)]
             for n in first:

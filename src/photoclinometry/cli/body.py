@@ -76,7 +76,7 @@ def body(
     with progress_bars(console) as progress, log_to(out, console, progress, overwrite=overwrite):
         if plan_only:
             model = library.plan_body(site, out, options, progress, overwrite=overwrite)
-            _say_plan(console, model)
+            _say_plan(console, model, options.run.region.stride)
             print(out, flush=True)
             return
         if print_tasks:
@@ -107,13 +107,13 @@ def _of_every_task(words: Sequence[str]) -> Iterator[str]:
             yield word
 
 
-def _say_plan(console: Console, model: BodyModel) -> None:
+def _say_plan(console: Console, model: BodyModel, stride: int) -> None:
     """What would be mapped, at what resolution, and what it costs."""
     from photoclinometry.body.plan import cost_of
 
     plan, unit = model.plan.value, model.unit or "units"
     gsd = sorted(tile.gsd for tile in plan.tiles)
-    cost = cost_of(plan)
+    cost = cost_of(plan, stride)
     share = {name: f"{100 * value:.1f} %" for name, value in plan.area.items()}
     for line in (
         f"{len(plan.tiles)} tiles, {cost.landmarks:,} landmarks, ground sample distance {gsd[0]:.3g} to "

@@ -88,7 +88,7 @@ def _mapped(
         maps = _stages(folder, posed_site, used, dense, first.value.scene, holds_photometry=holds_photometry)
     relit = maps.relight(first)
     del first
-    model = choices.reflectance if holds_photometry else _last_model(folder, choices, relit)
+    model = _last_model(folder, choices, relit, holds_photometry=holds_photometry)
     finished = maps.last_estimate(relit, model)
     return CheckedMap(
         finished=finished,
@@ -99,10 +99,13 @@ def _mapped(
     )
 
 
-def _last_model(folder: RunFolder, choices: Choices, relit: Relit) -> Reflectance | None:
-    """The reflectance model of the last estimate: given, chosen for the map, or that of the estimates before."""
+def _last_model(folder: RunFolder, choices: Choices, relit: Relit, *, holds_photometry: bool) -> Reflectance | None:
+    """The reflectance model of the last estimate: given, chosen for the map, or that of the estimates before.
+
+    A model is chosen with Suns and parameters free: not where photometry is held.
+    """
     known = choices.reflectance
-    if known is None or not choices.candidates:
+    if known is None or not choices.candidates or holds_photometry:
         return choices.last_reflectance or known
     stage = ChooseModel(relit=relit.start, known=known, candidates=choices.candidates)
     return folder.done(stage).value.reflectance

@@ -30,6 +30,13 @@ GREY, GREYS_PER_SIGMA = 127.5, 40.0
 """Mean of the relief's picture, and grey values for one standard deviation: three fit into 8 bits."""
 
 
+def shows_something(image: Image) -> bool:
+    """Whether an image has valid pixels that differ."""
+    values = image.brightness[image.valid]
+    low, high = np.percentile(values, STRETCH_PERCENT) if values.size else (0.0, 0.0)
+    return bool(high > low)
+
+
 def brightness_picture(image: Image) -> np.ndarray:
     """(height, width) uint8, linear between percentiles of valid pixels; invalid pixels are black.
 

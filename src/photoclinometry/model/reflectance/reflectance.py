@@ -59,7 +59,7 @@ class Reflectance:
 
     @property
     def parameters(self) -> np.ndarray:
-        """(T,) `values`; none of models without a phase function."""
+        """(T,) `values` as an array."""
         return np.array(self.values, float)
 
     @property
@@ -145,12 +145,18 @@ class Reflectance:
 def mean_model(models: Sequence[tuple[Reflectance | None, float, bool]]) -> Reflectance | None:
     """The weighted mean of models of one name, of those that are to be trusted where there are such; None without any.
 
-    models: each with its weight, and whether it is to be trusted.
+    models: each with its weight, and whether it is to be trusted. Where names differ, those of the name with most
+    weight count, since parameters of different models have nothing in common.
     """
     known = [(model, weight, trusted) for model, weight, trusted in models if model is not None]
     used = [each for each in known if each[2]] or known
     if not used:
         return None
+    by_name: dict[str, float] = {}
+    for model, weight, _ in used:
+        by_name[model.name] = by_name.get(model.name, 0.0) + weight
+    name = max(by_name, key=lambda each: by_name[each])
+    used = [each for each in used if each[0].name == name]
     weights = [weight for _, weight, _ in used]
     return used[0][0].with_parameters(np.average([model.parameters for model, *_ in used], axis=0, weights=weights))
 
