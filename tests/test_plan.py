@@ -17,13 +17,13 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Camera, Landmarks, Views
-from photoclinometry.plan.candidates import candidates, gains
+from photoclinometry.plan.candidates import candidates, drop_percent, gains
 from photoclinometry.plan.exposures import cropped_views
 from photoclinometry.plan.forecast import KINDS, with_frame
 from photoclinometry.plan.ground import representative_ground
 from photoclinometry.plan.options import CandidateOptions, PlanOptions
 from photoclinometry.plan.place import planned_views
-from photoclinometry.plan.run import plan_site
+from photoclinometry.plan.run import _figures, plan_site
 from photoclinometry.plan.table import looking_from, read_table
 from photoclinometry.simulate.truth import truth_maps
 from photoclinometry.simulate.truth_file import read_truth
@@ -32,6 +32,8 @@ from sites import write_small_site
 HEADER = "view,x_m,y_m,z_m,sun_x,sun_y,sun_z,focal_px,width_px,height_px"
 TARGET = "target_x_m,target_y_m,target_z_m"
 RADIUS = 1000.0
+NIGHT = "night,0,0,11000,0.9,0,-0.4,2000,160,160\nbehind,0,0,-9000,0,0,1,2000,160,160\n"
+"""Two views of a table that do not see the pole, looking at the origin."""
 SUNS = ((0, 40), (60, 50), (140, 35), (200, 55), (260, 45), (320, 30), (20, 60))
 CAMERAS = ((0, 0), (30, 18), (100, 15), (170, 20), (240, 16), (310, 19), (70, 24))
 
@@ -152,9 +154,8 @@ def test_the_boresight_of_the_first_view_gives_the_place():
 
 
 def test_views_that_do_not_see_the_place_are_named_with_the_reason(tmp_path):
-    night = "night,0,0,11000,0.9,0,-0.4,2000,160,160\nbehind,0,0,-9000,0,0,1,2000,160,160\n"
     path = tmp_path / "poses.csv"
-    path.write_text(table_text(beside=night + "beside,0,4000,11000,0,0,1,2000,160,160,0,4000,0\n"))
+    path.write_text(table_text(beside=NIGHT + "beside,0,4000,11000,0,0,1,2000,160,160,0,4000,0\n"))
     found = planned_views(read_table(path), options())
     assert set(found.not_seen) == {"night", "behind", "beside"}
     assert "it is night there" in found.not_seen["night"]
@@ -262,7 +263,9 @@ def test_another_image_under_the_same_sun_brings_less_than_one_under_another(pla
     found = planned.forecast
     view = planned.planned.views[[planned.planned.reference]]
     azimuth = SUNS[planned.planned.reference][0]
-    tried = candidates(planned.planned, CandidateOptions(sun_azimuths=8, sun_elevations_deg=(30.0,), view_azimuths=0))
+    tried, _ = candidates(
+        planned.planned, CandidateOptions(sun_azimuths=8, sun_elevations_deg=(30.0,), view_azimuths=0)
+    )
     far = [c for c in tried if abs((float(c.name.split()[1].split("/")[0]) - azimuth) % 360.0 - 90.0) < 1.0]
     same = replace(far[0], name="same", view=view)
     again, other = gains(found, [same, far[0]])
@@ -273,11 +276,38 @@ def test_another_image_under_the_same_sun_brings_less_than_one_under_another(pla
 
 def test_a_candidate_that_does_not_show_the_map_brings_nothing(planned):
     views = planned.planned.views
-    tried = candidates(planned.planned, CandidateOptions(sun_azimuths=1, sun_elevations_deg=(45.0,), view_azimuths=0))
+    tried, _ = candidates(
+        planned.planned, CandidateOptions(sun_azimuths=1, sun_elevations_deg=(45.0,), view_azimuths=0)
+    )
     away = Rigid(views.body_from_cam.rotation[:1], views.body_from_cam.translation[:1] + (5000.0, 0.0, 0.0))
     moved: Views = replace(tried[0].view, body_from_cam=away)
     (gain,) = gains(planned.forecast, [replace(tried[0], view=moved)])
     assert gain.drop_percent == {}
+
+
+def test_a_candidate_of_a_table_that_does_not_see_the_place_is_named_and_not_tried(planned, tmp_path):
+    path = tmp_path / "candidates.csv"
+    path.write_text(table_text(1, beside=NIGHT))
+    tried, not_seen = candidates(planned.planned, CandidateOptions(table=path))
+    assert [candidate.name for candidate in tried] == ["v0"]
+    assert set(not_seen) == {"night", "behind"}
+    assert "it is night there" in not_seen["night"]
+    assert "beyond the limb" in not_seen["behind"]
+
+    path.write_text("\n".join(line for line in path.read_text().splitlines() if not line.startswith("v0")))
+    with pytest.raises(
+        InputError, match=r"candidates\.csv: none of the 2 candidates sees the place\. night: it is night"
+    ):
+        candidates(planned.planned, CandidateOptions(table=path))
+
+
+def test_a_landmark_that_only_the_new_image_measures_changes_no_drop():
+    assert drop_percent(np.array([1.0, 1.0, np.inf]), np.array([0.8, 0.8, 5.0])) == pytest.approx(20.0)
+
+
+def test_figures_of_sigmas_are_of_the_landmarks_that_are_measured():
+    found = _figures("height_sigma_gsd", np.array([1.0, np.inf, np.inf, 2.0, 3.0]))
+    assert found["height_sigma_median_gsd"] == found["height_sigma_mean_gsd"] == 2.0
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def plan(
     path = site_file(site)
     folder = out or path.parent / "plan"
     with progress_bars(Console(stderr=True)) as progress:
-        found = pcm.plan(path, out=folder, options=options, candidates=tried, progress=progress)
+        found = pcm.plan(path, out=folder, options=options, with_candidates=tried, progress=progress)
     for line in lines(found):
         print(line)
     print(folder)
@@ -107,8 +107,9 @@ def _view_table(found: Plan) -> list[str]:
 
 
 def _candidate_table(found: Plan) -> list[str]:
+    hidden = [f"not tried: {name}: {reason}" for name, reason in found.candidates_not_seen.items()]
     if not found.gains:
-        return []
+        return hidden
     head = f"{'one more image':20}{'m/px':>8}{'emis.':>7}{'inc.':>7}{'phase':>7}{'normal':>9}{'albedo':>9}{'height':>9}"
     out = ["", "mean sigmas fall by [%]; Sun azimuth/elevation, camera azimuth/emission", head]
     for gain in found.gains[:_SHOWN]:
@@ -118,4 +119,4 @@ def _candidate_table(found: Plan) -> list[str]:
             f"{a['phase_deg']:7.1f}{drop['normal']:9.1f}{drop['albedo']:9.1f}{drop['height']:9.1f}"
         )
     left = len(found.gains) - _SHOWN
-    return [*out, f"and {left} more in plan.json"] if left > 0 else out
+    return [*out, *([f"and {left} more in plan.json"] if left > 0 else []), *hidden]

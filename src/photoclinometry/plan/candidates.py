@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.adjust import TiePoints
+from photoclinometry.io.site import Site
 from photoclinometry.model.compressed_rows import row_starts
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.projection import projected_keypoints
@@ -16,7 +18,7 @@ from photoclinometry.model.scene import Scene, Tracks, Views, join_views
 from photoclinometry.plan.exposures import cropped_views
 from photoclinometry.plan.forecast import KINDS, Forecast, stated_at
 from photoclinometry.plan.options import CandidateOptions
-from photoclinometry.plan.place import PlannedViews, views_in
+from photoclinometry.plan.place import PlannedViews, views_in, views_that_see
 from photoclinometry.plan.table import read_table
 from photoclinometry.simulate.trajectory import looking_at
 
@@ -42,7 +44,7 @@ class Gain:
 
     candidate: Candidate
     drop_percent: dict[str, float]
-    """By kind: by how much the mean sigma falls [%]; empty where the image shows nothing of the map."""
+    """By kind, as of `drop_percent`; empty where the image shows nothing of the map."""
     angles: dict[str, float]
     """As of `view_angles`."""
 
@@ -68,13 +70,26 @@ def _azimuth(direction: np.ndarray) -> float:
     return float(np.degrees(np.arctan2(direction[0], direction[1])) % 360.0)
 
 
-def candidates(planned: PlannedViews, options: CandidateOptions) -> list[Candidate]:
-    """Those of the table, or directions of Suns, then of cameras; raises InputError for a table that is wrong."""
+def candidates(planned: PlannedViews, options: CandidateOptions) -> tuple[list[Candidate], dict[str, str]]:
+    """Those of the table that see the place by day, and by name why the others do not; or directions of Suns, then of
+    cameras. Raises InputError for a table that is wrong."""
     if options.table is not None:
-        site = read_table(options.table)
-        views = views_in(planned.body_from_local, list(site.views), site)
-        return [Candidate(name=name, view=views[[k]], tries="table") for k, name in enumerate(views.name)]
-    like = planned.views[[planned.reference]]
+        return _of_table(planned, read_table(options.table))
+    return _varied(planned.views[[planned.reference]], options), {}
+
+
+def _of_table(planned: PlannedViews, site: Site) -> tuple[list[Candidate], dict[str, str]]:
+    seen, not_seen = views_that_see(site.views, planned.place)
+    if not seen:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in not_seen.items())
+        raise InputError(f"{site.path}: none of the {len(site.views)} candidates sees the place. {reasons}")
+    by_name = {view.name: view for view in site.views}
+    views = views_in(planned.body_from_local, [by_name[found.name] for found in seen], site)
+    return [Candidate(name=name, view=views[[k]], tries="table") for k, name in enumerate(views.name)], not_seen
+
+
+def _varied(like: Views, options: CandidateOptions) -> list[Candidate]:
+    """A view under other Suns, then from other directions."""
     found = [
         Candidate(
             name=f"Sun {azimuth:.0f}/{elevation:g}", view=_under(like, _direction(azimuth, 90 - elevation)), tries="Sun"
@@ -118,7 +133,6 @@ def gains(found: Forecast, tried: Sequence[Candidate], progress: Progress = no_p
     _, noise = stated_at(found, found.scene, found.images, found.tie_points)
     found = _middle(found)
     base, _ = stated_at(found, found.scene, found.images, found.tie_points, noise=noise)
-    before = {kind: known_mean(base[kind]) for kind in KINDS}
     out = []
     for done, candidate in enumerate(tried):
         progress("candidates", done, len(tried))
@@ -129,15 +143,19 @@ def gains(found: Forecast, tried: Sequence[Candidate], progress: Progress = no_p
             last = len(scene.views) - 1
             images = (*found.images, found.ground.image(scene.views, last))
             after, _ = stated_at(found, scene, images, tie_points, noise=noise, fitted=last)
-            drop = {kind: 100.0 * (1.0 - known_mean(after[kind]) / before[kind]) for kind in KINDS}
+            drop = {kind: drop_percent(base[kind], after[kind]) for kind in KINDS}
         out.append(Gain(candidate=candidate, drop_percent=drop, angles=view_angles(candidate.view, 0)))
     progress("candidates", len(tried), len(tried))
     return out
 
 
-def known_mean(sigma: np.ndarray) -> float:
-    """The mean of what was measured; landmarks that are not have infinite sigmas."""
-    return float(np.mean(sigma[np.isfinite(sigma)]))
+def drop_percent(before: np.ndarray, after: np.ndarray) -> float:
+    """By how much the mean of sigmas (J,) falls [%], over the landmarks that are measured before and after.
+
+    Those that are not have infinite sigmas. One that only the new image measures is no change of a sigma.
+    """
+    both = np.isfinite(before) & np.isfinite(after)
+    return float(100.0 * (1.0 - np.mean(after[both]) / np.mean(before[both])))
 
 
 def ranked(found: Sequence[Gain], kind: str) -> list[Gain]:

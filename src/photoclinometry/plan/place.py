@@ -6,6 +6,7 @@ The local frame has its origin at the place: x east, y north, z along the surfac
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +59,7 @@ def planned_views(site: Site, options: PlanOptions) -> PlannedViews:
             "of poses and Suns: view,x_m,y_m,z_m,sun_x,sun_y,sun_z,focal_px,width_px,height_px"
         )
     place = _place(site, posed, options)
-    seen, not_seen = _seen(posed, place)
+    seen, not_seen = views_that_see(posed, place)
     not_seen |= {view.name: "it has no pose (cam_from_body)" for view in site.views if view.pose_prior is None}
     if len(seen) < MIN_VIEWS:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in not_seen.items())
@@ -172,7 +173,7 @@ def _first_hit(origin: np.ndarray, ray: np.ndarray) -> float | None:
     return distance if distance > 0.0 else None
 
 
-def _seen(posed: list[SiteView], place: Place) -> tuple[list[Sighting], dict[str, str]]:
+def views_that_see(posed: Sequence[SiteView], place: Place) -> tuple[list[Sighting], dict[str, str]]:
     """The views that see the place by day, and why the others do not."""
     seen: list[Sighting] = []
     not_seen: dict[str, str] = {}

@@ -13,7 +13,7 @@ from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.geometry import angle_between, unit
 from photoclinometry.model.progress import Progress, no_progress
-from photoclinometry.plan.candidates import Gain, candidates, gains, known_mean, ranked, view_angles
+from photoclinometry.plan.candidates import Gain, candidates, gains, ranked, view_angles
 from photoclinometry.plan.forecast import KINDS, Forecast, forecast
 from photoclinometry.plan.options import PlanOptions
 from photoclinometry.plan.place import PlannedViews, planned_views
@@ -30,10 +30,12 @@ class Plan:
     forecast: Forecast
     gains: tuple[Gain, ...]
     """Of all candidates, best first; those that do not show the map are left out."""
+    candidates_not_seen: dict[str, str]
+    """By name of a table's candidate, why it does not see the place."""
 
     @cached_property
     def sigmas(self) -> dict[str, float]:
-        """Mean and median over the map, by name; names end in the unit."""
+        """Mean, median, RMS and 90th percentile over the landmarks that are measured; names end in the unit."""
         found = {}
         for kind, values in self.forecast.sigmas().items():
             found |= _figures(KINDS[kind], values)
@@ -90,6 +92,7 @@ class Plan:
                 {"name": g.candidate.name, "tries": g.candidate.tries, **g.angles, "drop_percent": g.drop_percent}
                 for g in self.gains
             ],
+            "candidates_not_seen": self.candidates_not_seen,
             "assumed": {
                 "slope_deg": self.options.slope_deg,
                 "albedo": self.options.albedo,
@@ -108,10 +111,17 @@ def plan_site(
     """The plan of a site with poses. Images are not opened. Raises InputError where the views make no map."""
     options, report = options or PlanOptions(), progress or no_progress
     planned = planned_views(site, options)
-    tried = candidates(planned, options.candidates) if with_candidates else []
+    tried, not_seen = candidates(planned, options.candidates) if with_candidates else ([], {})
     found = forecast(planned, site.body, site.brightness, options, report)
     gained = ranked(gains(found, tried, report), options.kind) if tried else []
-    return Plan(name=site.name, options=options, planned=planned, forecast=found, gains=tuple(gained))
+    return Plan(
+        name=site.name,
+        options=options,
+        planned=planned,
+        forecast=found,
+        gains=tuple(gained),
+        candidates_not_seen=not_seen,
+    )
 
 
 def read_views(path: Path | str) -> Site:
@@ -123,11 +133,10 @@ def read_views(path: Path | str) -> Site:
 def _figures(name: str, values: np.ndarray) -> dict[str, float]:
     stem, _, unit_name = name.rpartition("_")
     known = values[np.isfinite(values)]
-    rms = float(np.sqrt(np.mean(known**2)))
     return {
-        f"{stem}_mean_{unit_name}": known_mean(values),
-        f"{stem}_median_{unit_name}": float(np.median(values)),
-        f"{stem}_rms_{unit_name}": rms,
+        f"{stem}_mean_{unit_name}": float(np.mean(known)),
+        f"{stem}_median_{unit_name}": float(np.median(known)),
+        f"{stem}_rms_{unit_name}": float(np.sqrt(np.mean(known**2))),
         f"{stem}_p90_{unit_name}": float(np.percentile(known, 90.0)),
     }
 
