@@ -94,6 +94,9 @@ def test_a_cost_is_that_of_the_method_alone():
     found = costed(method)
     assert found.cpu_s >= 0
     assert found.peak_memory_gb is None or found.peak_memory_gb > 0.2
+    resumed = costed(lambda: replace(method(), resumed=True))
+    assert np.isnan(resumed.cpu_s)
+    assert resumed.peak_memory_gb is None
 
 
 def test_the_cost_of_a_run_is_that_of_its_stages_and_unknown_where_one_was_not_made():
@@ -148,7 +151,7 @@ def test_the_command_compares_spc_and_geometry_alone_with_the_run(mapped, tmp_pa
     assert list(written) == ["phomo", "spc"]
     for figures in written.values():
         assert figures["psnr_mean_db"] > 30
-        assert figures["psnr_mean_held_out_db"] > 30
+        assert figures["psnr_held_out_mean_db"] > 30
         assert figures["surface_distance_mean_gsd"] < 0.5
         assert figures["normal_error_mean_deg"] < 6
     assert "| spc |" in (run / "rivals" / "rivals.md").read_text()

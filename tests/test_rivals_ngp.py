@@ -133,7 +133,7 @@ def test_training_explains_views_and_predicts_another_from_where_it_was_seen(pro
         found[iterations] = figures, outcome
     first, last = (found[n][0] for n in (20, 400))
     assert last["psnr_mean_db"] > first["psnr_mean_db"] + 6.0
-    assert last["psnr_mean_held_out_db"] > first["psnr_mean_held_out_db"] + 6.0
+    assert last["psnr_held_out_mean_db"] > first["psnr_held_out_mean_db"] + 6.0
     assert last["coverage_percent"] > 95.0
     outcome = found[400][1]
     assert outcome.history[-1] < 0.2 * outcome.history[0]

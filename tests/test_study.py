@@ -110,7 +110,7 @@ def test_tables_by_hand():
 def test_tables_of_rivals_by_hand():
     """Two seeds: what is unknown of one of them is not in the mean, and a rival that found no map is a dash."""
     options = replace(SMALL, geometry_alone=False, seeds=(0, 1), views=9, hold_out_every=3, rivals=("spc", "mvs"))
-    key = "psnr_mean_held_out_db"
+    key = "psnr_held_out_mean_db"
     beside = [
         {"phomo": {key: 40.0, "albedo_error_mean_percent": 1.0}, "spc": {key: 38.0}, "mvs": {key: 30.0}},
         {"phomo": {key: 42.0, "albedo_error_mean_percent": 3.0}, "spc": {key: 41.0, "ssim": None}},

@@ -44,20 +44,19 @@ def exposed(outcome: Outcome, view: int, image: Image, mask: np.ndarray) -> np.n
 
 
 def image_figures(problem: Problem, outcome: Outcome, masks: Sequence[np.ndarray]) -> dict[str, float]:
-    """PSNR (Eq. 40), SSIM and photometric error of a method, means over the views used and over those held out.
+    """PSNR (Eq. 40), SSIM and error of views of a method, means over the views used and over those held out.
 
-    The photometric error is the RMS residual of a view's pixels over their mean brightness, as Eq. 39 is of a
-    landmark's observations. coverage: share of the map's pixels that the method covers.
+    The error of a view is the RMS residual of its pixels over their mean brightness, as Eq. 39 is of a landmark's
+    observations. coverage: share of the map's pixels that the method covers.
     """
     parts = {"": slice(0, problem.train), "_held_out": slice(problem.train, None)}
     rows = [_view_figures(problem, outcome, k, mask) for k, mask in enumerate(masks)]
     found: dict[str, float] = {}
     for name, part in parts.items():
-        for key in ("psnr_{}_db", "ssim{}", "photometric_error_{}_percent"):
+        for key in ("psnr{}_mean_db", "ssim{}_mean", "view_error{}_mean_percent"):
             values = [row[key] for row in rows[part] if np.isfinite(row[key])]
             if values:
-                tag = f"mean{name}" if "_{}_" in key else name
-                found[key.format(tag)] = float(np.mean(values))
+                found[key.format(name)] = float(np.mean(values))
     seen = sum(int((f & c).sum()) for f, c in zip(problem.footprint, outcome.covered, strict=True))
     return found | {"coverage_percent": 100.0 * seen / max(1, sum(int(f.sum()) for f in problem.footprint))}
 
@@ -69,9 +68,9 @@ def _view_figures(problem: Problem, outcome: Outcome, k: int, mask: np.ndarray) 
     rendered = exposed(outcome, k, image, mask)
     rms = np.sqrt(np.mean((rendered[mask] - brightness[mask]) ** 2)) if mask.any() else np.nan
     return {
-        "psnr_{}_db": psnr(brightness, rendered, mask, peak),
-        "ssim{}": ssim(rendered / peak, brightness / peak, mask),
-        "photometric_error_{}_percent": 100.0 * float(rms / brightness[mask].mean()) if mask.any() else np.nan,
+        "psnr{}_mean_db": psnr(brightness, rendered, mask, peak),
+        "ssim{}_mean": ssim(rendered / peak, brightness / peak, mask),
+        "view_error{}_mean_percent": 100.0 * float(rms / brightness[mask].mean()) if mask.any() else np.nan,
     }
 
 

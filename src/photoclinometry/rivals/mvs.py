@@ -33,6 +33,8 @@ from photoclinometry.rivals.problem import Problem
 
 NO_MODEL = "none"
 """The reflectance model of geometry alone."""
+ADOPTED = ("sparse",)
+"""Stages of the run that are taken over."""
 
 
 def run_mvs(
@@ -44,7 +46,7 @@ def run_mvs(
     reflectance model, gone on with where it is there. Raises ReconstructionError where it finds fewer of the views.
     """
     options = options_from(RunOptions, run_files.read_config(run_folder))
-    adopt_stages(run_folder, out, ["sparse"])
+    adopt_stages(run_folder, out, ADOPTED)
     run(run_files.site_path(run_folder, site), out, replace(options, reflectance=NO_MODEL), progress)
     scene, held_out = run_files.read_run(out), read_held_out(out / HELD_OUT_FILE)
     names = scene.views.name + (() if held_out is None else held_out.name)
@@ -57,7 +59,9 @@ def run_mvs(
     texture = mean_brightness(problem, scene)
     drawn = [draw_landmarks(joined, k, texture, faces) for k in range(len(order))]
     rendered, covered = [image for image, _ in drawn], [mask for _, mask in drawn]
-    return Outcome(name="mvs", rendered=rendered, covered=covered, knows_light=False, scene=scene)
+    stages = run_files.read_metrics(out).get("stages", ())
+    resumed = any(stage["resumed"] for stage in stages if stage["stage"] not in ADOPTED)
+    return Outcome(name="mvs", rendered=rendered, covered=covered, knows_light=False, scene=scene, resumed=resumed)
 
 
 def mean_brightness(problem: Problem, scene: Scene) -> np.ndarray:

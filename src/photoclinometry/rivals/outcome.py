@@ -35,6 +35,8 @@ class Outcome:
     image before it is compared, also to those held out."""
     scene: Scene | None = None
     """The method's map; without a reflectance model where it has no albedos."""
+    resumed: bool = False
+    """Whether an earlier call had made a part of it, so that what it took is not known."""
     history: Sequence[float] = ()
     """The residual or loss after every iteration."""
     cpu_s: float = float("nan")
@@ -67,11 +69,14 @@ def surface_map(scene: Scene, position: np.ndarray) -> Scene:
 
 
 def costed(method: Callable[[], Outcome]) -> Outcome:
-    """The outcome of a method, with the CPU seconds and the peak of the memory that it took."""
+    """The outcome of a method, with the CPU seconds and the peak of the memory that it took; of one that was resumed,
+    without."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text(_RESET_PEAK)
     before = time.process_time()
     outcome = method()
+    if outcome.resumed:
+        return outcome
     return replace(outcome, cpu_s=time.process_time() - before, peak_memory_gb=_peak_gb())
 
 

@@ -29,6 +29,7 @@ import numpy as np
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
 from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.projection import project
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Image, Scene, Tracks, Views
 from photoclinometry.photometry.initialize import initial_albedo
@@ -272,15 +273,13 @@ def _pointed(scene: Scene, landmark: np.ndarray, keypoint: np.ndarray, seen: np.
 def _turned(views: Views, k: int, position: np.ndarray, keypoint: np.ndarray) -> np.ndarray:
     """body_from_cam rotation (3, 3) of a view that sees points (n, 3) at pixels (n, 2), from its own; reweighted."""
     camera, pose = views.cameras[k], views.body_from_cam[k]
-    (fx, fy), weight, rotation = camera.focal_px, np.ones(len(position)), pose.rotation
+    intrinsics, weight, rotation = np.array(camera.intrinsics), np.ones(len(position)), pose.rotation
     for _ in range(TURN_REWEIGHTINGS):
-        point = Rigid(rotation, pose.translation).inverse()(position)
-        x, y, z = point.T
-        zero = np.zeros_like(z)
-        residual = camera.pixel_from_cam(point) - keypoint
-        rows = [np.stack([fx / z, zero, -fx * x / z**2], -1), np.stack([zero, fy / z, -fy * y / z**2], -1)]
+        pixel, by_position = project(rotation, pose.translation, intrinsics, position)
+        residual = pixel - keypoint
         # A turn w of the camera, R exp(w), moves the points in its frame by p x w.
-        by_turn = np.stack(rows, 1) @ skew(point)
+        point = Rigid(rotation, pose.translation).inverse()(position)
+        by_turn = by_position @ rotation @ skew(point)
         system = (by_turn * weight[:, None, None]).reshape(-1, 3)
         step = np.linalg.lstsq(system, -(residual * weight[:, None]).ravel(), rcond=1e-9)[0]
         rotation = rotation @ so3_exp(step)

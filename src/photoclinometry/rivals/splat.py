@@ -44,7 +44,7 @@ class SplatOptions(Ranged):
     degree: Annotated[int, Range(least=0, most=MOST_DEGREE)] = 1
     """Degree of the spherical harmonics."""
     growth: Annotated[float, Range(least=1, most=100)] = 2.0
-    """Gaussians at most, over the run's landmarks."""
+    """Gaussians at most, over those at the start."""
     stride: Annotated[int, Range(least=1, most=1000)] = 1
     """The cloud starts from every so many landmarks, down and across."""
 

@@ -9,11 +9,11 @@ from photoclinometry.evaluate.spread import Spread, Table
 
 COLUMNS: tuple[tuple[str, str, int], ...] = (
     ("PSNR [dB]", "psnr_mean_db", 2),
-    ("PSNR held out [dB]", "psnr_mean_held_out_db", 2),
-    ("SSIM", "ssim", 4),
-    ("SSIM held out", "ssim_held_out", 4),
-    ("error [%]", "photometric_error_mean_percent", 2),
-    ("error held out [%]", "photometric_error_mean_held_out_percent", 2),
+    ("PSNR held out [dB]", "psnr_held_out_mean_db", 2),
+    ("SSIM", "ssim_mean", 4),
+    ("SSIM held out", "ssim_held_out_mean", 4),
+    ("error [%]", "view_error_mean_percent", 2),
+    ("error held out [%]", "view_error_held_out_mean_percent", 2),
     ("surface [GSD]", "surface_distance_mean_gsd", 3),
     ("normals [°]", "normal_error_mean_deg", 2),
     ("albedo [%]", "albedo_error_mean_percent", 2),

@@ -23,7 +23,7 @@ TABLE_4: tuple[tuple[str, str, int], ...] = (
 )
 
 
-HELD_OUT = "psnr_mean_held_out_db"
+HELD_OUT = "psnr_held_out_mean_db"
 """The figure of the paper's Table 5."""
 
 Row = tuple[str, tuple[Spread | None, ...]]

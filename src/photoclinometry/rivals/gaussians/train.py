@@ -1,7 +1,8 @@
 """Training of a cloud on pictures: Adam over single views in random order, with density control on the way.
 
-Kingma and Ba (2015), arXiv:1412.6980; rates and schedule of Kerbl et al. (2023), whose 30,000 iterations are the unit
-of its schedule: here all of it is in shares of the iterations.
+Kingma and Ba (2015), arXiv:1412.6980; rates of Kerbl et al. (2023). Their schedule is of 30,000 iterations; here
+degrees and the begin and end of density control come at shares of the iterations, at larger ones than theirs since
+there are fewer iterations.
 """
 
 from __future__ import annotations
@@ -28,9 +29,10 @@ EXPOSURE_RATE = 1e-3
 MOMENTS = (0.9, 0.999)
 """Adam's decays (Kerbl et al. 2023)."""
 DEGREE_EVERY = 0.1
-"""Harmonics get a further degree after each such share of the iterations."""
+"""Harmonics get a further degree after each such share of the iterations (1 / 30 in Kerbl et al. 2023)."""
 DENSIFY_FROM, DENSIFY_TO, DENSIFY_EVERY = 0.05, 0.5, 100
-"""Density control in this share of the iterations, every so many (Kerbl et al. 2023)."""
+"""Density control from one share of the iterations to another, every so many (Kerbl et al. 2023: from 1 / 60 to 1 / 2,
+every 100, so that there are 145 rounds of it; of 1,000 iterations there are five)."""
 HISTORY_EVERY = 50
 """Iterations over which the recorded losses are means."""
 
