@@ -62,6 +62,16 @@ def write_baseline(path: Path, figures: Figures) -> None:
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
+def kept_figures(baseline: Mapping, here: str) -> dict[str, dict[str, float]]:
+    """A baseline's figures; of another machine than `here` without the costs, which a new baseline would take for its
+    own machine's."""
+    same = here == baseline["machine"]
+    return {
+        case: {name: entry["value"] for name, entry in values.items() if same or not name.endswith(COSTS)}
+        for case, values in baseline["cases"].items()
+    }
+
+
 def compare(baseline: Mapping, figures: Figures, here: str) -> list[Change]:
     """Every figure of the cases that were run beside its baseline, by the tolerances that the baseline states.
 

@@ -24,7 +24,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from baseline import Change, compare, machine, write_baseline
+from baseline import Change, compare, kept_figures, machine, write_baseline
 from cases import METRICS, SUITES, WARM_UP, Case
 
 FOLDER = Path(__file__).parent / "baselines"
@@ -62,7 +62,7 @@ def main(
         changes = compare(known, figures, machine())
         show(changes, console)
     if update:
-        kept = {} if known is None else {c: {n: m["value"] for n, m in v.items()} for c, v in known["cases"].items()}
+        kept = {} if known is None else kept_figures(known, machine())
         kept = {name: figures.get(name, kept.get(name, {})) for name in SUITES[suite] if name in {*figures, *kept}}
         write_baseline(file, kept)
         console.print(f"baseline: {file}")

@@ -5,7 +5,7 @@ import json
 import pytest
 
 import random_sites
-from baseline import compare, judge, machine, write_baseline
+from baseline import compare, judge, kept_figures, machine, write_baseline
 from bench import main
 from cases import METRICS, SUITES, Metric
 
@@ -61,6 +61,14 @@ def test_costs_are_not_judged_on_another_machine_but_accuracy_is(tmp_path):
     assert found["run_cpu_s"].verdict == "other machine"
     assert not found["run_cpu_s"].is_regression
     assert found["normal_error_mean_deg"].is_regression
+
+
+def test_costs_of_another_machine_do_not_stay_in_a_baseline_of_this_one(tmp_path):
+    write_baseline(tmp_path / "small.json", FIGURES)
+    baseline = json.loads((tmp_path / "small.json").read_text())
+    assert kept_figures(baseline, machine()) == FIGURES
+    elsewhere = kept_figures(baseline, "abacus, 1 core")["demo"]
+    assert set(FIGURES["demo"]) - set(elsewhere) == {"run_cpu_s"}
 
 
 def test_a_figure_that_has_gone_is_a_regression_and_a_new_one_is_not(tmp_path):
