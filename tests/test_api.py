@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import photoclinometry as pcm
+from photoclinometry.adjust.solve.solver import SolverOptions
 from photoclinometry.photometry.render import render_view
 from photoclinometry.simulate.truth_file import read_truth
 from scenes import synthetic_scene
@@ -203,6 +204,14 @@ def test_evaluate_a_result_its_folder_and_its_scene(mapped):
     assert "PSNR" in str(of_result)
     assert of_result.comparison is not None
     assert len(of_result.comparison.errors["normal_error_deg"]) == len(mapped.result.scene.landmarks)
+
+
+def test_a_run_is_rendered_exported_and_estimated_by_its_folder(mapped, tmp_path):
+    given = pcm.render(mapped.run)
+    np.testing.assert_array_equal(given.brightness, pcm.render(mapped.result.scene).brightness)
+    assert "landmarks.ply" in pcm.export(mapped.result, tmp_path / "ply", products="ply")
+    found = pcm.adjust(mapped.run, max_rounds=1, uncertainty=False, solver=SolverOptions(max_steps=1))
+    assert len(found.scene.landmarks) == len(mapped.result.scene.landmarks)
 
 
 def test_evaluate_against_a_scene_finds_no_difference_from_itself():

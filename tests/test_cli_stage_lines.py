@@ -26,8 +26,8 @@ def test_a_stage_is_one_line_of_what_it_found_and_its_time(shown):
     logging.getLogger("photoclinometry.adjust").info("reweighting iteration 1: Noise(keypoint_factor=0.4354)")
     say_found("29 of 29 views, 41,203 points, 0.31 px")
     logging.getLogger("photoclinometry.sfm").warning("images/3.fits is left out: no matches")
-    folder.info("%s: %s", "sparse", "12.4 s, 40.0 CPU s")
-    folder.info("%s: %s", "relighting_2", "read back from the earlier run")
+    folder.info("it has ended", extra={"ended": "sparse", "wall_s": 12.4})
+    folder.info("so has this", extra={"ended": "relighting_2", "wall_s": None})
     assert shown == [
         "images/3.fits is left out: no matches",
         "sparse          29 of 29 views, 41,203 points, 0.31 px                 12.4 s",

@@ -26,7 +26,7 @@ from photoclinometry.output.figures.marks import ground_per_pixel, north_in_imag
 from photoclinometry.output.figures.profile import profile
 from photoclinometry.output.figures.residuals import residuals
 from photoclinometry.registration.alignment import transform_scene
-from photoclinometry.surface.relief import height_map, local_frame
+from photoclinometry.surface.relief import heights, local_frame
 from scenes import GSD, bumpy_surface, synthetic_scene, thinned, with_landmarks
 
 RADIUS = 2.6e5
@@ -85,9 +85,9 @@ def test_the_values_drawn_are_those_of_the_scene_and_holes_are_blank(scene, ax, 
 def test_layers_are_the_landmarks_in_their_units(scene):
     """Metres where the frame is body-fixed, GSD elsewhere."""
     np.testing.assert_array_equal(LAYERS["albedo"].values(scene), scene.landmarks.albedo)
-    np.testing.assert_allclose(scene.grid(LAYERS["height"].values(scene)) * scene.gsd, height_map(scene))
+    np.testing.assert_allclose(LAYERS["height"].values(scene) * scene.gsd, heights(scene))
     metres = placed(scene, 10.0, 20.0)
-    np.testing.assert_allclose(scene.grid(LAYERS["height"].values(metres)), height_map(scene), atol=1e-6 * GSD)
+    np.testing.assert_allclose(LAYERS["height"].values(metres), heights(scene), atol=1e-6 * GSD)
     assert LAYERS["height"].label(scene) == "height [GSD]"
     assert LAYERS["height-sigma"].label(metres) == "sigma of the height [m]"
     up = local_frame(metres).rotation[:, 2]

@@ -25,6 +25,7 @@ from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.pipeline.map_stages import Iterate
 from photoclinometry.pipeline.model_choice import ChooseModel
+from photoclinometry.pipeline.run_mark import PRODUCTS
 from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
 
@@ -194,9 +195,9 @@ def test_the_command_writes_a_table_and_a_figure(tmp_path, scene, capsys):
     from PIL import Image
 
     pcm.write_scene(tmp_path / "scene.h5", scene)
-    main(["photometry", str(tmp_path / "scene.h5"), "--out", str(tmp_path / "out"), "--landmarks", "100",
-          "--models", "lunar-lambert", "akimov"])  # fmt: skip
-    content = json.loads(Path(tmp_path / "out" / "photometry.json").read_text())
+    main(["photometry", str(tmp_path / "scene.h5"), "--landmarks", "100", "--models", "lunar-lambert", "akimov"])
+    assert {path.name for path in tmp_path.iterdir()} <= PRODUCTS  # of a run folder: `phomo run --overwrite` goes on
+    content = json.loads(Path(tmp_path / "photometry" / "photometry.json").read_text())
     first, second = content["models"]
     assert (first["name"], second["name"]) == ("lunar-lambert", "akimov")
     assert first["as_good_as_the_best"]
@@ -206,7 +207,7 @@ def test_the_command_writes_a_table_and_a_figure(tmp_path, scene, capsys):
     assert second["level_percent"] == 0.0
     low, high = content["phase_seen_deg"]
     assert 0.0 < low < high < 90.0
-    with Image.open(tmp_path / "out" / "photometry.png") as picture:
+    with Image.open(tmp_path / "photometry" / "photometry.png") as picture:
         assert picture.size[0] > 1000
     printed = capsys.readouterr().out
     assert "lunar-lambert *" in printed

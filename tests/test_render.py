@@ -19,7 +19,7 @@ from photoclinometry.photometry.render import (
 from photoclinometry.surface.rasterise import draw_triangles
 from photoclinometry.surface.relief import (
     angles_from_sun,
-    height_map,
+    heights,
     in_sunlight,
     local_frame,
     mean_plane,
@@ -183,7 +183,7 @@ def test_mean_plane_ignores_spikes():
 def test_heights_are_above_the_plane_towards_the_cameras(scene):
     """The test site is level: its heights are z up to a constant and a tilt of a few tenths of a degree."""
     z = scene.grid(scene.landmarks.position[:, 2])
-    height = height_map(scene)
+    height = scene.grid(heights(scene))
     assert np.corrcoef(height.ravel(), z.ravel())[0, 1] > 0.95
     assert local_frame(scene).rotation[2, 2] > 0.99
 

@@ -374,6 +374,8 @@ def test_shapes_that_are_no_bodies_are_refused(tmp_path, change, message):
         ({"preset": "moon"}, "known: demo, cornelia, ahuna, ikapati, topshape, bilobed, potato"),
         ({"preset": "potato", "surface": Path("a.obj")}, "give --shape for a whole body"),
         ({"preset": "potato", "region_size": 20}, "choose a place"),
+        ({"preset": "bilobed", "lighting": "harsh"}, "--lighting and --max-emission-deg are of places"),
+        ({"preset": "bilobed", "max_emission_deg": 30.0}, "--lighting and --max-emission-deg are of places"),
         ({"preset": "ahuna", "shape": Path("a.obj")}, "--shape goes with --preset topshape or bilobed or potato"),
     ],
 )

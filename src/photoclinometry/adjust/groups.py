@@ -6,7 +6,8 @@ reference rays         keypoints of direct landmarks: the reference view's ray a
 pose-only tie points   their matches, with positions of their own                        hold the poses
 brightness             of lit landmarks; follows direct ones by the image gradients
 smoothness             neighbours lie in the tangent plane
-sun, exposure, pose prior or gauge, known pose, landmark prior, reflectance prior, control point     `graph.priors`
+exposure, pose prior or gauge, known pose, landmark prior, reflectance prior `graph.priors`
+Suns, control points                                                         `graph.sun_directions`, `control_points`
 """
 
 from __future__ import annotations

@@ -25,10 +25,11 @@ class AdjustOptions(Ranged):
     from the residuals."""
     brightness_correlation_px: Annotated[float | None, Range(least=1)] = None
     """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
-    the ground it misses next door too."""
+    the ground it misses next door too. Given, the priors on Suns, scales and biases are as stated; left out, they count
+    for more where brightness pulls views too far from them."""
     keypoint_slack: Annotated[float, Range(above=0)] = 1.0
     """All keypoints' standard deviations are this many times what they are measured to be: for maps that are to be
-    matched again (see `rounds.RelightOptions`)."""
+    matched again (see `pipeline.options.RelightOptions`)."""
     smooth_sigma_rad: Annotated[float, Range(least=0)] = 0.2
     """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none.
     It grows with the correlation of brightness beyond 3 px, so that shading keeps its say against it."""
@@ -60,8 +61,9 @@ class AdjustOptions(Ranged):
     albedo_sigma: Annotated[float | None, Range(above=0)] = None
     """Relative prior on every landmark's albedo about its start; left out, free."""
     reflectance_sigma: Annotated[float, Range(least=0)] = 0.05
-    """Relative prior on the reflectance's phase weighting and phase coefficients about those given, which are
-    estimated too: published ones are means over a body, and no disk function is quite the ground's. 0 holds them."""
+    """Prior on the reflectance's parameters about those given, which are estimated too: published ones are means over a
+    body, and no disk function is quite the ground's. Relative for the phase weighting and phase coefficients; a
+    parameter with a standard deviation of its own has that at 0.05, and in proportion. 0 holds all."""
     uncertainty: bool = True
     """Find the covariance of every view and landmark after the last round."""
     max_rounds: Annotated[int, Range(least=1, most=100)] = 4

@@ -93,7 +93,7 @@ def plan(
     *,
     out: str | Path | None = None,
     options: PlanOptions | None = None,
-    candidates: bool = True,
+    with_candidates: bool = True,
     progress: Progress | None = None,
     **changes: Any,
 ) -> Plan:
@@ -103,7 +103,7 @@ def plan(
         site: A site.toml with pose priors, or a table of poses and Suns (.csv). Images are not opened.
         out: Folder for plan.json and pictures, new, empty or of an earlier plan; none by default.
         options: The place, what is assumed of the ground, and the candidates.
-        candidates: Try candidates for one more image.
+        with_candidates: Try candidates for one more image.
         progress: Called as progress(what, done, total); total is 0 where it is not known.
         **changes: Fields of `PlanOptions`, such as at=(240.0, -9.0), slope_deg=10.0.
 
@@ -117,7 +117,7 @@ def plan(
     if out is not None:
         check_folder(Path(out))
     chosen = changed(options or PlanOptions(), changes)
-    found = plan_site(read_views(site), chosen, with_candidates=candidates, progress=progress)
+    found = plan_site(read_views(site), chosen, with_candidates=with_candidates, progress=progress)
     if out is not None:
         write_plan(Path(out), found)
     return found
@@ -212,7 +212,7 @@ def write_scene(path: str | Path, scene: Scene) -> None:
 
 
 def adjust(
-    scene: Scene,
+    scene: RunResult | Scene | str | Path,
     *,
     options: AdjustOptions | None = None,
     progress: Callable[[Iteration], None] | None = None,
@@ -223,7 +223,8 @@ def adjust(
     `run` does this itself. On a finished scene it is for other noise models, priors and losses.
 
     Args:
-        scene: The start of the estimate, with its tracks.
+        scene: The start of the estimate, with its tracks: the result of `run`, the folder of a finished run or its
+            scene.h5, or a scene by itself.
         options: Noise, priors and losses.
         progress: Called after every step with its cost, damping and time.
         **changes: Fields of `AdjustOptions`, such as smooth_sigma_rad=0.1.
@@ -235,7 +236,7 @@ def adjust(
         InputError: An option is wrong.
         ReconstructionError: Too little is left to estimate anything from.
     """
-    return _adjust(scene, changed(options or AdjustOptions(), changes), progress=progress)
+    return _adjust(given_scene(scene), changed(options or AdjustOptions(), changes), progress=progress)
 
 
 def evaluate(
@@ -316,7 +317,7 @@ def rank_reflectance(
 
 
 def export(
-    scene: Scene,
+    scene: RunResult | Scene | str | Path,
     out: str | Path,
     *,
     products: str | Sequence[str] = (),
@@ -327,7 +328,7 @@ def export(
     """Write a map for GIS, viewers and other reconstruction programs.
 
     Args:
-        scene: The map.
+        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene by itself.
         out: Folder for the products; new, empty, or an earlier export of the map, which is replaced.
         products: What to write: "dtm", "albedo", "normals", "slope", "reflectance", "sigma" (GeoTIFF), "obj", "gltf",
             "ply", "colmap", "text-model", "sumfile", "csv". Default: all that the scene holds and its frame allows.
@@ -343,7 +344,8 @@ def export(
     """
     if products:
         changes["products"] = (products,) if isinstance(products, str) else tuple(products)
-    return export_scene(scene, Path(out), changed(options or ExportOptions(), changes), overwrite=overwrite)["files"]
+    chosen = changed(options or ExportOptions(), changes)
+    return export_scene(given_scene(scene), Path(out), chosen, overwrite=overwrite)["files"]
 
 
 def reflectance_models() -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from photoclinometry.surface.relief import local_frame, sun_from_angles
 
 
 def render(
-    scene: Scene,
+    scene: RunResult | Scene | str | Path,
     *,
     view: str | None = None,
     sun: Sequence[float] | np.ndarray | None = None,
@@ -31,7 +31,7 @@ def render(
     """Render a map as a camera sees it, under its own Sun or any other.
 
     Args:
-        scene: The map.
+        scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene by itself.
         view: Name of the view whose camera, Sun, scale and bias to use. Default: the reference view.
         sun: Direction (3,) towards the Sun in the body-fixed frame, of any length.
         sun_azimuth_deg: Sun's azimuth, clockwise from up in the reference image, along the map's mean plane.
@@ -45,6 +45,7 @@ def render(
     Raises:
         InputError: There is no such view, the Sun is not a direction, or the scene has no reflectance model.
     """
+    scene = given_scene(scene)
     index = view_index(scene, view)
     towards = _sun_direction(scene, sun, sun_azimuth_deg, sun_elevation_deg)
     draw = {"camera": render_view, "reference": render_reference}.get(geometry)

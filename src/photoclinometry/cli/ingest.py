@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
 
 from photoclinometry.ingest.options import IngestOptions
-
-if TYPE_CHECKING:
-    pass
 
 
 def ingest(

@@ -39,7 +39,7 @@ def photometry(
 
     with progress_bars(Console(stderr=True)) as progress:
         ranking = pcm.rank_reflectance(run, options=options, progress=progress)
-    folder = out or run / "photometry"
+    folder = out or (run.parent if run.is_file() else run) / "photometry"
     write_photometry(folder, ranking)
     show(ranking)
     Console(stderr=True).print(f"written: {folder}/photometry.json, .png", soft_wrap=True, highlight=False)

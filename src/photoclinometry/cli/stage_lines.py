@@ -3,19 +3,16 @@
     sparse              29 of 29 views, 41,203 points, 0.31 px          12.4 s
     relighting 1        matches moved 0.12 px, normals 0.8 degrees      31.0 s
 
-What a stage found is a record of the log that carries it (`pipeline.stage.say_found`). Warnings are shown as they are,
-and everything else is only in the log file.
+What a stage found, and that it has ended, are records of the log that carry it (`pipeline.stage.say_found`,
+`RunFolder.timed`). Warnings are shown as they are, and everything else is only in the log file.
 """
 
 from __future__ import annotations
 
 import logging
-import re
 
 from photoclinometry.model.warning import subject
 
-_FOLDER = "photoclinometry.pipeline.run_folder"
-"""The log that tells of the end of each stage."""
 NAMES = {
     "images": "images",
     "sparse": "sparse",
@@ -71,24 +68,15 @@ class StageLines:
             return None if told else record.getMessage()
         if (found := getattr(record, "found", None)) is not None:
             self.found.append(str(found))
-        elif (ended := _ended(record)) is not None:
+        elif has_ended(record):
             found, self.found = ", ".join(self.found), []
-            return stage_line(ended[0], found, ended[1])
+            return stage_line(getattr(record, "ended", ""), found, getattr(record, "wall_s", None))
         return None
 
 
 def has_ended(record: logging.LogRecord) -> bool:
     """Whether a record says that a stage has ended."""
-    return _ended(record) is not None
-
-
-def _ended(record: logging.LogRecord) -> tuple[str, float | None] | None:
-    """The stage that a record says has ended, and its time [s], None where it was read back; None for other records."""
-    if record.name != _FOLDER or record.msg != "%s: %s" or not isinstance(record.args, tuple):
-        return None
-    stage, how = map(str, record.args)
-    time = re.match(r"([\d.]+) s, ", how)
-    return stage, float(time[1]) if time else None
+    return hasattr(record, "ended")
 
 
 def stage_line(stage: str, found: str, wall_s: float | None) -> str | None:

@@ -17,7 +17,7 @@ from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.registration.alignment import align_poses, refine_on_surface
 from photoclinometry.registration.closest_points import MeshSurface
 from photoclinometry.simulate.bodies.truth import BodyTruth, views_of_triangles
-from photoclinometry.surface.closed_mesh import signed_volume, vertex_normals
+from photoclinometry.surface.closed_mesh import signed_volume, surface_area, vertex_normals
 
 FEWEST_VIEWS = 3
 """Ground is expected in a mesh where so many views see it lit."""
@@ -172,8 +172,7 @@ def _distance(points: np.ndarray, mesh: MeshSurface) -> np.ndarray:
 
 
 def _area(truth: BodyTruth) -> float:
-    a, b, c = (truth.surface.vertices[truth.surface.faces[:, k]] for k in range(3))
-    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    return surface_area(truth.surface.vertices, truth.surface.faces)
 
 
 def _thinned(rng: np.random.Generator, rows: np.ndarray) -> np.ndarray:

@@ -31,6 +31,7 @@ from photoclinometry.registration.alignment import (
     transform_scene,
 )
 from photoclinometry.registration.closest_points import CloudSurface, MeshSurface
+from photoclinometry.surface.closed_mesh import area_vectors
 
 if TYPE_CHECKING:
     from photoclinometry.io.meshes.ply import PlyMap
@@ -283,8 +284,7 @@ def _vertex_normals(reference: PlyMap) -> np.ndarray | None:
     """
     if reference.faces is None or not len(reference.faces):
         return None
-    corner = reference.position[reference.faces]
-    face_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    face_normal = area_vectors(reference.position, reference.faces)
     total = np.zeros_like(reference.position)
     for k in range(3):
         np.add.at(total, reference.faces[:, k], face_normal)

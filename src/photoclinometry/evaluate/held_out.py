@@ -18,6 +18,7 @@ from photoclinometry.io.site import MIN_VIEWS
 from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
+from photoclinometry.model.projection import project
 from photoclinometry.model.scene import Camera, Image, Scene, Views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.initialize import exposure_is_free, predicted_ratio, sample_brightness
@@ -195,12 +196,8 @@ def _residual(
     position: np.ndarray, keypoint: np.ndarray, camera: Camera, pose: Rigid, pivot: np.ndarray, extent: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Offsets (n, 2) and their lengths (n,) [px]; derivatives (n, 2, 6) by the points' turn x extent, and shift."""
-    cam_from_body = pose.inverse()
-    x, y, z = cam_from_body(position).T
-    offset = camera.pixel_from_cam(np.stack([x, y, z], -1)) - keypoint
-    (fx, fy), zero = camera.focal_px, np.zeros_like(z)
-    by_point = np.stack([np.stack([fx / z, zero, -fx * x / z**2], -1), np.stack([zero, fy / z, -fy * y / z**2], -1)], 1)
-    by_shift = by_point @ cam_from_body.rotation
+    pixel, by_shift = project(pose.rotation, pose.translation, np.array(camera.intrinsics), position)
+    offset = pixel - keypoint
     by_turn = -by_shift @ skew(position - pivot) / extent
     return offset, np.linalg.norm(offset, axis=-1), np.concatenate([by_turn, by_shift], -1)
 

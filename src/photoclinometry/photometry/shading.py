@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.model.projection import projected_keypoints
-from photoclinometry.model.reflectance import GRAZING, phase_angle, photometric_function
+from photoclinometry.model.reflectance import GRAZING, angles_at, photometric_function
 from photoclinometry.model.robust import HUBER_LIMIT, robust_sigma
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.model.tiny import TINY
@@ -216,10 +216,9 @@ def _brightness_information(packed, j, observed, lighting, start, frame, albedo)
         for c in range(3):
             towards[c] = lighting.center[k, c] - start.position[j, c]
         distance = math.sqrt(_dot(towards, towards))
-        mu0, mu, cosine = _dot(s, normal), _dot(towards, normal) / distance, _dot(s, towards) / distance
+        mu0, mu, phase = angles_at(s, lighting.center[k], start.position[j], normal)
         if mu0 <= GRAZING or mu <= GRAZING:
             continue
-        phase = phase_angle(cosine, math.sqrt(max(1.0 - cosine * cosine, 0.0)))
         rho, by_mu0, by_mu, _ = photometric_function(packed, mu0, mu, phase)
         gain = lighting.scale[k] * albedo / observed.sigma
         row[0] = gain * (by_mu0 * _dot(s, one) + by_mu * _dot(towards, one) / distance)

@@ -111,7 +111,10 @@ class RunFolder:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[StageCost]:
-        """Times a part of the run and logs it; yields its `StageCost`."""
+        """Times a part of the run and logs it; yields its `StageCost`.
+
+        The record of its end has `ended`, the name, and `wall_s`, None where the part was read back.
+        """
         cost = StageCost(name, False, 0.0, 0.0, 0.0)
         wall, cpu = time.perf_counter(), time.process_time()
         log.info("%s ...", name)
@@ -120,7 +123,7 @@ class RunFolder:
         cost.peak_memory_gb = peak_memory_gb()
         self.costs.append(cost)
         how = "read back from the earlier run" if cost.resumed else f"{cost.wall_s:.1f} s, {cost.cpu_s:.1f} CPU s"
-        log.info("%s: %s", name, how)
+        log.info("%s: %s", name, how, extra={"ended": name, "wall_s": None if cost.resumed else cost.wall_s})
 
     def write_config(self, config: Mapping[str, Any]) -> None:
         """config.toml: what was mapped, and every option, defaults included."""

@@ -25,11 +25,11 @@ MARK = "run.json"
 PRODUCTS = frozenset(
     (
         *("body.ply", "config.toml", "evaluation", "held_out.json", "landmarks.ply", "log", "metrics.json", "model"),
-        *("report", "rivals", "scene.h5", "sparse", "stages", "tiles"),
+        *("photometry", "report", "rivals", "scene.h5", "sparse", "stages", "tiles"),
     )
 )
-"""Everything that `phomo run`, `body`, `refine`, `evaluate` and `rivals` write into their folder, beside MARK and the
-lock."""
+"""Everything that `phomo run`, `body`, `refine`, `evaluate`, `photometry` and `rivals` write into their folder, beside
+MARK and the lock."""
 
 BEGUN = frozenset(("config.toml", "log"))
 """What a run writes before its first stage."""

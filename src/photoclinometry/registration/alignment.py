@@ -174,7 +174,7 @@ def refine_on_surface(
     are dropped. Directions that the surface does not determine (MINIMUM_SENSITIVITY) keep their initial value.
     Raises InputError where nothing overlaps.
     """
-    chosen = slice(None, None, max(1, len(position) // sample))
+    chosen = slice(None, None, max(1, -(-len(position) // sample)))
     points, normals = position[chosen], normal[chosen]
     similarity = initial
     determined = 7

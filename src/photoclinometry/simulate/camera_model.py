@@ -1,7 +1,7 @@
 """From radiance to digital numbers: point-spread function, smear, pixels, electrons, digitiser.
 
     electrons = Poisson(exposure I/F) + read noise        exposure [electrons per I/F] differs by image
-    DN        = round(electrons / (full well / 2^bits) + offset), saturated at 2^bits - 1
+    DN        = round(electrons (2^bits - 1 - offset) / full well + offset), saturated at 2^bits - 1
 
 A calibrated image is (DN - offset) / gain with gain [DN per I/F] known exactly.
 """

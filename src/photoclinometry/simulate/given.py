@@ -20,6 +20,7 @@ from photoclinometry.model.geometry import METRES, Similarity, unit
 from photoclinometry.model.warning import warn
 from photoclinometry.simulate.surface import sphere_drop
 from photoclinometry.simulate.terrain import Grid
+from photoclinometry.surface.closed_mesh import signed_volume
 from photoclinometry.surface.rasterise import draw_triangles
 from photoclinometry.surface.sampling import filled_from_nearest
 
@@ -107,7 +108,7 @@ def _from_mesh(
     vertices, faces = scale * mesh.vertices, mesh.faces
     reach = math.sqrt(2.0) * grid.half_extent
     closed = _is_closed(faces)
-    if closed and _volume(vertices, faces) < 0:
+    if closed and signed_volume(vertices, faces) < 0:
         faces = faces[:, ::-1]
     if closed and center is None:
         raise InputError(f"{path}: is a closed shape; choose a place on it with --surface-center X Y Z")
@@ -138,12 +139,6 @@ def _is_closed(faces: np.ndarray) -> bool:
     first, second = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).T
     _, count = np.unique(first * (faces.max() + 1) + second, return_counts=True)
     return bool((count > 1).all())
-
-
-def _volume(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """Volume of a closed shape; negative if its faces look inwards."""
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    return float(np.sum(a * np.cross(b, c)) / 6.0)
 
 
 def _middle(path: Path, vertices: np.ndarray, faces: np.ndarray, center: np.ndarray | None, reach: float) -> np.ndarray:

@@ -40,7 +40,8 @@ class SimulationOptions(Ranged):
     (contact binary) or potato (elongated, with a saddle)."""
     lighting: str = "moderate"
     """Range of the Sun's azimuth and incidence [degrees]: moderate (25; 30 to 60), strong (90; 25 to 70) or harsh (360;
-    25 to 80). Whole bodies spin below a Sun that stands still, at phase angles of 10 to 80 degrees."""
+    25 to 80). Whole bodies spin below a Sun that stands still, at phase angles of 12 to 75 degrees; lighting is of
+    places alone."""
     seed: Annotated[int, Range(least=0, most=2**31 - 1)] = 0
     """Seed of all random numbers."""
     views: Annotated[int | None, Range(least=MIN_VIEWS, most=1_000_000)] = None
@@ -117,6 +118,8 @@ def _check_whole_body(options: SimulationOptions) -> None:
         raise InputError("--surface is ground of a place; give --shape for a whole body, or another preset")
     if (options.surface_center, options.region_size) != (None, None):
         raise InputError("--surface-center and --region-size choose a place; images of a whole body have none")
+    if options.lighting != SimulationOptions.lighting or options.max_emission_deg != SimulationOptions.max_emission_deg:
+        raise InputError("--lighting and --max-emission-deg are of places; stations see a whole body as it spins")
 
 
 def body_preset(options: SimulationOptions) -> BodyPreset | None:

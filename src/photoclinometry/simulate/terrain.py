@@ -18,7 +18,7 @@ import photoclinometry.model.kernel_cache  # noqa: F401
 
 SATURATION = 1.54
 """N(> D) D^2 of craters packed as closely as they can be (Gault 1970, Radio Science 5, 273-291)."""
-_PROFILE_REACH = 3.5
+PROFILE_REACH = 3.5
 """Profiles end at this distance from the centre [crater radii]."""
 _PROFILE_SAMPLES = 225
 """64 samples per crater radius."""
@@ -28,13 +28,13 @@ _AGES = np.geomspace(3e-3, 0.3, 24)
 """Diffusion ages kappa t / R^2 of the craters in `profiles`."""
 _DIFFUSION_STEP = 0.2
 """kappa dt / dr^2 of a step; explicit diffusion is unstable above 0.5."""
-_FADED = 0.25
+FADED = 0.25
 """Age, as a share of all, from which craters neither brighten nor darken the ground."""
 _DARK_SHARE = 0.25
 """Share of the craters that darken the ground instead of brightening it."""
 _CRATER_OUTLINE, _BOULDER_OUTLINE = 0.04, 0.1
 """Standard deviation of the harmonics of the outline [radii]."""
-_BRIGHT_REACH2 = 1.6
+BRIGHT_REACH2 = 1.6
 """Square of the distance at which brightening falls to 1/e [radii^2]."""
 _OUTLINE_REACH = 1.1
 """Factor by which an outline may enlarge the reach of a landform."""
@@ -116,7 +116,7 @@ def diffused_profiles(ages: np.ndarray) -> np.ndarray:
 
     ages: (n,) ascending kappa t / R^2.
     """
-    r = np.linspace(0.0, _PROFILE_REACH, _PROFILE_SAMPLES)
+    r = np.linspace(0.0, PROFILE_REACH, _PROFILE_SAMPLES)
     dr = r[1]
     z, now, out = fresh_profile(r), 0.0, []
     between = r[:-1] + 0.5 * dr
@@ -138,7 +138,7 @@ def diffused_profiles(ages: np.ndarray) -> np.ndarray:
 @functools.cache
 def profiles() -> np.ndarray:
     """(25, m) float32 heights [radii] at [0, 3.5] radii: a boulder, then craters from fresh to degraded."""
-    r = np.linspace(0.0, _PROFILE_REACH, _PROFILE_SAMPLES)
+    r = np.linspace(0.0, PROFILE_REACH, _PROFILE_SAMPLES)
     boulder = np.exp(-2.0 * r**2)
     return np.vstack([boulder, diffused_profiles(_AGES)]).astype(np.float32)
 
@@ -199,7 +199,7 @@ def crater_population(
         xy=rng.uniform(-grid.half_extent, grid.half_extent, (count, 2)),
         radius=0.5 * power_law_sizes(rng, smallest, largest, slope, count),
         profile=1 + (age * (len(_AGES) - 1e-9)).astype(np.int64),
-        brightening=fresh_brightening * sign * np.maximum(1.0 - age / _FADED, 0.0),
+        brightening=fresh_brightening * sign * np.maximum(1.0 - age / FADED, 0.0),
         outline=_CRATER_OUTLINE * rng.standard_normal((count, 4)),
     )
 
@@ -267,11 +267,11 @@ def _slide(height, before, limit):
 @njit(cache=True)
 def _stamp(height, log_albedo, spacing, half, table, xy, radius, profile, brightening, outline):
     rows, cols = height.shape
-    per_radius = (table.shape[1] - 1) / _PROFILE_REACH
+    per_radius = (table.shape[1] - 1) / PROFILE_REACH
     for n in range(len(radius)):
         size = radius[n] / spacing
         u, v = xy[n, 0] / spacing + half, xy[n, 1] / spacing + half
-        reach = _PROFILE_REACH * size * _OUTLINE_REACH
+        reach = PROFILE_REACH * size * _OUTLINE_REACH
         for i in range(max(math.ceil(v - reach), 0), min(int(v + reach) + 1, rows)):
             for j in range(max(math.ceil(u - reach), 0), min(int(u + reach) + 1, cols)):
                 x, y = (j - u) / size, (i - v) / size
@@ -290,4 +290,4 @@ def _stamp(height, log_albedo, spacing, half, table, xy, radius, profile, bright
                 f = at - k
                 height[i, j] += radius[n] * ((1.0 - f) * table[profile[n], k] + f * table[profile[n], k + 1])
                 if brightening[n] != 0.0:
-                    log_albedo[i, j] += brightening[n] * math.exp(-r2 / _BRIGHT_REACH2)
+                    log_albedo[i, j] += brightening[n] * math.exp(-r2 / BRIGHT_REACH2)

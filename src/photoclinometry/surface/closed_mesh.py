@@ -84,6 +84,11 @@ def area_vectors(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return 0.5 * np.cross(b - a, c - a)
 
 
+def surface_area(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """The sum of the areas of all faces."""
+    return float(np.linalg.norm(area_vectors(vertices, faces), axis=1).sum())
+
+
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(F, 3) unit vectors; 0 of faces without area, which marching cubes leave where corners coincide."""
     area = area_vectors(vertices, faces)

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 import photoclinometry.model.kernel_cache  # noqa: F401
-from photoclinometry.surface.closed_mesh import area_vectors, vertex_normals
+from photoclinometry.surface.closed_mesh import surface_area, vertex_normals
 
 DEFAULT_CORRELATION = 0.1
 """Correlation length of height errors where none is given [mean radii]: the size of a landform that images resolve."""
@@ -111,7 +111,7 @@ def properties_by_length(
     center = values[1:4] / values[0]
     inertia, to_center, to_inertia = _about_center(values, slopes, center)
     derivatives = np.concatenate([slopes[:, :1], slopes[:, 10:], to_center, to_inertia.reshape(-1, 9)], axis=1)
-    area = float(np.linalg.norm(area_vectors(vertices, faces), axis=1).sum())
+    area = surface_area(vertices, faces)
     found = []
     for length in correlation_lengths:
         sigma = _sigmas(vertices, derivatives, sigma_height, length)

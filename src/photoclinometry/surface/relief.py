@@ -54,9 +54,9 @@ def reference_depth(scene: Scene) -> np.ndarray:
     return scene.views.body_from_cam[scene.reference].inverse()(scene.landmarks.position)[:, 2]
 
 
-def height_map(scene: Scene) -> np.ndarray:
-    """Heights (h, w) of the landmarks above their mean plane, in units of B; NaN where there is no landmark."""
-    return scene.grid(local_frame(scene).inverse()(scene.landmarks.position)[:, 2])
+def heights(scene: Scene) -> np.ndarray:
+    """(J,) of the landmarks above their mean plane, in units of B."""
+    return local_frame(scene).inverse()(scene.landmarks.position)[:, 2]
 
 
 def sun_from_angles(body_from_local: Rigid, azimuth: float, elevation: float) -> np.ndarray:

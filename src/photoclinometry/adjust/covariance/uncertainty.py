@@ -211,7 +211,7 @@ def _beyond(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
 
 
 def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped: np.ndarray) -> dict[str, np.ndarray]:
-    """From local coordinates to those of `calibrate`; what was not measured is left out.
+    """From local coordinates to those of `Scene.uncertainty`; what was not measured is left out.
 
     Covariances of position, normal, rotation, center and sun, standard deviations of albedo, scale and bias, and of
     albedos after the factor that all have in common (`albedo_relative`).

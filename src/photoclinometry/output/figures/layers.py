@@ -13,7 +13,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import tangent_basis
 from photoclinometry.model.scene import Scene
 from photoclinometry.output.export.sigma import sigma_along
-from photoclinometry.surface.relief import lambert_shade, local_frame, sun_from_angles
+from photoclinometry.surface.relief import heights, lambert_shade, local_frame, sun_from_angles
 
 STEEP_PERCENT = 98.0
 """Percentile of errors, sigmas and slopes of normals at which a colour scale ends; the worst few saturate."""
@@ -62,7 +62,7 @@ def local_normal(scene: Scene) -> np.ndarray:
 
 def height(scene: Scene) -> np.ndarray:
     """(J,) heights above the mean plane [metres, or GSD]."""
-    return local_frame(scene).inverse()(scene.landmarks.position)[:, 2] * length_unit(scene)[0]
+    return heights(scene) * length_unit(scene)[0]
 
 
 def slope_deg(scene: Scene) -> np.ndarray:

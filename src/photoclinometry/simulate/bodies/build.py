@@ -30,6 +30,7 @@ from photoclinometry.surface.closed_mesh import (
     is_watertight,
     refine,
     signed_volume,
+    surface_area,
     unique_edges,
     vertex_areas,
     vertex_normals,
@@ -142,9 +143,7 @@ def build_body(shape: SmoothShape, preset: BodyPreset, spacing: float, seed: int
 
 
 def _check_size(shape: SmoothShape, spacing: float) -> None:
-    a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-    count = area / (0.5 * math.sqrt(3.0) * spacing**2)
+    count = surface_area(shape.vertices, shape.faces) / (0.5 * math.sqrt(3.0) * spacing**2)
     if count > _LARGEST_MESH:
         raise InputError(
             f"relief at half of --gsd {2 * spacing:.4g} m takes {count:.2g} vertices, more than {_LARGEST_MESH:.2g}; "

@@ -13,16 +13,19 @@ import numpy as np
 from numba import njit
 
 from photoclinometry.model.geometry import tangent_basis, unit
-from photoclinometry.simulate.terrain import SATURATION, power_law_sizes, profiles
+from photoclinometry.simulate.terrain import (
+    BRIGHT_REACH2,
+    FADED,
+    PROFILE_REACH,
+    SATURATION,
+    power_law_sizes,
+    profiles,
+)
 
-_PROFILE_REACH = 3.5
-"""Radii at which the profiles of craters end."""
-_BRIGHT_REACH2 = 1.6
-"""Square of the distance at which a crater's brightening falls to 1/e [radii^2]."""
 _OUTLINE = 0.05
 """Standard deviation of the harmonics of a crater's outline [radii]."""
-_FADED = 0.25
-"""Age, as a share of all, from which craters neither brighten nor darken the ground."""
+_OUTLINE_REACH = 1.15
+"""Factor by which an outline may enlarge the reach of a crater."""
 _DARK_SHARE = 0.3
 """Share of the craters that darken the ground instead of brightening it."""
 _FACES = 7
@@ -102,7 +105,7 @@ def crater_population(
         vertex=_places(rng, weight, count),
         radius=0.5 * power_law_sizes(rng, smallest, largest, 2.0, count),
         profile=1 + (age * (len(profiles()) - 1 - 1e-9)).astype(np.int64),
-        brightening=brightening * sign * np.maximum(1.0 - age / _FADED, 0.0),
+        brightening=brightening * sign * np.maximum(1.0 - age / FADED, 0.0),
         outline=_OUTLINE * rng.standard_normal((count, 4)),
     )
 
@@ -232,11 +235,11 @@ def _craters(
     outline,
     depth,
 ):
-    per_radius = (table.shape[1] - 1) / _PROFILE_REACH
+    per_radius = (table.shape[1] - 1) / PROFILE_REACH
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for n in range(len(radius)):
         size, a, o = radius[n], axes[n], outline[n]
-        _cell_range(center[n], 1.15 * _PROFILE_REACH * size, origin, cell, shape, low, high)
+        _cell_range(center[n], _OUTLINE_REACH * PROFILE_REACH * size, origin, cell, shape, low, high)
         for i in range(low[0], high[0] + 1):
             for j in range(low[1], high[1] + 1):
                 first = (i * shape[1] + j) * shape[2]
@@ -248,7 +251,7 @@ def _craters(
                         (vertices[v, 2] - center[n, 2]) / size,
                     )
                     r = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-                    if r > 1.15 * _PROFILE_REACH:
+                    if r > _OUTLINE_REACH * PROFILE_REACH:
                         continue
                     share = _facing(normals[v], a)
                     if share == 0.0:
@@ -266,7 +269,7 @@ def _craters(
                     z = (1.0 - f) * table[profile[n], k] + f * table[profile[n], k + 1]
                     height[v] += share * depth * size * z
                     if brightening[n] != 0.0:
-                        log_albedo[v] += share * brightening[n] * math.exp(-r * r / _BRIGHT_REACH2)
+                        log_albedo[v] += share * brightening[n] * math.exp(-r * r / BRIGHT_REACH2)
 
 
 @njit(cache=True)
