@@ -12,6 +12,7 @@ from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm import mapping, reconstruct, reversal
 from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_points
+from photoclinometry.sfm.database import first_pairs
 from photoclinometry.sfm.mapping import from_colmap
 from photoclinometry.sfm.reconstruct import reconstruct_sparse
 from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site, views_around
@@ -200,20 +201,48 @@ MIXTURE, TRUTH = oriented(5, 0.24, 0.25, MIXED), oriented(5, 0.25, 0.26, RIGHT)
         ),
         ([MIXTURE, MIXTURE, MIXTURE, TRUTH, MIXTURE, TRUTH], 3, 6),  # the images show it, whatever is found more often
         ([TRUTH, TRUTH], 0, 2),
-        ([MIXTURE] * 6, 0, 6),
+        ([MIXTURE] * 18, 0, 18),
+        ([*[MIXTURE] * 8, TRUTH], 8, 9),  # a seed whose model the images show, at last
         ([[]], None, 1),
     ],
 )
 def test_views_are_mapped_again_until_the_best_is_found_twice(found, kept, trials, monkeypatch):
     seeds = []
 
-    def mapped(_cameras, _work_dir, options, _progress, _shading_of):
+    def mapped(_cameras, _work_dir, options, *_):
         seeds.append(options.seed)
         return found[len(seeds) - 1]
 
     monkeypatch.setattr(mapping, "_mapped", mapped)
     assert mapping.map_views([CAMERA] * 5, None, OPTIONS, None) == ([] if kept is None else found[kept])
     assert seeds == [OPTIONS.seed + k for k in range(trials)]
+
+
+def test_many_views_that_no_seed_maps_as_the_images_show_are_mapped_six_times(monkeypatch):
+    found = [MIXTURE] * 6
+    trials = iter(found)
+    monkeypatch.setattr(mapping, "_mapped", lambda *_: next(trials))
+    assert mapping.map_views([CAMERA] * 31, None, OPTIONS, None) == MIXTURE
+    assert next(trials, None) is None
+
+
+def test_later_trials_begin_with_the_pairs_of_most_matches(one_site, tmp_path, monkeypatch):
+    """Each begins elsewhere, and finds the poses as well."""
+    reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path, OPTIONS)
+    pairs, begun = first_pairs(5, tmp_path), []
+    inliers = reconstruct.match_views(5, [], tmp_path, OPTIONS, "", None)
+    made = mapping._incremental_options
+
+    def noted(cameras, options, pair):
+        begun.append(pair)
+        return made(cameras, options, pair)
+
+    monkeypatch.setattr(mapping, "_incremental_options", noted)
+    for rank in (0, 3):
+        (found,) = mapping._mapped([CAMERA] * 5, tmp_path, OPTIONS, None, None, rank)
+        assert rotation_errors_deg(from_colmap(found.model, 5).body_from_cam, one_site[1]).max() < 0.3
+    assert begun == [pairs[0], pairs[3]]
+    assert len(pairs) == np.count_nonzero(np.triu(inliers, 1))
 
 
 def test_all_trials_are_made_if_that_is_asked_for(monkeypatch):

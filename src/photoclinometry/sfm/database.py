@@ -337,6 +337,17 @@ def _verified_numbers(count: int, work_dir: Path) -> np.ndarray:
         return _by_views(count, database, database.read_two_view_geometry_num_inliers())
 
 
+def first_pairs(count: int, work_dir: Path) -> list[tuple[int, int]]:
+    """COLMAP's ids of the images of pairs with verified matches, those with most of them first."""
+    import pycolmap
+
+    number = np.triu(_verified_numbers(count, work_dir), 1)
+    order = np.argsort(-number, axis=None, kind="stable")[: np.count_nonzero(number)]
+    with pycolmap.Database.open(work_dir / DATABASE) as database:
+        ids = _image_ids(database)
+    return [(ids[int(a)], ids[int(b)]) for a, b in zip(*np.divmod(order, count), strict=True)]
+
+
 def _by_views(count: int, database: Any, numbers: tuple[list[int], list[int]]) -> np.ndarray:
     """(K, K) from COLMAP's ids of pairs of images, and a number of each."""
     import pycolmap

@@ -19,7 +19,7 @@ from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm.adjustment import RobustAdjustment
-from photoclinometry.sfm.database import DATABASE
+from photoclinometry.sfm.database import DATABASE, first_pairs
 from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.reversal import ALIKE, Oriented, right_way_round
 
@@ -37,6 +37,10 @@ place from similar directions; and so many verified matches."""
 TRIALS = 6
 """Views are mapped at most so many times. On a site of low relief with a field of view of 1.7 degrees one seed of four
 ended in a mixture of right and reversed views, on one of 0.7 degrees six of eight."""
+
+MORE_TRIALS, FEW_VIEWS = 18, 30
+"""So many times where views are at most so many, a Sun is known, and shading shows no model yet. Further trials begin
+with the pairs of most matches, one after the other: seeds alone may end in the same mixture each time."""
 
 MODELS = 10
 """At most so many models of views that are connected among themselves are tried."""
@@ -91,16 +95,22 @@ def map_views(
 
     Where the largest may have views reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
     which begins with other views, until the best is found twice, and the images show it if any Sun is known, or after
-    TRIALS. A first seed that maps nothing ends it. shading_of: the shading of a model compared with the images; None
-    where no Sun is known. all_trials: map TRIALS times in any case.
+    TRIALS; of few views that the images do not show after MORE_TRIALS. A first seed that maps nothing ends it.
+    shading_of: the shading of a model compared with the images; None where no Sun is known. all_trials: map TRIALS
+    times in any case.
     """
     best: list[Oriented] = []
-    for trial in range(TRIALS):
-        found = _mapped(cameras, work_dir, replace(options, seed=options.seed + trial), progress, shading_of)
+    for trial in range(MORE_TRIALS):
+        seeded = replace(options, seed=options.seed + trial)
+        rank = trial - TRIALS if trial >= TRIALS else None
+        found = _mapped(cameras, work_dir, seeded, progress, shading_of, rank)
         found_again = bool(best and found) and _alike(best[0], found[0])
         best = max((best, found), key=_quality)
         shown = bool(best) and (best[0].is_shown or best[0].shading is None)
         if not all_trials and (not best or (found_again and shown) or not best[0].is_doubtful):
+            break
+        wanting = bool(best) and best[0].is_doubtful and not shown
+        if trial + 1 >= TRIALS and not (wanting and len(cameras) <= FEW_VIEWS):
             break
     return best
 
@@ -111,8 +121,12 @@ def _mapped(
     options: SfmOptions,
     progress: Progress | None,
     shading_of: Callable[[SparseModel], ReliefShading] | None,
+    rank: int | None,
 ) -> list[Oriented]:
-    """The reconstructions found with one seed, the largest first."""
+    """The reconstructions found with one seed, the largest first.
+
+    rank: of the pair of views to begin with, by its number of matches; None for the one that COLMAP likes best.
+    """
     import pycolmap
 
     pycolmap.set_random_seed(options.seed)
@@ -123,6 +137,8 @@ def _mapped(
         models = pycolmap.global_mapping(database, images, out, _global_options(cameras, options))
     else:
         mapped = 0
+        pairs = [] if rank is None else first_pairs(len(cameras), work_dir)
+        pair = pairs[rank] if rank is not None and rank < len(pairs) else None
 
         def more(views: int) -> None:
             nonlocal mapped
@@ -134,7 +150,7 @@ def _mapped(
             database,
             images,
             out,
-            _incremental_options(cameras, options),
+            _incremental_options(cameras, options, pair),
             initial_image_pair_callback=lambda: more(2),
             next_image_callback=lambda: more(1),
         )
@@ -180,7 +196,7 @@ def tune_triangulation(triangulation: Any, cameras: list[Camera], options: SfmOp
     triangulation.random_seed = options.seed
 
 
-def _incremental_options(cameras: list[Camera], options: SfmOptions) -> Any:
+def _incremental_options(cameras: list[Camera], options: SfmOptions, pair: tuple[int, int] | None) -> Any:
     import pycolmap
 
     pipeline = pycolmap.IncrementalPipelineOptions()
@@ -213,6 +229,8 @@ def _incremental_options(cameras: list[Camera], options: SfmOptions) -> Any:
     pipeline.mapper.filter_min_tri_angle = options.min_triangulation_deg
     pipeline.mapper.random_seed = options.seed
     tune_triangulation(pipeline.triangulation, cameras, options)
+    if pair is not None:
+        pipeline.init_image_id1, pipeline.init_image_id2 = pair
     return pipeline
 
 
