@@ -59,7 +59,7 @@ def test_a_bar_goes_when_its_stage_ends(console, tmp_path):
     with progress_bars(console) as progress, log_to(tmp_path / "run", console, progress):
         progress("adjust", 7, 0)
         assert "adjust" in drawn(console)[-1]
-        folder.info("%s: %s", "last_estimate", "2.1 s, 2.0 CPU s")
+        folder.info("it has ended", extra={"ended": "last_estimate", "wall_s": 2.1})
         folder.info("%s ...", "report")
         assert not progress.drawn.tasks
         assert drawn(console)[-1] == ""

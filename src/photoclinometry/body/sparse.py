@@ -16,7 +16,7 @@ from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Views
-from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
+from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.relief_shading import relief_shading
 from photoclinometry.pipeline.pose_priors import priors_of_views
@@ -102,7 +102,9 @@ class BodySparse(Stage[SparseModel]):
         ]
         for view in np.flatnonzero(~registered):
             warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
-        found = replace(without_views(found, ~registered), reason=np.array(reason))
+        # What the others observe stays: adjusted with their priors they are good enough for the coarse shape, which
+        # is 2.2 instead of 2.1 GSD off without (`topshape`, 80 images of 192 px), and 1.6 instead of 1.4.
+        found = replace(found, registered=registered, reason=np.array(reason))
         warn_if_inside_out(relief_shading(found, inputs.images, inputs.cameras, inputs.site.sun_in_cam))
         return found
 

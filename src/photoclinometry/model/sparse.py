@@ -23,13 +23,13 @@ class SparseModel:
     registered: np.ndarray
     """(K,) bool."""
     body_from_cam: Rigid
-    """(K,) poses; the identity where not registered."""
+    """(K,) poses; where not registered the identity, or that of a pose prior adjusted by few points."""
     points: np.ndarray
     """(P, 3) in B."""
     point_start: np.ndarray
     """(P + 1,) int64: observations of point p are point_start[p]:point_start[p + 1]."""
     point_view: np.ndarray
-    """(M,) int32 index of the view that observed."""
+    """(M,) int32 index of the view that observed: a registered one, or one at its adjusted pose prior."""
     point_xy: np.ndarray
     """(M, 2) observed pixel."""
     mean_reprojection_px: float
