@@ -96,6 +96,7 @@ class Fault:
 
 RUN = "run site/site.toml --out map"
 BODY = "body site/site.toml"
+POSES = "view,x_m,y_m,z_m,sun_x,sun_y,sun_z,focal_px,width_px,height_px"
 MAPPED = "run mapped/site.toml --out mapped/run"
 RENDER = "render mapped/run --out a.png"
 FIGURE = "figure mapped/run --out a.pdf"
@@ -430,10 +431,20 @@ def options() -> Iterator[Fault]:
         "simulate --out out --detector.bits 99",
         "--detector.bits is 99; give a whole number, 8 to 16",
     )
+    yield row(
+        "lighting of a whole body",
+        "simulate --preset bilobed --lighting harsh --out out",
+        "--lighting and --max-emission-deg are of places; stations see a whole body as it spins",
+    )
     yield row("of an ingestion", f"{INGEST} --position-sigma nan", "--position-sigma is nan; give above 0")
     yield row("workers of a body", f"{BODY} --workers 0", "--workers is 0; give a whole number, 1 or more")
     yield row("parts of a body", f"{BODY} --plan-only --tile 3", "--plan-only, --print-tasks and --tile do one part")
     yield row("tiles of a body", f"{BODY} --plan.tile-px 8", "--plan.tile-px is 8; give a whole number, 32 to 4096")
+    yield row(
+        "views of a body held out",
+        f"{BODY} --run.hold-out images/1.fits",
+        "--run.hold-out and --run.control are of a place",
+    )
     yield row("of an export", f"{EXPORT} --unit-m 0", "--unit-m is 0; give above 0")
     yield row("of a plan", "plan priors --slope-deg 90", "--slope-deg is 90; give above 0, up to 35")
     yield row(
@@ -989,6 +1000,12 @@ def others() -> Iterator[Fault]:
         "a plan of a place that nobody sees",
         "plan priors --radii-m 250 --at -170 5",
         "priors/site.toml: 0 of 3 views see the place, a map needs 3 ... beyond the limb",
+    )
+    yield row(
+        "candidates that do not see the place",
+        "plan priors --radii-m 250 --at 10 5 --candidates.table c.csv",
+        "c.csv: none of the 1 candidates sees the place. far: the place lies beyond the limb",
+        put("c.csv", f"{POSES}\nfar,-2000,0,0,-1,0,0,500,60,40\n"),
     )
     yield row("a latitude beyond the pole", f"{VIEWS} 10 95", "10 95 is not a longitude and a latitude: give degrees")
     yield row("a radius of zero for views", "views priors --at 10 5 --radii-m 0", "radii 0: give one of a sphere")
