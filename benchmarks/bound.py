@@ -24,11 +24,11 @@ from photoclinometry.evaluate.evaluate import held_out_table, view_psnr
 from photoclinometry.io import held_out as held_out_file
 from photoclinometry.io.run_files import read_run, run_images
 from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Image, Scene, Surroundings, Views
 from photoclinometry.photometry.predict import observation_brightness, reflectance_of
-from photoclinometry.photometry.render import landmark_faces
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 from photoclinometry.simulate.photometry import radiance_factor
 from photoclinometry.simulate.truth import Truth, truth_maps

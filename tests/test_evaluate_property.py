@@ -9,8 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from photoclinometry.evaluate.compare import compare_with_truth, evaluate_against_map
-from photoclinometry.io.meshes.ply import PlyMap, grid_faces
+from photoclinometry.io.meshes.ply import PlyMap
 from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, sphere_step, tangent_basis
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Scene
 from photoclinometry.registration.alignment import transform_scene
 from scenes import GSD, bumpy_surface, synthetic_scene
@@ -133,7 +134,7 @@ def test_against_another_map_the_same_is_found(frame, seed, share, angle_deg):
     true, marks = exact(), exact().landmarks
     theirs = transform_scene(frame, true)
     normal = sphere_step(theirs.landmarks.normal, random_steps(seed, len(marks), np.deg2rad(angle_deg)))
-    reference = PlyMap(theirs.landmarks.position, normal, theirs.landmarks.albedo, grid_faces(theirs))
+    reference = PlyMap(theirs.landmarks.position, normal, theirs.landmarks.albedo, landmark_faces(theirs))
     sign = np.random.default_rng(seed).permutation(np.arange(len(marks)) % 2 * 2 - 1)
     position = marks.position + share * GSD * sign[:, None] * marks.normal
     found = evaluate_against_map(

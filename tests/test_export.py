@@ -16,11 +16,11 @@ from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.similarity import write_similarity
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import so3_exp
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.output.export.formats import FORMATS, Format
 from photoclinometry.output.export.meshes import albedo_texture, srgb
 from photoclinometry.output.export.sumfiles import sumfile_names, with_sigmas
-from photoclinometry.photometry.render import landmark_faces
 from places import cratered_place
 from scenes import synthetic_scene
 
@@ -171,6 +171,7 @@ def test_sumfiles_have_the_sigmas_that_the_run_states(place, tmp_path):
 def test_sumfiles_of_views_of_one_name_are_named_after_their_folders():
     assert sumfile_names(["a/1.fits", "a/2.fits"]) == ["1", "2"]
     assert sumfile_names(["a/1.fits", "b/1.fits"]) == ["a_1", "b_1"]
+    assert len(set(sumfile_names(["a/x.png", "a/x.tif", "a_x.png"]))) == 3
 
 
 def test_tables_hold_landmarks_and_views_exactly(exported):

@@ -10,11 +10,11 @@ from photoclinometry.io.rasters.geotiff import read_dtm, read_dtm_mesh
 from photoclinometry.io.rasters.globe import find_globe, geographic, name_of, semi_axes
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, align_similarity, unit
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.output.export import ExportOptions
 from photoclinometry.output.export.frame import Framed
 from photoclinometry.output.export.maps import write_maps
 from photoclinometry.output.export.plane import height_gradient, map_plane
-from photoclinometry.photometry.render import landmark_faces
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.simulate.truth import nearest_surface
 from photoclinometry.simulate.truth_file import read_truth

@@ -188,6 +188,26 @@ def test_the_command_takes_a_body_folder(egg, tmp_path, capsys):
     assert phomo("export", tmp_path / "body" / "body.ply", "--out", tmp_path / "two", "--products", "ply") == 0
 
 
+@pytest.mark.parametrize("given", [{"density_kg_m3": 1000.0}, {"correlation_m": 5.0}])
+def test_what_is_in_metres_needs_a_model_in_metres(egg, tmp_path, given):
+    with pytest.raises(InputError, match=r"body\.ply: its unit is not known: --.* goes with --unit-m"):
+        export_shape(
+            replace(egg, unit=None), tmp_path / "out", ExportOptions(products=("properties",)), ShapeOptions(**given)
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_maps_finer_than_memory_allows_are_refused(egg, tmp_path):
+    pytest.importorskip("rasterio")
+    with pytest.raises(InputError, match=r"--resolution 0\.001 m makes a map of more than .* pixels"):
+        export_shape(egg, tmp_path / "out", ExportOptions(products=("maps",), resolution=0.001))
+
+
+def test_names_outside_of_ascii_are_written_with_marks(egg, tmp_path):
+    export_shape(egg, tmp_path / "out", ExportOptions(products=("fits",), body="Bénnu"), name="körper.ply")
+    assert list((tmp_path / "out").glob("*.fits"))
+
+
 def test_options_of_bodies_are_refused_for_places(tmp_path, capsys):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "scene.h5").write_bytes(b"-")

@@ -186,7 +186,7 @@ def test_a_profile_has_the_landmarks_values_sigmas_and_distances(stride):
     assert found.sigma is not None
     np.testing.assert_allclose(found.sigma, scene.grid(LAYERS["height-sigma"].values(scene))[4], atol=1e-9)
     place = scene.grid(local_frame(scene).inverse()(scene.landmarks.position)[:, :2])[4] / scene.gsd
-    assert found.distance[-1] == pytest.approx(np.linalg.norm(place[-1] - place[0]))
+    assert found.distance[-1] - found.distance[0] == pytest.approx(np.linalg.norm(place[-1] - place[0]), rel=1e-4)
     assert (np.diff(found.distance) > 0).all()
 
 
@@ -204,8 +204,19 @@ def test_a_profile_follows_the_true_ground():
     local = frame.inverse()(point) / scene.gsd
     np.testing.assert_allclose(found.value, local[:, 2], atol=0.03)
     along = (local[:, :2] - local[0, :2]) @ unit(local[-1, :2] - local[0, :2])
-    np.testing.assert_allclose(found.distance, along, atol=0.02)
+    np.testing.assert_allclose(found.distance - found.distance[0], along, atol=0.02)
     assert found.sigma is None
+
+
+def test_a_profile_begins_where_its_first_end_is_and_not_where_the_map_is(scene, ax):
+    """From 21 px beside the map: its first landmark is 21 px along, and A is at the end."""
+    region, y = scene.region, scene.region.row + 5.5
+    near, far = (profile(scene, LAYERS["albedo"], (region.col - x, y), (region.col + 39.5, y)) for x in (0.5, 21.5))
+    first = [float(each.distance[np.isfinite(each.distance)][0]) for each in (near, far)]
+    assert first[1] - first[0] == pytest.approx(21.0, abs=0.5)
+    assert far.length - near.length == pytest.approx(21.0, abs=0.5)
+    pcm.plot_profile(scene, (region.col - 21.5, y), (region.col + 39.5, y), layer="albedo", ax=ax)
+    assert ax.get_xlim() == (0.0, pytest.approx(far.length))
 
 
 def test_a_profile_has_a_gap_where_the_map_has_a_hole(scene):

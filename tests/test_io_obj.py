@@ -39,3 +39,10 @@ def test_what_is_no_mesh_is_refused(tmp_path, text, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_obj(tmp_path / "none.obj")
+
+
+def test_corners_counted_backwards_begin_at_the_last_vertex_before_the_face(tmp_path):
+    """As programs write parts one after another."""
+    parts = [f"v 0 0 {z}\nv 1 0 {z}\nv 0 1 {z}\nf -3 -2 -1\n" for z in (0, 1)]
+    (tmp_path / "a.obj").write_text("".join(parts))
+    np.testing.assert_array_equal(read_obj(tmp_path / "a.obj")[1], [[0, 1, 2], [3, 4, 5]])

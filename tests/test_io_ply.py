@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from photoclinometry.io.meshes.ply import grid_faces, read_ply, write_ply
+from photoclinometry.io.meshes.ply import read_ply, write_ply
 from photoclinometry.io.meshes.ply_elements import read_elements
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Landmarks
 from scenes import synthetic_scene
 
@@ -79,11 +80,11 @@ def test_faces_of_the_grid_look_along_the_outward_normals(tmp_path, scene):
     assert cosine.min() > 0.9
 
 
-def test_faces_leave_out_cells_with_a_missing_corner(scene):
+def test_cells_with_a_missing_corner_have_one_triangle(scene):
     inner = 3 * 8 + 3
     holed = keep(scene, np.delete(np.arange(64), inner))
-    assert len(grid_faces(holed)) == 2 * (49 - 4)
-    assert len(grid_faces(keep(scene, [0, 1, 8]))) == 0
+    assert len(landmark_faces(holed)) == 2 * (49 - 4) + 4
+    assert len(landmark_faces(keep(scene, [0, 1]))) == 0
 
 
 ASCII = """ply

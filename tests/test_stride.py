@@ -12,7 +12,6 @@ from photoclinometry.adjust.groups import setup_of
 from photoclinometry.adjust.tie_points import with_tie_points
 from photoclinometry.body.tile_map import tile_map
 from photoclinometry.evaluate.compare import evaluate_against_truth
-from photoclinometry.io.meshes import ply
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.site import RegionRequest, read_site, write_site
 from photoclinometry.matching import Matches
@@ -23,9 +22,10 @@ from photoclinometry.matching.interface import MatchSetup, padded_region
 from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_reference
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.region import Region
 from photoclinometry.output.figures.draw import region_extent
-from photoclinometry.photometry.render import landmark_brightness, landmark_faces, render_reference, render_view
+from photoclinometry.photometry.render import landmark_brightness, render_reference, render_view
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.pipeline.run_folder import adopt_stages
 from photoclinometry.sfm.region import RegionOptions
@@ -98,10 +98,10 @@ def test_a_mesh_joins_neighbours_on_the_grid(scene, stride):
     thin = thinned(scene, stride)
     rows, cols = thin.region.grid_shape
     assert len(thin.landmarks) == rows * cols
-    for faces in (landmark_faces(thin), ply.grid_faces(thin)):
-        assert len(faces) == 2 * (rows - 1) * (cols - 1)
-        corners = thin.landmarks.pixel[faces]
-        np.testing.assert_array_equal(np.ptp(corners, axis=1), np.full((len(faces), 2), stride))
+    faces = landmark_faces(thin)
+    assert len(faces) == 2 * (rows - 1) * (cols - 1)
+    corners = thin.landmarks.pixel[faces]
+    np.testing.assert_array_equal(np.ptp(corners, axis=1), np.full((len(faces), 2), stride))
 
 
 def test_a_map_on_its_grid_lies_where_its_pixels_are():

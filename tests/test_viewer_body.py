@@ -416,6 +416,23 @@ def test_a_profile_over_a_sphere_is_an_arc(window, sphere, folder):
 
 
 @needs_browser
+def test_the_scale_bar_is_of_the_ground_and_the_wheel_stops_above_it(window, sphere):
+    """Of the sphere at the point below the camera, near by and far away."""
+    window.open(sphere[0])
+    width, height = window.run("return viewer.size()")
+    ratio = window.run("return viewer.ratio()")
+    for _ in range(12):
+        center, focal = window.run("const c = viewer.camera(); return [c.center, c.focal[0]]")
+        above = np.linalg.norm(center) - RADIUS
+        assert above > 0.01 * RADIUS
+        bar = window.run("return viewer.groundPerPixel()") * focal
+        assert bar == pytest.approx(above, rel=0.1, abs=0.02 * RADIUS)
+        window.wheel(0.5 * width / ratio, 0.5 * height / ratio, -400)
+        window.settle()
+    assert above < 0.1 * RADIUS
+
+
+@needs_browser
 def test_areas_are_of_the_side_that_is_pointed_at(window, sphere):
     """A region around a point of a sphere: neither the ground behind the body nor more than its own."""
     file, vertices = sphere

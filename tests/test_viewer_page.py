@@ -291,6 +291,14 @@ def test_as_in_an_image_takes_its_sun_and_its_camera(page, scene):
     assert page.run("return document.getElementById('sun-of').value") == ""
 
 
+def test_the_sun_of_an_image_leaves_the_camera_of_another(page):
+    page.set("camera-of", "2")
+    before = page.run("return viewer.camera().center")
+    page.set("sun-of", "1")
+    assert page.run("return viewer.camera().center") == before
+    assert page.run("return document.getElementById('sun-of').value") == "1"
+
+
 def shown_in_image_pixels(page, view, compare):
     """The picture of a view's camera, one pixel each of its image: (height, width) brightness, and its place."""
     page.set("camera-of", str(view))

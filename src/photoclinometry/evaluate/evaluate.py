@@ -15,6 +15,7 @@ import numpy as np
 from photoclinometry.evaluate.metrics import photometric_error, psnr, spread
 from photoclinometry.evaluate.sigmas import landmark_sigmas, view_sigmas
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.projection import (
     keypoint_residuals,
 )
@@ -23,7 +24,7 @@ from photoclinometry.photometry.predict import (
     brightness_residuals,
     observation_brightness,
 )
-from photoclinometry.photometry.render import draw_landmarks, landmark_faces, render_view
+from photoclinometry.photometry.render import draw_landmarks, render_view
 
 SHADOW_FRACTION = 0.1
 """A reference pixel darker than this share of the region's median brightness is taken for shadow."""

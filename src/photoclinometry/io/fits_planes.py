@@ -70,7 +70,10 @@ def write_table(path: Path | str, columns: Sequence[Plane], cards: Sequence[Card
 
 def _add(header: Any, cards: Sequence[Card]) -> None:
     for card in cards:
-        header[card.key] = (card.value, card.comment)
+        value = card.value
+        if isinstance(value, str):  # FITS has ASCII alone
+            value = "".join(c if " " <= c <= "~" else "?" for c in value)
+        header[card.key] = (value, card.comment)
 
 
 def _write(path: Path | str, hdus: Any) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from photoclinometry.io.meshes.ply import PlyMap, grid_faces, read_ply
+from photoclinometry.io.meshes.ply import PlyMap, read_ply
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Scene
 
 
@@ -45,5 +46,5 @@ def scene_as_reference(scene: Scene) -> Reference:
     """The surface of a scene, with the poses of its views."""
     landmarks = scene.landmarks
     albedo = None if scene.reflectance is None else landmarks.albedo
-    surface = PlyMap(landmarks.position, landmarks.normal, albedo, grid_faces(scene))
+    surface = PlyMap(landmarks.position, landmarks.normal, albedo, landmark_faces(scene))
     return Reference(surface, scene.views.name, scene.views.body_from_cam)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from photoclinometry.model.scene import Scene
 
 STRETCH_LIMIT = 6.0
 """A triangle with an edge longer than this many median edges spans a jump in depth, not a surface."""
@@ -29,3 +34,11 @@ def grid_faces(position: np.ndarray, present: np.ndarray) -> np.ndarray:
     corner = position.reshape(-1, 3)[faces]
     edge = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1)
     return faces[(edge < STRETCH_LIMIT * np.median(edge)).all(-1)]
+
+
+def landmark_faces(scene: Scene) -> np.ndarray:
+    """Triangles (F, 3) of landmark indices over the map's grid (`grid_faces`), counter-clockwise as seen by the
+    reference view, so that they face outwards."""
+    position = scene.grid(scene.landmarks.position)
+    index = scene.grid(np.arange(len(scene.landmarks)), fill=0).astype(np.int64).ravel()
+    return index[grid_faces(position, np.isfinite(position[..., 0]))]

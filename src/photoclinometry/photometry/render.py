@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.model.geometry import unit
-from photoclinometry.model.mesh import grid_faces
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.scene import Scene, Surroundings
 from photoclinometry.photometry.initialize import landmark_spacing_px
@@ -83,13 +83,6 @@ def render_reference(
     image = scene.grid(landmark_brightness(scene, view, sun, **options))
     mask = np.isfinite(image)
     return np.where(mask, image, 0.0), mask
-
-
-def landmark_faces(scene: Scene) -> np.ndarray:
-    """Triangles (F, 3) of landmark indices over the map's grid (`grid_faces`)."""
-    position = scene.grid(scene.landmarks.position)
-    index = scene.grid(np.arange(len(scene.landmarks)), fill=0).astype(np.int64).ravel()
-    return index[grid_faces(position, np.isfinite(position[..., 0]))]
 
 
 def render_view(

@@ -19,12 +19,13 @@ from photoclinometry.io import run_files
 from photoclinometry.io.held_out import NAME as HELD_OUT_FILE
 from photoclinometry.io.held_out import read_held_out
 from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.option_fields import changed
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.scene import Scene, join_views
 from photoclinometry.photometry.initialize import sample_brightness
-from photoclinometry.photometry.render import draw_landmarks, landmark_faces
+from photoclinometry.photometry.render import draw_landmarks
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.run import run
 from photoclinometry.pipeline.run_folder import adopt_stages

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Landmarks, Scene, join_views
-from photoclinometry.photometry.render import landmark_faces, render_view
+from photoclinometry.photometry.render import render_view
 from photoclinometry.rivals.integrate import surface_normals
 from photoclinometry.rivals.problem import Problem
 

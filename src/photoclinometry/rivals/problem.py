@@ -13,9 +13,10 @@ from photoclinometry.io import run_files
 from photoclinometry.io.held_out import NAME as HELD_OUT_FILE
 from photoclinometry.io.held_out import read_held_out
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Image, Scene, Views, join_views
 from photoclinometry.photometry.predict import reflectance_of
-from photoclinometry.photometry.render import draw_landmarks, landmark_faces
+from photoclinometry.photometry.render import draw_landmarks
 
 
 @dataclass(frozen=True, kw_only=True)

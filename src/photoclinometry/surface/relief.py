@@ -59,6 +59,14 @@ def heights(scene: Scene) -> np.ndarray:
     return local_frame(scene).inverse()(scene.landmarks.position)[:, 2]
 
 
+def on_mean_plane(scene: Scene, pixels: np.ndarray) -> np.ndarray:
+    """Where the rays of reference pixels (..., 2) meet the map's mean plane (..., 3), in B."""
+    frame, pose = local_frame(scene), scene.views.body_from_cam[scene.reference]
+    rays, up = scene.views.cameras[scene.reference].ray_in_cam(pixels) @ pose.rotation.T, frame.rotation[:, 2]
+    distance = (frame.translation - pose.translation) @ up / (rays @ up)
+    return pose.translation + distance[..., None] * rays
+
+
 def sun_from_angles(body_from_local: Rigid, azimuth: float, elevation: float) -> np.ndarray:
     """Unit vector (3,) in B from azimuth, clockwise from the local y, and elevation above the plane [rad]."""
     flat = np.cos(elevation)

@@ -19,15 +19,16 @@ from photoclinometry.model.errors import InputError
 def read_obj(path: Path | str) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) float64 and triangles (F, 3) int64; larger polygons are cut into fans. Raises InputError."""
     path = Path(path)
-    vertex_lines, face_lines = [], []
+    vertex_lines, face_lines, seen = [], [], []
     for line in read_bytes(path).splitlines():
         if line.startswith(b"v "):
             vertex_lines.append(line)
         elif line.startswith(b"f "):
             face_lines.append(line)
+            seen.append(len(vertex_lines))
     try:
         vertices = _vertices(vertex_lines)
-        faces = _faces(face_lines, len(vertices))
+        faces = _faces(face_lines, seen)
     except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: is not a complete OBJ file ({error}); export it again") from error
     if len(vertices) == 0 or len(faces) == 0:
@@ -82,11 +83,16 @@ def _vertices(lines: list[bytes]) -> np.ndarray:
     return np.array(words, np.float64).reshape(-1, 3)
 
 
-def _faces(lines: list[bytes], vertices: int) -> np.ndarray:
-    """(F, 3) rows of the vertices. Corners are `v`, `v/vt/vn` or `v//vn`, counted from 1, or backwards from -1."""
+def _faces(lines: list[bytes], seen: list[int]) -> np.ndarray:
+    """(F, 3) rows of the vertices. Corners are `v`, `v/vt/vn` or `v//vn`, counted from 1, or backwards from -1, the
+    last vertex before the face.
+
+    seen: how many vertices stand before each face.
+    """
     corners = [[word.split(b"/", 1)[0] for word in line.split()[1:]] for line in lines]
     index = np.array([word for corner in corners for word in corner], np.int64)
     if (index == 0).any():
         raise ValueError("a face refers to vertex 0, but vertices count from 1")
-    index = np.where(index > 0, index - 1, index + vertices)
-    return fan_triangles(np.array([len(corner) for corner in corners], np.int64), index)
+    lengths = np.array([len(corner) for corner in corners], np.int64)
+    index = np.where(index > 0, index - 1, index + np.repeat(np.array(seen, np.int64), lengths))
+    return fan_triangles(lengths, index)

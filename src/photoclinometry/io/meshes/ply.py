@@ -16,6 +16,7 @@ import numpy as np
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.meshes.ply_elements import Columns, read_elements
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Scene
 
 UNIT_COMMENT = "body-fixed frame, unit of length"
@@ -39,10 +40,10 @@ class PlyMap:
 
 
 def write_ply(path: Path | str, scene: Scene, mesh: bool = False) -> None:
-    """The scene's landmarks, in B; with `mesh` also the triangles of `grid_faces`. Raises RunFolderError."""
+    """The scene's landmarks, in B; with `mesh` also the triangles of `landmark_faces`. Raises RunFolderError."""
     vertices = _vertices(scene)
     unit = scene.unit or "as the scene"
-    write_table_ply(path, vertices, grid_faces(scene) if mesh else None, unit)
+    write_table_ply(path, vertices, landmark_faces(scene) if mesh else None, unit)
 
 
 def write_mesh_ply(path: Path | str, vertices: np.ndarray, faces: np.ndarray, albedo: np.ndarray) -> None:
@@ -102,21 +103,6 @@ def read_ply(path: Path | str) -> PlyMap:
             raise InputError(f"{path}: faces refer to vertices that do not exist; export it again")
     normal = _columns(path, vertex, ("nx", "ny", "nz"))
     return PlyMap(position, normal, None if albedo is None else albedo[:, 0], faces)
-
-
-def grid_faces(scene: Scene) -> np.ndarray:
-    """(m, 3) int32 landmark indices: two triangles per cell of the map's grid whose four corners are landmarks.
-
-    They turn counter-clockwise in the reference image, so that they face outwards.
-    """
-    index = np.full(scene.region.grid_shape, -1, np.int32)
-    index[scene.cells] = np.arange(len(scene.landmarks))
-    upper_left, upper_right = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
-    lower_left, lower_right = index[1:, :-1].ravel(), index[1:, 1:].ravel()
-    whole = np.min([upper_left, upper_right, lower_left, lower_right], axis=0) >= 0
-    first = np.stack([upper_left, lower_left, lower_right], -1)[whole]
-    second = np.stack([upper_left, lower_right, upper_right], -1)[whole]
-    return np.stack([first, second], 1).reshape(-1, 3)
 
 
 def _vertices(scene: Scene) -> np.ndarray:

@@ -13,13 +13,13 @@ import numpy as np
 from photoclinometry.io.rasters.cog import Band, RasterPlace, write_cog
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Scene
 from photoclinometry.output.export.corrected import corrected_reflectance
 from photoclinometry.output.export.frame import Framed
 from photoclinometry.output.export.grid import MapGrid, grid_around, resample, resample_heights
 from photoclinometry.output.export.plane import Plane, map_plane
 from photoclinometry.output.export.sigma import sigma_along, sigma_mean
-from photoclinometry.photometry.render import landmark_faces
 
 if TYPE_CHECKING:
     from photoclinometry.output.export.options import ExportOptions

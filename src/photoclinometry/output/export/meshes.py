@@ -10,9 +10,9 @@ import numpy as np
 from photoclinometry.io.meshes.gltf import write_glb
 from photoclinometry.io.meshes.obj import write_obj
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Scene
 from photoclinometry.output.export.frame import Framed
-from photoclinometry.photometry.render import landmark_faces
 from photoclinometry.surface.sampling import filled_from_nearest
 
 

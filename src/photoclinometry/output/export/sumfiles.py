@@ -54,8 +54,9 @@ def _per_axis(scene: Scene, name: str, view: int) -> tuple[float, float, float] 
 
 
 def sumfile_names(names: Sequence[str]) -> list[str]:
-    """The images' names without folder and suffix; with the folder if they would not differ otherwise."""
-    stems = [PurePosixPath(name).stem for name in names]
-    if len(set(stems)) == len(stems):
-        return stems
-    return [str(PurePosixPath(name).with_suffix("")).replace("/", "_") for name in names]
+    """The images' names without folder and suffix; with these, or a number besides, if they would not differ."""
+    paths = [PurePosixPath(name) for name in names]
+    for short in ([path.stem for path in paths], [str(path.with_suffix("")).replace("/", "_") for path in paths]):
+        if len(set(short)) == len(short):
+            return short
+    return [f"{str(path).replace('/', '_').replace('.', '_')}_{number:03d}" for number, path in enumerate(paths)]

@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.figures.layers import length_unit
-from photoclinometry.surface.relief import local_frame
+from photoclinometry.surface.relief import local_frame, on_mean_plane
 
 _BAR_SHARE = 0.32
 """Longest scale bar as a share of the map's width."""
@@ -52,15 +52,9 @@ def ground_per_pixel(scene: Scene) -> np.ndarray:
 
     In the middle of the map.
     """
-    frame = local_frame(scene)
-    region, camera = scene.region, scene.views.cameras[scene.reference]
-    pose = scene.views.body_from_cam[scene.reference]
+    region = scene.region
     middle = np.array([region.col + 0.5 * region.width, region.row + 0.5 * region.height])
-    ends = np.array([[[-0.5, 0.0], [0.5, 0.0]], [[0.0, -0.5], [0.0, 0.5]]])
-    rays = camera.ray_in_cam(middle + ends) @ pose.rotation.T
-    up = frame.rotation[:, 2]
-    distance = (frame.translation - pose.translation) @ up / (rays @ up)
-    point = distance[..., None] * rays
+    point = on_mean_plane(scene, middle + np.array([[[-0.5, 0.0], [0.5, 0.0]], [[0.0, -0.5], [0.0, 0.5]]]))
     return np.linalg.norm(point[:, 1] - point[:, 0], axis=-1)
 
 

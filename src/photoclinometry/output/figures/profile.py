@@ -11,7 +11,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.figures.layers import Layer, find_layer, length_unit
-from photoclinometry.surface.relief import local_frame
+from photoclinometry.surface.relief import local_frame, on_mean_plane
 from photoclinometry.surface.sampling import sample
 
 Pixel = tuple[float, float]
@@ -32,6 +32,8 @@ class Profile:
 
     pixel: np.ndarray
     """(n, 2) places in the reference image [px]."""
+    length: float
+    """Between the ends, along the mean plane [metres, or GSD]."""
     distance: np.ndarray
     """(n,) along the mean plane from the first end [metres, or GSD]; NaN where there is no landmark around."""
     value: np.ndarray
@@ -52,7 +54,8 @@ def profile(scene: Scene, layer: Layer, start: Pixel, end: Pixel) -> Profile:
         raise InputError(f"profile from {start} to {end}: give two different places as x y, in reference pixels")
     steps = int(np.ceil(np.linalg.norm(ends[1] - ends[0]) / scene.region.stride))
     pixel = np.linspace(ends[0], ends[1], max(steps, 1) + 1)
-    local = local_frame(scene).inverse()(scene.landmarks.position)[:, :2]
+    to_local = local_frame(scene).inverse()
+    local = to_local(scene.landmarks.position)[:, :2]
     sigma = layer.sigma(scene)
     columns = [*local.T, layer.values(scene), *([] if sigma is None else [sigma])]
     found = _along(scene, np.stack(columns, -1), pixel)
@@ -63,10 +66,12 @@ def profile(scene: Scene, layer: Layer, start: Pixel, end: Pixel) -> Profile:
             f"the profile from {start} to {end} misses the map, which has columns {region.col} to "
             f"{region.col + region.width} and rows {region.row} to {region.row + region.height} of the reference image"
         )
-    place = found[:, :2]
-    way = unit(place[there][-1] - place[there][0])
-    distance = (place - place[there][0]) @ way * length_unit(scene)[0]
-    return Profile(pixel=pixel, distance=distance, value=found[:, 2], sigma=None if sigma is None else found[:, 3])
+    first, last = to_local(on_mean_plane(scene, ends))[:, :2]
+    distance = (found[:, :2] - first) @ unit(last - first) * length_unit(scene)[0]
+    length = float(np.linalg.norm(last - first)) * length_unit(scene)[0]
+    return Profile(
+        pixel=pixel, length=length, distance=distance, value=found[:, 2], sigma=None if sigma is None else found[:, 3]
+    )
 
 
 def plot_profile(axes: Axes, scene: Scene, start: Pixel, end: Pixel, *, name: str = "height") -> Axes:
@@ -85,11 +90,10 @@ def plot_profile(axes: Axes, scene: Scene, start: Pixel, end: Pixel, *, name: st
         label = "± 1 σ" + (", with the map's place on the body" if placed else "")
         axes.fill_between(drawn.distance, low, high, color=_CURVE, alpha=_BAND_ALPHA, linewidth=0.0, label=label)
     axes.plot(drawn.distance, drawn.value, color=_CURVE, linewidth=1.0)
-    far = float(np.nanmax(drawn.distance))
-    axes.set_xlim(0.0, far)
+    axes.set_xlim(0.0, drawn.length)
     axes.set_xlabel(f"distance [{length_unit(scene)[1]}]")
     axes.set_ylabel(layer.label(scene))
-    for x, words, side in ((0.0, ENDS[0], "left"), (far, ENDS[1], "right")):
+    for x, words, side in ((0.0, ENDS[0], "left"), (drawn.length, ENDS[1], "right")):
         axes.annotate(words, (x, 1.0), (0.0, 2.0), ("data", "axes fraction"), "offset points", ha=side, va="bottom")
     if drawn.sigma is not None:
         axes.legend(frameon=False, fontsize="small", loc="best")

@@ -63,7 +63,7 @@ def write_body_report(
                 "Orthographic; north is up, 0° E is up in the views of the poles.",
                 _sides(work, shape, rays),
             ),
-            ("What is known where", "Grey: nothing was mapped.", _figures(work, shape, rays, body.gsd, step)),
+            ("What is known where", "Grey: nothing was mapped.", _figures(work, body, rays, step)),
             ("Tiles", "Each is the folder of a run, with a report of its own.", page.mapping_table(content.tiles)),
             ("Images", "", page.mapping_table(content.views)),
             ("Stages", "", page.mapping_table(content.stages)),
@@ -101,12 +101,14 @@ def _sides(work: Path, shape: ShapeModel, rays: MeshRays) -> str:
     return page.figures([("sides.png", "The surface, shaded by the normals at its vertices.")], "grid wide")
 
 
-def _figures(work: Path, shape: ShapeModel, rays: MeshRays, gsd: float, step: np.ndarray) -> str:
+def _figures(work: Path, body: ViewedBody, rays: MeshRays, step: np.ndarray) -> str:
+    shape, gsd = body.shape, body.gsd
+    albedo = "Normal albedo" if body.brightness == "iof" else "Relative albedo"
     none = np.full(len(shape.vertices), np.nan)
     views = none if shape.views is None else np.where(shape.views > 0, shape.views, np.nan)
     tile = none if shape.tile is None else np.where(shape.tile >= 0, shape.tile, np.nan)
     drawn = (
-        ("albedo", "Normal albedo", none if shape.albedo is None else shape.albedo, "gray"),
+        ("albedo", albedo, none if shape.albedo is None else shape.albedo, "gray"),
         ("height_sigma", "Standard deviation of height [GSD]", shape.sigma.get("height", none) / gsd, "viridis"),
         ("normal_sigma", "Standard deviation of normals [°]", np.degrees(shape.sigma.get("normal", none)), "viridis"),
         ("step", "Scatter of heights between overlapping tiles [GSD]", step / gsd, "magma"),

@@ -15,12 +15,13 @@ import numpy as np
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
 from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.viewer.arrays import packed, share_of_peak, three_digits
 from photoclinometry.output.viewer.pictures import pictures
 from photoclinometry.output.viewer.views import reflectance_content, views_content
-from photoclinometry.photometry.render import averaging_sigma, landmark_faces
+from photoclinometry.photometry.render import averaging_sigma
 from photoclinometry.surface.relief import local_frame
 
 FORMAT = 1

@@ -61,8 +61,10 @@ def export_shape(
     options, shape_options = options or ExportOptions(), shape_options or ShapeOptions()
     _check_options(options)
     where = str(path or name)
+    shape = _in_metres(shape, options.unit_m)
+    _check_metres(shape, shape_options, where)
     placed = placed_shape(
-        _in_metres(shape, options.unit_m),
+        shape,
         name,
         shape_options,
         where=where,
@@ -120,9 +122,16 @@ def _in_metres(shape: ShapeModel, unit_m: float | None) -> ShapeModel:
     return shape.moved(Similarity(scale, np.eye(3), np.zeros(3)), "m")
 
 
+def _check_metres(shape: ShapeModel, options: ShapeOptions, where: str) -> None:
+    """Raises InputError for options in metres of a model whose unit is not known."""
+    for name in ("density_kg_m3", "correlation_m"):
+        if shape.unit != "m" and getattr(options, name) is not None:
+            raise InputError(f"{where}: its unit is not known: --{name.replace('_', '-')} goes with --unit-m")
+
+
 def _frame_words(placed: PlacedShape) -> str:
     unit = "in metres" if placed.shape.unit == "m" else "in an unknown unit"
-    return f"body-fixed, that of {placed.name}, {unit}"
+    return f"that of {placed.name}, {unit}"
 
 
 def _not_possible(placed: PlacedShape) -> Mapping[str, str]:

@@ -16,6 +16,7 @@ import numpy as np
 from photoclinometry.io.rasters.cog import Band, RasterPlace, write_cog
 from photoclinometry.io.rasters.globe import geographic
 from photoclinometry.io.rasters.projection import body_projections
+from photoclinometry.model.errors import InputError
 from photoclinometry.output.export.grid import MAX_PIXELS, MapGrid
 from photoclinometry.output.export.shape.ground import Ground
 from photoclinometry.output.export.shape.placed import PlacedShape
@@ -85,7 +86,13 @@ def layers(ground: Ground) -> Iterator[Layer]:
 
 def pixel_width(placed: PlacedShape, radius: float) -> float:
     """Width of a pixel [m]: as asked for, or about the mean edge of the model, so that 180 degrees are whole pixels."""
-    asked = placed.resolution or max(placed.edge, math.pi * radius * math.sqrt(2.0 / MAX_PIXELS))
+    finest = math.pi * radius * math.sqrt(2.0 / MAX_PIXELS)
+    if placed.resolution is not None and placed.resolution < finest:
+        raise InputError(
+            f"--resolution {placed.resolution:g} m makes a map of more than {MAX_PIXELS:.2g} pixels of a body of "
+            f"radius {radius:.4g} m; give {finest:.3g} m or more"
+        )
+    asked = placed.resolution or max(placed.edge, finest)
     return math.pi * radius / max(1, round(math.pi * radius / asked))
 
 

@@ -52,7 +52,7 @@ function actionsOnPoints(viewer) {
       const found = surfaceAt(viewer.renderer, pixel);
       viewer.hover(pixel);
       if (!most[state.tool]) return;
-      if (!found) byId("tool-hint").textContent = NO_GROUND;
+      if (!found || !vectorAt(map, map.position, found.place)) byId("tool-hint").textContent = NO_GROUND;
       else update({ points: [...(state.points.length < most[state.tool] ? state.points : []), found.place] });
     },
     savePng() {

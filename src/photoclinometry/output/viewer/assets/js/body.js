@@ -27,6 +27,7 @@ const BODY = {
   northOf: (scene) => ({ direction: [0, 0, 1], name: scene.place.body_fixed ? "N" : "z" }),
   arrowToSun: (sun, camera) => ({ direction: sun, across: Math.hypot(...turned(camera.camFromLocal, sun).slice(0, 2)) }),
   planeNormal: (camera) => camera.camFromLocal.slice(6, 9),
+  depthInMiddle: depthOfGround,
   isHidden: (camera, point, normal) => dot(subtract(camera.center, point), normal) < 0,
   shadeSun: (camera) => turned(transposed(camera.camFromLocal), unit(LIGHT_IN_CAM)),
   shadeMean: () => SPHERE_MEAN,
@@ -51,6 +52,25 @@ const BODY = {
   cellsOfPenumbra: () => 0,
   sky: SUN_MAP,
 };
+
+const LOOKED_AT = 20000; // vertices, of a larger map evenly chosen
+const MIDDLE = 0.1; // share of the picture's smaller side: of vertices within this of the middle, the nearest is the ground
+
+/** Depth of the ground in the middle of the picture, or of what is seen nearest to it. */
+function depthOfGround(map, camera, size) {
+  const step = Math.max(1, Math.floor(map.count / LOOKED_AT));
+  const reach = MIDDLE * Math.min(size[0], size[1]);
+  const farthest = projected(camera, [0, 0, 0])[2]; // what lies beyond is on the other side
+  let [within, beside, off] = [Infinity, farthest, Infinity];
+  for (let j = 0; j < map.count; j += step) {
+    const [x, y, depth] = projected(camera, positionOf(map, j));
+    if (!(depth > 0 && depth < farthest)) continue;
+    const away = Math.hypot(x - size[0] / 2, y - size[1] / 2);
+    if (away < reach) within = Math.min(within, depth);
+    else if (away < off) [beside, off] = [depth, away];
+  }
+  return Number.isFinite(within) ? within : beside;
+}
 
 /** Heading and tilt of the free camera that looks from a direction (unit vector) towards the middle. */
 function lookAlong(from) {

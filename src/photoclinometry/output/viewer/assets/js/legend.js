@@ -46,14 +46,12 @@ function drawColourBar(pen, size, table, limits, title) {
 }
 
 /** Length of ground of one pixel of the picture, in the middle of it. */
-function groundPerPixel(camera, size, ground) {
-  const middle = onPlane(camera, [size[0] / 2, size[1] / 2], [0, 0, 0], ground.planeNormal(camera)) ?? [0, 0, 0];
-  return projected(camera, middle)[2] / camera.focal[0];
-}
+const groundPerPixel = (map, camera, size) => map.ground.depthInMiddle(map, camera, size) / camera.focal[0];
 
-function drawScaleBar(pen, size, camera, { scene, ground }) {
+function drawScaleBar(pen, size, camera, map) {
+  const { scene } = map;
   const r = pen.ratio;
-  const perPixel = groundPerPixel(camera, size, ground);
+  const perPixel = groundPerPixel(map, camera, size);
   const bar = roundStep(perPixel * 160 * r, 1.6);
   const pixels = bar / perPixel;
   const [x, y] = [20 * r, size[1] - 24 * r];

@@ -66,6 +66,7 @@ async function open() {
     laterSun: laterSunByDay,
     draw: (level) => draw(viewer, level),
     surfaceAt: (pixel) => surfaceAt(viewer.renderer, pixel),
+    groundPerPixel: () => groundPerPixel(map, viewer.camera(), viewer.size()),
     labels: () => labelsOf(map.scene.views),
     cameraMarks: () => map.scene.views.map((view) => projected(viewer.camera(), cameraMark(map, view)).slice(0, 2)),
     contourLabels: (interval) => contourLabels(viewer.renderer, interval, viewer.ratio()),

@@ -100,8 +100,11 @@ function listenToInputs(viewer) {
   on("contour", (input) => store.update({ contour: Math.max(input.valueAsNumber || 0, 0) }));
   on(
     "sun-of",
-    (input) =>
-      input.value !== "" && store.update({ view: Number(input.value), ...sunAsIn(map.scene.views[input.value]) }),
+    (input) => {
+      if (input.value === "") return;
+      const view = store.state.camera === "image" ? {} : { view: Number(input.value) }; // an image's camera stays
+      store.update({ ...view, ...sunAsIn(map.scene.views[input.value]) });
+    },
   );
   on("camera-of", (input) => viewer.takeCamera(input.value === "" ? null : Number(input.value)));
 }

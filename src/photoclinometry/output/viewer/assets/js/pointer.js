@@ -88,6 +88,8 @@ function pan(viewer, before, now) {
     });
 }
 
+const NEAREST = 0.02; // the camera comes no nearer to the ground [radii of the map]
+
 /** Zooms so that what is under a pixel stays there. */
 function zoomBy(viewer, factor, pixel) {
   const { state, update } = viewer.store;
@@ -99,8 +101,9 @@ function zoomBy(viewer, factor, pixel) {
     return;
   }
   const { radius, ground: kind } = viewer.map;
-  const distance = clamp(state.distance / factor, 0.02 * radius, 40 * radius);
   const camera = viewer.camera();
+  const height = kind.depthInMiddle(viewer.map, camera, size); // of the camera over the ground
+  const distance = state.distance - height + clamp(height / factor, NEAREST * radius, 40 * radius);
   const ground = onPlane(camera, pixel, state.target, kind.planeNormal(camera));
   const share = 1 - distance / state.distance;
   const near = ground && length(subtract(ground, state.target)) < 3 * radius;

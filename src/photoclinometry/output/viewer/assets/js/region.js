@@ -23,6 +23,8 @@ const REGION = {
   northOf,
   arrowToSun: ([x, y]) => ({ direction: unit([x, y, 1e-9]), across: Math.hypot(x, y) }),
   planeNormal: () => [0, 0, 1], // of the plane in which the ground follows the pointer
+  depthInMiddle: (map, camera, size) =>
+    projected(camera, onPlane(camera, [size[0] / 2, size[1] / 2], [0, 0, 0], [0, 0, 1]) ?? [0, 0, 0])[2],
   isHidden: () => false, // whether a mark on the ground is on its far side
   shadeSun: () => SHADE_SUN,
   shadeMean: (map) => meanCosine(map, SHADE_SUN),

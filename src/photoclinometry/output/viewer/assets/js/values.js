@@ -10,7 +10,8 @@ function valuesAt(map, place, state, center) {
   const rows = [
     ...ground.placeRows(scene, place, position),
     [ground.heightName, withSigma(ground.heightOf(position), of(map.sigma_height), ` ${name}`)],
-    [ground.slopeName, withSigma(of(map.slope), of(map.sigma_normal), "°")],
+    // A slope is one of the two axes of a normal's error.
+    [ground.slopeName, withSigma(of(map.slope), of(map.sigma_normal) / Math.SQRT2, "°")],
   ];
   if (map.albedo) rows.push(["albedo", withSigma(of(map.albedo), (of(map.albedo) * of(map.sigma_albedo)) / 100, "")]);
   rows.push(...anglesAt(map, place, position, state, center));
