@@ -118,7 +118,7 @@ def _at_vertices(
     chosen = _thinned(rng, np.arange(len(found.vertices)))
     at = found.vertices[chosen]
     foot, _ = truth_mesh(at)
-    spacing = np.sqrt(_area(truth) / _SAMPLES)
+    spacing = np.sqrt(surface_area(truth.surface.vertices, truth.surface.faces) / _SAMPLES)
     near = np.linalg.norm(foot - at, axis=1) <= FOUND_WITHIN_GSD * truth.gsd
     near &= KDTree(seen).query(foot)[0] <= max(truth.gsd, 1.5 * spacing)
     if not near.any():
@@ -150,7 +150,8 @@ def mean_around(
     Ground that faces away from the nearest vertex takes no part, such as the other side of a thin edge.
     """
     surface = truth.surface
-    within = np.pi * (_REACH * width) ** 2 / (_area(truth) / len(surface.vertices))
+    area_of_vertex = surface_area(surface.vertices, surface.faces) / len(surface.vertices)
+    within = np.pi * (_REACH * width) ** 2 / area_of_vertex
     distance, near = truth_mesh.tree.query(points, int(np.clip(np.ceil(within), 2, len(surface.vertices))))
     normals = surface.normals[near]
     weight = np.exp(-0.5 * (distance / width) ** 2) if width > 0 else np.zeros(distance.shape)
@@ -169,10 +170,6 @@ def normals_of(shape: ShapeModel) -> np.ndarray:
 
 def _distance(points: np.ndarray, mesh: MeshSurface) -> np.ndarray:
     return np.linalg.norm(points - mesh(points)[0], axis=1)
-
-
-def _area(truth: BodyTruth) -> float:
-    return surface_area(truth.surface.vertices, truth.surface.faces)
 
 
 def _thinned(rng: np.random.Generator, rows: np.ndarray) -> np.ndarray:

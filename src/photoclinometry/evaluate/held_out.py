@@ -196,7 +196,7 @@ def _residual(
     position: np.ndarray, keypoint: np.ndarray, camera: Camera, pose: Rigid, pivot: np.ndarray, extent: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Offsets (n, 2) and their lengths (n,) [px]; derivatives (n, 2, 6) by the points' turn x extent, and shift."""
-    pixel, by_shift = project(pose.rotation, pose.translation, np.array(camera.intrinsics), position)
+    pixel, by_shift = project(pose.rotation, pose.translation, camera.intrinsics, position)
     offset = pixel - keypoint
     by_turn = -by_shift @ skew(position - pivot) / extent
     return offset, np.linalg.norm(offset, axis=-1), np.concatenate([by_turn, by_shift], -1)

@@ -89,7 +89,7 @@ class _MatchedViews:
 
     def pinholes(self) -> PinholeCameras:
         pose = self.body_from_cam[self.index]
-        intrinsics = [(*self.cameras[k].focal_px, *self.cameras[k].principal_px) for k in self.index]
+        intrinsics = [self.cameras[k].intrinsics for k in self.index]
         return PinholeCameras(np.ascontiguousarray(pose.rotation), pose.translation, np.array(intrinsics, float))
 
     def fundamental(self, view: int) -> np.ndarray:

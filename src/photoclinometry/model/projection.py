@@ -26,7 +26,7 @@ def pixel_from_cam(points: np.ndarray, intrinsics: np.ndarray | tuple[float, ...
 
 
 def project(
-    rotation: np.ndarray, center: np.ndarray, intrinsics: np.ndarray, position: np.ndarray
+    rotation: np.ndarray, center: np.ndarray, intrinsics: np.ndarray | tuple[float, ...], position: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (..., 2) of points of B, and their derivatives by position (..., 2, 3) [px per unit of B].
 

@@ -18,7 +18,7 @@ from photoclinometry.model.scene import Scene, Tracks, Views, join_views
 from photoclinometry.plan.exposures import cropped_views
 from photoclinometry.plan.forecast import KINDS, Forecast, stated_at
 from photoclinometry.plan.options import CandidateOptions
-from photoclinometry.plan.place import PlannedViews, views_in, views_that_see
+from photoclinometry.plan.place import PlannedViews, listed, views_in, views_that_see
 from photoclinometry.plan.table import read_table
 from photoclinometry.simulate.trajectory import looking_at
 
@@ -81,8 +81,7 @@ def candidates(planned: PlannedViews, options: CandidateOptions) -> tuple[list[C
 def _of_table(planned: PlannedViews, site: Site) -> tuple[list[Candidate], dict[str, str]]:
     seen, not_seen = views_that_see(site.views, planned.place)
     if not seen:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in not_seen.items())
-        raise InputError(f"{site.path}: none of the {len(site.views)} candidates sees the place. {reasons}")
+        raise InputError(f"{site.path}: none of the {len(site.views)} candidates sees the place. {listed(not_seen)}")
     by_name = {view.name: view for view in site.views}
     views = views_in(planned.body_from_local, [by_name[found.name] for found in seen], site)
     return [Candidate(name=name, view=views[[k]], tries="table") for k, name in enumerate(views.name)], not_seen

@@ -62,10 +62,9 @@ def planned_views(site: Site, options: PlanOptions) -> PlannedViews:
     seen, not_seen = views_that_see(posed, place)
     not_seen |= {view.name: "it has no pose (cam_from_body)" for view in site.views if view.pose_prior is None}
     if len(seen) < MIN_VIEWS:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in not_seen.items())
         raise InputError(
-            f"{site.path}: {len(seen)} of {len(site.views)} views see the place, a map needs {MIN_VIEWS}. {reasons}. "
-            "Choose another place (--at, --point) or other views"
+            f"{site.path}: {len(seen)} of {len(site.views)} views see the place, a map needs {MIN_VIEWS}. "
+            f"{listed(not_seen)}. Choose another place (--at, --point) or other views"
         )
     by_name = {view.name: view for view in posed}
     reference = _reference(site, seen, by_name)
@@ -187,6 +186,11 @@ def views_that_see(posed: Sequence[SiteView], place: Place) -> tuple[list[Sighti
         else:
             seen.append(found)
     return seen, not_seen
+
+
+def listed(not_seen: dict[str, str]) -> str:
+    """Why views do not see the place, in one line."""
+    return "; ".join(f"{name}: {reason}" for name, reason in not_seen.items())
 
 
 def _reference(site: Site, seen: list[Sighting], views: dict[str, SiteView]) -> int:

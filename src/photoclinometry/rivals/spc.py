@@ -273,9 +273,9 @@ def _pointed(scene: Scene, landmark: np.ndarray, keypoint: np.ndarray, seen: np.
 def _turned(views: Views, k: int, position: np.ndarray, keypoint: np.ndarray) -> np.ndarray:
     """body_from_cam rotation (3, 3) of a view that sees points (n, 3) at pixels (n, 2), from its own; reweighted."""
     camera, pose = views.cameras[k], views.body_from_cam[k]
-    intrinsics, weight, rotation = np.array(camera.intrinsics), np.ones(len(position)), pose.rotation
+    weight, rotation = np.ones(len(position)), pose.rotation
     for _ in range(TURN_REWEIGHTINGS):
-        pixel, by_position = project(rotation, pose.translation, intrinsics, position)
+        pixel, by_position = project(rotation, pose.translation, camera.intrinsics, position)
         residual = pixel - keypoint
         # A turn w of the camera, R exp(w), moves the points in its frame by p x w.
         point = Rigid(rotation, pose.translation).inverse()(position)

@@ -357,7 +357,7 @@ def _side(part: Lifted, cameras: Sequence[Camera], matches: Matches, chosen: Seq
     view = np.concatenate([np.full(len(index), k) for k, index in chosen])
     return _Side(
         cam_from_body=part.model.body_from_cam.inverse()[view],
-        intrinsics=np.array([(*camera.focal_px, *camera.principal_px) for camera in cameras])[view],
+        intrinsics=np.array([camera.intrinsics for camera in cameras])[view],
         point=np.concatenate([part.points[k][index] for k, index in chosen]),
         xy=np.concatenate([matches.keypoints[k][index] for k, index in chosen]),
     )

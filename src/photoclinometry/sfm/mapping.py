@@ -137,8 +137,7 @@ def _mapped(
         models = pycolmap.global_mapping(database, images, out, _global_options(cameras, options))
     else:
         mapped = 0
-        pairs = [] if rank is None else first_pairs(len(cameras), work_dir)
-        pair = pairs[rank] if rank is not None and rank < len(pairs) else None
+        pair = None if rank is None else next(iter(first_pairs(len(cameras), work_dir)[rank:]), None)
 
         def more(views: int) -> None:
             nonlocal mapped

@@ -32,8 +32,9 @@ GREY, GREYS_PER_SIGMA = 127.5, 40.0
 
 def shows_something(image: Image) -> bool:
     """Whether an image has valid pixels that differ."""
-    values = image.brightness[image.valid]
-    low, high = np.percentile(values, STRETCH_PERCENT) if values.size else (0.0, 0.0)
+    if not image.valid.any():
+        return False
+    low, high = _black_and_white(image)
     return bool(high > low)
 
 
@@ -47,7 +48,7 @@ def brightness_picture(image: Image) -> np.ndarray:
         raise InputError(
             f"{image.name}: has no valid pixel (all NaN, saturated or sky); leave this view out of the site"
         )
-    low, high = np.percentile(values, STRETCH_PERCENT)
+    low, high = _black_and_white(image)
     if not high > low:
         share = 100.0 * np.mean(values == low)
         raise InputError(
@@ -55,6 +56,11 @@ def brightness_picture(image: Image) -> np.ndarray:
         )
     unit_range = np.clip((np.where(image.valid, image.brightness, low) - low) / (high - low), 0.0, 1.0)
     return np.rint(255.0 * unit_range).astype(np.uint8)
+
+
+def _black_and_white(image: Image) -> np.ndarray:
+    """(2,) brightness that becomes black and white."""
+    return np.percentile(image.brightness[image.valid], STRETCH_PERCENT)
 
 
 def relief_picture(image: Image, sun_in_cam: np.ndarray) -> np.ndarray | None:

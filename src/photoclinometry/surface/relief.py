@@ -161,7 +161,7 @@ def unobstructed(scene: Scene, towards: np.ndarray, surroundings: Surroundings |
     return _march(
         point,
         np.ascontiguousarray(np.broadcast_to(direction, point.shape)),
-        (*camera.focal_px, *camera.principal_px),
+        camera.intrinsics,
         _DepthGrid(scene.grid(point[:, 2]), region.row, region.col, region.stride),
         _DepthGrid(around.depth, 0, 0, around.stride),
         (np.nanmin(depths), np.nanmax(depths)),
