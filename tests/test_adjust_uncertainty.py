@@ -18,9 +18,9 @@ from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.noise import local_noise
 from photoclinometry.adjust.stated import uncertainty_at
 from photoclinometry.evaluate.sigma_calibration import sigma_metrics
-from photoclinometry.evaluate.sigmas import size
 from photoclinometry.model.geometry import Rigid, so3_log
 from photoclinometry.model.scene import Tracks
+from photoclinometry.model.sigma import sigma_of_length
 from scenes import synthetic_scene
 from test_adjust_estimate import INDEPENDENT, anchors_around, start_of
 
@@ -49,8 +49,9 @@ def test_uncertainties_at_the_minimum_are_those_that_the_estimate_states():
     at, noise = uncertainty_at(found.scene, HELD, noise=found.noise)
     local = local_noise(found.scene, found.lit, noise.brightness_sigma, np.ones(256, bool))
     for name in ("position", "normal"):
-        expected = local**0.5 * size(at[name])
-        np.testing.assert_allclose(size(found.scene.uncertainty[name]), expected, rtol=0.02)
+        axes = at[name].shape[-1]
+        expected = local**0.5 * sigma_of_length(at[name], axes)
+        np.testing.assert_allclose(sigma_of_length(found.scene.uncertainty[name], axes), expected, rtol=0.02)
     np.testing.assert_allclose(found.scene.uncertainty["sun"], at["sun"], rtol=0.02)
 
 
@@ -89,8 +90,9 @@ def test_with_pose_priors_the_frame_is_theirs(adjusted):
         center_sigma=np.full(count, sigma),
     )
     placed = adjust(start_of(true), INDEPENDENT, pose_priors=priors).scene
-    assert size(placed.uncertainty["center"]).max() <= np.sqrt(3) * sigma
-    apart = size(placed.uncertainty["position"]) ** 2 - size(found.uncertainty["position"]) ** 2
+    assert sigma_of_length(placed.uncertainty["center"], 3).max() <= np.sqrt(3) * sigma
+    of_placed, of_found = (sigma_of_length(scene.uncertainty["position"], 3) for scene in (placed, found))
+    apart = of_placed**2 - of_found**2
     assert np.median(apart) > (sigma / 3) ** 2
 
 

@@ -236,6 +236,8 @@ def test_export_writes_the_products_asked_for(tmp_path):
     about = json.loads((tmp_path / "two" / "export.json").read_text())
     assert about["options"]["unit_m"] == 1.0
     assert "landmarks.csv" in about["files"]
+    assert b"comment unit of length: m\n" in (tmp_path / "two" / "landmarks.ply").read_bytes()
+    assert b"comment unit of length: as the scene\n" in (tmp_path / "one" / "landmarks.ply").read_bytes()
     with pytest.raises(pcm.InputError, match="products='dxf': must be one of 'dtm'"):
         pcm.export(scene, tmp_path / "three", products="dxf")
 

@@ -8,7 +8,6 @@ import pytest
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import published
 from photoclinometry.output.export.corrected import corrected_reflectance
-from photoclinometry.output.export.sigma import sigma_along, sigma_mean
 from scenes import LUNAR_LAMBERT, synthetic_scene
 
 
@@ -48,20 +47,3 @@ def test_a_geometry_that_cannot_be_is_refused(geometry):
 def test_geometry_alone_has_no_reflectance():
     with pytest.raises(InputError, match="geometry alone"):
         corrected_reflectance(synthetic_scene(size=4, views=3, reflectance=None), (30, 0, 30))
-
-
-def test_sigmas_along_a_direction_by_hand():
-    direction = np.array([[0.6, 0.8, 0.0]])
-    assert sigma_along(np.array([2.0]), direction) == [2.0]
-    assert sigma_along(np.array([[3.0, 4.0, 9.0]]), direction) == pytest.approx(np.hypot(1.8, 3.2))
-    correlated = np.array([[[9.0, 12.0, 0.0], [12.0, 16.0, 0.0], [0.0, 0.0, 1.0]]])
-    assert sigma_along(correlated, direction) == pytest.approx(0.6 * 3.0 + 0.8 * 4.0)
-    assert sigma_mean(correlated, 3) == pytest.approx(np.sqrt(26.0 / 3.0))
-    assert sigma_mean(np.array([[3.0, 4.0]]), 2) == pytest.approx(np.sqrt(12.5))
-    assert sigma_mean(np.array([5.0]), 2) == [5.0]
-
-
-@pytest.mark.parametrize("shape", [(3, 2), (2, 3), (3, 3, 2), (4,), ()])
-def test_uncertainties_of_another_shape_are_refused(shape):
-    with pytest.raises(InputError, match="uncertainty has shape"):
-        sigma_along(np.ones(shape), np.ones((3, 3)))

@@ -126,7 +126,8 @@ def test_uncertainties_of_positions_are_taken_along_the_vertical(tmp_path):
     stated = {"position": np.tile(along, (count, 1, 1)), "normal": np.full((count, 2), 0.02), "albedo": np.ones(count)}
     files = write_maps(tmp_path, on_body(place, **stated), ["sigma"], ExportOptions())
     assert set(files) == {"sigma_height.tif", "sigma_normal.tif", "sigma_albedo.tif"}
-    for name, value, unit_name in (("height", 7.0, "m"), ("normal", np.degrees(0.02), "degree"), ("albedo", 1.0, None)):
+    angle = np.degrees(0.02 * np.sqrt(2.0))  # of both axes
+    for name, value, unit_name in (("height", 7.0, "m"), ("normal", angle, "degree"), ("albedo", 1.0, None)):
         with rasterio.open(tmp_path / f"sigma_{name}.tif") as file:
             np.testing.assert_allclose(file.read(1, masked=True).compressed(), value, rtol=1e-4)
             assert file.units == (unit_name,)

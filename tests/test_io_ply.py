@@ -59,15 +59,15 @@ def test_header_is_the_documented_one(tmp_path, scene):
 
 
 def test_covariances_are_written_as_sigmas_along_the_axes(tmp_path, scene):
-    """Positions with variances 1, 4, 9: sigmas 1, 2, 3; normals with 0.09 and 0.25: the root of their mean."""
+    """Positions with variances 1, 4, 9: sigmas 1, 2, 3; normals with 0.0009 and 0.0025 rad^2: the root of their sum."""
     count = len(scene.landmarks)
     stated = {
         "position": np.tile(np.diag([1.0, 4.0, 9.0]), (count, 1, 1)),
-        "normal": np.tile(np.diag([0.09, 0.25]), (count, 1, 1)),
+        "normal": np.tile(np.diag([0.0009, 0.0025]), (count, 1, 1)),
     }
     write_ply(tmp_path / "a.ply", replace(scene, uncertainty=stated))
     vertex = read_elements(tmp_path / "a.ply")["vertex"]
-    for name, expected in (("x", 1.0), ("y", 2.0), ("z", 3.0), ("normal", np.sqrt(0.17))):
+    for name, expected in (("x", 1.0), ("y", 2.0), ("z", 3.0), ("normal_deg", np.degrees(np.sqrt(0.0034)))):
         np.testing.assert_allclose(vertex[f"sigma_{name}"], expected, rtol=1e-6)
 
 

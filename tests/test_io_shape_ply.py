@@ -49,7 +49,7 @@ def test_a_model_is_read_back_vertices_in_double_the_rest_in_single(tmp_path, sh
 def test_columns_are_in_degrees_and_per_cent(tmp_path, shape):
     write_shape_ply(tmp_path / "body.ply", shape)
     header = (tmp_path / "body.ply").read_bytes().split(b"end_header\n")[0].decode().splitlines()
-    assert "comment body-fixed frame, unit of length m" in header
+    assert "comment unit of length: m" in header
     names = [line.split()[-1] for line in header if line.startswith("property") and "list" not in line]
     assert names == [*"xyz", "nx", "ny", "nz", "albedo"] + [
         *("sigma_height", "sigma_normal_deg", "sigma_albedo_percent", "views", "tile")

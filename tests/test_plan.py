@@ -11,12 +11,12 @@ import photoclinometry as pcm
 from commands import phomo
 from fault_place import small_disk
 from photoclinometry.evaluate.sigma_calibration import scene_errors
-from photoclinometry.evaluate.sigmas import size
 from photoclinometry.io.site import Site, SiteView, read_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Camera, Landmarks, Views
+from photoclinometry.model.sigma import sigma_of_length
 from photoclinometry.plan.candidates import candidates, drop_percent, gains
 from photoclinometry.plan.exposures import cropped_views
 from photoclinometry.plan.forecast import KINDS, with_frame
@@ -388,7 +388,7 @@ def test_a_plan_foresees_what_a_run_states(mapped):
         with_candidates=False,
     )
     scene = mapped.result.scene
-    stated = {"normal": np.degrees(size(scene.uncertainty["normal"]))}
-    stated["albedo"] = 100.0 * size(scene.uncertainty["albedo"]) / scene.landmarks.albedo
+    stated = {"normal": np.degrees(sigma_of_length(scene.uncertainty["normal"], 2))}
+    stated["albedo"] = 100.0 * sigma_of_length(scene.uncertainty["albedo"], 1) / scene.landmarks.albedo
     for kind, values in stated.items():
         assert np.median(found.forecast.sigmas()[kind]) == pytest.approx(np.median(values), rel=0.6)

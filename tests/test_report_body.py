@@ -1,5 +1,6 @@
 """The report of a body: its first screen says what the surface and its figures say, and where the worst places are."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from photoclinometry.output.report.body_overview import body_overview, phases_de
 from photoclinometry.output.report.body_places import body_places
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
 from photoclinometry.output.report.facts import CARE, SOUND, WRONG
-from photoclinometry.output.report.sides import PIXELS, SIDES, best_seen, seen_from
+from photoclinometry.output.report.sides import PIXELS, SIDES, best_seen, seen_from, titles
 from photoclinometry.surface.mesh_rays import MeshRays
 from test_viewer_body import DIRECTIONS, RADIUS, body_of, round_one
 
@@ -147,10 +148,18 @@ def test_the_worst_places_are_where_the_surface_is_bad(body):
     assert shape.vertices[tile.vertex][0] > 0.9 * RADIUS
 
 
+def test_a_model_made_of_images_alone_has_no_longitudes(body):
+    own = replace(body.shape, unit=None, views=np.where(body.shape.vertices[:, 2] > 0.9 * RADIUS, 0, 7))
+    (gap, *_) = body_places(own, no_steps(body), body.gsd)
+    assert re.fullmatch(r"around \d+° from x to y, \d+° towards z", gap.where)
+    assert titles(own) == ["from +x", "from +y", "from -x", "from -y", "from +z", "from -z"]
+    assert titles(body.shape)[0] == "0° E"
+
+
 def test_a_place_is_marked_on_the_side_that_sees_it(body):
     rays = MeshRays(body.shape.vertices, body.shape.faces, 15.0)
-    sides = [seen_from(rays, np.array(towards)) for _, towards in SIDES]
-    for number, (_, towards) in enumerate(SIDES):
+    sides = [seen_from(rays, np.array(towards)) for *_, towards in SIDES]
+    for number, (*_, towards) in enumerate(SIDES):
         side, place = best_seen(rays, sides, RADIUS * np.array(towards), np.array(towards))
         assert side == number
         assert place == pytest.approx((PIXELS / 2, PIXELS / 2))

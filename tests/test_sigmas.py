@@ -6,18 +6,41 @@ import numpy as np
 import pytest
 
 from photoclinometry.evaluate.evaluate import evaluate_scene, view_table
-from photoclinometry.evaluate.sigmas import landmark_sigmas, size, view_sigmas
+from photoclinometry.evaluate.sigmas import landmark_sigmas, view_sigmas
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.sigma import sigma_along, sigma_of_length
 from photoclinometry.surface.relief import local_frame
 from scenes import synthetic_scene
 
 
-def test_size_is_the_root_of_the_trace_whatever_is_stated():
-    """Sigmas 3 and 4 along two axes: 5; as a covariance, turned or not, the same."""
+def test_sigmas_along_a_direction_by_hand():
+    direction = np.array([[0.6, 0.8, 0.0]])
+    assert sigma_along(np.array([2.0]), direction) == [2.0]
+    assert sigma_along(np.array([[3.0, 4.0, 9.0]]), direction) == pytest.approx(np.hypot(1.8, 3.2))
+    correlated = np.array([[[9.0, 12.0, 0.0], [12.0, 16.0, 0.0], [0.0, 0.0, 1.0]]])
+    assert sigma_along(correlated, direction) == pytest.approx(0.6 * 3.0 + 0.8 * 4.0)
+    assert sigma_along(correlated, direction[0]) == sigma_along(correlated, direction)
+
+
+def test_sigmas_of_a_length_are_the_root_of_the_trace_whatever_is_stated():
+    """Sigmas 3 and 4 along two axes: 5; as a covariance, turned or not, the same; 2 along each of three: 2 root 3."""
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     covariance = turn @ np.diag([9.0, 16.0]) @ turn.T
-    assert size(covariance[None]) == pytest.approx([5.0])
-    assert size(np.array([[3.0, 4.0]])) == pytest.approx([5.0])
-    assert size(np.array([2.0])) == pytest.approx([2.0])
+    assert sigma_of_length(covariance[None], 2) == pytest.approx([5.0])
+    assert sigma_of_length(np.array([[3.0, 4.0]]), 2) == pytest.approx([5.0])
+    assert sigma_of_length(np.array([2.0]), 3) == pytest.approx([2.0 * np.sqrt(3.0)])
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (2, 3), (3, 3, 2), (4,), ()])
+def test_uncertainties_of_another_shape_are_refused(shape):
+    with pytest.raises(InputError, match="uncertainty has shape"):
+        sigma_along(np.ones(shape), np.ones((3, 3)))
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (3, 3, 2), ()])
+def test_uncertainties_over_other_axes_are_refused(shape):
+    with pytest.raises(InputError, match="of 3 numbers"):
+        sigma_of_length(np.ones(shape), 3)
 
 
 @pytest.fixture(scope="module")

@@ -326,6 +326,15 @@ def test_brightness_and_shadows_are_those_of_rays(page, body, folder, model):
 
 
 @needs_browser
+def test_a_model_made_of_images_alone_has_no_longitudes(page, body, folder):
+    names = "return ['azimuth-name', 'north', 'south'].map((id) => document.getElementById(id).textContent).join()"
+    page.open(write_body_viewer(folder / "fixed.html", body))
+    assert page.run(names) == "longitude,north,south"
+    page.open(write_body_viewer(folder / "own.html", replace(body, body_fixed=False)))
+    assert page.run(names) == "from x to y,+z,-z"
+
+
+@needs_browser
 def test_the_difference_of_a_body_and_its_exact_image_is_small(page):
     for view in ("0", "1"):
         page.set("camera-of", view)

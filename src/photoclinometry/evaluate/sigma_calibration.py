@@ -15,7 +15,6 @@ import numpy as np
 
 from photoclinometry.evaluate.metrics import albedo_factor as common_factor
 from photoclinometry.evaluate.metrics import calibration
-from photoclinometry.evaluate.sigmas import along
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import (
     Rigid,
@@ -27,6 +26,7 @@ from photoclinometry.model.geometry import (
     unit,
 )
 from photoclinometry.model.scene import BODY_FIXED, Landmarks, Scene, Views
+from photoclinometry.model.sigma import sigma_along
 from photoclinometry.surface.relief import local_frame
 
 
@@ -53,7 +53,7 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
             raise InputError(f"scene {scene.name!r}: uncertainty of {name}: {error}") from error
     if "position" in scene.uncertainty:
         up = local_frame(scene).rotation[:, 2]
-        metrics |= calibration(errors["position"] @ up, along(scene.uncertainty["position"], up), "height_sigma")
+        metrics |= calibration(errors["position"] @ up, sigma_along(scene.uncertainty["position"], up), "height_sigma")
     return metrics
 
 

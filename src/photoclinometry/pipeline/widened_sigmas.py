@@ -15,8 +15,8 @@ import numpy as np
 from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS
 from photoclinometry.evaluate.metrics import normalised_square
 from photoclinometry.evaluate.sigma_calibration import scene_errors
-from photoclinometry.evaluate.sigmas import along
 from photoclinometry.model.scene import OWN, Scene
+from photoclinometry.model.sigma import sigma_along
 from photoclinometry.surface.relief import local_frame
 
 log = logging.getLogger(__name__)
@@ -54,7 +54,7 @@ def moves(scene: Scene, before: Scene, sound: np.ndarray) -> dict[str, float]:
         of = move[name]
         if name == "position":
             up = local_frame(scene).rotation[:, 2]
-            of, stated = of @ up, along(stated, up)
+            of, stated = of @ up, sigma_along(stated, up)
         square = normalised_square(of, stated)
         square = square[np.isfinite(square) & (sound if name in OF_LANDMARKS else True)]
         if len(square):

@@ -1,9 +1,9 @@
 """PLY: the landmark map as points or as a mesh, and surfaces from other programs.
 
 Written as binary little-endian: x y z double, nx ny nz albedo float, then the standard deviations that are known, as
-float: sigma_x sigma_y sigma_z of "position"; sigma_NAME of one number per landmark, or of a direction about each of its
-two tangent axes [rad]; sigma_NAME_x _y _z of a vector (of a covariance, the roots of its diagonal). Read: ascii and
-both binary forms. http://paulbourke.net/dataformats/ply/
+float: sigma_x sigma_y sigma_z of "position"; sigma_NAME of one number per landmark; sigma_NAME_deg of a direction, of
+the angle between it and the true one; sigma_NAME_x _y _z of a vector (of a covariance, the roots of its diagonal).
+Read: ascii and both binary forms. http://paulbourke.net/dataformats/ply/
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from photoclinometry.io.meshes.ply_elements import Columns, read_elements
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.sigma import sigma_of_length
 
-UNIT_COMMENT = "body-fixed frame, unit of length"
+UNIT_COMMENT = "unit of length:"
 """The comment that the unit follows."""
 _WRITTEN = {"<f8": "double", "<f4": "float", "<i4": "int"}
 """PLY's names of the types that are written."""
@@ -39,11 +40,13 @@ class PlyMap:
     """(m, 3) int64 rows of `position`; larger polygons are cut into triangles."""
 
 
-def write_ply(path: Path | str, scene: Scene, mesh: bool = False) -> None:
-    """The scene's landmarks, in B; with `mesh` also the triangles of `landmark_faces`. Raises RunFolderError."""
+def write_ply(path: Path | str, scene: Scene, mesh: bool = False, unit: str | None = None) -> None:
+    """The scene's landmarks, in B; with `mesh` also the triangles of `landmark_faces`. Raises RunFolderError.
+
+    unit: of lengths; by default the scene's.
+    """
     vertices = _vertices(scene)
-    unit = scene.unit or "as the scene"
-    write_table_ply(path, vertices, landmark_faces(scene) if mesh else None, unit)
+    write_table_ply(path, vertices, landmark_faces(scene) if mesh else None, unit or scene.unit or "as the scene")
 
 
 def write_mesh_ply(path: Path | str, vertices: np.ndarray, faces: np.ndarray, albedo: np.ndarray) -> None:
@@ -117,7 +120,7 @@ def _vertices(scene: Scene) -> np.ndarray:
         if np.shape(sigma) == (len(landmarks),):
             columns[f"sigma_{name}"] = sigma
         elif np.shape(sigma) == (len(landmarks), 2, 2):
-            columns[f"sigma_{name}"] = np.sqrt(np.trace(sigma, axis1=1, axis2=2) / 2.0)
+            columns[f"sigma_{name}_deg"] = np.degrees(sigma_of_length(sigma, 2))
         elif np.shape(sigma) == (len(landmarks), 3):
             stem = "sigma_" if name == "position" else f"sigma_{name}_"
             columns |= {stem + axis: sigma[:, i] for i, axis in enumerate("xyz")}

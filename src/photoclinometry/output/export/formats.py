@@ -64,7 +64,7 @@ def _meshes(folder: Path, framed: Framed, products: tuple[str, ...], options: An
 
 
 def _ply(folder: Path, framed: Framed, products: tuple[str, ...], options: Any) -> Written:
-    write_ply(folder / "landmarks.ply", framed.scene, mesh=True)
+    write_ply(folder / "landmarks.ply", framed.scene, mesh=True, unit="m" if framed.metric else None)
     return {"landmarks.ply": "landmarks as a mesh, with normals, albedos and standard deviations"}
 
 

@@ -15,11 +15,11 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.sigma import sigma_along, sigma_of_length
 from photoclinometry.output.export.corrected import corrected_reflectance
 from photoclinometry.output.export.frame import Framed
 from photoclinometry.output.export.grid import MapGrid, grid_around, resample, resample_heights
 from photoclinometry.output.export.plane import Plane, map_plane
-from photoclinometry.output.export.sigma import sigma_along, sigma_mean
 
 if TYPE_CHECKING:
     from photoclinometry.output.export.options import ExportOptions
@@ -107,10 +107,10 @@ def _sigmas(framed: Framed, up: np.ndarray) -> list[Layer]:
         about = "standard deviation of the height"
         found.append(("sigma_height", framed.unit, about, sigma_along(stated["position"], up)))
     if "normal" in stated:
-        about = "standard deviation of the normal about each axis"
-        found.append(("sigma_normal", "degree", about, np.degrees(sigma_mean(stated["normal"], 2))))
+        about = "standard deviation of the angle between the normal and the true one"
+        found.append(("sigma_normal", "degree", about, np.degrees(sigma_of_length(stated["normal"], 2))))
     if "albedo" in stated:
-        found.append(("sigma_albedo", "", "standard deviation of the albedo", sigma_mean(stated["albedo"], 1)))
+        found.append(("sigma_albedo", "", "standard deviation of the albedo", sigma_of_length(stated["albedo"], 1)))
     if "albedo_relative" in stated:
         about = "standard deviation of the albedo after the factor that the whole map has in common"
         found.append(("sigma_albedo_relative", "", about, stated["albedo_relative"]))

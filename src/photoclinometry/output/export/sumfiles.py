@@ -11,8 +11,8 @@ import numpy as np
 from photoclinometry.io.models.sumfile import SumFile, sumfile_of_view, write_sumfile
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.sigma import sigma_along
 from photoclinometry.output.export.frame import Framed
-from photoclinometry.output.export.sigma import sigma_along
 
 UNKNOWN_TIME = "UNKNOWN"
 """Written in place of the time of exposure, which a scene does not hold."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from photoclinometry.io.csv_columns import Columns, write_csv
 from photoclinometry.io.rasters.globe import geographic
+from photoclinometry.model.sigma import sigma_along, sigma_of_length
 from photoclinometry.output.export.frame import Framed
-from photoclinometry.output.export.sigma import sigma_along, sigma_mean
 
 
 def write_tables(folder: Path, framed: Framed) -> dict[str, str]:
@@ -38,9 +38,9 @@ def landmark_columns(framed: Framed) -> Columns:
         axes = np.broadcast_to(np.eye(3)[:, None], (3, len(landmarks), 3))
         columns |= {f"sigma_{a}{length}": sigma_along(stated["position"], axes[i]) for i, a in enumerate("xyz")}
     if "normal" in stated:
-        columns["sigma_normal_deg"] = np.degrees(sigma_mean(stated["normal"], 2))
+        columns["sigma_normal_deg"] = np.degrees(sigma_of_length(stated["normal"], 2))
     if "albedo" in stated:
-        columns["sigma_albedo"] = sigma_mean(stated["albedo"], 1)
+        columns["sigma_albedo"] = sigma_of_length(stated["albedo"], 1)
     if "albedo_relative" in stated:
         columns["sigma_albedo_relative"] = stated["albedo_relative"]
     columns |= {"row_px": landmarks.pixel[:, 0], "col_px": landmarks.pixel[:, 1]}

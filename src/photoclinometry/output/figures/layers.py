@@ -12,7 +12,7 @@ from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import tangent_basis
 from photoclinometry.model.scene import Scene
-from photoclinometry.output.export.sigma import sigma_along
+from photoclinometry.model.sigma import sigma_along
 from photoclinometry.surface.relief import heights, lambert_shade, local_frame, sun_from_angles
 
 STEEP_PERCENT = 98.0
@@ -190,7 +190,7 @@ _ALL = (
     Layer(
         name="normal-sigma",
         title="Uncertainty of normals",
-        about="One standard deviation of normals, over both axes.",
+        about="One standard deviation of the angle between normals and the true ones.",
         values=_stated_sigma("normal_sigma_deg"),
         label=lambda scene: "sigma of the normal [°]",
         lacks=_not_stated("normal"),

@@ -39,7 +39,7 @@ KILO = 1000.0
 """Lengths from so many metres on are shown in kilometres."""
 _SIGMAS = {
     "height": "one sigma along the normal, at one vertex, as overlapping tiles disagree",
-    "normal": "one sigma over both axes, at one vertex",
+    "normal": "one sigma of its angle to the true one, at one vertex",
     "albedo": "one sigma between places; the level of all errs with the model",
 }
 

@@ -60,7 +60,7 @@ def write_body_report(
             ("Summary", "", _summary(work, body, rays, step, content)),
             (
                 "Six sides",
-                "Orthographic; north is up, 0° E is up in the views of the poles.",
+                f"Orthographic; {_way_up(body)}.",
                 _sides(work, shape, rays),
             ),
             ("What is known where", "Grey: nothing was mapped.", _figures(work, body, rays, step)),
@@ -85,9 +85,16 @@ def _summary(work: Path, body: ViewedBody, rays: MeshRays, step: np.ndarray, con
     found = body_overview(body, step, content.metrics, content.tiles, content.warnings, content.distrust)
     draw_numbered_sides(work / "overview.png", rays, body.shape, [place.vertex for place in found.places])
     numbered = " Numbers: the worst places." if found.places else ""
-    caption = f"The surface from six sides; north is up, 0° E is up in the views of the poles.{numbered}"
+    caption = f"The surface from six sides; {_way_up(body)}.{numbered}"
     link = page.link(VIEWER, "Move the Sun over the body, and measure on it")
     return first_screen(found, "overview.png", caption) + link
+
+
+def _way_up(body: ViewedBody) -> str:
+    """Of pictures of the six sides."""
+    if body.body_fixed:
+        return "north is up, 0° E is up in the views of the poles"
+    return "z is up, x is up in the views along z. The axes are those of the model: images alone do not tell the poles"
 
 
 def _subtitle(body: ViewedBody) -> str:

@@ -42,7 +42,7 @@ WORSE_BY_DB = 6.0
 """How much worse the PSNR of held-out views may be: twice the error."""
 _SIGMAS = {
     "height": "one sigma of a landmark above the mean plane",
-    "normal": "one sigma over both axes, at one landmark",
+    "normal": "one sigma of its angle to the true one, at one landmark",
     "albedo": "one sigma between places; the level of all errs with the model",
 }
 _PLACED = "one sigma, with that of the map's place on the body"

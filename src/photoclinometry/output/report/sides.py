@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SIDES = (
-    ("0° E", (1.0, 0.0, 0.0)),
-    ("90° E", (0.0, 1.0, 0.0)),
-    ("180°", (-1.0, 0.0, 0.0)),
-    ("90° W", (0.0, -1.0, 0.0)),
-    ("north", (0.0, 0.0, 1.0)),
-    ("south", (0.0, 0.0, -1.0)),
+    ("0° E", "from +x", (1.0, 0.0, 0.0)),
+    ("90° E", "from +y", (0.0, 1.0, 0.0)),
+    ("180°", "from -x", (-1.0, 0.0, 0.0)),
+    ("90° W", "from -y", (0.0, -1.0, 0.0)),
+    ("north", "from +z", (0.0, 0.0, 1.0)),
+    ("south", "from -z", (0.0, 0.0, -1.0)),
 )
-"""Titles, and directions from the body to the viewer."""
+"""Titles of a body with longitudes and of one in a frame of its own, and directions from the body to the viewer."""
 PIXELS = 320
 """Width and height of each picture [px]."""
 PANEL = 2.6
@@ -73,8 +73,7 @@ def draw_sides(
     with style():
         figure, axes = panels(2, 3, PANEL, 1.0, GAP, (0.1, 0.1 if values is None else 0.9, 0.1, 0.6))
         colours = None if values is None else Normalize(*limits(values[np.isfinite(values)]))
-        for panel, (name, towards) in zip(axes.flat, SIDES, strict=True):
-            side = seen_from(rays, np.array(towards))
+        for panel, name, side in zip(axes.flat, titles(shape), _sides(rays), strict=True):
             if values is None or colours is None:
                 _show_shaded(panel, rays, side, _normals(shape))
             else:
@@ -92,14 +91,23 @@ def draw_numbered_sides(path: Path, rays: MeshRays, shape: ShapeModel, marked: S
     """The six sides, shaded, in three rows; vertices of these numbers are marked 1, 2, ... where they are seen best."""
     with style():
         figure, axes = panels(3, 2, PANEL, 1.0, GAP, (0.1, 0.1, 0.1, 0.3))
-        sides = [seen_from(rays, np.array(towards)) for _, towards in SIDES]
-        for panel, side, (name, _) in zip(axes.flat, sides, SIDES, strict=True):
+        sides = list(_sides(rays))
+        for panel, name, side in zip(axes.flat, titles(shape), sides, strict=True):
             _show_shaded(panel, rays, side, _normals(shape))
             bare(panel, name)
         for count, vertex in enumerate(marked, 1):
             best, place = best_seen(rays, sides, shape.vertices[vertex], _normals(shape)[vertex])
             mark_number(axes.flat[best], count, place)
         return save(figure, path)
+
+
+def _sides(rays: MeshRays) -> Iterator[Side]:
+    return (seen_from(rays, np.array(towards)) for *_, towards in SIDES)
+
+
+def titles(shape: ShapeModel) -> list[str]:
+    """Of the six sides. A model without a unit of length is made of images alone, which do not tell the poles."""
+    return [geographic if shape.unit else of_axis for geographic, of_axis, _ in SIDES]
 
 
 def best_seen(

@@ -15,12 +15,12 @@ const BODY = {
   heightOf: length,
   upAt: unit,
   firstLook: (map) => lookAlong(unit(map.scene.views[map.scene.reference].center)),
-  looks: [
-    ["north", "north", { heading: 0, tilt: 0 }],
-    ["equator", "equator", { tilt: 90 }],
-    ["south", "south", { heading: 0, tilt: 180 }],
+  looks: ({ place }) => [
+    ["north", place.body_fixed ? "north" : "+z", { heading: 0, tilt: 0 }],
+    ["equator", place.body_fixed ? "equator" : "across z", { tilt: 90 }],
+    ["south", place.body_fixed ? "south" : "-z", { heading: 0, tilt: 180 }],
   ],
-  angleNames: ["longitude", "latitude"],
+  angleNames: ({ place }) => (place.body_fixed ? ["longitude", "latitude"] : ["from x to y", "towards z"]),
   // Azimuths count clockwise from y, east longitudes counter-clockwise from x.
   shownAzimuth: (azimuth) => (450 - azimuth) % 360,
   laterSun: (scene, sun, turn) => laterSun([0, 0, 1], sun, turn),

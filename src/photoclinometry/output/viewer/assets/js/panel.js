@@ -55,7 +55,7 @@ function panelOf(viewer) {
   fill(byId("sun-of"), [["", "– free –"], ...views]);
   fill(byId("camera-of"), [["", "– free –"], ...views]);
   byId("contour-unit").textContent = scene.unit;
-  showKind(map.ground);
+  showKind(map);
   byId("moves").parentElement.hidden = !hasMoves(map);
   byId("copy-link").hidden = !hasAddress();
   byId("compare-section").hidden = !scene.reflectance || scene.pictures.every((picture) => !picture);
@@ -76,8 +76,9 @@ function subtitle(map) {
 }
 
 /** Names of controls that regions and bodies have different ones for. */
-function showKind(ground) {
-  ["azimuth", "elevation"].forEach((id, i) => (byId(`${id}-name`).textContent = ground.angleNames[i]));
+function showKind({ ground, scene }) {
+  const names = ground.angleNames(scene);
+  ["azimuth", "elevation"].forEach((id, i) => (byId(`${id}-name`).textContent = names[i]));
   byId("footprints").parentElement.hidden = !ground.footprints;
   document.querySelectorAll("[data-kind]").forEach((part) => {
     part.hidden = part.dataset.kind !== (ground === BODY ? "body" : "region");
@@ -113,7 +114,7 @@ function listenToButtons(viewer) {
   const { store, map } = viewer;
   const on = (id, action) => byId(id).addEventListener("click", action);
   on("play", () => viewer.play());
-  for (const [id, name, look] of map.ground.looks) {
+  for (const [id, name, look] of map.ground.looks(map.scene)) {
     const button = Object.assign(document.createElement("button"), { id, type: "button", textContent: name });
     button.addEventListener("click", () => viewer.free({ ...wholeMap(map, viewer.size()), ...look }));
     byId("looks").append(button);

@@ -13,11 +13,11 @@ const REGION = {
   upAt: () => [0, 0, 1], // of a point: the vertical that slopes are against
   // Headings and tilts of the free camera: the first, and those of buttons.
   firstLook: () => ({ heading: 0, tilt: 0 }),
-  looks: [
+  looks: () => [
     ["above", "from above", { tilt: 0 }],
     ["oblique", "oblique", { tilt: 60 }],
   ],
-  angleNames: ["azimuth", "elevation"],
+  angleNames: () => ["azimuth", "elevation"],
   shownAzimuth: (azimuth) => azimuth, // of the state, as people are told it; and back
   laterSun: (scene, sun, turn) => laterSunByDay(axisOfDay(scene), sun, turn),
   northOf,
