@@ -26,6 +26,12 @@ def random_rigid(seed):
     return Rigid(so3_exp(rng.normal(size=(5, 3))), rng.normal(size=(5, 3)))
 
 
+def test_one_transform_of_many_points_is_many_transforms():
+    one, points = random_rigid(3)[0], RNG.normal(size=(4, 7, 3))
+    alike = Rigid(np.tile(one.rotation, (4, 7, 1, 1)), np.tile(one.translation, (4, 7, 1)))
+    np.testing.assert_allclose(one(points), alike(points), rtol=0, atol=1e-14)
+
+
 def test_transforms_form_a_group():
     a, b, x = random_rigid(1), random_rigid(2), RNG.normal(size=(5, 3))
     np.testing.assert_allclose((a @ b)(x), a(b(x)), atol=1e-14)

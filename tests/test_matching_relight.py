@@ -7,9 +7,9 @@ import pytest
 
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.interface import MatchSetup
-from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_reference
+from photoclinometry.matching.relight import RelightMatcher, RelitReference, map_depth
 from photoclinometry.model.errors import InputError
-from photoclinometry.surface.relief import in_sunlight
+from photoclinometry.surface.map_rays import in_sunlight
 from scenes import from_zenith, synthetic_images, synthetic_scene
 
 SIZE = 72
@@ -59,7 +59,7 @@ def test_a_displacement_is_found_under_moved_light(bumps):
 
 def test_the_relit_reference_is_the_view_up_to_gain(bumps):
     scene, images = bumps
-    picture, mask = relit_reference(scene, 2, images[0])
+    picture, mask = RelitReference(scene)(2, images[0])
     seen = scene.tracks.brightness[scene.tracks.view == 2].reshape(SIZE, SIZE)
     assert mask.all()
     np.testing.assert_allclose(picture, seen, rtol=2e-3)
@@ -84,7 +84,7 @@ def test_ground_that_the_map_shades_or_hides_is_not_matched(bumps):
     low = replace(scene, views=replace(scene.views, sun=sun))
     dark = ~in_sunlight(low, sun[1]).reshape(SIZE, SIZE)
     assert 0.1 < dark.mean() < 0.9
-    _, mask = relit_reference(low, 1, images[0])
+    _, mask = RelitReference(low)(1, images[0])
     assert not mask[dark].any()
     assert mask.any()
     assert not RelightMatcher(low).match(request_of(low, images, 1)).valid[dark].any()
@@ -100,7 +100,7 @@ def test_ground_hidden_from_the_camera_is_masked(bumps):
     oblique = replace(scene, views=replace(scene.views, body_from_cam=pose, sun=sun))
     hidden = ~in_sunlight(oblique, center[1]).reshape(SIZE, SIZE)  # so far away, the camera's rays are parallel
     assert 0.1 < hidden.mean() < 0.9
-    _, mask = relit_reference(oblique, 1, images[0])
+    _, mask = RelitReference(oblique)(1, images[0])
     assert mask[hidden].mean() < 0.02
 
 
@@ -124,9 +124,8 @@ def test_a_view_that_the_scene_does_not_hold_is_refused(bumps):
 
 def test_depth_is_exact_at_landmarks_and_filled_between_them(bumps):
     scene, _ = bumps
-    pose = scene.views.body_from_cam[0]
     kept = np.arange(len(scene.landmarks)) % 7 != 0
     depth = map_depth(replace(scene, landmarks=scene.landmarks[kept]), scene.region).ravel()
-    true = pose.inverse()(scene.landmarks.position)[:, 2]
+    true = scene.views.depth(0, scene.landmarks.position)
     np.testing.assert_array_equal(depth[kept], true[kept])
     assert np.median(np.abs(depth - true)[~kept]) < 0.3 * scene.gsd

@@ -16,11 +16,11 @@ from photoclinometry.photometry.render import (
     render_reference,
     render_view,
 )
+from photoclinometry.surface.map_rays import in_sunlight
 from photoclinometry.surface.rasterise import draw_triangles
 from photoclinometry.surface.relief import (
     angles_from_sun,
     heights,
-    in_sunlight,
     local_frame,
     mean_plane,
     sun_from_angles,

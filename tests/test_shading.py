@@ -11,7 +11,7 @@ from photoclinometry.model.scene import Camera, Image
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.render import render_view
 from photoclinometry.photometry.shading import brightness_on_surface, detail_beyond, normals_from_shading
-from photoclinometry.surface.relief import in_sunlight
+from photoclinometry.surface.map_rays import in_sunlight
 from scenes import LUNAR_LAMBERT, from_zenith, synthetic_images, synthetic_scene
 
 

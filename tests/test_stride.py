@@ -19,7 +19,7 @@ from photoclinometry.matching import densify as densify_module
 from photoclinometry.matching.densify import DensifyOptions, densify
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.interface import MatchSetup, padded_region
-from photoclinometry.matching.relight import RelightMatcher, map_depth, relit_reference
+from photoclinometry.matching.relight import RelightMatcher, RelitReference, map_depth
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.mesh import landmark_faces
@@ -32,7 +32,7 @@ from photoclinometry.sfm.region import RegionOptions
 from photoclinometry.simulate import truth as truth_module
 from photoclinometry.simulate.truth import truth_maps
 from photoclinometry.simulate.truth_file import read_truth
-from photoclinometry.surface.relief import in_sunlight
+from photoclinometry.surface.map_rays import in_sunlight
 from scenes import synthetic_images, synthetic_scene, thinned
 
 SIZE, VIEWS = 49, 5
@@ -149,7 +149,7 @@ def test_depth_between_landmarks_follows_the_ground(scene, stride):
     thin = thinned(scene, stride)
     padded = padded_region(scene.region, 6, scene.views.cameras[0])
     depth = map_depth(thin, padded)[scene.region.slices_in(padded)]
-    true = scene.grid(scene.views.body_from_cam[0].inverse()(scene.landmarks.position)[:, 2])
+    true = scene.grid(scene.views.depth(0, scene.landmarks.position))
     grid = thin.region.grid_slices
     np.testing.assert_array_equal(depth[grid], true[grid])
     inside = np.s_[: -stride - 1, : -stride - 1]
@@ -161,7 +161,7 @@ def test_the_relit_reference_has_every_pixel(scene, images, stride):
     """The view's image, resampled exactly, is what the relit reference should show, and nearer to it than the image."""
     thin = thinned(scene, stride)
     expected = scene.grid(landmark_brightness(scene, 2))
-    relit, mask = relit_reference(thin, 2, images[0])
+    relit, mask = RelitReference(thin)(2, images[0])
     assert relit.shape == (SIZE, SIZE)
     assert mask.mean() > 0.9
     own = images[0].brightness[scene.region.slices]
@@ -170,7 +170,7 @@ def test_the_relit_reference_has_every_pixel(scene, images, stride):
 
 
 def test_at_stride_1_the_relit_reference_is_the_image_times_the_ratio(scene, images):
-    relit, mask = relit_reference(scene, 2, images[0])
+    relit, mask = RelitReference(scene)(2, images[0])
     there, here = (landmark_brightness(scene, k, with_scale_and_bias=False) for k in (2, 0))
     row, col = scene.landmarks.pixel.T
     expected = scene.grid(images[0].brightness[row, col] * there / here).astype(np.float32)

@@ -12,7 +12,8 @@ from photoclinometry.model.scene import Camera, Surroundings
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.render import render_reference
 from photoclinometry.registration.alignment import transform_scene
-from photoclinometry.surface.relief import in_sunlight, local_frame, sun_from_angles
+from photoclinometry.surface.map_rays import in_sunlight
+from photoclinometry.surface.relief import local_frame, sun_from_angles
 from photoclinometry.surface.surroundings import (
     FINEST,
     MIN_POINTS,

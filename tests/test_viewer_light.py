@@ -9,7 +9,8 @@ from browser import browser, why_no_browser
 from photoclinometry.model.reflectance import MODELS
 from photoclinometry.model.scene import Surroundings
 from photoclinometry.photometry.render import render_view
-from photoclinometry.surface.relief import angles_from_sun, in_sunlight, local_frame, sun_from_angles
+from photoclinometry.surface.map_rays import in_sunlight
+from photoclinometry.surface.relief import angles_from_sun, local_frame, sun_from_angles
 from scenes import thinned, with_landmarks
 from test_render import with_coarse_view
 from viewer_pages import SUNS_DEG, page_of, scene_of

@@ -67,6 +67,9 @@ def _forget_output() -> None:
 def _run(arguments: Sequence[str] | None) -> None:
     # Waiting threads should sleep instead of spinning, since compiled loops are short.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    # Matrices have a few hundred rows: threads of linear algebra would wait for one another more than they compute.
+    for library in ("OPENBLAS", "MKL"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from photoclinometry.cli.arguments import call
     from photoclinometry.model.errors import InputError, OutputError, PhotoclinometryError, UntrustedMapError
 

@@ -13,6 +13,7 @@ with the ratio.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -23,8 +24,8 @@ from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.initialize import SHADOW_SHARE
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
-from photoclinometry.photometry.shading import in_view
 from photoclinometry.surface.depth_fit import landmark_depth
+from photoclinometry.surface.map_rays import MapRays
 from photoclinometry.surface.relief import reference_depth
 
 LEVEL_WINDOW_PX = 6.0
@@ -48,12 +49,16 @@ class RelightMatcher:
     matcher: Matcher = field(default_factory=FlowMatcher)
     name: str = "relight"
 
+    @cached_property
+    def _relit(self) -> RelitReference:
+        return RelitReference(self.scene)
+
     def match(self, request: MatchRequest) -> Matches:
         """Matches of the relit reference. Raises InputError for another target or region than the scene's."""
         scene = self.scene
         if request.target.name not in scene.views.name or request.region != scene.region:
             raise InputError(f"{request.target.name}: not a view of the scene to relight, or another region")
-        over_region = relit_reference(scene, scene.views.name.index(request.target.name), request.reference)
+        over_region = self._relit(scene.views.name.index(request.target.name), request.reference)
         relit, known = on_padded(*over_region, request)
         brightness, valid = resample(request.target, request.prediction)
         known &= valid
@@ -72,8 +77,8 @@ def _in_image(request: MatchRequest, picture: np.ndarray, valid: np.ndarray) -> 
     return Image(image.name, brightness, mask)
 
 
-def relit_reference(scene: Scene, view: int, reference: Image) -> tuple[np.ndarray, np.ndarray]:
-    """The reference region as a view would see it, up to gain and offset: picture (h, w) float32, and mask (h, w).
+class RelitReference:
+    """The reference region as other views would see it.
 
         (image - bias) * modelled radiance in the view / modelled radiance in the reference
 
@@ -81,28 +86,33 @@ def relit_reference(scene: Scene, view: int, reference: Image) -> tuple[np.ndarr
     interpolated; the image has a value at every pixel. Masked (False): no landmark, hidden from the view's camera, or
     in the view's shadow, attached or cast (by ray casting on the map).
     """
-    own, views = scene.reference, scene.views
-    modelled_view, modelled_reference = _modelled(scene, view)
-    measured = reference.brightness[scene.region.slices] - views.bias[own]
-    row, col = scene.landmarks.pixel.T
-    dark = SHADOW_SHARE * np.median(reference.brightness[row, col] - views.bias[own])
-    usable = np.isfinite(modelled_reference) & reference.valid[scene.region.slices] & (measured > dark)
-    ratio = measured * modelled_view / np.where(usable, modelled_reference, 1.0)
-    relit = np.where(usable, ratio, views.scale[own] * modelled_view)
-    mask = np.isfinite(relit)
-    return np.where(mask, relit, 0.0).astype(np.float32), mask
 
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._rays = MapRays(scene)
+        self._in_reference = self._modelled(scene.reference)
 
-def _modelled(scene: Scene, view: int) -> tuple[np.ndarray, np.ndarray]:
-    """Modelled radiance (h, w) of the region's pixels in a view and in the reference; NaN where shadowed or hidden."""
-    own, views = scene.reference, scene.views
-    there = landmark_brightness(scene, view, with_scale_and_bias=False)
-    here = landmark_brightness(scene, own, with_scale_and_bias=False)
-    seen = _in_light(there, sunlit_share(scene, views.sun[view])) & in_view(scene, view)
-    usable = _in_light(here, sunlit_share(scene, views.sun[own]))
-    model = np.stack([np.where(seen, there, np.nan), np.where(usable, here, np.nan)], -1)
-    there, here = np.moveaxis(scene.region.between_cells(scene.grid(model)), -1, 0)
-    return there, here
+    def __call__(self, view: int, reference: Image) -> tuple[np.ndarray, np.ndarray]:
+        """Up to gain and offset: picture (h, w) float32, and mask (h, w). reference: its image."""
+        scene = self.scene
+        own, views = scene.reference, scene.views
+        seen = self._rays.free_up_to(views.body_from_cam.translation[view])
+        both = np.stack([np.where(seen, self._modelled(view), np.nan), self._in_reference], -1)
+        modelled_view, modelled_reference = np.moveaxis(scene.region.between_cells(scene.grid(both)), -1, 0)
+        measured = reference.brightness[scene.region.slices] - views.bias[own]
+        row, col = scene.landmarks.pixel.T
+        dark = SHADOW_SHARE * np.median(reference.brightness[row, col] - views.bias[own])
+        usable = np.isfinite(modelled_reference) & reference.valid[scene.region.slices] & (measured > dark)
+        ratio = measured * modelled_view / np.where(usable, modelled_reference, 1.0)
+        relit = np.where(usable, ratio, views.scale[own] * modelled_view)
+        mask = np.isfinite(relit)
+        return np.where(mask, relit, 0.0).astype(np.float32), mask
+
+    def _modelled(self, view: int) -> np.ndarray:
+        """Modelled radiance (J,) of the landmarks in a view; NaN in shadow and at the edge of one."""
+        radiance = landmark_brightness(self.scene, view, with_scale_and_bias=False)
+        lit = self._rays.free_towards(self.scene.views.sun[view])
+        return np.where(_in_light(radiance, sunlit_share(self.scene, lit)), radiance, np.nan)
 
 
 def _in_light(radiance: np.ndarray, sunlit: np.ndarray) -> np.ndarray:

@@ -23,6 +23,8 @@ class Rigid:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the source frame, expressed in the target frame."""
+        if self.rotation.ndim == 2:  # one transform of many points: a product of matrices
+            return points @ self.rotation.T + self.translation
         return np.einsum("...ij,...j->...i", self.rotation, points) + self.translation
 
     def inverse(self) -> Rigid:

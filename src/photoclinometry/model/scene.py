@@ -141,8 +141,12 @@ class Views:
 
     def gsd(self, view: int, points: np.ndarray) -> float:
         """Length in B of one pixel of a view across the line of sight, at the median depth of points (J, 3)."""
-        depth = np.median(self.body_from_cam[view].inverse()(points)[..., 2])
-        return float(depth / np.mean(self.cameras[view].focal_px))
+        return float(np.median(self.depth(view, points)) / np.mean(self.cameras[view].focal_px))
+
+    def depth(self, view: int, points: np.ndarray) -> np.ndarray:
+        """(...,) of points (..., 3) of B along the optical axis of one view, in units of B."""
+        pose = self.body_from_cam[view]
+        return (points - pose.translation) @ pose.rotation[:, 2]
 
     def at_poses(self, body_from_cam: Rigid) -> Views:
         """The views at other poses (K,), under their measured Suns."""

@@ -12,11 +12,11 @@ import numpy as np
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.reflectance import photometric_angles
-from photoclinometry.model.scene import Scene, Surroundings
+from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.initialize import landmark_spacing_px
 from photoclinometry.photometry.predict import reflectance_of
+from photoclinometry.surface.map_rays import in_sunlight
 from photoclinometry.surface.rasterise import draw_triangles
-from photoclinometry.surface.relief import in_sunlight
 from photoclinometry.surface.sampling import gaussian, masked_filter, smoothing_px
 
 
@@ -41,12 +41,12 @@ def landmark_brightness(
     )
     radiance = landmarks.albedo * reflectance_of(scene)(*angles)
     if cast_shadows:
-        radiance = radiance * sunlit_share(scene, towards_sun, scene.surroundings)
+        radiance = radiance * sunlit_share(scene, in_sunlight(scene, towards_sun, scene.surroundings))
     return views.scale[view] * radiance + views.bias[view] if with_scale_and_bias else radiance
 
 
-def sunlit_share(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
-    """(J,) share in sunlight of the 3 x 3 landmarks about each: shaded neither by the map nor by `surroundings`.
+def sunlit_share(scene: Scene, lit: np.ndarray) -> np.ndarray:
+    """(J,) share in sunlight of the 3 x 3 landmarks about each. lit: (J,) bool, of each (`in_sunlight`).
 
     An image averages over its pixels and point-spread function, so that cast shadows have edges three pixels wide.
     At a stride above 1 the landmark alone is as wide as that.
@@ -54,8 +54,7 @@ def sunlit_share(scene: Scene, sun: np.ndarray, surroundings: Surroundings | Non
     from scipy.ndimage import convolve
 
     window = np.ones((3, 3) if scene.region.stride == 1 else (1, 1))
-    lit = in_sunlight(scene, sun, surroundings).astype(float)
-    average, _ = masked_filter(scene.grid(lit), lambda grid: convolve(grid, window, mode="constant"))
+    average, _ = masked_filter(scene.grid(lit.astype(float)), lambda grid: convolve(grid, window, mode="constant"))
     return average[scene.cells]
 
 

@@ -24,7 +24,7 @@ from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.initialize import landmark_spacing_px, sample_brightness
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.render import as_resolved, averaging_sigma, landmark_brightness
-from photoclinometry.surface.relief import in_sunlight, unobstructed
+from photoclinometry.surface.map_rays import MapRays
 
 NORMAL_SIGMA_RAD, ALBEDO_SIGMA = 0.1, 0.1
 """Prior standard deviations of the changes of normals, and of albedos relative to their size. They exceed the errors of
@@ -54,11 +54,12 @@ def brightness_on_surface(scene: Scene, images: Sequence[Image]) -> Scene:
     xy = projected_keypoints(scene)
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
     brightness, lit = sample_brightness(list(images), tracks.view, xy, spacing_px=spacing)
+    landmark, rays = tracks.landmark, MapRays(scene)
     for k in range(len(scene.views)):
         seen = np.flatnonzero(tracks.view == k)
-        free = in_sunlight(scene, scene.views.sun[k]) & in_view(scene, k)
-        lit[seen] &= free[tracks.landmark[seen]]
-        brightness[seen] += detail_beyond(scene, k)[tracks.landmark[seen]]
+        free = rays.free_towards(scene.views.sun[k]) & rays.free_up_to(scene.views.body_from_cam.translation[k])
+        lit[seen] &= free[landmark[seen]]
+        brightness[seen] += detail_beyond(scene, k)[landmark[seen]]
     return replace(scene, tracks=replace(tracks, brightness=brightness, lit=lit))
 
 
@@ -72,11 +73,6 @@ def detail_beyond(scene: Scene, view: int) -> np.ndarray:
         return np.zeros(len(scene.landmarks))
     brightness = landmark_brightness(scene, view, cast_shadows=True)
     return brightness - as_resolved(scene, view, brightness)
-
-
-def in_view(scene: Scene, view: int) -> np.ndarray:
-    """(J,) bool: no other part of the map stands between the landmark and the camera."""
-    return unobstructed(scene, scene.views.body_from_cam.translation[view] - scene.landmarks.position)
 
 
 def normals_from_shading(scene: Scene, iterations: int = 6) -> Scene:

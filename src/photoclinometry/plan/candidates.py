@@ -209,7 +209,7 @@ def _with_view(tracks: Tracks, seeing: Views, position: np.ndarray, views: Views
     """
     last = len(views) - 1
     camera, pixel = seeing.cameras[last], seeing.project(last, position)
-    depth = seeing.body_from_cam[last].inverse()(position)[:, 2]
+    depth = seeing.depth(last, position)
     seen = np.flatnonzero((depth > 0) & np.all((pixel > 0) & (pixel < (camera.width, camera.height)), axis=1))
     landmark = np.concatenate([tracks.landmark, seen])
     order = np.argsort(landmark, kind="stable")

@@ -236,7 +236,7 @@ def _control_depth(scene: Scene, landmark: np.ndarray, keypoint: np.ndarray, see
     position = np.full((len(landmark), 3), np.nan)
     several = seen.sum(1) >= 2
     position[several] = triangulate_tracks(tracks, scene.views)[several]
-    return scene.views.body_from_cam[scene.reference].inverse()(position)[:, 2]
+    return scene.views.depth(scene.reference, position)
 
 
 def _integrated(scene: Scene, landmark: np.ndarray, control: np.ndarray, options: SpcOptions) -> Scene:
