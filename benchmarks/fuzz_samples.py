@@ -141,7 +141,8 @@ def make_sites(folder: Path) -> list[str]:
 
 
 def make_meshes(folder: Path) -> list[str]:
-    from photoclinometry.io.meshes.ply import grid_faces, write_ply
+    from photoclinometry.io.meshes.ply import write_ply
+    from photoclinometry.model.mesh import landmark_faces
 
     scene = synthetic_scene(size=3, views=3)
     write_ply(folder / "points.ply", scene)
@@ -154,7 +155,7 @@ def make_meshes(folder: Path) -> list[str]:
     big = corners.astype(">f4").tobytes() + b"\3" + np.array([0, 1, 2], ">i4").tobytes() + b"\7"
     big += b"\4" + np.array([0, 1, 2, 3], ">i4").tobytes() + b"\x09"
     (folder / "big.ply").write_bytes(head.format("binary_big_endian").encode() + big)
-    assert len(grid_faces(scene))
+    assert len(landmark_faces(scene))
     return ["points.ply", "mesh.ply", "text.ply", "big.ply"]
 
 
