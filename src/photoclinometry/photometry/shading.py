@@ -92,10 +92,19 @@ def normals_from_shading(scene: Scene, iterations: int = 6) -> Scene:
         sigma = _residual_sigma(fitted)
         if not sigma > 0:
             break
-        normal, albedo = fitted.landmarks.normal.copy(), fitted.landmarks.albedo.copy()
-        _fit(scene, sigma, iterations, normal, albedo)
-        fitted = replace(scene, landmarks=replace(scene.landmarks, normal=normal, albedo=albedo))
+        fitted = fitted_to_brightness(scene, sigma, iterations, start=fitted)
     return fitted
+
+
+def fitted_to_brightness(scene: Scene, sigma: float, iterations: int = 6, *, start: Scene | None = None) -> Scene:
+    """The scene with normals and albedos fitted as by `normals_from_shading`, to brightness of a given sigma.
+
+    The scene's own normals and albedos are the prior's; the iterations start from them, or from those of `start`.
+    """
+    begin = (start or scene).landmarks
+    normal, albedo = begin.normal.copy(), begin.albedo.copy()
+    _fit(scene, sigma, iterations, normal, albedo)
+    return replace(scene, landmarks=replace(scene.landmarks, normal=normal, albedo=albedo))
 
 
 def _residual_sigma(scene: Scene) -> float:

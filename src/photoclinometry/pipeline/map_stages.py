@@ -30,6 +30,7 @@ from photoclinometry.pipeline.relighting import (
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
+from photoclinometry.pipeline.stray_normals import with_strays_fitted_again
 from photoclinometry.pipeline.unknown_albedos import with_neighbours_albedos
 from photoclinometry.surface.fine_relief import with_fine_relief
 
@@ -151,7 +152,7 @@ class LastEstimate(Stage[FinishedMap]):
             found = replace(found, scene=with_fine_relief(found.scene, psf))
         else:
             found = estimate(scene, by_relit_matches(start.noise))
-        found = replace(found, scene=with_neighbours_albedos(found.scene))
+        found = replace(found, scene=with_neighbours_albedos(with_strays_fitted_again(found.scene)))
         landmarks = f"{len(found.scene.landmarks):,} landmarks in {len(found.scene.views)} views"
         say_found(landmarks if found.converged else f"{landmarks}, not converged")
         if self.before is None:
