@@ -152,7 +152,7 @@ class LastEstimate(Stage[FinishedMap]):
             found = replace(found, scene=with_fine_relief(found.scene, psf))
         else:
             found = estimate(scene, by_relit_matches(start.noise))
-        found = replace(found, scene=with_neighbours_albedos(with_strays_fitted_again(found.scene)))
+        found = replace(found, scene=with_strays_fitted_again(with_neighbours_albedos(found.scene)))
         landmarks = f"{len(found.scene.landmarks):,} landmarks in {len(found.scene.views)} views"
         say_found(landmarks if found.converged else f"{landmarks}, not converged")
         if self.before is None:
