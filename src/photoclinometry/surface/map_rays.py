@@ -26,9 +26,8 @@ class MapRays:
 
     def __init__(self, scene: Scene, surroundings: Surroundings | None = None) -> None:
         around, region = surroundings or _NOTHING_AROUND, scene.region
-        self._position = scene.landmarks.position
         self._cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
-        self._point = self._cam_from_body(self._position)
+        self._point = self._cam_from_body(scene.landmarks.position)
         depth = self._point[:, 2]
         self._ground = _DepthGrid(scene.grid(depth), region.row, region.col, region.stride)
         self._around = _DepthGrid(around.depth, 0, 0, around.stride)
