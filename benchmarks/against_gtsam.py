@@ -19,7 +19,7 @@ import numpy as np
 
 from matched import matched_problem
 from photoclinometry.adjust import SolverOptions
-from photoclinometry.adjust.covariance.linearised import linearised
+from photoclinometry.adjust.covariance.linearized_graph import linearized_graph
 from photoclinometry.adjust.covariance.marginals import Marginals, marginals
 from photoclinometry.adjust.graph import factors
 from photoclinometry.adjust.graph.graph import FactorGraph
@@ -61,7 +61,7 @@ def solve(start: Scene) -> Ours:
     spent = {"estimate": cpu(lambda: minimize(graph, first, step_limit=0.5 * start.gsd))[1]}
     solution = minimize(graph, first, TIGHT, step_limit=0.5 * start.gsd)
     at_minimum = start.with_estimate(solution.estimate.views, solution.estimate.landmarks)
-    at = linearised(graph, solution.estimate)
+    at = linearized_graph(graph, solution.estimate)
     found, spent["covariances"] = cpu(lambda: marginals(at))
     return Ours(at_minimum, graph, solution.estimate, sum(solution.cost.values()), found, spent)
 
@@ -171,7 +171,7 @@ def gtsam_graph(ours: Ours) -> gtsam.NonlinearFactorGraph:
     intrinsics = scene.views.intrinsics
     for i, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
         graph.push_back(_projection(intrinsics[k], tracks.keypoint[i], pivot, int(j), int(k)))
-        graph.push_back(_photometric(scene.reflectance.packed, tracks.brightness[i], pivot, int(j), int(k)))
+        graph.push_back(_photometric(scene.reflectance.parameter_vector, tracks.brightness[i], pivot, int(j), int(k)))
     for j, q in zip(smoothness.neighbours.source, smoothness.neighbours.target, strict=True):
         graph.push_back(_smoothness(smoothness.sigma, int(j), int(q)))
     for k in range(len(scene.views)):
@@ -195,13 +195,13 @@ def _projection(intrinsics, keypoint, pivot, j, k):
     return custom([point_key(j), pose_key(k)], 2, work)
 
 
-def _photometric(packed, brightness, pivot, j, k):
+def _photometric(parameter_vector, brightness, pivot, j, k):
     def work(values):
         sun, normal = values.atUnit3(sun_key(k)), values.atUnit3(normal_key(j))
         scale, bias = values.atVector(gain_key(k))
         _, center = pose_of(values, k, pivot)
         residual, row = factors.photometric(
-            packed, center, sun.point3(), scale, bias, values.atPoint3(point_key(j)), normal.point3(),
+            parameter_vector, center, sun.point3(), scale, bias, values.atPoint3(point_key(j)), normal.point3(),
             values.atVector(albedo_key(j))[0], brightness, BRIGHTNESS_SIGMA, pivot,
         )  # fmt: skip
         by_pose, by_sun = row[6:12] @ FROM_POSE3, row[12:14] @ from_unit3(sun)
@@ -289,7 +289,7 @@ def compare(side: int, views: int, *, from_start: bool = True) -> dict[str, floa
     _, once = cpu(linear.optimize)
 
     count = len(start.views)
-    blocks = ours.found.camera.reshape(count, 10, count, 10)[range(count), :, range(count), :]
+    blocks = ours.found.views.reshape(count, 10, count, 10)[range(count), :, range(count), :]
     sigma = [np.sqrt(np.einsum("naa->na", b)) for b in (blocks, ours.found.landmark)]
     theirs = [np.sqrt(np.einsum("naa->na", b)) for b in (cameras, landmarks)]
     apart = local_difference(ours.estimate, scene_of(start, values, ours.estimate.pivot))

@@ -56,7 +56,7 @@ def at_true_geometry(scene: Scene, truth: Truth, images: Sequence[Image]) -> Sce
 def true_surroundings(scene: Scene, truth: Truth) -> Surroundings:
     """The ground of the whole reference image, of a scene at the true geometry."""
     camera, pose = scene.views.cameras[scene.reference], scene.views.body_from_cam[scene.reference]
-    frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=2)
+    frame = Region.of_image(camera.height, camera.width, stride=2)
     maps = truth_maps(truth, scene.views.name[scene.reference], frame)
     depth = pose.inverse()(maps.position)[..., 2]
     return Surroundings(depth=np.where(maps.hit, depth, np.nan), stride=frame.stride)

@@ -39,7 +39,7 @@ def options(smooth: bool) -> AdjustOptions:
         bias_sigma=Noise().bias,
         smooth_sigma_rad=0.2 if smooth else 0.0,
         reflectance_sigma=0.0,
-        max_rounds=1,
+        max_reweightings=1,
     )
 
 

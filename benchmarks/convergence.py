@@ -19,7 +19,7 @@ from photoclinometry.model.scene import Scene
 
 MODELS = ("lunar-lambert", "minnaert", "akimov+", "mcewen", "akimov")
 DEFAULT = replace(
-    OPTIONS, keypoint_sigma_px=0.3, keypoint_loss=3.0, brightness_loss=3.0, max_rounds=4, uncertainty=False
+    OPTIONS, keypoint_sigma_px=0.3, keypoint_loss=3.0, brightness_loss=3.0, max_reweightings=4, uncertainty=False
 )
 TIGHT = replace(
     DEFAULT, solver=SolverOptions(max_steps=150, relative_decrease=1e-7, absolute_decrease=0.1, settled=0.0)

@@ -17,8 +17,9 @@ from photoclinometry.model.geometry import Rigid, align_similarity, angle_betwee
 from photoclinometry.model.reflectance import Reflectance, published
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Camera, Landmarks, Scene, Tracks, Views
-from photoclinometry.photometry.initialize import initial_albedo, normals_from_neighbours
+from photoclinometry.photometry.albedo import initial_albedo
 from photoclinometry.photometry.predict import shading
+from photoclinometry.surface.neighbours import normals_from_neighbours
 
 FOCAL_PX, ALTITUDE = 10_700.0, 680e3 / 60.0
 
@@ -31,7 +32,7 @@ OPTIONS = AdjustOptions(
     keypoint_loss=np.inf,
     brightness_loss=np.inf,
     reflectance_sigma=0.0,
-    max_rounds=1,
+    max_reweightings=1,
 )
 """The estimate of problems whose errors are what `Noise` says, and independent."""
 
@@ -97,7 +98,7 @@ def matched_problem(
         landmarks=landmarks,
         tracks=tracks,
         reference=0,
-        region=Region(row=0, col=0, height=side, width=side),
+        region=Region.of_image(side, side),
     )
     return _start(truth, noise, rng), truth
 

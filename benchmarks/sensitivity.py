@@ -86,7 +86,7 @@ NOT_HERE = (
 ARITHMETIC = {0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 100.0, 180.0, 255.0, 1.4826}
 """Unnamed numbers that are parts of formulas and units."""
 STRUCTURE = (
-    *("LANES", "STORED", "CAMERA_SIZE", "LANDMARK_SIZE", "SIMILARITY", "DEG", "FORMAT", "VERSION"),
+    *("LANES", "STORED", "VIEW_SIZE", "LANDMARK_SIZE", "SIMILARITY", "DEG", "FORMAT", "VERSION"),
     *("BLOCK", "PAIRS_AT_ONCE", "threads", "PROBE", "DEPTH", "NOTHING_AROUND"),
 )
 """Named numbers that say how things are stored, how much is treated at a time, or what a unit is."""

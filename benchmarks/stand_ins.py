@@ -175,7 +175,7 @@ def picture(mission: Mission, tracer: BodyRaycaster, size: tuple[int, int], time
     """
     detector, exposing = detector_of(mission, *size), Exposing()
     camera, cam_from_instrument, turned = upright(detector)
-    frame = Region(row=0, col=0, height=size[1], width=size[0])
+    frame = Region.of_image(size[1], size[0])
     pixels = ideal_pixels(detector, sample_points(frame, _SUPERSAMPLING, exposing.margin_px))
     if turned:
         pixels[..., 1] = size[1] - pixels[..., 1]

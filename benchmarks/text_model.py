@@ -65,7 +65,7 @@ def generated_scene(landmarks: int, views: int, observations: int) -> Scene:
             lit=np.ones(count, bool),
         ),
         reference=0,
-        region=Region(row=0, col=0, height=side, width=side),
+        region=Region.of_image(side, side),
     )
 
 

@@ -2,7 +2,7 @@
 
     python benchmarks/uncertainty.py [side] [views]
 
-On matched problems, linearised at the truth: errors independent, and shared by neighbours as in real runs (keypoints by
+On matched problems, linearized at the truth: errors independent, and shared by neighbours as in real runs (keypoints by
 24 x 24 landmarks, brightness by 6 x 6). Printed: sigma as approximated over the exact one, in the map's own frame, mean
 and extremes over all views, and over a hundred landmarks.
 """
@@ -17,12 +17,12 @@ from scipy.sparse.linalg import splu
 
 from matched import matched_problem
 from photoclinometry.adjust import AdjustOptions
-from photoclinometry.adjust.covariance.linearised import (
-    Linearised,
-    camera_moves,
+from photoclinometry.adjust.covariance.linearized_graph import (
+    LinearizedGraph,
     landmark_moves,
-    linearised,
+    linearized_graph,
     loosely_held,
+    view_moves,
 )
 from photoclinometry.adjust.covariance.marginals import marginals
 from photoclinometry.adjust.graph.graph import FactorGraph
@@ -61,17 +61,17 @@ def graph_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.0)
     return FactorGraph(factor_groups(setup, np.ones(len(scene.tracks), bool), noise, smoothness))
 
 
-def at_truth(side: int, views: int, keypoint_px: float, brightness_px: float) -> Linearised:
+def at_truth(side: int, views: int, keypoint_px: float, brightness_px: float) -> LinearizedGraph:
     """A matched problem in the solver's order, its gauge loose as in `estimate_uncertainty`."""
     _, truth = matched_problem(side, views)
     order = morton_order(truth.landmarks.pixel)
     tracks, _ = truth.tracks.of_landmarks(order)
     scene = Scene(**{**vars(truth), "landmarks": truth.landmarks[order], "tracks": tracks})
     start = Estimate(scene.views, scene.landmarks, np.median(scene.landmarks.position, axis=0))
-    return loosely_held(linearised(graph_of(scene, keypoint_px, brightness_px), start))
+    return loosely_held(linearized_graph(graph_of(scene, keypoint_px, brightness_px), start))
 
 
-def exact(at: Linearised, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def exact(at: LinearizedGraph, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Variances of all views (K, 10) and of chosen landmarks (n, 6), in the map's own frame."""
     count, views, links = len(at), len(at.cameras.scale), at.links
     patch = at.patch(0, count)
@@ -85,13 +85,13 @@ def exact(at: Linearised, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     coupling = patch.coupling.reshape(6 * count, -1)
     response = factor.solve(coupling)
     total = at.common_prior.reshape(views, 10, views, 10).copy()
-    total[range(views), :, range(views), :] += patch.camera
+    total[range(views), :, range(views), :] += patch.view_block
     camera = np.linalg.inv(total.reshape(10 * views, -1) - coupling.T @ response)
     move = landmark_moves(at, 0, count)
     fit = move[:, :3].reshape(-1, 7)
     by_position = response.reshape(count, 6, -1)[:, :3].reshape(3 * count, -1)
     frame = -np.linalg.solve(fit.T @ fit, fit.T @ by_position)
-    kept = np.eye(len(camera)) + camera_moves(at) @ -frame
+    kept = np.eye(len(camera)) + view_moves(at) @ -frame
     found = np.empty((len(chosen), 6))
     for n, j in enumerate(chosen):
         own = factor.solve(np.eye(6 * count, 6, -6 * int(j)))[6 * j : 6 * j + 6]
@@ -110,7 +110,7 @@ def main(side: int = 64, views: int = 12) -> None:
         spent = time.process_time() - begin
         print(f"{side} x {side} landmarks, {views} views, errors shared by {keypoint_px:g} and {brightness_px:g} px")
         ratios = {
-            "views": (np.sqrt(np.diag(found.camera).reshape(views, 10) / by_view), VIEW_KINDS),
+            "views": (np.sqrt(np.diag(found.views).reshape(views, 10) / by_view), VIEW_KINDS),
             "landmarks": (np.sqrt(np.einsum("jaa->ja", found.landmark[chosen]) / by_landmark), LANDMARK_KINDS),
         }
         for ratio, kinds in ratios.values():

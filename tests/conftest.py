@@ -54,3 +54,27 @@ def no_ranking(monkeypatch):
 
     for user in ("pipeline.model_choice", "plan.forecast"):
         monkeypatch.setattr(import_module(f"photoclinometry.{user}"), "model_by_kept_out_views", kept)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where pages of the viewer lie, and where the browser saves what they write."""
+    return tmp_path_factory.mktemp("pages")
+
+
+@pytest.fixture(scope="module")
+def window(folder):
+    """The browser (`browser.Page`)."""
+    from browser import browser
+
+    with browser(folder) as found:
+        yield found
+
+
+@pytest.fixture
+def page(window, file):
+    """The page `file` of a module, just opened; whatever a test does, nothing is logged."""
+    window.open(file)
+    window.settle()
+    yield window
+    assert window.messages() == []

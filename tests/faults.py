@@ -413,7 +413,7 @@ CONTROL = "point,view,x_px,y_px,x_m,y_m,z_m,sigma_m\n"
 def options() -> Iterator[Fault]:
     row = rows("options")
     number = "give a whole number, 1 to"
-    yield row("no rounds", f"{RUN} --adjust.max-rounds 0", f"--adjust.max-rounds is 0; {number} 100")
+    yield row("no iterations", f"{RUN} --adjust.max-reweightings 0", f"--adjust.max-reweightings is 0; {number} 100")
     yield row("negative features", f"{RUN} --sfm.max-features -5", f"--sfm.max-features is -5; {number}")
     yield row("no threads", f"{RUN} --sfm.threads 0", f"--sfm.threads is 0; {number} 1024, or -1")
     yield row(
@@ -425,7 +425,8 @@ def options() -> Iterator[Fault]:
     yield row(
         "of a study's runs", "study --out out --run.sfm.threads 0", f"--run.sfm.threads is 0; {number} 1024, or -1"
     )
-    yield row("of a refinement", f"{REFINE} --adjust.max-rounds 0", f"--adjust.max-rounds is 0; {number} 100")
+    few = "--adjust.max-reweightings"
+    yield row("of a refinement", f"{REFINE} {few} 0", f"{few} is 0; {number} 100")
     yield row(
         "of a simulation",
         "simulate --out out --detector.bits 99",
@@ -551,14 +552,14 @@ def options() -> Iterator[Fault]:
     )
     yield typed(
         "text for a number",
-        f"{RUN} --adjust.max-rounds many",
-        "Value error ... Error parsing --adjust.max-rounds: ... 'many' ... Range: 1 to 100. ... phomo run --help",
+        f"{RUN} --adjust.max-reweightings many",
+        "Value error ... Error parsing --adjust.max-reweightings: ... 'many' ... Range: 1 to 100. ... phomo run --help",
     )
     missing = "Missing argument ... Missing value for argument"
     yield typed(
         "an option without value",
-        f"{RUN} --adjust.max-rounds",
-        f"{missing} '--adjust.max-rounds'. Expected 1 values. ... run phomo run --help",
+        f"{RUN} --adjust.max-reweightings",
+        f"{missing} '--adjust.max-reweightings'. Expected 1 values. ... run phomo run --help",
     )
     yield typed(
         "one number of two",

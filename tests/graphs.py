@@ -90,7 +90,7 @@ def graph_of(
             gradients=gradients,
         ),
         Smoothness(build_neighbours(index, ~far), smooth_sigma),
-        SunDirections(),
+        SunDirections.of(scene.views),
         PosePriors(
             body_from_cam=scene.views.body_from_cam,
             rotation_sigma=ROTATION_SIGMA * pose_sigma,
@@ -115,12 +115,12 @@ def observation_factors(scene: Scene, estimate: Estimate, gradients: ImageGradie
             estimate.pivot,
         )  # fmt: skip
         what = views.sun[k], views.scale[k], views.bias[k], position, points.normal[j], points.albedo[j]
-        packed, rest = scene.reflectance.packed, (BRIGHTNESS_SIGMA, estimate.pivot)
+        parameter_vector, rest = scene.reflectance.parameter_vector, (BRIGHTNESS_SIGMA, estimate.pivot)
         if gradients is None:
-            photometric = factors.photometric(packed, pose.translation, *what, tracks.brightness[n], *rest)
+            photometric = factors.photometric(parameter_vector, pose.translation, *what, tracks.brightness[n], *rest)
         else:
             camera, image = views.intrinsics[k], (tracks.brightness[n], gradients.at[n], gradients.gradient[n])
-            photometric = factors.direct(packed, pose.rotation, pose.translation, camera, *what, image, *rest)
+            photometric = factors.direct(parameter_vector, pose.rotation, pose.translation, camera, *what, image, *rest)
         yield j, k, projection, photometric
 
 

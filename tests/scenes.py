@@ -186,7 +186,7 @@ def synthetic_images(scene: Scene, seed: int = 0) -> list[Image]:
     surface, model = bumpy_surface(seed), scene.reflectance or LUNAR_LAMBERT
     images = []
     for k, camera in enumerate(scene.views.cameras):
-        whole = Region(row=0, col=0, height=camera.height, width=camera.width)
+        whole = Region.of_image(camera.height, camera.width)
         pose = scene.views.body_from_cam[k]
         rays = camera.ray_in_cam(whole.pixel_centers()) @ pose.rotation.T
         point = surface.hit(np.broadcast_to(pose.translation, rays.shape), rays)

@@ -32,11 +32,12 @@ ANGLES = (
 def evaluated(name: str, body: str) -> list[list[str]]:
     """For each of ANGLES: rho, its derivatives by mu0, mu and phase, rho alone, its derivatives by the parameters."""
     model, rows = published(name, body), []
+    vector = model.parameter_vector
     for angles in ANGLES:
         by_parameter = np.zeros(len(model.parameters))
         if len(by_parameter):
-            photometric_parameters(model.packed, *angles, by_parameter)
-        function, value = photometric_function(model.packed, *angles), photometric_value(model.packed, *angles)
+            photometric_parameters(vector, *angles, by_parameter)
+        function, value = photometric_function(vector, *angles), photometric_value(vector, *angles)
         rows.append([float(x).hex() for x in (*function, value, *by_parameter)])
     return rows
 

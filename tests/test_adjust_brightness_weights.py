@@ -11,7 +11,7 @@ from photoclinometry.adjust.brightness_weights import footprint_of, relative_sig
 from photoclinometry.adjust.graph.observations import Brightness
 from photoclinometry.adjust.groups import factor_groups, setup_of
 from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
-from photoclinometry.adjust.stated import in_solver_order
+from photoclinometry.adjust.stated_uncertainty import in_solver_order
 from photoclinometry.model.geometry import angle_between, unit
 from photoclinometry.model.reflectance import published
 from photoclinometry.photometry.predict import brightness_by_slope, observation_brightness

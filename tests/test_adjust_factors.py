@@ -52,14 +52,14 @@ def geometry(case):
 @pytest.mark.parametrize("case", ["typical", "near zero phase", "grazing Sun", "grazing camera"])
 @pytest.mark.parametrize("disk", MODELS)
 def test_photometric_jacobian(disk, case):
-    packed = starting_model(disk, "vesta").packed
+    vector = starting_model(disk, "vesta").parameter_vector
     sun, normal = geometry(case)
     scale, bias, albedo, rest = 1.1, 0.01, 0.35, (0.2, 0.004, PIVOT)
-    _, analytic = factors.photometric(packed, CENTER, sun, scale, bias, POSITION, normal, albedo, *rest)
+    _, analytic = factors.photometric(vector, CENTER, sun, scale, bias, POSITION, normal, albedo, *rest)
 
     def moved(x):
         return factors.photometric(
-            packed, orbit(x[6:12])[1], sphere_step(sun, x[12:14]), scale + x[14], bias + x[15],
+            vector, orbit(x[6:12])[1], sphere_step(sun, x[12:14]), scale + x[14], bias + x[15],
             POSITION + x[:3], sphere_step(normal, x[3:5]), albedo + x[5], *rest,
         )[0]  # fmt: skip
 
@@ -71,38 +71,38 @@ def test_photometric_jacobian(disk, case):
 def test_direct_jacobian():
     """Brightness taken from the image where the landmark projects: the image's slope in all that moves the landmark
     in it."""
-    packed = starting_model("lunar-lambert", "vesta").packed
+    vector = starting_model("lunar-lambert", "vesta").parameter_vector
     sun, normal = geometry("typical")
     position = CENTER + ROTATION @ np.array([0.02, -0.03, 1.0]) * 9000
     image = 0.2, np.array([700.0, 230.0]), np.array([0.004, -0.007])
     rest = (image, 0.004, PIVOT)
-    _, analytic = factors.direct(packed, ROTATION, CENTER, INTRINSICS, sun, 1.1, 0.01, position, normal, 0.35, *rest)
+    _, analytic = factors.direct(vector, ROTATION, CENTER, INTRINSICS, sun, 1.1, 0.01, position, normal, 0.35, *rest)
 
     def moved(x):
         rotation, center = orbit(x[6:12])
         return factors.direct(
-            packed, rotation, center, INTRINSICS, sphere_step(sun, x[12:14]), 1.1 + x[14], 0.01 + x[15],
+            vector, rotation, center, INTRINSICS, sphere_step(sun, x[12:14]), 1.1 + x[14], 0.01 + x[15],
             position + x[:3], sphere_step(normal, x[3:5]), 0.35 + x[5], *rest,
         )[0]  # fmt: skip
 
     steps = np.r_[[0.1] * 3, [1e-5] * 2, 1e-3, [1e-6] * 3, [0.1] * 3, [1e-5] * 2, 1e-3, 1e-4]
     numeric = numerical_jacobian(moved, 16, steps)[0]
     np.testing.assert_allclose(analytic, numeric, rtol=1e-4, atol=1e-6 * abs(numeric).max())
-    still = factors.photometric(packed, CENTER, sun, 1.1, 0.01, position, normal, 0.35, 0.2, 0.004, PIVOT)
+    still = factors.photometric(vector, CENTER, sun, 1.1, 0.01, position, normal, 0.35, 0.2, 0.004, PIVOT)
     assert np.linalg.norm(analytic[:3]) > 10 * np.linalg.norm(still[1][:3])
 
 
 @pytest.mark.parametrize("disk", MODELS)
 def test_photometric_factor_is_finite_at_zero_phase_and_flat_in_shadow(disk):
-    packed = starting_model(disk, "vesta").packed
+    vector = starting_model(disk, "vesta").parameter_vector
     to_camera = unit(CENTER - POSITION)
     residual, jacobian = factors.photometric(
-        packed, CENTER, to_camera, 1.0, 0.0, POSITION, unit(to_camera + [0.1, 0, 0]), 0.3, 0.2, 0.01, PIVOT
+        vector, CENTER, to_camera, 1.0, 0.0, POSITION, unit(to_camera + [0.1, 0, 0]), 0.3, 0.2, 0.01, PIVOT
     )
     assert np.isfinite(residual)
     assert np.all(np.isfinite(jacobian))
     below = factors.photometric(
-        packed, CENTER, np.array([1.0, 0, 0]), 1.0, 0.0, POSITION, unit(np.array([-0.1, 0, 1])), 0.3, 0.0, 0.01, PIVOT
+        vector, CENTER, np.array([1.0, 0, 0]), 1.0, 0.0, POSITION, unit(np.array([-0.1, 0, 1])), 0.3, 0.0, 0.01, PIVOT
     )
     assert below[0] == 0.0
     np.testing.assert_array_equal(below[1][:15], 0.0)

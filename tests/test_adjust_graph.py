@@ -30,6 +30,7 @@ from photoclinometry.adjust.graph.priors import (
     PosePriors,
     ReflectancePrior,
 )
+from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import starting_model
 from scenes import synthetic_scene
@@ -66,6 +67,21 @@ def test_kernels_equal_the_factors(partly_seen, limits, direct):
     assert graph.cost_names[:4] == ("keypoint", "brightness", "smoothness", "sun")
     np.testing.assert_allclose(graph.cost(estimate)[:4], expected, rtol=1e-6)
     np.testing.assert_allclose(graph.linearize(estimate).cost, graph.cost(estimate), rtol=1e-12)
+
+
+def test_the_smoothness_kernel_equals_the_factor_with_bends_and_spikes(partly_seen):
+    """Rows and residuals of all pairs, one landmark lying along a neighbour's normal."""
+    built, estimate = graph_of(partly_seen, (np.inf, np.inf)), perturbed(partly_seen)
+    pairs, points = built.graph.smoothness.neighbours, estimate.landmarks
+    position = points.position.copy()
+    position[pairs.target[0]] = position[pairs.source[0]] + 0.3 * points.normal[pairs.source[0]]
+    estimate = replace(estimate, landmarks=replace(points, position=position))
+    bend = np.random.default_rng(5).normal(0.0, 0.1, len(pairs.target))
+    found = Smoothness(pairs, SMOOTH_SIGMA, bend).linearize(estimate, float)
+    for p, (j, q) in enumerate(zip(pairs.source, pairs.target, strict=True)):
+        residual, jacobian = factors.smoothness(position[j], points.normal[j], position[q], SMOOTH_SIGMA, bend[p])
+        assert found.residual[p] == pytest.approx(residual, rel=1e-12)
+        np.testing.assert_allclose(found.rows[p], [*jacobian[5:], *jacobian[3:5]], rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("direct", [False, True], ids=["measured", "direct"])
@@ -128,7 +144,7 @@ def test_border_equals_the_products_with_derivatives_by_the_parameters(disk, dir
     by_parameter = numerical_jacobian(lambda x: residuals(changed + x), count, 1e-4)
     others = dense_jacobian(with_changes(changed), estimate, gradients)
     expected = others.T @ by_parameter
-    border = np.vstack([at.border.by_camera.reshape(-1, count), at.border.by_landmark.reshape(-1, count)])
+    border = np.vstack([at.border.by_view.reshape(-1, count), at.border.by_landmark.reshape(-1, count)])
     size = np.sqrt(np.outer(np.sum(others**2, 0), np.sum(by_parameter**2, 0))) + 1e-9
     np.testing.assert_allclose(border / size, expected / size, atol=2e-6)
     np.testing.assert_allclose(at.border.block, by_parameter.T @ by_parameter, rtol=1e-5)

@@ -46,7 +46,7 @@ def test_minimum_equals_that_of_an_independent_dense_solver():
         x = x * size
         return residuals(start.step(x[: 10 * views].reshape(views, 10), x[10 * views :].reshape(-1, 6)))
 
-    theirs = least_squares(moved, np.zeros(len(size)), method="trf", xtol=1e-15, ftol=1e-10, gtol=1e-12)
+    theirs = least_squares(moved, np.zeros(len(size)), "3-point", xtol=1e-15, ftol=1e-10, gtol=1e-12)
     assert np.sum(residuals(ours.estimate) ** 2) == pytest.approx(2 * theirs.cost, rel=1e-8)
 
 
@@ -76,7 +76,7 @@ def test_what_progress_raises_ends_the_solve():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        minimize(graph, perturbed(scene), progress=cancel)
+        minimize(graph, perturbed(scene), on_step=cancel)
 
 
 def test_chebyshev_polynomial_approaches_the_inverse():

@@ -16,7 +16,7 @@ from photoclinometry.adjust.covariance.uncertainty import (
 )
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.noise import local_noise
-from photoclinometry.adjust.stated import uncertainty_at
+from photoclinometry.adjust.stated_uncertainty import uncertainty_at
 from photoclinometry.evaluate.sigma_calibration import sigma_metrics
 from photoclinometry.model.geometry import Rigid, so3_log
 from photoclinometry.model.scene import Tracks
@@ -98,7 +98,7 @@ def test_with_pose_priors_the_frame_is_theirs(adjusted):
 
 def test_they_can_be_left_out_and_older_ones_are_forgotten(adjusted):
     _, found = adjusted
-    options = AdjustOptions(uncertainty=False, max_rounds=1)
+    options = AdjustOptions(uncertainty=False, max_reweightings=1)
     assert adjust(found, options).scene.uncertainty == {}
 
 
@@ -120,7 +120,7 @@ def test_poses_are_turned_into_the_camera_frame_and_its_centre(adjusted):
     mapped = np.ones(len(true.landmarks), bool)
     ones = np.ones(len(landmark))
     marginals = Marginals(
-        camera=camera, landmark=landmark, albedo_relative=ones, albedo_by_common=np.stack([ones, ones], -1)
+        views=camera, landmark=landmark, albedo_relative=ones, albedo_by_common=np.stack([ones, ones], -1)
     )
     found = scene_uncertainty(marginals, true.views, estimate.pivot, mapped)
     for k in range(count):

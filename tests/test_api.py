@@ -166,7 +166,7 @@ def test_a_scene_is_written_and_read(tmp_path):
 
 def test_adjust_takes_options_by_name():
     scene = synthetic_scene(size=8, views=4)
-    adjustment = pcm.adjust(scene, uncertainty=False, max_rounds=1)
+    adjustment = pcm.adjust(scene, uncertainty=False, max_reweightings=1)
     assert adjustment.converged
     assert not adjustment.scene.uncertainty
     with pytest.raises(pcm.InputError, match="AdjustOptions has no option 'max_round'"):
@@ -210,7 +210,7 @@ def test_a_run_is_rendered_exported_and_estimated_by_its_folder(mapped, tmp_path
     given = pcm.render(mapped.run)
     np.testing.assert_array_equal(given.brightness, pcm.render(mapped.result.scene).brightness)
     assert "landmarks.ply" in pcm.export(mapped.result, tmp_path / "ply", products="ply")
-    found = pcm.adjust(mapped.run, max_rounds=1, uncertainty=False, solver=SolverOptions(max_steps=1))
+    found = pcm.adjust(mapped.run, max_reweightings=1, uncertainty=False, solver=SolverOptions(max_steps=1))
     assert len(found.scene.landmarks) == len(mapped.result.scene.landmarks)
 
 

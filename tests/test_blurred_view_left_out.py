@@ -20,7 +20,7 @@ BLURRED = "images/001.fits"
 OPTIONS = RunOptions(
     reflectance="lunar-lambert",
     densify=DensifyOptions(min_views=4),
-    relight=RelightOptions(rounds=1, direct=False),
+    relight=RelightOptions(iterations=1, direct=False),
     adjust=AdjustOptions(uncertainty=False),
 )
 

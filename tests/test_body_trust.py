@@ -11,7 +11,7 @@ from photoclinometry.model.warning import Warned
 
 SOUND = TileMap(landmarks=TileLandmarks.none(), ties=TiePoints.none(), gsd=1.0)
 FAILED = replace(SOUND, failure="no landmark is seen by enough views")
-WRONG = replace(SOUND, distrust=("the joint estimate has not converged: it ran out of rounds",))
+WRONG = replace(SOUND, distrust=("the joint estimate has not converged: it ran out of steps",))
 WELL = np.array([0.9, 0.8, np.nan, 0.95])
 
 
@@ -29,7 +29,7 @@ def test_a_body_most_of_whose_tiles_are_wrong_is_not_trusted():
     """The words are those of the more frequent kind."""
     (reason,) = why_untrusted([FAILED, SOUND, WRONG, WRONG], WELL, [])
     of = "tiles have no map or one that is not to be trusted, such as tile"
-    assert reason == f"3 of 4 {of} 2: the joint estimate has not converged: it ran out of rounds"
+    assert reason == f"3 of 4 {of} 2: the joint estimate has not converged: it ran out of steps"
     (reason,) = why_untrusted([SOUND, FAILED, FAILED, replace(WRONG, failure=FAILED.failure)], WELL, [])
     assert reason == f"3 of 4 {of} 1: no landmark is seen by enough views"
 

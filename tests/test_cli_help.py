@@ -112,7 +112,7 @@ def test_the_script_for_bash_is_one_that_bash_takes(capsys, tmp_path):
 
 def test_presets_set_what_they_say_and_other_options_go_before_them(monkeypatch, mapped, tmp_path):
     quick = preset("quick")
-    assert (quick.region.stride, quick.relight.rounds, quick.adjust.uncertainty) == (2, 1, False)
+    assert (quick.region.stride, quick.relight.iterations, quick.adjust.uncertainty) == (2, 1, False)
     assert quick.sfm == RunOptions().sfm
     seen = {}
 

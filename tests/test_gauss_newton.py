@@ -8,10 +8,10 @@ from photoclinometry.model.robust import huber_weight
 
 
 def linear_fit(jacobian, data):
-    def linearise(x):
+    def linearize(x):
         return jacobian.T @ (jacobian @ x - data), jacobian.T @ jacobian
 
-    return linearise
+    return linearize
 
 
 def add(x, step):
@@ -31,24 +31,24 @@ def test_a_decay_rate_is_recovered():
     t = np.linspace(0.0, 2.0, 30)
     data = 3.0 * np.exp(-1.7 * t)
 
-    def linearise(x):
+    def linearize(x):
         model = x[0] * np.exp(-x[1] * t)
         jacobian = np.stack([model / x[0], -t * model], -1)
         return jacobian.T @ (model - data), jacobian.T @ jacobian
 
-    found = gauss_newton(np.array([1.0, 1.0]), linearise, add, iterations=50, longest=0.5)
+    found = gauss_newton(np.array([1.0, 1.0]), linearize, add, iterations=50, longest=0.5)
     np.testing.assert_allclose(found.state, [3.0, 1.7], rtol=1e-8)
 
 
 def test_huber_weights_make_a_location_robust():
     data = np.concatenate([np.random.default_rng(0).normal(size=90), np.full(10, 100.0)])
 
-    def linearise(x):
+    def linearize(x):
         residual = x[0] - data
         weight = huber_weight(np.abs(residual), 1.0)
         return np.array([weight @ residual]), np.array([[weight.sum()]])
 
-    found = gauss_newton(np.zeros(1), linearise, add, iterations=100)
+    found = gauss_newton(np.zeros(1), linearize, add, iterations=100)
     assert abs(found.state[0]) < 0.3
     assert abs(data.mean()) > 9.0
 

@@ -12,7 +12,7 @@ from photoclinometry.model.scene import BODY_FIXED, OWN
 from photoclinometry.registration.alignment import transform_poses
 from photoclinometry.registration.georeference import (
     _inverse_left_jacobian,
-    _linearised,
+    _linearized,
     _moved,
     fit_to_priors,
     georeferenced,
@@ -155,12 +155,12 @@ def test_the_fit_is_a_minimum():
     true = [p.cam_from_body.inverse() for p in priors]
     known = Rigid(np.array([p.rotation for p in true]), np.array([p.translation for p in true]))
     sigma = np.array([[2.0, 0.1]] * 8)
-    _, jacobian = _linearised(TRUTH, body_from_cam, known, sigma)
+    _, jacobian = _linearized(TRUTH, body_from_cam, known, sigma)
     middle = TRUTH(body_from_cam.translation).mean(0)
     for k in range(7):
         step = 1e-6 * np.eye(7)[k]
-        ahead, _ = _linearised(_moved(TRUTH, middle, step), body_from_cam, known, sigma)
-        behind, _ = _linearised(_moved(TRUTH, middle, -step), body_from_cam, known, sigma)
+        ahead, _ = _linearized(_moved(TRUTH, middle, step), body_from_cam, known, sigma)
+        behind, _ = _linearized(_moved(TRUTH, middle, -step), body_from_cam, known, sigma)
         np.testing.assert_allclose(jacobian[..., k], (ahead - behind) / 2e-6, atol=1e-5)
 
 

@@ -21,7 +21,7 @@ from photoclinometry.model.sparse import SparseModel, without_views
 from photoclinometry.pipeline.run import RunOptions, run
 from scenes import synthetic_images, synthetic_scene
 
-FEW = {"densify": DensifyOptions(min_views=4), "adjust": AdjustOptions(max_rounds=1)}
+FEW = {"densify": DensifyOptions(min_views=4), "adjust": AdjustOptions(max_reweightings=1)}
 
 
 def moved(pose: Rigid, seed: int, px: float) -> Rigid:

@@ -57,7 +57,7 @@ def shape_scene(exposure):
             lit=np.zeros(0, bool),
         ),
         reference=0,
-        region=Region(row=0, col=0, height=2, width=2),
+        region=Region.of_image(2, 2),
     )
     return scene, faces
 

@@ -25,8 +25,8 @@ pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")
 
 QUICK = {
     "sfm": SfmOptions(threads=1),
-    "relight": RelightOptions(rounds=1),
-    "adjust": AdjustOptions(max_rounds=1, uncertainty=False),
+    "relight": RelightOptions(iterations=1),
+    "adjust": AdjustOptions(max_reweightings=1, uncertainty=False),
 }
 FOREIGN = (1, 4, 7)
 

@@ -54,7 +54,7 @@ def toy(monkeypatch):
 def test_a_matcher_from_outside_maps_a_site_and_relights_it(mapped, tmp_path, toy):
     adopt_stages(mapped.run, tmp_path / "run", ("sparse",))
     options = RunOptions(
-        matcher="toy", match_rounds=1, relight=RelightOptions(rounds=1), adjust=AdjustOptions(uncertainty=False)
+        matcher="toy", matching_passes=1, relight=RelightOptions(iterations=1), adjust=AdjustOptions(uncertainty=False)
     )
     result = run(mapped.site, tmp_path / "run", options)
     views = result.scene.views.name
@@ -70,7 +70,7 @@ def test_relight_and_flow_are_one_matcher_with_iterations_and_without():
         options = RunOptions(matcher=name)
         assert (options.matcher_name, options.max_iterations) == ("flow", iterations)
         assert isinstance(keyed_matcher(options.matcher_name, options).value, FlowMatcher)
-    assert RunOptions(matcher="roma", relight=RelightOptions(rounds=2)).max_iterations == 2
+    assert RunOptions(matcher="roma", relight=RelightOptions(iterations=2)).max_iterations == 2
 
 
 def test_options_of_a_matcher_are_those_of_the_run_or_of_its_entry(toy):

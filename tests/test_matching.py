@@ -45,7 +45,7 @@ def displaced(amplitude=1.5, gain=1.0, offset=0.0):
     from scipy.ndimage import map_coordinates
 
     target = texture((240, 240))
-    whole = Region(row=0, col=0, height=200, width=200).pixel_centers()
+    whole = Region.of_image(200, 200).pixel_centers()
     true = whole + 20.37
     true[..., 0] += amplitude * np.sin(whole[..., 1] / 17.0)
     true[..., 1] += amplitude * np.cos(whole[..., 0] / 23.0)
@@ -113,7 +113,7 @@ def test_sigmas_are_those_of_positions_in_the_target(step):
 
     def seen(step):
         size = int(200 * step)
-        where = (Region(row=0, col=0, height=size, width=size).pixel_centers() / step)[..., ::-1] + 19.5
+        where = (Region.of_image(size, size).pixel_centers() / step)[..., ::-1] + 19.5
         image = map_coordinates(target, np.moveaxis(where, -1, 0), order=5)
         # noise of the ground, alike to a matcher that averages a finer view
         return Image("b", image + 0.01 * step * rng.standard_normal(image.shape), np.ones(image.shape, bool))
@@ -132,7 +132,7 @@ def test_sigmas_are_those_of_positions_in_the_target(step):
 
 
 def test_sigmas_of_an_oblique_view_are_the_rms_of_both_axes():
-    squeezed = Region(row=0, col=0, height=6, width=8).pixel_centers() * (0.5, 1.0)
+    squeezed = Region.of_image(6, 8).pixel_centers() * (0.5, 1.0)
     squeezed[2, 3] = np.nan
     expected = 0.1 * np.sqrt((0.25 + 1.0) / 2.0)
     np.testing.assert_allclose(in_target(np.full((6, 8), 0.1), squeezed), expected)

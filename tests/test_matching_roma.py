@@ -104,7 +104,7 @@ def test_the_first_map_is_made_of_its_matches_anew_only_for_other_weights(
 
     monkeypatch.setitem(MATCHERS, "roma", replace(MATCHERS["roma"], make=lambda options: Counted()))
     folder = mapped.copy(tmp_path / "run")
-    options = RunOptions(matcher="roma", roma=files, relight=RelightOptions(rounds=0), match_rounds=1)
+    options = RunOptions(matcher="roma", roma=files, relight=RelightOptions(iterations=0), matching_passes=1)
     result = run(mapped.site, folder, options)
     views = result.scene.views
     assert sorted(calls) == sorted(set(views.name) - {views.name[result.scene.reference]})

@@ -136,7 +136,7 @@ def test_changed_options_redo_what_depends_on_them_and_no_more(mapped, tmp_path,
     assert resumed(folder) == BEFORE
     run(mapped.site, folder, RunOptions(matcher="flow", reflectance="akimov"))
     assert resumed(folder) == ["sparse", "region", "dense"]
-    run(mapped.site, folder, RunOptions(matcher="flow", match_rounds=1, reflectance="akimov"))
+    run(mapped.site, folder, RunOptions(matcher="flow", matching_passes=1, reflectance="akimov"))
     assert resumed(folder) == ["sparse", "inconsistent_views", "region"]
     assert len(adjust_nothing) == 3
 

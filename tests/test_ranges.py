@@ -107,10 +107,10 @@ def test_a_range_says_itself_in_words(limits, words):
 
 
 def test_whole_numbers_are_whole_and_may_be_of_any_length():
-    assert replace(AdjustOptions(), max_rounds=100).max_rounds == 100
+    assert replace(AdjustOptions(), max_reweightings=100).max_reweightings == 100
     for value in (2.5, 10**400, "many", True):
-        with pytest.raises(InputError, match=r"AdjustOptions\.max_rounds is"):
-            AdjustOptions(max_rounds=value)  # type: ignore[arg-type]
+        with pytest.raises(InputError, match=r"AdjustOptions\.max_reweightings is"):
+            AdjustOptions(max_reweightings=value)  # type: ignore[arg-type]
 
 
 def test_tuples_are_checked_one_by_one_and_named_as_a_whole():

@@ -117,7 +117,7 @@ def test_coefficients_given_as_the_authors_give_them_equal_the_published_ones(fo
     assert start.albedo_unit == c0
     reflectance = start.model.scene.reflectance
     assert reflectance is not None
-    np.testing.assert_allclose(reflectance.packed, LUNAR_LAMBERT.packed, rtol=1e-15)
+    np.testing.assert_allclose(reflectance.parameter_vector, LUNAR_LAMBERT.parameter_vector, rtol=1e-15)
     np.testing.assert_array_equal(start.model.scene.landmarks.albedo, expected.model.scene.landmarks.albedo)
 
 
@@ -209,7 +209,7 @@ def test_the_authors_graph_is_minimised_from_their_cost_to_below_theirs():
         keypoint_loss=np.inf,
         brightness_loss=np.inf,
         reflectance_sigma=0.0,
-        max_rounds=1,
+        max_reweightings=1,
         uncertainty=False,
     )
     adjustment = adjust(scene, independent)

@@ -123,10 +123,10 @@ def test_is_zero_where_unlit_or_unseen(model):
 def test_partial_derivatives_match_differences(model, phase):
     """Also near zero phase and at grazing incidence and emission."""
     for mu0, mu in zip(*directions(phase, 40, lowest=5e-3), strict=True):
-        at, analytic = np.array([mu0, mu, phase]), photometric_function(model.packed, mu0, mu, phase)[1:]
+        at, analytic = np.array([mu0, mu, phase]), photometric_function(model.parameter_vector, mu0, mu, phase)[1:]
         for axis, expected in zip(np.eye(3), analytic, strict=True):
             h = 1e-4 * abs(at @ axis)
-            values = [photometric_function(model.packed, *(at + k * h * axis))[0] for k in (-2, -1, 1, 2)]
+            values = [photometric_function(model.parameter_vector, *(at + k * h * axis))[0] for k in (-2, -1, 1, 2)]
             numeric = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * h)
             assert expected == pytest.approx(numeric, rel=2e-5, abs=2e-6)
 
@@ -137,7 +137,7 @@ def test_partial_derivatives_of_hapke_match_differences(body):
     model, rng = published("hapke", body), np.random.default_rng(0)
     for i, e, psi in rng.uniform([0.05, 0.05, 0.3], [1.4, 1.4, 2.8], (200, 3)):
         at = np.array([np.cos(i), np.cos(e), np.arccos(np.cos(i) * np.cos(e) + np.sin(i) * np.sin(e) * np.cos(psi))])
-        analytic = photometric_function(model.packed, *at)[1:]
+        analytic = photometric_function(model.parameter_vector, *at)[1:]
         numeric = numerical_jacobian(lambda x, at=at: np.array([model(*(at + x))]), 3, 1e-6)[0]
         np.testing.assert_allclose(analytic, numeric, rtol=1e-5, atol=1e-7)
 
@@ -146,7 +146,7 @@ def test_partial_derivatives_of_hapke_match_differences(body):
 def test_is_finite_at_zero_phase(model):
     mu = np.random.default_rng(0).uniform(0.01, 1, 100)
     for m in mu:
-        assert np.all(np.isfinite(photometric_function(model.packed, m, m, 0.0)))
+        assert np.all(np.isfinite(photometric_function(model.parameter_vector, m, m, 0.0)))
 
 
 def test_akimov_at_limb_and_terminator():
@@ -191,7 +191,7 @@ def test_derivatives_by_parameters(disk):
     model = starting_model(disk, "vesta")
     angles = 0.7, 0.5, 0.8
     out = np.empty(len(model.parameters))
-    photometric_parameters(model.packed, *angles, out)
+    photometric_parameters(model.parameter_vector, *angles, out)
     numeric = numerical_jacobian(lambda x: model.with_parameters(model.parameters + x)(*angles), len(out), 1e-5)[0]
     np.testing.assert_allclose(out, numeric, rtol=1e-6, atol=1e-9)
 
@@ -280,7 +280,7 @@ def test_every_parameter_has_a_name_a_unit_and_a_meaning(name):
         assert p.default is None or p.lower <= p.default <= p.upper
         assert p.default != 0 or p.prior_sigma, "without a prior of its own a parameter that is 0 stays 0"
     for values in model.published.values():
-        assert not np.isnan(Reflectance(name, values).packed).any()
+        assert not np.isnan(Reflectance(name, values).parameter_vector).any()
 
 
 def test_changes_are_relative_unless_a_parameter_states_its_own_prior():
@@ -302,7 +302,7 @@ def test_no_step_leaves_the_bounds(model, sign):
     change = np.zeros(len(model.values))
     for _ in range(5):
         change = change + model.limit_step(change, np.full(len(change), 1e6 * sign))
-        assert np.isfinite(model.moved(change).packed).all()
+        assert np.isfinite(model.moved(change).parameter_vector).all()
 
 
 def test_a_step_within_the_bounds_is_left_as_it_is():
@@ -315,13 +315,13 @@ def test_a_step_within_the_bounds_is_left_as_it_is():
 
 def test_beyond_grazing_emission_estimates_see_what_they_see_there():
     """rho is zero beyond 90 degrees and not before: an estimate that crosses that would see its cost jump."""
-    packed = published("lunar-lambert", "vesta").packed
-    seen = [continued_function(packed, 0.5, mu, 1.0)[0] for mu in np.linspace(-0.2, 0.2, 401)]
+    parameter_vector = published("lunar-lambert", "vesta").parameter_vector
+    seen = [continued_function(parameter_vector, 0.5, mu, 1.0)[0] for mu in np.linspace(-0.2, 0.2, 401)]
     assert np.abs(np.diff(seen)).max() < 0.01 * max(seen)
-    assert continued_function(packed, 0.5, -0.1, 1.0)[2] == 0.0
-    assert continued_function(packed, 0.5, 0.3, 1.0) == photometric_function(packed, 0.5, 0.3, 1.0)
-    assert photometric_function(packed, 0.5, 1e-3, 1.0)[0] > 0.1 * max(seen)
-    assert photometric_function(packed, 0.5, -1e-3, 1.0)[0] == 0.0
+    assert continued_function(parameter_vector, 0.5, -0.1, 1.0)[2] == 0.0
+    assert continued_function(parameter_vector, 0.5, 0.3, 1.0) == photometric_function(parameter_vector, 0.5, 0.3, 1.0)
+    assert photometric_function(parameter_vector, 0.5, 1e-3, 1.0)[0] > 0.1 * max(seen)
+    assert photometric_function(parameter_vector, 0.5, -1e-3, 1.0)[0] == 0.0
 
 
 def test_a_mean_is_of_models_of_one_name():

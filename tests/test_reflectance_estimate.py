@@ -37,7 +37,7 @@ def test_an_estimate_with_hardly_a_prior_stays_within_bounds():
     start, _ = matched_problem(16, 8, reflectance=Reflectance("hapke", (0.97, 0.03, 0.2, 0.5, 1.6, 0.06)))
     start = replace(start, reflectance=Reflectance("hapke", (0.9, 0.1, 0.3, 0.5, 1.6, 0.06)))
     found = adjust(start, replace(OPTIONS, reflectance_sigma=2.0, uncertainty=False))
-    assert np.isfinite(found.scene.reflectance.packed).all()
+    assert np.isfinite(found.scene.reflectance.parameter_vector).all()
     assert np.isfinite(found.scene.landmarks.normal).all()
 
 

@@ -185,7 +185,7 @@ def run_until_the_third_estimate(site, folder, options, calls):
 
 def test_a_run_killed_in_an_iteration_goes_on_in_it(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
-    options = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0, direct=False))
+    options = RunOptions(reflectance="akimov", relight=RelightOptions(iterations=2, settled_px=0.0, direct=False))
     run_until_the_third_estimate(mapped.site, folder, options, adjust_nothing)
     first = run(mapped.site, folder, options)
     assert [options.uncertainty for options in adjust_nothing] == [False, False, True]  # uncertainties are found once
@@ -199,20 +199,20 @@ def test_a_run_killed_in_an_iteration_goes_on_in_it(mapped, tmp_path, adjust_not
 def test_more_iterations_go_on_from_the_first_map(mapped, tmp_path, adjust_nothing):
     """The last iteration made before does not count: as one of more, its keypoints are held more loosely."""
     folder = mapped.copy(tmp_path / "run")
-    one, two = (RelightOptions(rounds=n, settled_px=0.0, direct=False) for n in (1, 2))
+    one, two = (RelightOptions(iterations=n, settled_px=0.0, direct=False) for n in (1, 2))
     run(mapped.site, folder, RunOptions(reflectance="akimov", relight=one))
     run(mapped.site, folder, RunOptions(reflectance="akimov", relight=two))
     assert [options.uncertainty for options in adjust_nothing] == [False, True, False, True]
-    assert [options.keypoint_slack for options in adjust_nothing] == [1.0, 1.0, 5.0, 1.0]
+    assert [options.keypoint_sigma_factor for options in adjust_nothing] == [1.0, 1.0, 5.0, 1.0]
     assert iterations_of(folder) == [0, 1, 2]
 
 
 def test_fewer_iterations_than_were_begun_go_on_from_the_first_map(mapped, tmp_path, adjust_nothing):
     """The iteration that a longer run left has no uncertainties, which only the last one finds."""
     folder = mapped.copy(tmp_path / "run")
-    two = RunOptions(reflectance="akimov", relight=RelightOptions(rounds=2, settled_px=0.0, direct=False))
+    two = RunOptions(reflectance="akimov", relight=RelightOptions(iterations=2, settled_px=0.0, direct=False))
     run_until_the_third_estimate(mapped.site, folder, two, adjust_nothing)
-    one = replace(two, relight=replace(two.relight, rounds=1))
+    one = replace(two, relight=replace(two.relight, iterations=1))
     run(mapped.site, folder, one)
     run(mapped.site, folder, one)
     assert [options.uncertainty for options in adjust_nothing] == [False, False, True]

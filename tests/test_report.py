@@ -131,10 +131,10 @@ def test_an_unwritable_place_is_an_error_that_names_it(tmp_path):
         write_report(tmp_path / "file" / "report", synthetic_scene(size=16, views=3, reflectance=None))
 
 
-def test_rounds_of_the_estimate_are_told_apart():
-    """By their starts, also where the cost falls from one round to the next; without numbers, where the cost rises."""
+def test_reweighting_iterations_are_told_apart():
+    """By their starts, also where the cost falls from one to the next; without numbers, where the cost rises."""
     from photoclinometry.adjust import Iteration
-    from photoclinometry.output.report.curves import ROUND, cost_by_round, split_rounds
+    from photoclinometry.output.report.curves import REWEIGHTING, cost_by_reweighting, split_reweightings
 
     def step(cost: float, solved: int, accepted: bool = True) -> Iteration:
         moved = 0.1 * (solved > 0)
@@ -148,8 +148,9 @@ def test_rounds_of_the_estimate_are_told_apart():
             cpu_s=0,
         )
 
-    rows = cost_by_round([step(9, 0), step(5, 3), step(7, 2, False), step(4, 0), step(3, 5), step(60, 0), step(50, 1)])
-    assert [row[ROUND] for row in rows] == [1, 1, 2, 2, 3, 3]
+    log = [step(9, 0), step(5, 3), step(7, 2, False), step(4, 0), step(3, 5), step(60, 0), step(50, 1)]
+    rows = cost_by_reweighting(log)
+    assert [row[REWEIGHTING] for row in rows] == [1, 1, 2, 2, 3, 3]
     total = np.array([9.0, 5, 4, 3, 60, 50])
-    assert split_rounds([row[ROUND] for row in rows], total) == [(0, 2), (2, 4), (4, 6)]
-    assert split_rounds([None] * 6, total) == [(0, 4), (4, 6)]
+    assert split_reweightings([row[REWEIGHTING] for row in rows], total) == [(0, 2), (2, 4), (4, 6)]
+    assert split_reweightings([None] * 6, total) == [(0, 4), (4, 6)]

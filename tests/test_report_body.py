@@ -13,7 +13,7 @@ from photoclinometry.output.report.body_report import BodyContent, write_body_re
 from photoclinometry.output.report.facts import CARE, SOUND, WRONG
 from photoclinometry.output.report.sides import PIXELS, SIDES, best_seen, seen_from, titles
 from photoclinometry.surface.mesh_rays import MeshRays
-from test_viewer_body import DIRECTIONS, RADIUS, body_of, round_one
+from viewer_bodies import DIRECTIONS, RADIUS, body_of, round_one
 
 pytest.importorskip("embreex")
 

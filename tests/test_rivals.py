@@ -110,7 +110,7 @@ def test_the_cost_of_a_run_is_that_of_its_stages_and_unknown_where_one_was_not_m
 
 
 def test_options_of_a_run_come_back_as_they_were(tmp_path):
-    options = RunOptions(reflectance="mcewen", hold_out=("a.fits",), relight=RelightOptions(rounds=1, direct=False))
+    options = RunOptions(reflectance="mcewen", hold_out=("a.fits",), relight=RelightOptions(iterations=1, direct=False))
     write_options(tmp_path / "config.toml", {"site": "site.toml", **asdict(options)})
     assert options_from(RunOptions, read_config(tmp_path)) == options
 

@@ -36,16 +36,16 @@ def test_the_noise_of_each_map_is_what_the_next_one_is_relit_with(mapped, tmp_pa
     run(mapped.site, tmp_path / "run", options)
     (_, given, found), *relit, (last, *_) = calls
     assert given is None
-    assert len(relit) == options.relight.rounds - 1
+    assert len(relit) == options.relight.iterations - 1
     for _, given, next_found in relit:
         assert given == found
         found = next_found
-    assert last.max_rounds == AdjustOptions().max_rounds
+    assert last.max_reweightings == AdjustOptions().max_reweightings
 
 
 @pytest.mark.parametrize("allowed", [1, 4])
 def test_rough_estimates_reweight_twice_or_as_often_as_is_allowed(calls, allowed):
-    estimate = JointEstimate(options=replace(AdjustOptions(), max_rounds=allowed))
+    estimate = JointEstimate(options=replace(AdjustOptions(), max_reweightings=allowed))
     estimate(synthetic_scene(size=4, views=3), Step(rough=True))
     estimate(synthetic_scene(size=4, views=3), Step())
-    assert [options.max_rounds for options, *_ in calls] == [min(ROUGH_REWEIGHTING, allowed), allowed]
+    assert [options.max_reweightings for options, *_ in calls] == [min(ROUGH_REWEIGHTING, allowed), allowed]

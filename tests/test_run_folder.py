@@ -206,7 +206,7 @@ def test_digests_differ_where_any_part_differs_and_only_there():
     parts = [
         ("sparse", options),
         ("dense", options),
-        ("sparse", replace(options, match_rounds=3)),
+        ("sparse", replace(options, matching_passes=3)),
         ("sparse", replace(options, sfm=SfmOptions(seed=1))),
         ("sparse", replace(options, reflectance="akimov")),
         ("sparse", options, 1.0),

@@ -7,7 +7,7 @@ from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Image
 from photoclinometry.surface.sampling import gaussian, masked_filter, sample, sample_image
 
-CENTERS = Region(row=0, col=0, height=40, width=60).pixel_centers()
+CENTERS = Region.of_image(40, 60).pixel_centers()
 INNER = np.random.default_rng(0).uniform(12.0, 28.0, (200, 2))
 
 

@@ -33,7 +33,7 @@ def views_around(count):
 
 def ground_behind_pixels(pose, height):
     """(2, 300 * 300) rows and columns of a grid of heights (512, 512), origin in its middle, that pixels show."""
-    rays = CAMERA.ray_in_cam(Region(row=0, col=0, height=300, width=300).pixel_centers()) @ pose.rotation.T
+    rays = CAMERA.ray_in_cam(Region.of_image(300, 300).pixel_centers()) @ pose.rotation.T
     z = 0.0
     for _ in range(8):  # fixed point: slopes are gentle
         point = pose.translation + ((z - pose.translation[2]) / rays[..., 2])[..., None] * rays

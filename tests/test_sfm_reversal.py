@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from photoclinometry.model.progress import no_progress
 from photoclinometry.model.scene import Image
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.relief_shading import ReliefShading
@@ -214,7 +215,7 @@ def test_views_are_mapped_again_until_the_best_is_found_twice(found, kept, trial
         return found[len(seeds) - 1]
 
     monkeypatch.setattr(mapping, "_mapped", mapped)
-    assert mapping.map_views([CAMERA] * 5, None, OPTIONS, None) == ([] if kept is None else found[kept])
+    assert mapping.map_views([CAMERA] * 5, None, OPTIONS, no_progress) == ([] if kept is None else found[kept])
     assert seeds == [OPTIONS.seed + k for k in range(trials)]
 
 
@@ -222,7 +223,7 @@ def test_many_views_that_no_seed_maps_as_the_images_show_are_mapped_six_times(mo
     found = [MIXTURE] * 6
     trials = iter(found)
     monkeypatch.setattr(mapping, "_mapped", lambda *_: next(trials))
-    assert mapping.map_views([CAMERA] * 31, None, OPTIONS, None) == MIXTURE
+    assert mapping.map_views([CAMERA] * 31, None, OPTIONS, no_progress) == MIXTURE
     assert next(trials, None) is None
 
 
@@ -230,7 +231,7 @@ def test_later_trials_begin_with_the_pairs_of_most_matches(one_site, tmp_path, m
     """Each begins elsewhere, and finds the poses as well."""
     reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path, OPTIONS)
     pairs, begun = first_pairs(5, tmp_path), []
-    inliers = reconstruct.match_views(5, [], tmp_path, OPTIONS, "", None)
+    inliers = reconstruct.match_views(5, [], tmp_path, OPTIONS, "", no_progress)
     made = mapping._incremental_options
 
     def noted(cameras, options, pair):
@@ -239,7 +240,7 @@ def test_later_trials_begin_with_the_pairs_of_most_matches(one_site, tmp_path, m
 
     monkeypatch.setattr(mapping, "_incremental_options", noted)
     for rank in (0, 3):
-        (found,) = mapping._mapped([CAMERA] * 5, tmp_path, OPTIONS, None, None, rank)
+        (found,) = mapping._mapped([CAMERA] * 5, tmp_path, OPTIONS, no_progress, None, rank)
         assert rotation_errors_deg(from_colmap(found.model, 5).body_from_cam, one_site[1]).max() < 0.3
     assert begun == [pairs[0], pairs[3]]
     assert len(pairs) == np.count_nonzero(np.triu(inliers, 1))
@@ -250,7 +251,7 @@ def test_all_trials_are_made_if_that_is_asked_for(monkeypatch):
     found = [oriented(5, error_px, 2.0) for error_px in (0.40, 0.34, 0.34, 0.34, 0.30, 0.34)]
     trials = iter(found)
     monkeypatch.setattr(mapping, "_mapped", lambda *_: next(trials))
-    assert mapping.map_views([CAMERA] * 5, None, OPTIONS, None, all_trials=True) == found[4]
+    assert mapping.map_views([CAMERA] * 5, None, OPTIONS, no_progress, all_trials=True) == found[4]
     assert next(trials, None) is None
 
 

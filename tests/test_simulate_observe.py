@@ -18,7 +18,7 @@ from photoclinometry.simulate.trajectory import looking_at
 from test_simulate_surface import rough_surface
 
 CAMERA = Camera("PINHOLE", 48, 40, (2000.0, 2000.0, 24.0, 20.0))
-FRAME = Region(row=0, col=0, height=40, width=48)
+FRAME = Region.of_image(40, 48)
 SUN = unit([0.5, -0.3, 0.7])
 MODELS = {
     "hapke": published_hapke("vesta"),

@@ -76,9 +76,9 @@ def test_any_pinhole_camera_can_be_simulated(tmp_path):
     truth = read_truth(tmp_path / "oblong" / "truth.h5")
     assert np.mean(np.linalg.norm(truth.views.body_from_cam.translation, axis=1)) == pytest.approx(60 * 2100, rel=0.05)
     for k, name in enumerate(truth.views.name):
-        maps = truth_maps(truth, name, Region(row=0, col=0, height=40, width=64))
+        maps = truth_maps(truth, name, Region.of_image(40, 64))
         assert maps.hit.all()
-        region = Region(row=0, col=0, height=40, width=64)
+        region = Region.of_image(40, 64)
         np.testing.assert_allclose(truth.views.project(k, maps.position), region.pixel_centers(), atol=1e-6)
         assert truth.views.project(k, np.zeros(3)) == pytest.approx([12.0, 35.0], abs=40.0)  # pointing errors of 15 px
 
@@ -197,7 +197,7 @@ def test_images_follow_from_the_truth(site, truth):
     within a pixel."""
     from photoclinometry.model.reflectance import photometric_angles
 
-    region = Region(row=0, col=0, height=64, width=64)
+    region = Region.of_image(64, 64)
     maps = truth_maps(truth, truth.views.name[0], region)
     center = truth.views.body_from_cam.translation[0]
     angles = photometric_angles(truth.views.sun[0], center, maps.position, maps.normal_mean)

@@ -10,7 +10,7 @@ from photoclinometry.adjust.graph.smoothness import Smoothness, bend_between, bu
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.geometry import align_similarity, angle_between, so3_exp, unit
 from photoclinometry.model.reflectance import published
-from photoclinometry.photometry.initialize import with_model
+from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline import direct_refinement

@@ -30,8 +30,8 @@ pytestmark = pytest.mark.usefixtures("no_figures")
 
 HELD_OUT = ("images/001.fits",)
 BASE = RunOptions(hold_out=HELD_OUT, densify=DensifyOptions(min_views=4))
-CHOICES = {"matcher": "flow", "reflectance": "akimov", "hold_out": ("images/002.fits",), "rounds": 2}
-"""Other legal values of options whose type does not tell them; of `rounds`, fewer, as more are not needed."""
+CHOICES = {"matcher": "flow", "reflectance": "akimov", "hold_out": ("images/002.fits",), "iterations": 2}
+"""Other legal values of options whose type does not tell them; of `iterations`, fewer, as more are not needed."""
 
 
 @pytest.fixture(scope="module")
@@ -226,7 +226,7 @@ def _value(options, name):
         ("flow.patch_px", "dense"),
         ("densify.max_reprojection_px", "dense"),
         ("adjust.smooth_neighbours", "first_estimate"),
-        ("relight.slack", "relighting_1"),
+        ("relight.keypoint_sigma_factor", "relighting_1"),
         ("relight.settled_px", "relighting_1"),
         ("relight.direct", "last_estimate"),
     ],
@@ -240,12 +240,14 @@ def test_a_change_of_an_option_redoes_what_follows_from_it_and_no_more(recorded,
 # Runs in one folder, each with other options than the last, against runs in folders of their own.
 
 
-ONE = RelightOptions(rounds=1)
+ONE = RelightOptions(iterations=1)
 CHANGES = {
     "none": RunOptions(relight=ONE),
     "relight.direct": RunOptions(relight=replace(ONE, direct=False)),
-    "relight.rounds": RunOptions(relight=RelightOptions(rounds=2, settled_px=0.0)),
-    "relight.slack": RunOptions(relight=RelightOptions(rounds=2, settled_px=0.0, slack=2.0)),
+    "relight.iterations": RunOptions(relight=RelightOptions(iterations=2, settled_px=0.0)),
+    "relight.keypoint_sigma_factor": RunOptions(
+        relight=RelightOptions(iterations=2, settled_px=0.0, keypoint_sigma_factor=2.0)
+    ),
     "adjust.smooth_sigma_rad": RunOptions(relight=ONE, adjust=AdjustOptions(smooth_sigma_rad=0.3)),
     "flow.min_correlation": RunOptions(relight=ONE, flow=FlowOptions(min_correlation=0.6)),
     "densify.min_views": RunOptions(relight=ONE, densify=DensifyOptions(min_views=5)),

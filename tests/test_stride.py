@@ -61,7 +61,7 @@ def test_the_grid_has_every_sth_pixel_from_the_corner_on(stride, shape):
 
 @pytest.mark.parametrize("stride", [1, 2, 3])
 def test_between_cells_a_ramp_is_a_ramp_and_a_gap_spoils_what_takes_it(stride):
-    region = Region(row=0, col=0, height=11, width=8, stride=stride)
+    region = Region.of_image(11, 8, stride=stride)
     ramp = region.pixel_centers() @ np.array([0.3, -2.0])
     rows, cols = ((n - 1) * stride + 1 for n in region.grid_shape)  # up to the last row and column of cells
     found = region.between_cells(ramp[region.grid_slices])

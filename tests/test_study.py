@@ -216,19 +216,19 @@ def test_a_study_goes_on_where_it_was_stopped_and_equals_its_parts(mapped, study
     monkeypatch.setattr("photoclinometry.output.report.write_report", lambda folder, *_, **__: folder / "index.html")
     proper = pipeline.run
 
-    def stopped(site, out, options, *rest):
+    def stopped(site, out, options, **rest):
         if options.reflectance == GEOMETRY:
             raise KeyboardInterrupt
-        return proper(site, out, options, *rest)
+        return proper(site, out, options, **rest)
 
     monkeypatch.setattr(pipeline, "run", stopped)
     with pytest.raises(KeyboardInterrupt):
         run_study(SMALL, study)
     assert not (study / "study.md").exists()
 
-    def no_photometry(site, out, options, *rest):
+    def no_photometry(site, out, options, **rest):
         assert options.reflectance == GEOMETRY, "what was finished is done again"
-        return proper(site, out, options, *rest)
+        return proper(site, out, options, **rest)
 
     monkeypatch.setattr(pipeline, "run", no_photometry)
     page = run_study(SMALL, study)
@@ -275,7 +275,7 @@ def test_rivals_of_a_study_are_those_of_the_run_and_kept(study, monkeypatch):
 
 
 def test_a_site_without_a_map_does_not_stop_a_study(study, monkeypatch):
-    def fails(*_):
+    def fails(*_, **__):
         raise ReconstructionError("2 of 6 views registered; add views")
 
     monkeypatch.setattr(pipeline, "run", fails)
@@ -302,5 +302,5 @@ def test_each_run_may_choose_its_model():
 
 
 def test_options_of_runs_are_the_studys():
-    options = replace(SMALL, run=RunOptions(match_rounds=1, reflectance="mcewen", hold_out=("x",)))
-    assert cells(options)[0].run_options(options) == RunOptions(match_rounds=1, reflectance="lunar-lambert")
+    options = replace(SMALL, run=RunOptions(matching_passes=1, reflectance="mcewen", hold_out=("x",)))
+    assert cells(options)[0].run_options(options) == RunOptions(matching_passes=1, reflectance="lunar-lambert")

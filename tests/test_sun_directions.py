@@ -29,7 +29,7 @@ def measured_with(estimate, rotation, own):
 
 
 def cost(estimate):
-    return sum(rows.cost for rows in SunDirections().rows(estimate))
+    return sum(rows.cost for rows in SunDirections.of(estimate.views).rows(estimate))
 
 
 def test_the_cost_is_that_of_gaussian_errors_of_their_covariance(estimate):
@@ -72,15 +72,24 @@ def test_offsets_squared_are_the_cost(estimate):
 def test_slopes_are_those_of_the_residuals(estimate):
     rng = np.random.default_rng(3)
     off = measured_with(estimate, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
-    (rows,) = SunDirections(weight=1.7).rows(off)
+    suns = SunDirections.of(off.views, weight=1.7)
+    (rows,) = suns.rows(off)
     still = np.zeros((len(off.landmarks), 6))
     for touch in rows.touches:
         k = int(touch.index[0])
         for m in (0, 1, 2, 6, 7):
             step = np.zeros((6, 10))
             step[k, m] = 1e-6
-            ends = [SunDirections(weight=1.7).rows(off.step(sign * step, still))[0].residual[0] for sign in (1, -1)]
+            ends = [suns.rows(off.step(sign * step, still))[0].residual[0] for sign in (1, -1)]
             np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, touch.jacobian[0, :, m], rtol=1e-4, atol=1e-3)
+
+
+def test_the_group_owns_what_was_measured(estimate):
+    """Views of an estimate that state other measurements change nothing."""
+    suns = SunDirections.of(estimate.views)
+    other = replace(estimate.views, sun_measured=-estimate.views.sun_measured, sun_sigma=9.0 * estimate.views.sun_sigma)
+    (before,), (after,) = suns.rows(estimate), suns.rows(replace(estimate, views=other))
+    np.testing.assert_array_equal(before.residual, after.residual)
 
 
 def test_suns_that_brightness_moved_further_than_both_errors_allow_are_as_uncertain_as_that(estimate):

@@ -47,7 +47,7 @@ def around(points, seen_from):
 
 def ground(pose, camera=CAMERA):
     """Where the rays of all pixels meet the bumps: (h, w, 3), and their depths (h, w)."""
-    frame = Region(row=0, col=0, height=camera.height, width=camera.width)
+    frame = Region.of_image(camera.height, camera.width)
     rays = camera.ray_in_cam(frame.pixel_centers()) @ pose.rotation.T
     point = bumpy_surface().hit(np.broadcast_to(pose.translation, rays.shape), rays)
     return point, pose.inverse()(point)[..., 2]
@@ -140,7 +140,7 @@ def test_a_wall_beside_the_map_shades_it_as_far_as_trigonometry_gives():
     the map, to a node's width."""
     scene = level(synthetic_scene(size=40, views=2))
     camera, region = scene.views.cameras[0], scene.region
-    frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=4)
+    frame = Region.of_image(camera.height, camera.width, stride=4)
     depth = np.full(frame.grid_shape, DISTANCE)
     edge = region.col + region.width
     wall = (4 * np.arange(depth.shape[1]) >= edge + 8) & (4 * np.arange(depth.shape[1]) < edge + 16)
@@ -162,7 +162,7 @@ def test_a_wall_beside_the_map_shades_it_as_far_as_trigonometry_gives():
 def test_shadows_are_the_same_in_another_frame():
     scene = synthetic_scene(size=30, views=2)
     camera = scene.views.cameras[0]
-    frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=4)
+    frame = Region.of_image(camera.height, camera.width, stride=4)
     depth = DISTANCE + 8 * GSD * np.sin(np.arange(frame.grid_shape[1]) / 2.0) + np.zeros(frame.grid_shape)
     scene = replace(scene, surroundings=Surroundings(depth=depth, stride=4))
     other = Similarity(0.01, so3_exp(np.array([0.3, -0.2, 0.9])), np.array([5.0, 6.0, 7.0]))
@@ -197,5 +197,5 @@ def test_an_estimate_carries_the_ground_around_along():
     scene = replace(
         synthetic_scene(size=12, views=5), surroundings=Surroundings(depth=np.full((8, 9), 100.0), stride=4)
     )
-    found = adjust(scene, AdjustOptions(uncertainty=False, max_rounds=1)).scene
+    found = adjust(scene, AdjustOptions(uncertainty=False, max_reweightings=1)).scene
     np.testing.assert_array_equal(found.surroundings.depth, carried_along(scene, found).depth)

@@ -1,45 +1,25 @@
-"""What several threads sum is what one sums. The suite itself runs in one thread a process."""
+"""Threads do what a loop does."""
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
-
-import numpy as np
+import numba
 import pytest
 
-SUMS = """
-import json
-import numba
-import numpy as np
-from graphs import graph_of
-from photoclinometry.adjust.graph.variables import Estimate
-from scenes import synthetic_scene
-
-scene = synthetic_scene(size=20, views=5, keypoint_noise_px=0.2, brightness_noise=0.01)
-graph = graph_of(scene, reflectance_sigma=0.1).graph
-parameters = np.zeros(len(scene.reflectance.parameters))
-at = graph.linearize(Estimate(scene.views, scene.landmarks, np.zeros(3), parameters))
-vector = np.random.default_rng(0).normal(size=at.gradient.shape).astype(np.float32)
-found = [at.cost, at.gradient, at.diagonal, at.multiply(vector)]
-print(json.dumps([numba.get_num_threads(), *(each.tolist() for each in found)]))
-"""
+from photoclinometry.model.threads import in_threads
 
 
-def sums(threads):
-    """Threads used, then cost, gradient, diagonal and a product of a small graph, in a process of its own."""
-    paths = os.pathsep.join([str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, "NUMBA_NUM_THREADS": str(threads), "PYTHONPATH": paths}
-    done = subprocess.run([sys.executable, "-c", SUMS], env=environment, capture_output=True, text=True, check=True)
-    used, *found = json.loads(done.stdout)
-    assert used == threads
-    return found
+@pytest.fixture(params=[1, 2])
+def threads(request):
+    if request.param > numba.config.NUMBA_NUM_THREADS:
+        pytest.skip("Numba has fewer threads here")
+    before = numba.get_num_threads()
+    numba.set_num_threads(request.param)
+    yield request.param
+    numba.set_num_threads(before)
 
 
-@pytest.mark.slow
-def test_two_and_three_threads_sum_what_one_does():
-    alone = sums(1)
-    for threads in (2, 3):
-        for several, one in zip(sums(threads), alone, strict=True):
-            np.testing.assert_allclose(several, one, rtol=1e-4, atol=1e-7 * np.abs(one).max())
+def test_results_are_in_the_order_of_the_items(threads):
+    assert in_threads(lambda x: x * x, range(100)) == [x * x for x in range(100)]
+
+
+def test_what_a_call_raises_is_raised(threads):
+    with pytest.raises(ZeroDivisionError):
+        in_threads(lambda x: 1 / x, [3, 2, 1, 0])

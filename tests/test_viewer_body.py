@@ -1,6 +1,5 @@
-"""The viewer of whole bodies in a real browser: brightness and shadows as by rays, measures on a sphere, levels."""
+"""The viewer of whole bodies in a real browser: brightness and shadows as by rays, layers, levels."""
 
-import csv
 import json
 from dataclasses import replace
 
@@ -9,7 +8,7 @@ import pytest
 from scipy.ndimage import binary_erosion
 from scipy.spatial import cKDTree
 
-from browser import browser, why_no_browser
+from browser import why_no_browser
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
@@ -18,103 +17,21 @@ from photoclinometry.io.site import Site, SiteView, read_site, write_site
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import starting_model
-from photoclinometry.model.scene import Camera, Image, Views
-from photoclinometry.model.shape_model import ShapeModel
-from photoclinometry.output.viewer import ViewedBody, write_body_viewer
 from photoclinometry.output.viewer import body_content as content
+from photoclinometry.output.viewer import write_body_viewer
 from photoclinometry.output.viewer.run_page import run_page
-from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
-from photoclinometry.surface.closed_mesh import area_vectors, icosahedron, refine, vertex_normals
-from photoclinometry.surface.mesh_rays import MeshRays
-from scenes import look_at_origin, synthetic_images, synthetic_scene
+from photoclinometry.surface.closed_mesh import area_vectors
+from scenes import synthetic_images, synthetic_scene
 from test_viewer import data_of, unpacked
 from test_viewer_light import RENDERED
-from test_viewer_page import downloaded, rows_of
+from viewer_bodies import RADIUS, body_of, by_rays, images_of, round_one
+from viewer_pages import rows_of
 
 pytest.importorskip("embreex")
 needs_browser = pytest.mark.skipif(why_no_browser() is not None, reason=str(why_no_browser()))
 
-RADIUS = 200.0
-DIRECTIONS = ((1.0, 0.2, 0.3), (-0.4, 1.0, -0.2), (0.3, -0.5, 1.0), (-0.6, -0.6, -0.8))
-"""From the body to its cameras."""
 LIMIT = 0.005
 """Of the mean brightness: largest mean difference from pictures by rays."""
-
-
-def round_one(points):
-    """A sphere."""
-    return RADIUS * points / np.linalg.norm(points, axis=-1, keepdims=True)
-
-
-def dented(points):
-    """A sphere with a deep hollow, whose rim casts shadows into it, and with low waves."""
-    way = points / np.linalg.norm(points, axis=-1, keepdims=True)
-    hollow = np.exp(-0.5 * ((1.0 - way @ (0.8, 0.0, 0.6)) / 0.05) ** 2)
-    waves = 0.02 * np.sin(6.0 * way[:, 0]) * np.cos(5.0 * way[:, 1])
-    return RADIUS * way * (1.0 + waves - 0.35 * hollow)[:, None]
-
-
-def body_of(form=dented, model="lunar-lambert", spacing=4.0):
-    """A body with all that a map of it has, in four views; nothing is known of its south pole."""
-    corners, faces = icosahedron()
-    vertices, faces = refine(form(corners), faces, spacing, form)
-    albedo = 0.3 + 0.05 * np.sin(vertices[:, 2] / 30.0)
-    known = vertices[:, 2] > -0.9 * RADIUS
-    stated = {"height": 0.5, "normal": np.radians(1.5), "albedo": 0.02}
-    shape = ShapeModel(
-        vertices=vertices,
-        faces=faces,
-        normals=vertex_normals(vertices, faces),
-        albedo=np.where(known, albedo, np.nan),
-        sigma={name: np.where(known, value, np.nan) for name, value in stated.items()},
-        views=np.where(known, 4, 0),
-        tile=np.where(known, (vertices[:, 0] > 0).astype(int), -1),
-        unit="m",
-    )
-    ways = np.array(DIRECTIONS) / np.linalg.norm(DIRECTIONS, axis=-1, keepdims=True)
-    suns = ways + 0.8 * np.roll(ways, 1, axis=-1)
-    suns /= np.linalg.norm(suns, axis=-1, keepdims=True)
-    poses = [look_at_origin(3000.0 * way, 0.3) for way in ways]
-    views = Views(
-        name=("a", "b", "c", "d"),
-        cameras=(Camera(model="PINHOLE", width=150, height=140, params=(900.0, 900.0, 74.0, 71.0)),) * 4,
-        body_from_cam=Rigid(np.array([p.rotation for p in poses]), np.array([p.translation for p in poses])),
-        sun=suns,
-        scale=np.array([1.0, 2.0, 1.0, 1.0]),
-        bias=np.zeros(4),
-        dark_level=np.zeros(4),
-        sun_measured=suns,
-        sun_sigma=np.zeros(4),
-        sun_common_sigma=np.zeros(4),
-    )
-    return ViewedBody(
-        name="dented",
-        body="vesta",
-        shape=shape,
-        views=views,
-        reflectance=starting_model(model, "vesta"),
-        gsd=10.0 / 3.0,
-        brightness="iof",
-        body_fixed=True,
-    )
-
-
-def by_rays(body, view, sun):
-    """A view's picture under a Sun, with its scale: brightness (height, width), NaN beside the body."""
-    shape, views = body.shape, body.views
-    albedo = np.where(np.isfinite(shape.albedo), shape.albedo, np.nanmedian(shape.albedo))
-    rays = MeshRays(shape.vertices, shape.faces, 4.0)
-    surface = ShadedSurface(rays=rays, normals=shape.normals, albedo=albedo, reflectance=body.reflectance)
-    return views.scale[view] * rendered_shape(surface, views.cameras[view], views.body_from_cam[view], np.asarray(sun))
-
-
-def images_of(body):
-    """Its four images, without noise."""
-    found = []
-    for k, name in enumerate(body.views.name):
-        picture = by_rays(body, k, body.views.sun[k])
-        found.append(Image(name, np.nan_to_num(picture).astype(np.float32), np.ones(picture.shape, bool)))
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -123,28 +40,8 @@ def body():
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("pages")
-
-
-@pytest.fixture(scope="module")
 def file(body, folder):
     return write_body_viewer(folder / "viewer.html", body, images_of(body))
-
-
-@pytest.fixture(scope="module")
-def window(folder):
-    with browser(folder) as found:
-        yield found
-
-
-@pytest.fixture
-def page(window, file):
-    """The page, just opened; whatever a test does, nothing is logged."""
-    window.open(file)
-    window.settle()
-    yield window
-    assert window.messages() == []
 
 
 def rendered(page, body, view, sun):
@@ -388,75 +285,6 @@ def test_north_is_up_and_the_poles_can_be_seen(page):
         np.testing.assert_allclose(page.run(up)[1], forward, atol=1e-9)
     page.click("#equator")
     np.testing.assert_allclose(page.run(up)[0], [0, 0, -1], atol=1e-9)
-
-
-@pytest.fixture(scope="module")
-def sphere(folder):
-    body = body_of(round_one, spacing=8.0)
-    stored = content.body_content(body)
-    return write_body_viewer(folder / "sphere.html", body), unpacked(stored["landmarks"]["position"])
-
-
-def places_near(vertices, *points):
-    """Places of the vertices nearest to points, and the vertices."""
-    index = [int(np.argmin(np.linalg.norm(vertices - point, axis=-1))) for point in points]
-    return [[i % 1024, i // 1024] for i in index], vertices[index]
-
-
-@needs_browser
-def test_a_profile_over_a_sphere_is_an_arc(window, sphere, folder):
-    """Its length is radius times angle, and it stands above its chord as a circle does."""
-    file, vertices = sphere
-    window.open(file)
-    places, (a, b) = places_near(vertices, [200, 0, 0], [80, 120, 139])
-    window.run("viewer.store.update({ tool: 'profile', points: arguments[0] })", places)
-    shown = rows_of(window, "measures")
-    chord, angle = np.linalg.norm(b - a), np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
-    assert float(shown["distance"].split()[0]) == pytest.approx(chord, rel=1e-3)
-    assert float(shown["along the surface"].split()[0]) == pytest.approx(RADIUS * angle, rel=5e-3)
-    window.click("#save-csv")
-    with open(downloaded(folder, "dented-profile.csv"), encoding="utf-8") as stream:
-        table = [{name: float(value or "nan") for name, value in row.items()} for row in csv.DictReader(stream)]
-    along, height = (np.array([row[name] for row in table]) for name in ("distance_m", "height_m"))
-    circle = np.sqrt(np.maximum(RADIUS**2 - (along - chord / 2) ** 2, 0)) - np.sqrt(RADIUS**2 - chord**2 / 4)
-    np.testing.assert_allclose(height, circle, atol=0.5)
-    assert (np.diff(along) > 0).all()
-    np.testing.assert_allclose([np.hypot(np.hypot(r["x_m"], r["y_m"]), r["z_m"]) for r in table], RADIUS, atol=0.5)
-
-
-@needs_browser
-def test_the_scale_bar_is_of_the_ground_and_the_wheel_stops_above_it(window, sphere):
-    """Of the sphere at the point below the camera, near by and far away."""
-    window.open(sphere[0])
-    width, height = window.run("return viewer.size()")
-    ratio = window.run("return viewer.ratio()")
-    for _ in range(12):
-        center, focal = window.run("const c = viewer.camera(); return [c.center, c.focal[0]]")
-        above = np.linalg.norm(center) - RADIUS
-        assert above > 0.01 * RADIUS
-        bar = window.run("return viewer.groundPerPixel()") * focal
-        assert bar == pytest.approx(above, rel=0.1, abs=0.02 * RADIUS)
-        window.wheel(0.5 * width / ratio, 0.5 * height / ratio, -400)
-        window.settle()
-    assert above < 0.1 * RADIUS
-
-
-@needs_browser
-def test_areas_are_of_the_side_that_is_pointed_at(window, sphere):
-    """A region around a point of a sphere: neither the ground behind the body nor more than its own."""
-    file, vertices = sphere
-    window.open(file)
-    tilt, turns = np.radians(25.0), np.radians(np.arange(0, 360, 30))
-    ring = RADIUS * np.stack([np.sin(tilt) * np.cos(turns), np.sin(tilt) * np.sin(turns), np.cos(tilt) + 0 * turns], -1)
-    places, _ = places_near(vertices, *ring)
-    window.run("viewer.store.update({ tool: 'area', points: arguments[0] })", places)
-    shown = rows_of(window, "measures")
-    plane = float(shown["area in the plane across the mean normal"].split()[0])
-    assert plane == pytest.approx(0.5 * 12 * (RADIUS * np.sin(tilt)) ** 2 * np.sin(np.radians(30)), rel=0.03)
-    assert float(shown["of it mapped"].split()[0]) == pytest.approx(plane, rel=0.03)
-    # The area of a cap over that of its base is 2 / (1 + cos(tilt)); that of the polygon in it is nearly so.
-    ratio = float(shown["area of the surface"].split()[0]) / float(shown["of it mapped"].split()[0])
-    assert ratio == pytest.approx(2.0 / (1.0 + np.cos(tilt)), rel=0.01)
 
 
 @needs_browser

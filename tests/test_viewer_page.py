@@ -1,6 +1,5 @@
 """The viewer in a real browser: it loads without errors or requests, and each control changes what it should."""
 
-import csv
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -8,11 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from scipy.interpolate import LinearNDInterpolator
 from scipy.ndimage import binary_erosion
 
 import photoclinometry as pcm
-from browser import browser, why_no_browser
+from browser import why_no_browser
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED
@@ -20,12 +18,9 @@ from photoclinometry.output.viewer import write_viewer
 from photoclinometry.photometry.render import render_view
 from photoclinometry.surface.relief import angles_from_sun, local_frame
 from scenes import synthetic_images, synthetic_scene
-from viewer_pages import page_of, scene_of
+from viewer_pages import MIDDLE, box_of, differ, downloaded, page_of, rows_of, scene_of
 
 pytestmark = pytest.mark.skipif(why_no_browser() is not None, reason=str(why_no_browser()))
-
-MIDDLE = (430.0, 330.0)
-"""A place on the map in the window [px]."""
 
 
 @pytest.fixture(scope="module")
@@ -34,55 +29,8 @@ def scene():
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("pages")
-
-
-@pytest.fixture(scope="module")
 def file(scene, folder):
     return page_of(folder, scene)
-
-
-@pytest.fixture(scope="module")
-def window(folder):
-    with browser(folder) as found:
-        yield found
-
-
-@pytest.fixture
-def page(window, file):
-    """The page, just opened; whatever a test does, nothing is logged."""
-    window.open(file)
-    window.settle()
-    yield window
-    assert window.messages() == []
-
-
-def differ(before, after):
-    """Share of pixels that differ between two pictures."""
-    return (before != after).any(-1).mean()
-
-
-def rows_of(page, table):
-    """The rows of a table by their first cell."""
-    script = "return [...document.getElementById(arguments[0]).rows].map(r => [...r.cells].map(c => c.textContent))"
-    return dict(page.run(script, table))
-
-
-def box_of(page, part):
-    """Left, top, right and bottom of a part of the page in the window [px]."""
-    script = "const b = document.getElementById(arguments[0]).getBoundingClientRect();"
-    return page.run(script + "return [b.left, b.top, b.right, b.bottom]", part)
-
-
-def downloaded(folder, pattern):
-    """The file that the page has written, as soon as it is whole."""
-    for _ in range(200):
-        found = [path for path in folder.glob(pattern) if path.stat().st_size]
-        if found:
-            return found[0]
-        time.sleep(0.05)
-    raise AssertionError(f"nothing was written: {pattern}")
 
 
 def test_it_asks_for_nothing_but_itself(window, file):
@@ -398,44 +346,6 @@ def test_the_difference_of_a_rendering_and_its_exact_image_is_small(page):
     assert (page.picture()[inside].min(-1) > 225).mean() < 0.9
 
 
-def test_a_profile_has_the_heights_and_sigmas_of_the_map(page, scene, folder):
-    """Clicked on the map, read from its CSV: between landmarks, along a straight line."""
-    page.press("p")
-    page.drag((300.0, 200.0))
-    page.drag((560.0, 480.0))
-    assert len(page.state("points")) == 2
-    assert not page.run("return document.getElementById('chart').hidden")
-    page.click("#save-csv")
-    with open(downloaded(folder, "*-profile.csv"), encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    table = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-    local = local_frame(scene).inverse()(scene.landmarks.position) / scene.gsd
-    x, y = table["x_gsd"], table["y_gsd"]
-    along = np.hypot(x - x[0], y - y[0])
-    np.testing.assert_allclose(table["distance_gsd"], along, atol=1e-4)
-    assert np.abs((x - x[0]) * (y[-1] - y[0]) - (y - y[0]) * (x[-1] - x[0])).max() < 1e-2
-    up = local_frame(scene).rotation[:, 2]
-    sigma = np.sqrt(scene.uncertainty["position"] @ up @ up) / scene.gsd
-    wanted = LinearNDInterpolator(local[:, :2], np.stack([local[:, 2], sigma], -1))(x, y)
-    np.testing.assert_allclose(table["height_gsd"], wanted[:, 0], atol=0.02)
-    assert np.abs(table["height_sigma_gsd"] - wanted[:, 1]).mean() < 0.01
-    shown = rows_of(page, "measures")
-    assert float(shown["along the mean plane"].split()[0]) == pytest.approx(along[-1], rel=1e-3)
-    assert " ± " in shown["height of B above A"]
-
-
-def test_a_measurement_is_brought_into_sight(page):
-    """In a window that is lower than the panel: chart, values and buttons, to the pixel that scrolling rounds to."""
-    page.press("p")
-    page.drag((300.0, 200.0))
-    assert rows_of(page, "measures") == {}
-    page.drag((560.0, 480.0))
-    height = page.run("return innerHeight")
-    for part in ("chart", "measures", "save-csv"):
-        _, top, _, bottom = box_of(page, part)
-        assert 0 <= top < bottom <= height + 1, part
-
-
 def test_values_stand_on_the_picture_and_let_the_pointer_through(page):
     page.hover(*MIDDLE)
     left, top, right, _ = box_of(page, "values")
@@ -443,16 +353,6 @@ def test_values_stand_on_the_picture_and_let_the_pointer_through(page):
     heading = page.state("heading")
     page.drag((left + 20, top + 20), (left + 60, top + 20))
     assert page.state("heading") == pytest.approx(heading + 14)
-
-
-def test_a_click_beside_the_map_says_that_there_is_no_ground(page):
-    page.press("p")
-    page.drag((20.0, 400.0))
-    assert page.state("points") == []
-    hint = "return document.getElementById('tool-hint').textContent"
-    assert "no ground" in page.run(hint)
-    page.drag(MIDDLE)
-    assert "no ground" not in page.run(hint)
 
 
 def test_keys_turn_and_move_the_camera_set_points_and_step_through_layers(page):
@@ -476,21 +376,6 @@ def test_keys_turn_and_move_the_camera_set_points_and_step_through_layers(page):
     assert page.state("middle") != middle
 
 
-def test_angles_and_areas_are_saved_with_their_units(page, folder):
-    page.run("viewer.store.update({ tool: 'angle', points: [[5, 5], [33, 6], [30, 32]] })")
-    shown = rows_of(page, "measures")
-    page.click("#save-csv")
-    with open(downloaded(folder, "*-angle.csv"), encoding="utf-8") as stream:
-        rows = {row["quantity"]: row for row in csv.DictReader(stream)}
-    assert rows.keys() == shown.keys()
-    assert f"{rows['angle at B']['value']}{rows['angle at B']['unit']}" == shown["angle at B"]
-    assert f"{rows['A to B']['value']} {rows['A to B']['unit']}" == shown["A to B"]
-    page.run("viewer.store.update({ tool: 'area', points: [[5, 5], [33, 6], [30, 32]] })")
-    page.click("#save-csv")
-    with open(downloaded(folder, "*-area.csv"), encoding="utf-8") as stream:
-        assert {row["unit"] for row in csv.DictReader(stream)} == {"GSD²", "GSD"}
-
-
 def test_sigmas_of_relative_albedos_have_a_layer(window, folder, scene):
     stated = {**scene.uncertainty, "albedo_relative": 0.5 * scene.uncertainty["albedo"]}
     window.open(page_of(folder, replace(scene, uncertainty=stated), "relative.html"))
@@ -501,24 +386,6 @@ def test_sigmas_of_relative_albedos_have_a_layer(window, folder, scene):
     assert window.run("return viewer.drawn.layer.title") == "sigma of relative albedo"
     assert differ(whole, window.picture("overlay")[..., :3]) > 0
     assert window.messages() == []
-
-
-def test_angles_and_areas_are_those_of_the_landmarks(page, scene):
-    corners = [[5, 5], [33, 6], [30, 32], [8, 28]]
-    local = local_frame(scene).inverse()(scene.landmarks.position) / scene.gsd
-    a, b, c, _ = points = [local[40 * row + col] for col, row in corners]
-    page.run("viewer.store.update({ tool: 'angle', points: arguments[0] })", corners[:3])
-    cosine = (a - b) @ (c - b) / np.linalg.norm(a - b) / np.linalg.norm(c - b)
-    assert float(rows_of(page, "measures")["angle at B"].removesuffix("°")) == pytest.approx(
-        np.degrees(np.arccos(cosine)), rel=1e-3
-    )
-    page.run("viewer.store.update({ tool: 'area', points: arguments[0] })", corners)
-    x, y = np.array(points)[:, :2].T
-    plane = 0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-    shown = rows_of(page, "measures")
-    assert float(shown["area in the mean plane"].split()[0]) == pytest.approx(plane, rel=1e-3)
-    assert float(shown["of it mapped"].split()[0]) == pytest.approx(plane, rel=0.03)
-    assert float(shown["area of the surface"].split()[0]) > float(shown["of it mapped"].split()[0])
 
 
 def test_a_permalink_restores_what_is_shown(page, window, file):

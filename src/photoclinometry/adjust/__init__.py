@@ -2,10 +2,13 @@
 
 `adjust` does the whole of it for a scene. The graph can be used by itself, too:
 
-    graph = FactorGraph([Keypoints(...), Brightness(...), SunDirections(), Smoothness(...), Gauge(...), Exposure(...)])
+    graph = FactorGraph([Keypoints(...), Brightness(...), SunDirections(...), Gauge(...), Exposure(...)])
     solution = minimize(graph, start)
+    sigmas = marginals(linearized_graph(graph, solution.estimate))
 """
 
+from photoclinometry.adjust.covariance.linearized_graph import linearized_graph
+from photoclinometry.adjust.covariance.marginals import Marginals, marginals
 from photoclinometry.adjust.estimate import Adjustment, adjust
 from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import FactorGroup, Rows, Touch
@@ -44,6 +47,7 @@ __all__ = [
     "KnownPoses",
     "LandmarkPriors",
     "Linearization",
+    "Marginals",
     "Noise",
     "ObservationTable",
     "PosePriors",
@@ -56,5 +60,7 @@ __all__ = [
     "TiePoints",
     "Touch",
     "adjust",
+    "linearized_graph",
+    "marginals",
     "minimize",
 ]

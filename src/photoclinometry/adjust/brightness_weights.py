@@ -20,8 +20,8 @@ from photoclinometry.model.geometry import unit
 from photoclinometry.model.reflectance.angles import GRAZING
 from photoclinometry.model.robust import robust_sigma
 from photoclinometry.model.scene import Scene
-from photoclinometry.photometry.initialize import landmark_spacing_px
 from photoclinometry.photometry.predict import brightness_by_slope, brightness_residuals, shading
+from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
 
 log = logging.getLogger(__name__)
 

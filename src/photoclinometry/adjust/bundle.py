@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance.linearised import linearised
+from photoclinometry.adjust.covariance.linearized_graph import linearized_graph
 from photoclinometry.adjust.covariance.marginals import marginals
 from photoclinometry.adjust.graph.general import FactorGroup
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import Keypoints, ObservationTable
 from photoclinometry.adjust.graph.priors import Exposure, LandmarkPriors, PosePriors, pose_along_axes
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, Estimate
+from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.adjust.solve.solver import SolverOptions, minimize
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Landmarks, Tracks, Views
@@ -42,7 +42,7 @@ def pose_covariances(sparse: SparseModel, views: Views, priors: PosePriors, sigm
     model is the adjusted one."""
     graph, estimate = _problem(sparse.points, tracks_of(sparse, sigma_px), views, priors)
     count = len(views)
-    whole = marginals(linearised(graph, estimate)).camera.reshape(count, CAMERA_SIZE, count, CAMERA_SIZE)
+    whole = marginals(linearized_graph(graph, estimate)).views.reshape(count, VIEW_SIZE, count, VIEW_SIZE)
     local = whole[range(count), :6, range(count), :6]
     pose = views.body_from_cam
     by_local = pose_along_axes(np.swapaxes(pose.rotation, -1, -2), pose.translation - estimate.pivot)

@@ -24,7 +24,8 @@ from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.solve.solver import Iteration, minimize
-from photoclinometry.adjust.stated import Fit, in_solver_order, stated_uncertainty
+from photoclinometry.adjust.solver_order import in_solver_order
+from photoclinometry.adjust.stated_uncertainty import Fit, stated_uncertainty
 from photoclinometry.adjust.tie_points import GroundControl, TiePoints
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.projection import projected_keypoints
@@ -79,7 +80,7 @@ def adjust(
     gradients: ImageGradients | None = None,
     noise: Noise | None = None,
     least_keypoint_factor: float = 0.0,
-    progress: Callable[[Iteration], None] | None = None,
+    on_step: Callable[[Iteration], None] | None = None,
 ) -> Adjustment:
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
 
@@ -91,10 +92,11 @@ def adjust(
     taken, so that it follows the landmarks (`factors.direct`), which then stay on their rays of the reference view,
     while pose-only tie points hold the poses (`tie_points`); the adjusted scene has the brightness where its landmarks
     project, by these gradients.
-    They may have a factor; brightness counts times that, and says nothing of Suns, scales, biases and the reflectance's
-    parameters then. Uncertainties are those of an estimate without the factor. noise: as an estimate of nearly this
-    scene has found it; reweighting starts from that. least_keypoint_factor: uncertainties take keypoints' standard
-    deviations to be no smaller than this times their own, however well they are met.
+    Gradients may have a `factor`: brightness is multiplied by it, and Suns, scales, biases and reflectance
+    parameters are then not estimated from brightness. Uncertainties are those of an estimate without the factor.
+    noise: as an estimate of nearly this scene has found it; reweighting starts from that. least_keypoint_factor:
+    uncertainties take keypoints' standard deviations to be no smaller than this times their own, however well they
+    are met.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or 10 landmarks are
     left to estimate.
@@ -121,7 +123,7 @@ def adjust(
         known = reflectance or scene.reflectance
         setup = replace(setup, reflectance=known)
         start = replace(start, parameters=known.relative_change(scene.reflectance))
-    fit = _reweighted(setup, start, noise, progress)
+    fit = _reweighted(setup, start, noise, on_step)
     uncertainty, parameter_sigma = {}, None
     if options.uncertainty:
         factor = max(fit.noise.keypoint_factor, least_keypoint_factor)
@@ -131,7 +133,7 @@ def adjust(
 
 
 def _reweighted(
-    setup: Setup, estimate: Estimate, before: Noise | None, progress: Callable[[Iteration], None] | None
+    setup: Setup, estimate: Estimate, before: Noise | None, on_step: Callable[[Iteration], None] | None
 ) -> Fit:
     """Minimises, measures the noise, and minimises again, until neither noise nor gates change."""
     options, members, scene = setup.options, setup.members, setup.scene
@@ -139,12 +141,12 @@ def _reweighted(
     history: list[Iteration] = []
     lit = setup.lit
     noise = starting_noise(setup, lit, before)
-    final, moves, graph, solution = options.max_rounds == 1, None, None, None
-    for number in range(1, options.max_rounds + 1):
+    final, moves, graph, solution = options.max_reweightings == 1, None, None, None
+    for number in range(1, options.max_reweightings + 1):
         graph = None  # its measurements are let go of before the next one's are made
         graph = FactorGraph(factor_groups(setup, lit, noise, smoothness_group(setup, estimate.landmarks, noise)))
         solver = options.solver if final else options.solver.roughly()
-        solution = minimize(graph, estimate, solver, step_limit=limit, moves=moves, progress=progress)
+        solution = minimize(graph, estimate, solver, step_limit=limit, moves=moves, on_step=on_step)
         history.extend(solution.log)
         estimate, moves = solution.estimate, solution.parameter_moves
         log.info("reweighting iteration %d: %s; %s", number, solution.message, noise)
@@ -154,7 +156,7 @@ def _reweighted(
         new_lit = gate(scene, options)
         new_noise = measured_noise(setup, scene, new_lit, noise)
         alike = np.mean(new_lit != lit) < CHANGED_GATES and new_noise.close_to(noise)
-        final = bool(alike) or number == options.max_rounds - 1
+        final = bool(alike) or number == options.max_reweightings - 1
         lit, noise = new_lit, new_noise
     assert graph is not None
     assert solution is not None

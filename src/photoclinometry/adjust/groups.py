@@ -1,13 +1,14 @@
 """Which factors the joint estimate has, on which variables, with which noise: the list that it minimises.
 
-sparse tie points      keypoints of structure from motion                                hold the poses
-dense                  keypoints of the map's landmarks                                  where matches determine it
-reference rays         keypoints of direct landmarks: the reference view's ray alone     where brightness does
-pose-only tie points   their matches, with positions of their own                        hold the poses
-brightness             of lit landmarks; follows direct ones by the image gradients
-smoothness             neighbours lie in the tangent plane
-exposure, pose prior or gauge, known pose, landmark prior, reflectance prior `graph.priors`
-Suns, control points                                                         `graph.sun_directions`, `control_points`
+sparse tie points         keypoints of structure from motion                                hold the poses
+dense                     keypoints of the map's landmarks                                  where matches determine it
+reference rays            keypoints of direct landmarks: the reference view's ray alone     where brightness does
+pose-only tie points      their matches, with positions of their own                        hold the poses
+control point keypoints   of ground control points
+brightness                of lit landmarks; follows direct ones by the image gradients
+smoothness                neighbours lie in the tangent plane
+Suns, control points      `graph.sun_directions`, `graph.control_points`
+priors                    `graph.priors`: exposures, pose priors or gauge, known poses, landmarks, reflectance
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, GroundControl, Members
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Scene
-from photoclinometry.photometry.initialize import neighbours
-from photoclinometry.photometry.predict import BIAS_SIGMA
+from photoclinometry.photometry.predict import BIAS_SIGMA, exposure_is_free
+from photoclinometry.surface.neighbours import neighbours
 
 BALANCED_CORRELATION_PX = 3.0
 """Brightness correlation up to which smoothness is as given; of a map of larger stride, in landmarks."""
@@ -100,7 +101,7 @@ class Setup:
     follow landmarks."""
 
     def correlation(self, side_px: float) -> float:
-        """The side of a square of reference pixels that share an error in landmarks, whose square do so."""
+        """Side of the square of landmarks that share an error, from that in reference pixels; at least 1."""
         stride = self.scene.region.stride
         return side_px if stride == 1 else max(1.0, side_px / stride)
 
@@ -163,7 +164,8 @@ def factor_groups(setup: Setup, lit: np.ndarray, noise: Noise, smoothness: Smoot
     """All groups. lit: (N,) brightness that counts; noise: as measured so far."""
     lights: list[Group] = []
     if setup.reflectance is not None and lit.any():
-        lights = [_brightness(setup, setup.reflectance, lit, noise), SunDirections(weight=noise.view_prior_factor)]
+        suns = SunDirections.of(setup.scene.views, noise.view_prior_factor)
+        lights = [_brightness(setup, setup.reflectance, lit, noise), suns]
     exposures = Exposure(
         scale_sigma=np.minimum(setup.scale_sigma / noise.view_prior_factor, noise.scale_scatter),
         bias_sigma=setup.bias_sigma / noise.view_prior_factor,
@@ -179,8 +181,8 @@ def _keypoints(setup: Setup, noise: Noise) -> list[Keypoints]:
     thinned = max(1.0, shared / POSE_ONLY_STEP)
     # The few landmarks that keep their matches amidst direct ones must not follow noise instead.
     of_map = thinned if directly else shared
-    matches = options.keypoint_slack * noise.keypoint_factor * tracks.keypoint_sigma
-    pose_only = options.keypoint_slack * noise.pose_only_keypoint_factor * tracks.keypoint_sigma
+    matches = options.keypoint_sigma_factor * noise.keypoint_factor * tracks.keypoint_sigma
+    pose_only = options.keypoint_sigma_factor * noise.pose_only_keypoint_factor * tracks.keypoint_sigma
     sparse = noise.sparse_keypoint_factor * tracks.keypoint_sigma
     on_ray = tracks.view == setup.scene.reference
     loss = options.keypoint_loss
@@ -281,7 +283,7 @@ def exposure_sigmas(scene: Scene, options: AdjustOptions) -> tuple[np.ndarray, n
     """Stated standard deviations (K,) of scales about 1 and biases about 0."""
     count, model = len(scene.views), scene.reflectance
     level = float(np.median(scene.tracks.brightness[scene.tracks.lit])) if np.any(scene.tracks.lit) else 1.0
-    calibrated = scene.brightness == "iof" and model is not None and model.predicts_absolute_brightness
+    calibrated = model is not None and not exposure_is_free(scene.brightness, model)
     scale = np.full(count, options.scale_sigma or (CALIBRATED_SCALE_SIGMA if calibrated else np.inf))
     if not calibrated:
         scale[scene.reference] = min(scale[scene.reference], FREE_SCALE_SIGMA)

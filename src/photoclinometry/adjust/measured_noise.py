@@ -14,8 +14,8 @@ from photoclinometry.adjust.noise import (
     Noise,
     brightness_noise,
     keypoint_factor,
+    noise_is_measurable,
     scale_scatter,
-    tell_brightness_noise,
     view_prior_factor,
 )
 from photoclinometry.model.errors import ReconstructionError
@@ -62,7 +62,7 @@ def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -
 def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) -> Noise:
     """`noise` with what options do not give measured from the residuals of `scene`, which is of the estimate.
 
-    What residuals do not tell stays (`tell_brightness_noise`).
+    What residuals do not tell stays (`noise_is_measurable`).
     """
     options, members, tracks, found = setup.options, setup.members, scene.tracks, {}
     residual = keypoint_residuals(scene)
@@ -78,7 +78,7 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
         found["keypoint_correlation_px"] = correlation_px(residual[mine], tracks.view[mine], pixel[mine], stride)
     if lit.any():
         residual = brightness_residuals(scene) / setup.relative_sigma
-        if options.brightness_sigma is None and tell_brightness_noise(scene, lit):
+        if options.brightness_sigma is None and noise_is_measurable(scene, lit):
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:
             found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)

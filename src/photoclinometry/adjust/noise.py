@@ -17,11 +17,11 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.surface.sampling import gaussian, masked_filter
 
-LOCAL = 1.0
+LOCAL_NOISE_SIGMA = 1.0
 """Standard deviation of the Gaussian over which noise is told from place to place [landmarks]: misfits are as local as
 the edges, boulders and shadows that make them."""
 
-USUAL = 2.0
+PRIOR_FREEDOM = 2.0
 """Squared residuals of the usual size that are added to those about a landmark. One that stands alone and is lit in
 four views has a single degree of freedom, whose square is near zero as often as not."""
 
@@ -35,17 +35,18 @@ MIN_BRIGHTNESS_SHARE = 1e-4
 MIN_FREEDOM = 0.1
 """Share of the residuals that count as degrees of freedom at least, where parameters are as many as residuals."""
 
-CHANCE = 1.5
+CHANCE_SIGMAS = 1.5
 """Differences from what is known of Suns, scales and biases that are taken to be chance, in standard deviations."""
 
 MAX_VIEW_PRIOR_FACTOR = 5.0
-"""More, and what brightness says of Suns would count for nothing."""
+"""Largest `Noise.view_prior_factor` [-]. Beyond it, what brightness tells of Suns would count for nothing."""
 
 MIN_SCALE_SCATTER = 1e-3
-"""No camera repeats better."""
+"""Least standard deviation of calibrated scales [-]: no camera repeats its response better."""
 
 MIN_VIEWS_FOR_PHASE = 7
-"""With fewer, a parabola explains too much of what is scatter."""
+"""Views from which on scales may follow a parabola in the phase angle. With fewer, it explains too much of what is
+scatter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +92,7 @@ def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> fl
     return fitted_sigma(whitened, parameters=3 * int(np.count_nonzero(which)))
 
 
-def tell_brightness_noise(scene: Scene, lit: np.ndarray) -> bool:
+def noise_is_measurable(scene: Scene, lit: np.ndarray) -> bool:
     """Whether lit residuals tell the noise: three brightnesses are fitted by a normal and an albedo, whatever they are.
 
     Degrees of freedom must be MIN_FREEDOM of the residuals.
@@ -114,9 +115,9 @@ def local_noise(scene: Scene, lit: np.ndarray, sigma: np.ndarray | float, mapped
     """Mean square of the brightness residuals about each landmark of the map, over that of noise of `sigma`.
 
     sigma: of each observation (N,), or of all; mapped: (J,) bool; returns one number for each of these, 1 where no
-    brightness counts. Each landmark's normal and albedo take three of freedom. The average is a Gaussian of LOCAL
-    landmarks: some twelve landmarks, of whose residuals the mean square is known to a tenth or so. Where there are few,
-    it is nearer to 1 (USUAL).
+    brightness counts. Each landmark's normal and albedo take three of freedom. The average is a Gaussian of
+    LOCAL_NOISE_SIGMA landmarks: some twelve landmarks, of whose residuals the mean square is known to a tenth or
+    so. Where there are few, it is nearer to 1 (PRIOR_FREEDOM).
     """
     tracks, count = scene.tracks, len(scene.landmarks)
     of = tracks.landmark[lit]
@@ -127,10 +128,12 @@ def local_noise(scene: Scene, lit: np.ndarray, sigma: np.ndarray | float, mapped
     cells = scene.region.cells(scene.landmarks.pixel[mapped])
     grid = np.full((*scene.region.grid_shape, 2), np.nan)
     grid[cells] = np.stack([square, np.maximum(number - 3.0, MIN_FREEDOM * number)], -1)
-    average, share = masked_filter(grid, gaussian(LOCAL))
-    landmarks = 4.0 * np.pi * LOCAL**2 * share[cells]  # of independent noise, the average is as exact as of so many
+    average, share = masked_filter(grid, gaussian(LOCAL_NOISE_SIGMA))
+    landmarks = (
+        4.0 * np.pi * LOCAL_NOISE_SIGMA**2 * share[cells]
+    )  # of independent noise, the average is as exact as of so many
     total, freedom = landmarks * np.moveaxis(average[cells], -1, 0)
-    return (total + USUAL) / (freedom + USUAL)
+    return (total + PRIOR_FREEDOM) / (freedom + PRIOR_FREEDOM)
 
 
 def view_prior_factor(excess: float, factor: float) -> float:
@@ -141,7 +144,7 @@ def view_prior_factor(excess: float, factor: float) -> float:
     calibration allow, because so many landmarks insist. These then have to count for more. Differences fall by the
     square of the factor.
     """
-    if factor == 1.0 and excess < CHANCE:
+    if factor == 1.0 and excess < CHANCE_SIGMAS:
         return 1.0
     return float(np.clip(factor * np.sqrt(excess), 1.0, MAX_VIEW_PRIOR_FACTOR))
 

@@ -27,7 +27,7 @@ class AdjustOptions(Ranged):
     """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
     the ground it misses next door too. Given, the priors on Suns, scales and biases are as stated; left out, they count
     for more where brightness pulls views too far from them."""
-    keypoint_slack: Annotated[float, Range(above=0)] = 1.0
+    keypoint_sigma_factor: Annotated[float, Range(above=0)] = 1.0
     """All keypoints' standard deviations are this many times what they are measured to be: for maps that are to be
     matched again (see `pipeline.options.RelightOptions`)."""
     smooth_sigma_rad: Annotated[float, Range(least=0)] = 0.2
@@ -65,7 +65,7 @@ class AdjustOptions(Ranged):
     body, and no disk function is quite the ground's. Relative for the phase weighting and phase coefficients; a
     parameter with a standard deviation of its own has that at 0.05, and in proportion. 0 holds all."""
     uncertainty: bool = True
-    """Find the covariance of every view and landmark after the last round."""
-    max_rounds: Annotated[int, Range(least=1, most=100)] = 4
-    """Rounds of gating, solving and measuring the noise, at most."""
+    """Find the covariance of every view and landmark after the last reweighting iteration."""
+    max_reweightings: Annotated[int, Range(least=1, most=100)] = 4
+    """Reweighting iterations at most: of choosing brightness, minimizing and measuring the noise."""
     solver: SolverOptions = field(default_factory=SolverOptions)

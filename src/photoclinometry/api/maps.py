@@ -94,7 +94,7 @@ def plan(
     out: str | Path | None = None,
     options: PlanOptions | None = None,
     with_candidates: bool = True,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     **changes: Any,
 ) -> Plan:
     """Say what a map from given views would have, before images are taken, and what one more image would add.
@@ -128,7 +128,7 @@ def simulate(
     out: str | Path,
     *,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     **changes: Any,
 ) -> Path:
     """Simulate a site: images with shadows, optics and noise, site.toml, and truth.h5.
@@ -158,7 +158,7 @@ def run(
     *,
     options: RunOptions | None = None,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     **changes: Any,
 ) -> RunResult:
     """Map a site: poses, dense landmarks, normals and albedo.
@@ -215,7 +215,7 @@ def adjust(
     scene: RunResult | Scene | str | Path,
     *,
     options: AdjustOptions | None = None,
-    progress: Callable[[Iteration], None] | None = None,
+    on_step: Callable[[Iteration], None] | None = None,
     **changes: Any,
 ) -> Adjustment:
     """Estimate poses, Suns, exposures, positions, normals and albedos of a scene together.
@@ -226,7 +226,7 @@ def adjust(
         scene: The start of the estimate, with its tracks: the result of `run`, the folder of a finished run or its
             scene.h5, or a scene by itself.
         options: Noise, priors and losses.
-        progress: Called after every step with its cost, damping and time.
+        on_step: Called after every step with its cost, damping and time.
         **changes: Fields of `AdjustOptions`, such as smooth_sigma_rad=0.1.
 
     Returns:
@@ -236,7 +236,7 @@ def adjust(
         InputError: An option is wrong.
         ReconstructionError: Too little is left to estimate anything from.
     """
-    return _adjust(given_scene(scene), changed(options or AdjustOptions(), changes), progress=progress)
+    return _adjust(given_scene(scene), changed(options or AdjustOptions(), changes), on_step=on_step)
 
 
 def evaluate(
@@ -293,7 +293,7 @@ def rank_reflectance(
     scene: RunResult | Scene | str | Path,
     *,
     options: RankingOptions | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     **changes: Any,
 ) -> ModelRanking:
     """Rank reflectance models by how well they predict images that they were not fitted to.
@@ -313,7 +313,7 @@ def rank_reflectance(
         InputError: The map has no reflectance model (its brightness was not used), too few views or lit landmarks, or
             there is no such model.
     """
-    return rank_models(given_scene(scene), changed(options or RankingOptions(), changes), progress or no_progress)
+    return rank_models(given_scene(scene), changed(options or RankingOptions(), changes), progress)
 
 
 def export(

@@ -8,9 +8,9 @@ import numpy as np
 
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.photometry.initialize import normals_from_neighbours
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.closed_mesh import signed_volume
+from photoclinometry.surface.neighbours import normals_from_neighbours
 from photoclinometry.surface.poisson import closed_surface
 
 FEWEST_VIEWS = 3

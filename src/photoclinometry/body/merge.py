@@ -218,6 +218,10 @@ class _Means:
 
 
 def _means(cloud: Cloud, tree: Any, at: np.ndarray, outward: np.ndarray) -> _Means:
+    """Weighted means of the landmarks around vertices at (m, 3) with normals outward (m, 3); tree: of the landmarks.
+
+    Landmarks count that are nearer than NEAR_GSD and face as the vertex does. Without any, `known` is False.
+    """
     reach = NEAR_GSD * cloud.gsd
     distance, near = tree.query(at, NEIGHBOURS, distance_upper_bound=reach)
     there = np.isfinite(distance)

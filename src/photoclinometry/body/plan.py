@@ -218,7 +218,7 @@ def _best_region(
         size = min(options.tile_px, camera.width, camera.height)
         step = max(1, size // STEPS)
         margin = int(options.overlap * size)
-        whole = Region(row=0, col=0, height=camera.height, width=camera.width)
+        whole = Region.of_image(camera.height, camera.width)
         own = np.flatnonzero(fine[k] & left & _inside(sights.pixel[k], whole, margin))
         if not len(own):
             continue

@@ -24,9 +24,10 @@ from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, views_fr
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.registration.georeference import MIN_PRIORS
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
-from photoclinometry.sfm.database import add_relief_keypoints, disk_errors, match_views, write_views
+from photoclinometry.sfm.database import add_relief_keypoints, disk_errors, write_views
 from photoclinometry.sfm.known_poses import VerifiedMatches, likely_pairs
 from photoclinometry.sfm.mapping import quiet_pycolmap
+from photoclinometry.sfm.matching import match_views
 from photoclinometry.sfm.reconstruct import warn_if_inside_out
 
 log = logging.getLogger(__name__)

@@ -135,7 +135,7 @@ def option_fields(command: Command) -> Iterator[tuple[str, type, str]]:
 
 
 def option_name(command: Command, error: OptionError) -> str:
-    """The option as a person types it for this command, such as --adjust.max-rounds."""
+    """The option as a person types it for this command, such as --adjust.max-reweightings."""
     for name, kind, field in option_fields(command):
         if (kind, field) == (error.kind, error.field):
             return f"--{name.replace('_', '-')}"

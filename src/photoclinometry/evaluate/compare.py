@@ -23,6 +23,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, Similarity, angle_between, so3_log
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.scene import BODY_FIXED, Landmarks, Scene, Views
+from photoclinometry.photometry.predict import exposure_is_free
 from photoclinometry.registration.alignment import (
     Closest,
     align_poses,
@@ -148,7 +149,7 @@ def compare_with_truth(scene: Scene, true_views: Views, maps: Any, closest: Clos
     if scene.reflectance is not None:
         found, extra = _photometry_metrics(scene, true_views, true.albedo, at(maps.albedo))
         errors, metrics = errors | found, metrics | extra
-        if scene.brightness == "dn" or not scene.reflectance.predicts_absolute_brightness:
+        if exposure_is_free(scene.brightness, scene.reflectance):
             factor = extra["albedo_factor"]
     metrics |= sigma_metrics(scene, true_views, true, factor)
     return Comparison(metrics, aligned, errors, fit.similarity)

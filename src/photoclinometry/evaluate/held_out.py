@@ -21,7 +21,9 @@ from photoclinometry.model.geometry import Rigid, skew, so3_exp
 from photoclinometry.model.projection import project
 from photoclinometry.model.scene import Camera, Image, Scene, Views
 from photoclinometry.model.warning import warn
-from photoclinometry.photometry.initialize import exposure_is_free, predicted_ratio, sample_brightness
+from photoclinometry.photometry.albedo import predicted_ratio
+from photoclinometry.photometry.predict import exposure_is_free
+from photoclinometry.photometry.sampled_brightness import sample_brightness
 from photoclinometry.registration.alignment import align_views, transform_poses
 from photoclinometry.surface.depth_fit import landmark_depth
 

@@ -23,8 +23,8 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import GRAZING, MODELS, Reflectance, model_named, models_for, starting_model
 from photoclinometry.model.scene import Scene
-from photoclinometry.photometry.initialize import exposure_is_free, with_model
-from photoclinometry.photometry.predict import phase_of_views, reflectance_of, shading
+from photoclinometry.photometry.albedo import with_model
+from photoclinometry.photometry.predict import exposure_is_free, phase_of_views, reflectance_of, shading
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ FEWEST_LANDMARKS = 50
 HELD_GSD = 1e-3
 """Standard deviation of the positions, which are held [GSD]."""
 
-ROUNDS = 2
+REWEIGHTINGS = 2
 """Reweightings of each estimate. Four rank the models of four sites alike, and take twice as long."""
 
 CONFIDENCE = 0.975
@@ -292,7 +292,9 @@ def jackknife_sigma(values: np.ndarray) -> np.ndarray:
 def _estimated(scene: Scene, start: Reflectance, used: np.ndarray) -> Scene:
     """Some of the views with their photometry by the joint estimate."""
     part = with_model(scene.of_views(used), start)
-    options = AdjustOptions(smooth_sigma_rad=0.0, position_sigma_gsd=HELD_GSD, uncertainty=False, max_rounds=ROUNDS)
+    options = AdjustOptions(
+        smooth_sigma_rad=0.0, position_sigma_gsd=HELD_GSD, uncertainty=False, max_reweightings=REWEIGHTINGS
+    )
     return adjust(part, replace(options, solver=options.solver.roughly())).scene
 
 

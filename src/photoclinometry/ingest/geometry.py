@@ -12,9 +12,9 @@ from photoclinometry.io.archives.product import Product
 from photoclinometry.io.models.sumfile import SumFile
 from photoclinometry.io.spice import Kernels
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.geometry import METRES, Rigid, unit
 
-_M_PER_KM = 1000.0
+_M_PER_KM = METRES["km"]
 """Sites are in metres; kernels, tables and SUMFILEs are in kilometres."""
 _LARGEST_VALUE = 1e15
 """Numbers of a table beyond this (positions in km, quaternions) are damage."""

@@ -23,7 +23,7 @@ from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, misplaced_princip
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.model.errors import InputError, RunFolderError
-from photoclinometry.model.progress import Progress
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.warning import warn
 
 logger = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ def ingest(
     files: Sequence[Path],
     out: Path,
     options: IngestOptions = IngestOptions(),  # noqa: B008
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> IngestResult:
     """Make a site of image files (PDS3, PDS4, ISIS, FITS, PNG, TIFF) in the folder `out`, new or empty.
 
@@ -81,7 +81,7 @@ def check_out(out: Path) -> None:
 
 
 def _read_all(
-    files: Sequence[Path], options: IngestOptions, auxiliary: AuxiliaryData, progress: Progress | None
+    files: Sequence[Path], options: IngestOptions, auxiliary: AuxiliaryData, progress: Progress
 ) -> tuple[list[Exposure], list[Refusal]]:
     """The exposures, each once, and the faults of the files that cannot be used."""
     exposures: list[Exposure] = []
@@ -96,8 +96,7 @@ def _read_all(
             if exposure.data.resolve() not in seen:
                 exposures.append(exposure)
             seen.add(exposure.data.resolve())
-        if progress is not None:
-            progress(Path(path).name, number, len(files))
+        progress(Path(path).name, number, len(files))
     return exposures, refused
 
 

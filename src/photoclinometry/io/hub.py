@@ -17,7 +17,7 @@ from typing import Any
 from photoclinometry import __version__
 from photoclinometry.io.atomic import unwritable
 from photoclinometry.model.errors import FetchError, InputError
-from photoclinometry.model.progress import Progress
+from photoclinometry.model.progress import Progress, no_progress
 
 AUTHORS_DATA = "travisdriver/phomo-data"
 """Images and models of Driver et al. (2025): huggingface.co/datasets/travisdriver/phomo-data."""
@@ -82,7 +82,7 @@ def list_files(name: str = AUTHORS_DATA, *, revision: str = "main", endpoint: st
 
 
 def fetch_files(
-    data: DataSet, files: tuple[RemoteFile, ...], out: Path | str, progress: Progress | None = None
+    data: DataSet, files: tuple[RemoteFile, ...], out: Path | str, progress: Progress = no_progress
 ) -> list[str]:
     """Fetch files of a data set below `out`, in the data set's folders; returns the paths of those downloaded.
 
@@ -94,8 +94,7 @@ def fetch_files(
     for file in files:
 
         def report(count: int, before: int = done) -> None:
-            if progress is not None:
-                progress("fetch", before + count, total)
+            progress("fetch", before + count, total)
 
         target = out / file.path
         try:

@@ -281,7 +281,7 @@ def _inconsistency(scene: Scene) -> str | None:
     around = scene.surroundings
     if around is not None:
         camera = views.cameras[scene.reference]
-        image = Region(row=0, col=0, height=camera.height, width=camera.width, stride=max(1, around.stride))
+        image = Region.of_image(camera.height, camera.width, stride=max(1, around.stride))
         if around.depth.shape != image.grid_shape:
             return "its surroundings have not the size of the reference image"
     if region.stride < 1 or ((landmarks.pixel - (region.row, region.col)) % region.stride).any():

@@ -16,7 +16,7 @@ from photoclinometry.io.images import read_image
 from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
-from photoclinometry.model.progress import Progress
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Image
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ class SiteImages:
     """Other views, whose brightness as it is in their files cannot be that of ground; as `empty`."""
 
 
-def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
+def load_images(site: Site, progress: Progress = no_progress) -> list[Image]:
     """The images of all views, each named as its view, uncalibrated ones less their dark level; `valid` is False on
     dark sky.
 
@@ -52,7 +52,7 @@ def load_images(site: Site, progress: Progress | None = None) -> list[Image]:
     return _less_dark_levels(images, levels)
 
 
-def load_plausible_images(site: Site, progress: Progress | None = None) -> SiteImages:
+def load_plausible_images(site: Site, progress: Progress = no_progress) -> SiteImages:
     """The images as of `load_images`, and those of which no map can be made.
 
     Raises SiteError and ImageError, also where too few others remain (`plausible.impossible_views`).
@@ -63,7 +63,7 @@ def load_plausible_images(site: Site, progress: Progress | None = None) -> SiteI
     return SiteImages(images=_less_dark_levels(images, levels), empty=empty, impossible=impossible)
 
 
-def _read_images(site: Site, progress: Progress | None) -> tuple[list[Image], np.ndarray, dict[str, str]]:
+def _read_images(site: Site, progress: Progress) -> tuple[list[Image], np.ndarray, dict[str, str]]:
     """The images of all views as they are, their dark levels (K,), 0 for calibrated ones, and why some show nothing,
     by name. Raises ImageError."""
     _check_existence(site)
@@ -80,8 +80,7 @@ def _read_images(site: Site, progress: Progress | None) -> tuple[list[Image], np
             if site.brightness == "dn":
                 darkest[number - 1] = darkest_pixels(whole)
         images.append(image)
-        if progress is not None:
-            progress("images", number, len(site.views))
+        progress("images", number, len(site.views))
     levels = np.zeros(len(images))
     if darkest:
         levels[list(darkest)] = dark_levels(list(darkest.values()), [site.views[k].camera for k in darkest])

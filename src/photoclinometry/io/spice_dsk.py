@@ -19,8 +19,8 @@ from photoclinometry.io.arrays import write_arrays
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.child import started
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.geometry import KM_PER_M
 
-_KM_PER_M = 1e-3
 LARGEST_PLATES = 32_000_000
 """SPICE's limit."""
 
@@ -59,7 +59,7 @@ def write_dsk(
         raise InputError(f"{path.name}: {len(faces):,} plates, SPICE takes {LARGEST_PLATES:,}; write a coarser level")
     with atomic_path(path) as temporary, tempfile.TemporaryDirectory() as folder:
         arrays = Path(folder) / "mesh.npz"
-        write_arrays(arrays, {"vertices": _KM_PER_M * vertices, "faces": faces.astype(np.int32)})
+        write_arrays(arrays, {"vertices": KM_PER_M * vertices, "faces": faces.astype(np.int32)})
         mesh = {
             "arrays": str(arrays),
             "out": str(temporary),

@@ -35,5 +35,5 @@ def sampson_error(fundamental: np.ndarray, xy_a: np.ndarray, xy_b: np.ndarray) -
 
 def _ray_from_pixel(camera: Camera) -> np.ndarray:
     """(3, 3) the inverse of the calibration matrix."""
-    (fx, fy), (cx, cy) = camera.focal_px, camera.principal_px
+    fx, fy, cx, cy = camera.intrinsics
     return np.array([[1 / fx, 0, -cx / fx], [0, 1 / fy, -cy / fy], [0, 0, 1]])

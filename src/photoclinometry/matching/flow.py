@@ -27,6 +27,11 @@ MIN_CONTRAST = 0.2
 """Local contrast is taken to be at least this share of its median."""
 GRADIENT_WEIGHT = 10.0
 """Weight of the gradients' constancy in the flow's refinement: OpenCV's default."""
+MOST_CONTRAST = 4.0
+"""Normalised pictures are cut off at so many local standard deviations: at the ends of the grey levels below."""
+MIDDLE_GREY, GREY_PER_SIGMA = 128, 32
+"""OpenCV's flow takes pictures of 8 bits: the grey level of a normalised picture's zero, and grey levels per local
+standard deviation, so that MOST_CONTRAST fills the range."""
 MIN_STRUCTURE = 1e-4
 """Least eigenvalue of the structure tensor of normalised pictures, whose contrast is 1: flatter ground has no match."""
 
@@ -133,7 +138,7 @@ def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.nd
     centred = np.where(valid, value - blur(value) / share, 0.0).astype(np.float32)
     spread = np.sqrt(np.maximum(blur(centred**2) / share, 0.0))
     floor = MIN_CONTRAST * float(np.median(spread[valid])) if valid.any() else 0.0
-    return np.clip(centred / np.maximum(spread, max(floor, TINY)), -4.0, 4.0)
+    return np.clip(centred / np.maximum(spread, max(floor, TINY)), -MOST_CONTRAST, MOST_CONTRAST)
 
 
 def search(a: np.ndarray, b: np.ndarray, options: FlowOptions) -> np.ndarray:
@@ -152,7 +157,7 @@ def search(a: np.ndarray, b: np.ndarray, options: FlowOptions) -> np.ndarray:
     flow.setVariationalRefinementAlpha(options.smoothness)
     flow.setVariationalRefinementGamma(GRADIENT_WEIGHT)
     flow.setVariationalRefinementDelta(0.0)
-    grey = [np.rint(np.clip(128 + 32 * picture, 0, 255)).astype(np.uint8) for picture in (a, b)]
+    grey = [np.rint(np.clip(MIDDLE_GREY + GREY_PER_SIGMA * each, 0, 255)).astype(np.uint8) for each in (a, b)]
     return flow.calc(grey[0], grey[1], np.zeros((*a.shape, 2), np.float32))
 
 
@@ -186,9 +191,12 @@ def follow(values: np.ndarray, flow: np.ndarray, *, order: int = 3) -> np.ndarra
 
     Order 1 for masks and for what is not a picture: exact on ramps, and a pixel without a value spoils no others.
     """
-    height, width = flow.shape[:2]
-    centers = Region(row=0, col=0, height=height, width=width).pixel_centers()
-    return sample(values, centers + flow, order=order).astype(values.dtype)
+    return sample(values, pixel_centers(flow.shape[:2]) + flow, order=order).astype(values.dtype)
+
+
+def pixel_centers(shape: tuple[int, ...]) -> np.ndarray:
+    """(h, w, 2) centres of a picture's pixels: (0.5, 0.5) is the top-left one's."""
+    return Region.of_image(shape[0], shape[1]).pixel_centers()
 
 
 def _gradient(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

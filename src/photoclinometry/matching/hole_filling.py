@@ -1,4 +1,4 @@
-"""Provisional landmarks in the holes of a map, which the next matches confirm or drop.
+"""Hole filling: landmarks where none was matched, which the next matches confirm or drop.
 
 Ground that was not matched under one light may be matched against the relit reference. For this it needs a position, a
 normal and an albedo.

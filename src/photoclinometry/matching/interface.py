@@ -126,17 +126,17 @@ class MatchSetup:
 
         depth: (padded.height, padded.width) in the reference camera, from which positions are predicted.
         """
-        own, padded = self.reference, self.padded
+        reference, padded = self.reference, self.padded
         prediction = predict_pixels(
             depth,
             padded,
-            self.cameras[own],
-            self.body_from_cam[own],
+            self.cameras[reference],
+            self.body_from_cam[reference],
             self.cameras[target],
             self.body_from_cam[target],
         )
         return MatchRequest(
-            reference=self.images[own],
+            reference=self.images[reference],
             target=self.images[target],
             region=self.region,
             padded=padded,

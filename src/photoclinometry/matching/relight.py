@@ -22,8 +22,8 @@ from photoclinometry.matching.interface import Matcher, Matches, MatchRequest
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Image, Scene
-from photoclinometry.photometry.initialize import SHADOW_SHARE
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
+from photoclinometry.photometry.sampled_brightness import SHADOW_SHARE
 from photoclinometry.surface.depth_fit import landmark_depth
 from photoclinometry.surface.map_rays import MapRays
 from photoclinometry.surface.relief import reference_depth
@@ -92,19 +92,19 @@ class RelitReference:
         self._rays = MapRays(scene)
         self._in_reference = self._modelled(scene.reference)
 
-    def __call__(self, view: int, reference: Image) -> tuple[np.ndarray, np.ndarray]:
-        """Up to gain and offset: picture (h, w) float32, and mask (h, w). reference: its image."""
+    def __call__(self, view: int, image: Image) -> tuple[np.ndarray, np.ndarray]:
+        """Up to gain and offset: picture (h, w) float32, and mask (h, w). image: the reference's."""
         scene = self.scene
-        own, views = scene.reference, scene.views
+        reference, views = scene.reference, scene.views
         seen = self._rays.free_up_to(views.body_from_cam.translation[view])
         both = np.stack([np.where(seen, self._modelled(view), np.nan), self._in_reference], -1)
         modelled_view, modelled_reference = np.moveaxis(scene.region.between_cells(scene.grid(both)), -1, 0)
-        measured = reference.brightness[scene.region.slices] - views.bias[own]
+        measured = image.brightness[scene.region.slices] - views.bias[reference]
         row, col = scene.landmarks.pixel.T
-        dark = SHADOW_SHARE * np.median(reference.brightness[row, col] - views.bias[own])
-        usable = np.isfinite(modelled_reference) & reference.valid[scene.region.slices] & (measured > dark)
+        dark = SHADOW_SHARE * np.median(image.brightness[row, col] - views.bias[reference])
+        usable = np.isfinite(modelled_reference) & image.valid[scene.region.slices] & (measured > dark)
         ratio = measured * modelled_view / np.where(usable, modelled_reference, 1.0)
-        relit = np.where(usable, ratio, views.scale[own] * modelled_view)
+        relit = np.where(usable, ratio, views.scale[reference] * modelled_view)
         mask = np.isfinite(relit)
         return np.where(mask, relit, 0.0).astype(np.float32), mask
 

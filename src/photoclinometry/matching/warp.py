@@ -13,10 +13,9 @@ from typing import Annotated
 
 import numpy as np
 
-from photoclinometry.matching.flow import crop, in_target, resample
+from photoclinometry.matching.flow import crop, in_target, pixel_centers, resample
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.region import Region
 from photoclinometry.model.tiny import TINY
 from photoclinometry.surface.sampling import ALL_VALID, sample
 
@@ -112,11 +111,6 @@ def displacement(warp: Warp, shape: tuple[int, ...]) -> np.ndarray:
     """(h, w, 2) [px] from each pixel of a picture to its position in another of the same shape, by a warp."""
     height, width = shape
     return (on_grid(warp.position, shape) + 1.0) / 2.0 * (width, height) - pixel_centers(shape)
-
-
-def pixel_centers(shape: tuple[int, ...]) -> np.ndarray:
-    """(h, w, 2) centres of a picture's pixels: (0.5, 0.5) is the top-left one's."""
-    return Region(row=0, col=0, height=shape[0], width=shape[1]).pixel_centers()
 
 
 def on_grid(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Gauss-Newton steps for a few parameters on a manifold (rotations, directions): dense, with normal equations.
 
-The loss's weights are part of the linearisation (`robust.huber_weight`): each iteration is one of reweighted least
+The loss's weights are part of the linearization (`robust.huber_weight`): each iteration is one of reweighted least
 squares. The joint estimate has its own solver; this one serves fits of a handful of numbers.
 """
 
@@ -22,7 +22,7 @@ class Solution(NamedTuple, Generic[State]):
 
     state: State
     information: np.ndarray
-    """(m, m) of the last linearisation, where the last step was taken from; its inverse is the covariance if residuals
+    """(m, m) of the last linearization, where the last step was taken from; its inverse is the covariance if residuals
     are whitened."""
     converged: bool
     """The last step was below SETTLED; else `iterations` were used up."""
@@ -30,7 +30,7 @@ class Solution(NamedTuple, Generic[State]):
 
 def gauss_newton(
     start: State,
-    linearise: Callable[[State], tuple[np.ndarray, np.ndarray]],
+    linearize: Callable[[State], tuple[np.ndarray, np.ndarray]],
     move: Callable[[State, np.ndarray], State],
     *,
     iterations: int,
@@ -38,7 +38,7 @@ def gauss_newton(
 ) -> Solution[State]:
     """The state of least cost near `start`, by at most `iterations` steps -information^-1 gradient.
 
-    linearise: state -> gradient (m,) and information (m, m) of half the cost: J^T W r and J^T W J for whitened
+    linearize: state -> gradient (m,) and information (m, m) of half the cost: J^T W r and J^T W J for whitened
     residuals r, their derivatives J and weights W, priors included. move: the state after a step (m,). longest: bound
     on the size of each of the step's components, (m,) or one for all; a longer step is shortened as a whole.
     Raises numpy.linalg.LinAlgError where the information is singular.
@@ -46,7 +46,7 @@ def gauss_newton(
     state, converged = start, False
     information = np.empty((0, 0))
     for _ in range(iterations):
-        gradient, information = linearise(state)
+        gradient, information = linearize(state)
         step = -np.linalg.solve(information, gradient)
         step = step / max(1.0, float(np.max(np.abs(step) / longest)))
         state = move(state, step)

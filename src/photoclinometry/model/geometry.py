@@ -11,6 +11,9 @@ import numpy as np
 METRES = {"m": 1.0, "km": 1000.0}
 """Metres in one unit of length, by its name in files."""
 
+KM_PER_M = 1e-3
+"""Kilometres per metre, for formats whose lengths are in km: `1 / METRES["km"]`."""
+
 
 @dataclass(frozen=True)
 class Rigid:

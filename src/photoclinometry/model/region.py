@@ -19,6 +19,11 @@ class Region:
     stride: int = 1
     """Every so many pixels, down and across, from the corner on: these make the map's grid."""
 
+    @classmethod
+    def of_image(cls, height: int, width: int, stride: int = 1) -> Self:
+        """All pixels of an image."""
+        return cls(row=0, col=0, height=height, width=width, stride=stride)
+
     @property
     def slices(self) -> tuple[slice, slice]:
         """Of the whole image: all of the region's pixels."""

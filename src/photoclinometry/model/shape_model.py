@@ -34,6 +34,12 @@ class ShapeModel:
     unit: str | None = None
     """Of lengths: "m", or None where the frame is that of the images alone."""
 
+    @property
+    def from_images_alone(self) -> bool:
+        """Whether the model was made of images alone: without pose priors neither the unit of length nor the poles are
+        known."""
+        return self.unit is None
+
     def moved(self, target_from_body: Similarity, unit: str | None = None) -> ShapeModel:
         """The same surface in another frame."""
         sigma = dict(self.sigma)

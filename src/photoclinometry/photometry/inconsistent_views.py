@@ -18,7 +18,7 @@ from photoclinometry.model.reflectance import Reflectance, photometric_angles
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.model.warning import warn
-from photoclinometry.photometry.initialize import exposure_is_free
+from photoclinometry.photometry.predict import exposure_is_free
 from photoclinometry.photometry.sun_check import MIN_POINTS, coarse_scene, gains_of_views, sun_from_other_views
 from photoclinometry.photometry.sun_fit import MIN_LIT_SHARE, SunFit
 

@@ -143,15 +143,17 @@ def _fit(power: np.ndarray) -> tuple[float, float, float, float]:
     deviation, and the misfit."""
     from scipy.optimize import least_squares
 
-    number, told = _of_rings(_NUMBER), np.log(np.maximum(power, TINY))
+    number, log_power = _of_rings(_NUMBER), np.log(np.maximum(power, TINY))
     pixel = _of_rings(np.outer(*2 * [np.sinc(np.fft.fftfreq(WINDOW_PX)) ** 2]))
 
     def misfits(parameters: np.ndarray) -> np.ndarray:
         amplitude, exponent, variance, noise = parameters
         ground = amplitude - exponent * np.log(number) - variance * number**2 + np.log(pixel)
-        return np.logaddexp(ground, noise) - told
+        return np.logaddexp(ground, noise) - log_power
 
-    starts = [(told[0] + b * np.log(number[0]), b, s, told[-1] - 1.0) for b in (1.0, 2.0, 3.0) for s in (0.2, 0.8)]
+    starts = [
+        (log_power[0] + b * np.log(number[0]), b, s, log_power[-1] - 1.0) for b in (1.0, 2.0, 3.0) for s in (0.2, 0.8)
+    ]
     best = min((least_squares(misfits, start) for start in starts), key=lambda fit: fit.cost)
     misfit = float(np.sqrt(np.mean(best.fun**2)))
     others = np.delete(best.jac, 2, axis=1)

@@ -27,6 +27,11 @@ def reflectance_of(scene: Scene) -> Reflectance:
     return scene.reflectance
 
 
+def exposure_is_free(brightness: str, reflectance: Reflectance) -> bool:
+    """Whether nothing but a view's own brightness tells its exposure. brightness: "iof" or "dn"."""
+    return brightness == "dn" or not reflectance.predicts_absolute_brightness
+
+
 def phase_of_views(scene: Scene) -> np.ndarray:
     """(K,) phase angle [rad] in the middle of the map."""
     middle = np.median(scene.landmarks.position, axis=0)
@@ -59,18 +64,18 @@ def shading(
     """
     out = np.empty((3, len(view)))
     center = np.ascontiguousarray(views.body_from_cam.translation)
-    _shade(landmark, view, center, views.sun, position, normal, reflectance.packed, out)
+    _shade(landmark, view, center, views.sun, position, normal, reflectance.parameter_vector, out)
     return out[0], out[1], out[2]
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
-def _shade(landmark, view, center, sun, position, normal, packed, out):
+def _shade(landmark, view, center, sun, position, normal, parameter_vector, out):
     """`shading` into out (3, N); as `reflectance.photometric_angles`, without its temporary arrays."""
     for n in prange(view.size):
         j, k = landmark[n], view[n]
         mu0, mu, phase = angles_at(sun[k], center[k], position[j], normal[j])
         out[0, n], out[1, n] = mu0, mu
-        out[2, n] = photometric_value(packed, mu0, mu, phase)
+        out[2, n] = photometric_value(parameter_vector, mu0, mu, phase)
 
 
 def brightness_by_slope(scene: Scene) -> np.ndarray:
@@ -79,18 +84,18 @@ def brightness_by_slope(scene: Scene) -> np.ndarray:
     views, landmarks, tracks = scene.views, scene.landmarks, scene.tracks
     out = np.empty(len(tracks))
     center = np.ascontiguousarray(views.body_from_cam.translation)
-    packed = reflectance_of(scene).packed
-    _turn(tracks.landmark, tracks.view, center, views.sun, landmarks.position, landmarks.normal, packed, out)
+    vector = reflectance_of(scene).parameter_vector
+    _turn(tracks.landmark, tracks.view, center, views.sun, landmarks.position, landmarks.normal, vector, out)
     return out * landmarks.albedo[tracks.landmark] * views.scale[tracks.view]
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
-def _turn(landmark, view, center, sun, position, normal, packed, out):
+def _turn(landmark, view, center, sun, position, normal, parameter_vector, out):
     """Length of the derivative of rho by the normal, in the tangent plane, into out (N,)."""
     for n in prange(view.size):
         j, k = landmark[n], view[n]
         mu0, mu, phase = angles_at(sun[k], center[k], position[j], normal[j])
-        _, by_mu0, by_mu, _ = photometric_function(packed, mu0, mu, phase)
+        _, by_mu0, by_mu, _ = photometric_function(parameter_vector, mu0, mu, phase)
         to_x, to_y, to_z = center[k, 0] - position[j, 0], center[k, 1] - position[j, 1], center[k, 2] - position[j, 2]
         by_mu /= math.sqrt(to_x * to_x + to_y * to_y + to_z * to_z)
         x = by_mu0 * sun[k, 0] + by_mu * to_x

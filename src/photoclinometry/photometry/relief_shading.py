@@ -21,7 +21,7 @@ from photoclinometry.surface.sampling import sample_image
 
 NEIGHBOURS = 16
 """Points, itself included, whose plane is the ground at a point: half as many as where slopes themselves are wanted
-(`initialize.PLANE_NEIGHBOURS`), since only their signs count here, and more patches tell more."""
+(`surface.neighbours.PLANE_NEIGHBOURS`), since only their signs count here, and more patches tell more."""
 
 FEWEST_POINTS = NEIGHBOURS
 """A view that sees fewer points than lie in one patch of ground says nothing."""

@@ -13,8 +13,8 @@ from photoclinometry.model.geometry import unit
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.scene import Scene
-from photoclinometry.photometry.initialize import landmark_spacing_px
 from photoclinometry.photometry.predict import reflectance_of
+from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
 from photoclinometry.surface.map_rays import in_sunlight
 from photoclinometry.surface.rasterise import draw_triangles
 from photoclinometry.surface.sampling import gaussian, masked_filter, smoothing_px

@@ -21,9 +21,9 @@ from photoclinometry.model.reflectance import GRAZING, angles_at, photometric_fu
 from photoclinometry.model.robust import HUBER_LIMIT, robust_sigma
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.model.tiny import TINY
-from photoclinometry.photometry.initialize import landmark_spacing_px, sample_brightness
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.render import as_resolved, averaging_sigma, landmark_brightness
+from photoclinometry.photometry.sampled_brightness import landmark_spacing_px, sample_brightness
 from photoclinometry.surface.map_rays import MapRays
 
 NORMAL_SIGMA_RAD, ALBEDO_SIGMA = 0.1, 0.1
@@ -158,16 +158,16 @@ def _fit(scene: Scene, sigma: float, iterations: int, normal: np.ndarray, albedo
     observed = _Observations(tracks.start, tracks.view, tracks.brightness, tracks.lit, sigma)
     lighting = _Lighting(views.sun, views.body_from_cam.translation, views.scale, views.bias)
     start = _Start(landmarks.position, landmarks.normal, landmarks.albedo)
-    _fit_all(scene.reflectance.packed, observed, lighting, start, iterations, normal, albedo)
+    _fit_all(scene.reflectance.parameter_vector, observed, lighting, start, iterations, normal, albedo)
 
 
 @njit(cache=True, parallel=True)
-def _fit_all(packed, observed, lighting, start, iterations, normal, albedo):
+def _fit_all(parameter_vector, observed, lighting, start, iterations, normal, albedo):
     for j in prange(albedo.size):
         if start.albedo[j] <= 0.0:
             continue
         for _ in range(iterations):
-            if _step(packed, j, observed, lighting, start, normal, albedo) < SETTLED:
+            if _step(parameter_vector, j, observed, lighting, start, normal, albedo) < SETTLED:
                 break
 
 
@@ -177,14 +177,16 @@ def _dot(a, b):
 
 
 @njit(cache=True)
-def _step(packed, j, observed, lighting, start, normal, albedo):
+def _step(parameter_vector, j, observed, lighting, start, normal, albedo):
     """One Gauss-Newton step of landmark j in the tangent plane and the albedo's logarithm.
 
     Returns its length, before it is cut to LONGEST_STEP.
     """
     n = normal[j]
     one, two = _tangents(n)
-    information, gradient = _brightness_information(packed, j, observed, lighting, start, (n, one, two), albedo[j])
+    information, gradient = _brightness_information(
+        parameter_vector, j, observed, lighting, start, (n, one, two), albedo[j]
+    )
     by_normal, by_albedo = 1.0 / NORMAL_SIGMA_RAD**2, 1.0 / ALBEDO_SIGMA**2
     before = start.normal[j]
     gradient += np.array(
@@ -205,7 +207,7 @@ def _step(packed, j, observed, lighting, start, normal, albedo):
 
 
 @njit(cache=True, inline="always")
-def _brightness_information(packed, j, observed, lighting, start, frame, albedo):
+def _brightness_information(parameter_vector, j, observed, lighting, start, frame, albedo):
     """Normal equations (3, 3) and negative gradient (3,) of landmark j's lit brightness, weighted by Huber's loss.
 
     frame: the normal and two tangents, (3,) each.
@@ -224,7 +226,7 @@ def _brightness_information(packed, j, observed, lighting, start, frame, albedo)
         mu0, mu, phase = angles_at(s, lighting.center[k], start.position[j], normal)
         if mu0 <= GRAZING or mu <= GRAZING:
             continue
-        rho, by_mu0, by_mu, _ = photometric_function(packed, mu0, mu, phase)
+        rho, by_mu0, by_mu, _ = photometric_function(parameter_vector, mu0, mu, phase)
         gain = lighting.scale[k] * albedo / observed.sigma
         row[0] = gain * (by_mu0 * _dot(s, one) + by_mu * _dot(towards, one) / distance)
         row[1] = gain * (by_mu0 * _dot(s, two) + by_mu * _dot(towards, two) / distance)

@@ -6,7 +6,7 @@ import numpy as np
 
 from photoclinometry.model.scene import Image
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.photometry.initialize import PLANE_NEIGHBOURS, normals_from_neighbours
+from photoclinometry.surface.neighbours import PLANE_NEIGHBOURS, normals_from_neighbours
 from photoclinometry.surface.sampling import blurred
 
 LEAST_BLUR_PX = 0.5

@@ -19,12 +19,9 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Image, Landmarks, Scene, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.photometry.initialize import (
-    SCALE_SWEEPS,
-    predicted_ratio,
-    sample_brightness,
-)
+from photoclinometry.photometry.albedo import SCALE_SWEEPS, predicted_ratio
 from photoclinometry.photometry.predict import BIAS_SIGMA
+from photoclinometry.photometry.sampled_brightness import sample_brightness
 from photoclinometry.photometry.shading import normals_from_shading
 from photoclinometry.photometry.sparse_planes import as_blurred, sparse_planes
 from photoclinometry.photometry.sun_fit import Ground, SunFit, fit_sun

@@ -74,16 +74,16 @@ class Ground:
     def radiance(self, suns: np.ndarray, reflectance: Reflectance) -> np.ndarray:
         """(S, n) albedo * rho (Eq. 19) under Sun directions (S, 3) in B; zero where unlit."""
         out = np.empty((len(suns), len(self.albedo)))
-        _radiance(reflectance.packed, suns, self.camera_center, self.position, self.normal, self.albedo, out)
+        _radiance(reflectance.parameter_vector, suns, self.camera_center, self.position, self.normal, self.albedo, out)
         return out
 
 
 @njit(cache=True, error_model="numpy")
-def _radiance(packed, suns, center, position, normal, albedo, out):
+def _radiance(parameter_vector, suns, center, position, normal, albedo, out):
     for i in range(suns.shape[0]):
         for j in range(albedo.size):
             mu0, mu, phase = angles_at(suns[i], center, position[j], normal[j])
-            out[i, j] = albedo[j] * photometric_value(packed, mu0, mu, phase)
+            out[i, j] = albedo[j] * photometric_value(parameter_vector, mu0, mu, phase)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,19 +158,19 @@ def _refine(
     """
     prior = np.diag([_WEAK, _WEAK, _WEAK, 1.0 / bias_sigma**2])
 
-    def linearise(light: _Light) -> tuple[np.ndarray, np.ndarray]:
-        gradient, information = _linearised(ground, brightness, reflectance, light)
+    def linearize(light: _Light) -> tuple[np.ndarray, np.ndarray]:
+        gradient, information = _linearized(ground, brightness, reflectance, light)
         return gradient.sum(0) + prior @ [0.0, 0.0, 0.0, light.bias], information + prior
 
     start = _Light(sun, _median_gain(brightness, ground.radiance(sun[None], reflectance)[0]), 0.0)
     longest = np.array([LONGEST_STEP, LONGEST_STEP, LONGEST_STEP, np.inf])
-    light = gauss_newton(start, linearise, _Light.moved, iterations=_ITERATIONS, longest=longest).state
-    gradient, information = _linearised(ground, brightness, reflectance, light)
+    light = gauss_newton(start, linearize, _Light.moved, iterations=_ITERATIONS, longest=longest).state
+    gradient, information = _linearized(ground, brightness, reflectance, light)
     patches, spread = _by_patch(ground.position, gradient), np.linalg.inv(information + prior)
     return light.sun, spread @ (patches.T @ patches * len(patches) / max(len(patches) - 1, 1)) @ spread
 
 
-def _linearised(
+def _linearized(
     ground: Ground, brightness: np.ndarray, reflectance: Reflectance, light: _Light
 ) -> tuple[np.ndarray, np.ndarray]:
     """Each point's gradient (n, 4) and the information (4, 4) of half the cost, without the prior.

@@ -21,7 +21,7 @@ from photoclinometry.matching.registry import matcher_entry
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.errors import InputError, PhotoclinometryError
 from photoclinometry.model.reflectance import Reflectance, has_published, models_for, published, starting_model
-from photoclinometry.photometry.initialize import exposure_is_free
+from photoclinometry.photometry.predict import exposure_is_free
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.stage import Keyed, digest
 

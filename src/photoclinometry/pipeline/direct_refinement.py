@@ -18,7 +18,9 @@ import numpy as np
 from photoclinometry.adjust import Adjustment, ImageGradients, Noise
 from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
 from photoclinometry.model.scene import Image, Scene
-from photoclinometry.photometry.initialize import fitted_albedo, landmark_spacing_px
+from photoclinometry.model.threads import in_threads
+from photoclinometry.photometry.albedo import fitted_albedo
+from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
 from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline.joint_estimate import Step, by_relit_matches
@@ -129,9 +131,12 @@ def image_gradients(
     xy = projected_keypoints(scene)
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
     gradient = np.zeros((len(tracks), 2))
-    for k, image in enumerate(images):
+
+    def of_view(k: int) -> None:
         seen = np.flatnonzero(tracks.view == k)
-        gradient[seen] = sample_gradient(as_coarse(image, float(spacing[k])), xy[seen])
+        gradient[seen] = sample_gradient(as_coarse(images[k], float(spacing[k])), xy[seen])
+
+    in_threads(of_view, range(len(images)))
     measured = brightness_on_surface(scene, images)
     lit = measured.tracks.lit
     direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT

@@ -47,7 +47,7 @@ class Step:
     """How one of several estimates of the same views differs from the others."""
 
     keypoint_sigma_factor: float = 1.0
-    """On the keypoints' standard deviations, besides `AdjustOptions.keypoint_slack`."""
+    """On the keypoints' standard deviations, besides `AdjustOptions.keypoint_sigma_factor`."""
     rough: bool = False
     """Whether it ends early and without uncertainties. What it leaves is matched again, and what it has not settled are
     the slow motions of the whole map."""
@@ -133,14 +133,15 @@ class JointEstimate:
 
     def _adjusted(self, start: Scene, step: Step, progress: Progress, priors: PosePriors | None = None) -> Adjustment:
         """The one call of `adjust`, with its iterations reported."""
-        options = replace(self.options, keypoint_slack=step.keypoint_sigma_factor * self.options.keypoint_slack)
+        factor = step.keypoint_sigma_factor * self.options.keypoint_sigma_factor
+        options = replace(self.options, keypoint_sigma_factor=factor)
         reweighting = step.reweighting
         if step.rough:
             solver = options.solver.roughly(all_steps=step.all_steps)
             options = replace(options, uncertainty=False, solver=solver)
             reweighting = reweighting or ROUGH_REWEIGHTING
         if reweighting is not None:
-            options = replace(options, max_rounds=min(reweighting, options.max_rounds))
+            options = replace(options, max_reweightings=min(reweighting, options.max_reweightings))
         if step.hold_geometry:
             options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
         views = start.views
@@ -164,7 +165,7 @@ class JointEstimate:
             gradients=step.gradients,
             noise=step.noise,
             least_keypoint_factor=step.least_keypoint_factor,
-            progress=report,
+            on_step=report,
         )
         stated = replace(found.scene.views, sun_sigma=views.sun_sigma, sun_common_sigma=views.sun_common_sigma)
         return replace(found, scene=replace(found.scene, views=stated))

@@ -13,7 +13,7 @@ from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
-from photoclinometry.photometry.initialize import with_model
+from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.point_spread import psf_sigma_px
 from photoclinometry.pipeline.direct_refinement import refine_directly
 from photoclinometry.pipeline.first_estimate import first_estimate
@@ -257,7 +257,7 @@ class MapStages:
             posed=self.posed,
             matcher=self.matcher,
             densify=self.densify,
-            keypoint_sigma_factor=self.options.slack,
+            keypoint_sigma_factor=self.options.keypoint_sigma_factor,
             settled_px=self.options.settled_px,
             must_end=number == self.max_iterations,
         )

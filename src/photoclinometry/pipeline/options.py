@@ -22,11 +22,11 @@ from photoclinometry.sfm.region import RegionOptions
 class RelightOptions(Ranged):
     """Relighting iterations: views are matched with the reference as it would look under each view's Sun."""
 
-    rounds: Annotated[int, Range(least=0, most=100)] = 3
-    """Iterations at most, after the first map. Geometry alone has none."""
+    iterations: Annotated[int, Range(least=0, most=100)] = 3
+    """Relighting iterations at most, after the first map. Geometry alone has none."""
     settled_px: Annotated[float, Range(least=0)] = 0.03
     """No further iteration once half of all matches moved by less [px]; from the second on, as the first is loose."""
-    slack: Annotated[float, Range(above=0)] = 5.0
+    keypoint_sigma_factor: Annotated[float, Range(above=0)] = 5.0
     """Factor on the standard deviations of keypoints in all iterations but the last. Below the window size, matches to
     a relit image are biased towards the map that was used for relighting: held tightly, that map hardly moves."""
     direct: bool = True
@@ -45,13 +45,13 @@ class RunOptions(Ranged):
     reflectance: ModelChoice = "auto"
     """Reflectance model. auto: lunar-lambert where the body has published coefficients, else mcewen; before the last
     estimate, the one that best predicts views kept out. none: geometry alone (dense structure from motion)."""
-    match_rounds: Annotated[int, Range(least=1, most=100)] = 2
+    matching_passes: Annotated[int, Range(least=1, most=100)] = 2
     """Matching passes before the first map: after a pre-warp by the sparse surface, then by the dense one."""
     matcher: str = "relight"
     """relight: optical flow, then relighting iterations, which match each view with the reference relit for it. flow:
     optical flow on the images themselves, and no iterations. roma: as relight, but the first map's matches are RoMa's
     (--roma.weights, --roma.dinov2). Or another name in `matching.registry`, followed by iterations with that matcher.
-    --relight.rounds 0 leaves the map at the first matches."""
+    --relight.iterations 0 leaves the map at the first matches."""
     hold_out: tuple[str, ...] = ()
     """Views to leave out of the map, and measure it on: only their poses are found, from the finished map."""
     pose_priors: bool = True
@@ -85,7 +85,7 @@ class RunOptions(Ranged):
     @property
     def max_iterations(self) -> int:
         """Relighting iterations at most."""
-        return 0 if self.matcher == "flow" else self.relight.rounds
+        return 0 if self.matcher == "flow" else self.relight.iterations
 
     def of_matcher(self, name: str) -> Any:
         """The options of a matcher: the field of its name where it has one, else those in its entry."""

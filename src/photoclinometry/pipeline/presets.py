@@ -40,11 +40,11 @@ PRESETS = {
     ),
     "quick": RunPreset(
         about="a first look, at every second pixel",
-        values={"region.stride": 2, "relight.rounds": 1, "adjust.uncertainty": False},
+        values={"region.stride": 2, "relight.iterations": 1, "adjust.uncertainty": False},
     ),
     "best": RunPreset(
         about="the most accurate map, in more time",
-        values={"sfm.max_features": 10_000, "relight.rounds": 6, "relight.settled_px": 0.01},
+        values={"sfm.max_features": 10_000, "relight.iterations": 6, "relight.settled_px": 0.01},
     ),
 }
 """By name."""

@@ -161,7 +161,7 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
 
 def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Path:
     from photoclinometry.output import report
-    from photoclinometry.output.report.curves import cost_by_round
+    from photoclinometry.output.report.curves import cost_by_reweighting
 
     content = report.ReportContent(
         metrics=tables.metrics,
@@ -171,7 +171,7 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         pose_priors=tables.pose_priors,
         known_poses=summary.pose_priors,
         control=tables.control,
-        convergence=cost_by_round(summary.adjustment.log),
+        convergence=cost_by_reweighting(summary.adjustment.log),
         options=summary.config,
         warnings=[warned.words for warned in tables.warnings],
         distrust=tables.distrust,

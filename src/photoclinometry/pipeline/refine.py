@@ -120,7 +120,7 @@ def refine(
     start: Start,
     out: Path,
     options: RefineOptions | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     overwrite: bool = False,
 ) -> RunResult:
     """The joint estimate of a model, as a run folder with the refined model in `out`/model.
@@ -131,7 +131,7 @@ def refine(
     """
     options = options or RefineOptions()
     owner = owner_of_model(start.source, start.model.scene)
-    with claimed_run(out, owner, progress or no_progress, overwrite=overwrite) as folder:
+    with claimed_run(out, owner, progress, overwrite=overwrite) as folder:
         config = {"model": str(start.source.resolve()), **asdict(options)}
         folder.write_config(config)
         scene = Keyed(start.model.scene, digest(model_fingerprint(start.source), options))

@@ -113,8 +113,8 @@ def _lost(scene: Scene, left: int, options: DensifyOptions) -> ReconstructionErr
             f"wrong: check `sun` of several views in site.toml; {CONVENTION}"
         )
     return ReconstructionError(
-        f"{told}; lower --densify.min-views, map without relighting (--relight.rounds 0), or use images whose light "
-        "differs less"
+        f"{told}; lower --densify.min-views, map without relighting (--relight.iterations 0), or use images whose "
+        "light differs less"
     )
 
 

@@ -40,7 +40,7 @@ def run(
     site_file: Path,
     out: Path,
     options: RunOptions | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     overwrite: bool = False,
 ) -> RunResult:
     """Maps a site: from `site.toml` and images to everything in the run folder `out`.
@@ -52,7 +52,7 @@ def run(
     options = options or RunOptions()
     site = read_site(site_file)
     choices = choose(site, options)
-    with claimed_run(out, owner_of_site(site), progress or no_progress, overwrite=overwrite) as folder:
+    with claimed_run(out, owner_of_site(site), progress, overwrite=overwrite) as folder:
         config = {"site": str(Path(site_file).resolve()), **asdict(options)}
         folder.write_config(config)
         return _map(folder, site, choices, options, config)
@@ -79,7 +79,7 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
         posed=used,
         place=folder.done(ChooseRegion(posed=used, request=site.region, options=options.region)),
         matcher=choices.matcher,
-        passes=options.match_rounds,
+        passes=options.matching_passes,
         densify=options.densify,
         depth=posed_site.depth,
     )

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from photoclinometry.adjust import Adjustment, ImageGradients, Noise, PosePriors, TiePoints
-from photoclinometry.adjust.stated import uncertainty_at
+from photoclinometry.adjust.stated_uncertainty import uncertainty_at
 from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.errors import InputError, ReconstructionError
@@ -24,7 +24,7 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import BODY_FIXED, Image, Landmarks, Scene, Tracks, Views
-from photoclinometry.photometry.initialize import with_model
+from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.pipeline.choices import candidate_models, choose_reflectance, keyed_matcher

@@ -106,14 +106,14 @@ class Plan:
 
 
 def plan_site(
-    site: Site, options: PlanOptions | None = None, *, with_candidates: bool = True, progress: Progress | None = None
+    site: Site, options: PlanOptions | None = None, *, with_candidates: bool = True, progress: Progress = no_progress
 ) -> Plan:
     """The plan of a site with poses. Images are not opened. Raises InputError where the views make no map."""
-    options, report = options or PlanOptions(), progress or no_progress
+    options = options or PlanOptions()
     planned = planned_views(site, options)
     tried, not_seen = candidates(planned, options.candidates) if with_candidates else ([], {})
-    found = forecast(planned, site.body, site.brightness, options, report)
-    gained = ranked(gains(found, tried, report), options.kind) if tried else []
+    found = forecast(planned, site.body, site.brightness, options, progress)
+    gained = ranked(gains(found, tried, progress), options.kind) if tried else []
     return Plan(
         name=site.name,
         options=options,

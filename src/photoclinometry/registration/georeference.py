@@ -185,8 +185,8 @@ def fit_to_priors(
     used = np.ones(len(priors), bool) if used is None else used
     sigma = np.array([[p.translation_sigma, p.rotation_sigma_rad] for p in priors], float)
 
-    def linearise(similarity: Similarity) -> tuple[np.ndarray, np.ndarray]:
-        residual, jacobian = _linearised(similarity, body_from_cam, known, sigma)
+    def linearize(similarity: Similarity) -> tuple[np.ndarray, np.ndarray]:
+        residual, jacobian = _linearized(similarity, body_from_cam, known, sigma)
         weight = used * huber_weight(np.linalg.norm(residual, axis=-1) / np.sqrt(RESIDUALS))
         gradient = np.einsum("n,nri,nr->i", weight, jacobian, residual)
         return gradient, np.einsum("n,nri,nrj->ij", weight, jacobian, jacobian)
@@ -195,7 +195,7 @@ def fit_to_priors(
         return _moved(similarity, _middle(similarity, body_from_cam), step)
 
     start = align_poses(body_from_cam[used], known[used], distance)
-    fit = gauss_newton(start, linearise, move, iterations=_ITERATIONS)
+    fit = gauss_newton(start, linearize, move, iterations=_ITERATIONS)
     moved = transform_poses(fit.state, body_from_cam)
     return Georeference(
         similarity=fit.state,
@@ -226,7 +226,7 @@ def _moved(similarity: Similarity, middle: np.ndarray, step: np.ndarray) -> Simi
     return Similarity(growth, turn, middle + step[3:6] - growth * turn @ middle) @ similarity
 
 
-def _linearised(
+def _linearized(
     similarity: Similarity, body_from_cam: Rigid, known: Rigid, sigma: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Whitened residuals (n, 6) of positions and attitudes, and their derivatives (n, 6, 7) by the step of `_moved`."""

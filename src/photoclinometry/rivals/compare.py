@@ -80,7 +80,7 @@ def compare_rivals(
     site: str | Path | None = None,
     out: str | Path | None = None,
     options: RivalOptions | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
 ) -> RivalComparison:
     """Map a finished run's region by other published methods, and compare all on the same views.
 
@@ -111,13 +111,12 @@ def compare_rivals(
     other = None if reference is None else read_reference(reference)
     problem = read_problem(run, given, predict)
     true = None if truth is None else read_truth_of(truth, problem.scene)
-    say = progress or no_progress
     makers: dict[str, Callable[[], Outcome]] = {
-        "spc": lambda: run_spc(problem, options.spc, say),
-        "mvs": lambda: run_mvs(problem, run, folder / "mvs", given, say),
-        "splat": lambda: run_splat(problem, options.splat, say),
-        "splat-reflectance": lambda: run_splat_reflectance(problem, options.splat, say),
-        "ngp": lambda: run_ngp(problem, options.ngp, say),
+        "spc": lambda: run_spc(problem, options.spc, progress),
+        "mvs": lambda: run_mvs(problem, run, folder / "mvs", given, progress),
+        "splat": lambda: run_splat(problem, options.splat, progress),
+        "splat-reflectance": lambda: run_splat_reflectance(problem, options.splat, progress),
+        "ngp": lambda: run_ngp(problem, options.ngp, progress),
     }
     _check(methods, makers)
     outcomes = [_own(problem, run)]

@@ -24,8 +24,8 @@ from photoclinometry.model.option_fields import changed
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.scene import Scene, join_views
-from photoclinometry.photometry.initialize import sample_brightness
 from photoclinometry.photometry.render import draw_landmarks
+from photoclinometry.photometry.sampled_brightness import sample_brightness
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.run import run
 from photoclinometry.pipeline.run_folder import adopt_stages

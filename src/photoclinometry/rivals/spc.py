@@ -32,8 +32,8 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.projection import project
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Image, Scene, Tracks, Views
-from photoclinometry.photometry.initialize import initial_albedo
-from photoclinometry.photometry.predict import brightness_residuals, reflectance_of, shading
+from photoclinometry.photometry.albedo import initial_albedo
+from photoclinometry.photometry.predict import brightness_residuals, exposure_is_free, reflectance_of, shading
 from photoclinometry.photometry.render import landmark_brightness
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 from photoclinometry.rivals.correlate import correlation_shifts
@@ -157,15 +157,15 @@ def _seen_everywhere(scene: Scene) -> Scene:
 
 def _with_albedo(scene: Scene) -> Scene:
     """The map with the mean albedo of its brightness; scales of uncalibrated images start from their medians."""
-    relative = scene.brightness == "dn" or not reflectance_of(scene).predicts_absolute_brightness
+    reflectance = reflectance_of(scene)
     albedo, scale, _ = initial_albedo(
         scene.landmarks.position,
         scene.landmarks.normal,
         scene.tracks,
         scene.views,
-        reflectance_of(scene),
+        reflectance,
         scene.reference,
-        estimate_scale=relative,
+        estimate_scale=exposure_is_free(scene.brightness, reflectance),
     )
     return replace(scene, landmarks=replace(scene.landmarks, albedo=albedo), views=replace(scene.views, scale=scale))
 

@@ -16,7 +16,6 @@ import numpy as np
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.scene import Landmarks, Scene
-from photoclinometry.photometry.initialize import normals_from_neighbours
 from photoclinometry.rivals.gaussians.cloud import Cloud, flat_quaternions, rotations
 from photoclinometry.rivals.gaussians.colour import Colour, HarmonicColour, Light, outward
 from photoclinometry.rivals.gaussians.harmonics import MOST_DEGREE, first_coefficient
@@ -25,6 +24,7 @@ from photoclinometry.rivals.gaussians.projection import Pinhole
 from photoclinometry.rivals.gaussians.train import Training, train
 from photoclinometry.rivals.outcome import COVERED, Outcome, surface_map
 from photoclinometry.rivals.problem import Problem
+from photoclinometry.surface.neighbours import normals_from_neighbours
 
 FIRST_OPACITY = 0.1
 """Of all Gaussians at the start (Kerbl et al. 2023)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,16 +15,11 @@ from photoclinometry.io.atomic import unwritable
 from photoclinometry.model.errors import OutputError, PhotoclinometryError
 from photoclinometry.model.progress import Progress
 from photoclinometry.model.scene import Camera, Image
-from photoclinometry.sfm.guided_matching import described, guided_matches
 from photoclinometry.sfm.keypoints import sift_keypoints
 from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture
 
 DATABASE = "database.db"
-
-PAIRS_AT_ONCE = 60
-"""Pairs matched between two reports of progress: fewer cost time, since search indices are built anew each time."""
-
 
 _PROBE = bytes(1 << 20)
 """What is written to find out why COLMAP could not write."""
@@ -70,12 +64,12 @@ def _probe(work_dir: Path) -> None:
             path.unlink()
 
 
-def _image_file(view: int) -> str:
+def image_file(view: int) -> str:
     return f"{view:05d}.png"
 
 
 def write_views(
-    images: list[Image], cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress | None
+    images: list[Image], cameras: list[Camera], work_dir: Path, options: SfmOptions, progress: Progress
 ) -> None:
     """A new database with the keypoints of every view; one COLMAP camera per distinct set of intrinsics."""
     import cv2
@@ -90,15 +84,14 @@ def write_views(
         view_cameras = _write_cameras(database, cameras)
         for view, image in enumerate(images):
             picture = brightness_picture(image)
-            if not cv2.imwrite(str(pictures / _image_file(view)), picture):
+            if not cv2.imwrite(str(pictures / image_file(view)), picture):
                 _probe(pictures)
-                raise OSError(None, "OpenCV cannot write this picture", str(pictures / _image_file(view)))
+                raise OSError(None, "OpenCV cannot write this picture", str(pictures / image_file(view)))
             keypoints, descriptors = sift_keypoints(picture, image.valid, options.max_features)
             image_id = _write_view(database, view, view_cameras[view])
             database.write_keypoints(image_id, keypoints)
             _write_descriptors(database, image_id, descriptors)
-            if progress:
-                progress("features", view + 1, len(images))
+            progress("features", view + 1, len(images))
 
 
 def to_colmap(camera: Camera) -> Any:
@@ -129,92 +122,13 @@ def _write_view(database: Any, view: int, camera_and_rig: tuple[Any, Any]) -> in
     import pycolmap
 
     camera, rig = camera_and_rig
-    image = pycolmap.Image(name=_image_file(view), camera_id=camera.camera_id)
+    image = pycolmap.Image(name=image_file(view), camera_id=camera.camera_id)
     image.image_id = database.write_image(image)
     frame = pycolmap.Frame()
     frame.rig_id = rig.rig_id
     frame.add_data_id(image.data_id)
     database.write_frame(frame)
     return image.image_id
-
-
-def match_views(
-    count: int,
-    pairs: list[tuple[int, int]],
-    work_dir: Path,
-    options: SfmOptions,
-    stage: str,
-    progress: Progress | None,
-) -> np.ndarray:
-    """(K, K) numbers of verified matches between views, of these pairs and of those matched before.
-
-    stage: name for progress reports. COLMAP's own guided matching is not used: searching again along epipolar lines
-    made the poses worse (0.034 against 0.026 degrees on images of Vesta) and took nine times as long.
-    """
-    import pycolmap
-
-    matching = pycolmap.FeatureMatchingOptions()
-    matching.use_gpu = False
-    matching.num_threads = options.threads
-    matching.sift.max_ratio = options.max_ratio
-    verification = _verification(options)
-    database, pairs_file = work_dir / DATABASE, work_dir / "pairs.txt"
-    pairing = pycolmap.ImportedPairingOptions()
-    pairing.match_list_path = str(pairs_file)
-    for done in range(0, len(pairs), PAIRS_AT_ONCE):
-        block = pairs[done : done + PAIRS_AT_ONCE]
-        pairs_file.write_text("".join(f"{_image_file(a)} {_image_file(b)}\n" for a, b in block))
-        pycolmap.match_image_pairs(database, matching, pairing, verification, pycolmap.Device.cpu)
-        if progress:
-            progress(stage, done + len(block), len(pairs))
-    return _verified_numbers(count, work_dir)
-
-
-def _verification(options: SfmOptions) -> Any:
-    import pycolmap
-
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.min_num_inliers = options.min_pair_matches
-    verification.detect_watermark = False
-    verification.ransac.max_error = options.max_epipolar_px
-    verification.ransac.random_seed = options.seed
-    return verification
-
-
-def match_guided(
-    cameras: list[Camera],
-    pairs: list[tuple[int, int]],
-    work_dir: Path,
-    options: SfmOptions,
-    stage: str,
-    progress: Progress | None,
-) -> np.ndarray:
-    """(K, K) numbers of verified matches between views, after pairs were matched as of `guided_matches`.
-
-    Matches that two-view geometry verifies take the place of what these pairs had; pairs without enough stay as they
-    are. stage: name for progress reports.
-    """
-    import pycolmap
-
-    count = len(cameras)
-    views = read_keypoints(count, work_dir)
-    verification = _verification(options)
-    found = {}
-    for done, (a, b) in enumerate(pairs, start=1):
-        one, other = described(*views[a]), described(*views[b])
-        index = guided_matches(one, other, math.sqrt(cameras[b].width * cameras[b].height))
-        if len(index) >= options.min_pair_matches:
-            geometry = pycolmap.estimate_calibrated_two_view_geometry(
-                to_colmap(cameras[a]), one.xy, to_colmap(cameras[b]), other.xy, index.astype(np.uint32), verification
-            )
-            verified = np.asarray(geometry.inlier_matches).reshape(-1, 2)
-            if len(verified) >= options.min_pair_matches:
-                found[a, b] = verified.astype(int)
-        if progress:
-            progress(stage, done, len(pairs))
-    _write_matches(work_dir, found)
-    write_verified_matches(work_dir, found)
-    return _verified_numbers(count, work_dir)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,7 +162,7 @@ def read_matches(count: int, work_dir: Path) -> Matches:
     return Matches(keypoints=keypoints, pairs=pairs)
 
 
-def _write_matches(work_dir: Path, pairs: Mapping[tuple[int, int], np.ndarray]) -> None:
+def write_matches(work_dir: Path, pairs: Mapping[tuple[int, int], np.ndarray]) -> None:
     """Matches of views (a, b), (m, 2) each, in place of those that their descriptors gave before."""
     import pycolmap
 
@@ -329,7 +243,7 @@ def numbers_of_matches(count: int, work_dir: Path) -> np.ndarray:
         return _by_views(count, database, database.read_num_matches())
 
 
-def _verified_numbers(count: int, work_dir: Path) -> np.ndarray:
+def verified_numbers(count: int, work_dir: Path) -> np.ndarray:
     """(K, K) numbers of verified matches between `count` views."""
     import pycolmap
 
@@ -341,7 +255,7 @@ def first_pairs(count: int, work_dir: Path) -> list[tuple[int, int]]:
     """COLMAP's ids of the images of pairs with verified matches, those with most of them first."""
     import pycolmap
 
-    number = np.triu(_verified_numbers(count, work_dir), 1)
+    number = np.triu(verified_numbers(count, work_dir), 1)
     order = np.argsort(-number, axis=None, kind="stable")[: np.count_nonzero(number)]
     with pycolmap.Database.open(work_dir / DATABASE) as database:
         ids = _image_ids(database)

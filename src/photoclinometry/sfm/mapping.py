@@ -86,7 +86,7 @@ def map_views(
     cameras: list[Camera],
     work_dir: Path,
     options: SfmOptions,
-    progress: Progress | None,
+    progress: Progress,
     shading_of: Callable[[SparseModel], ReliefShading] | None = None,
     *,
     all_trials: bool = False,
@@ -119,7 +119,7 @@ def _mapped(
     cameras: list[Camera],
     work_dir: Path,
     options: SfmOptions,
-    progress: Progress | None,
+    progress: Progress,
     shading_of: Callable[[SparseModel], ReliefShading] | None,
     rank: int | None,
 ) -> list[Oriented]:
@@ -142,8 +142,7 @@ def _mapped(
         def more(views: int) -> None:
             nonlocal mapped
             mapped += views
-            if progress:
-                progress("mapping", min(mapped, len(cameras)), len(cameras))
+            progress("mapping", min(mapped, len(cameras)), len(cameras))
 
         models = pycolmap.incremental_mapping(
             database,
@@ -153,8 +152,7 @@ def _mapped(
             initial_image_pair_callback=lambda: more(2),
             next_image_callback=lambda: more(1),
         )
-    if progress:
-        progress("mapping", len(cameras), len(cameras))  # views that match nothing are not counted above
+    progress("mapping", len(cameras), len(cameras))  # views that match nothing are not counted above
     adjustment = RobustAdjustment(options.threads)
     by_images = None if shading_of is None else lambda model: shading_of(from_colmap(model, len(cameras)))
     found = [right_way_round(model, adjustment, by_images) for model in models.values() if model.num_points3D()]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from photoclinometry.model.errors import InputError, ReconstructionError
-from photoclinometry.model.progress import Progress
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel, connected_groups, normalised
 from photoclinometry.model.warning import warn
@@ -24,8 +24,6 @@ from photoclinometry.sfm.completion import completed
 from photoclinometry.sfm.database import (
     add_relief_keypoints,
     disk_errors,
-    match_guided,
-    match_views,
     numbers_of_matches,
     read_keypoints,
     read_matches,
@@ -33,6 +31,7 @@ from photoclinometry.sfm.database import (
 )
 from photoclinometry.sfm.joining import joined_models
 from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap
+from photoclinometry.sfm.matching import match_guided, match_views
 from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.pairs import all_pairs, likeness_of, pairs_between, promising_pairs
 
@@ -63,7 +62,7 @@ class _Given(NamedTuple):
     """(K, 3) unit vectors towards the Sun in C, where they are known."""
     work_dir: Path
     options: SfmOptions
-    progress: Progress | None
+    progress: Progress
 
     def shading_of(self, model: SparseModel) -> ReliefShading:
         assert self.sun_in_cam is not None
@@ -112,7 +111,7 @@ def reconstruct_sparse(
     cameras: list[Camera],
     work_dir: Path,
     options: SfmOptions | None = None,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     sun_in_cam: np.ndarray | None = None,
 ) -> SparseModel:
     """Poses and sparse points of the views, from their images alone; intrinsics are known and held fixed.
@@ -233,14 +232,14 @@ def _mapped_by(
     return _Attempt(pairs, inliers, models, [_Doubts(each.undecided, each.overruled) for each in found])
 
 
-def _match(inliers: np.ndarray, options: SfmOptions) -> np.ndarray:
+def _matching(inliers: np.ndarray, options: SfmOptions) -> np.ndarray:
     """(K, K) bool: pairs of views with enough verified matches."""
     return inliers >= options.min_pair_matches
 
 
 def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
     """Views did not register, or fewer than THIN_SHARE of the pairs match."""
-    matching = np.count_nonzero(_match(found.inliers, options)) // 2
+    matching = np.count_nonzero(_matching(found.inliers, options)) // 2
     return bool(len(found.registered) < len(found.inliers) or matching < THIN_SHARE * len(found.pairs))
 
 
@@ -270,7 +269,7 @@ def _guided_too(given: _Given, before: _Attempt) -> _Attempt:
     likeness = np.where(together, -1, numbers_of_matches(len(together), work_dir))
     pairs = [pair for pair in promising_pairs(likeness, options.partners) if not together[pair]]
     inliers = match_guided(given.cameras, pairs, work_dir, options, "guided matches", given.progress)
-    if not (_match(inliers, options) & ~_match(before.inliers, options)).any():
+    if not (_matching(inliers, options) & ~_matching(before.inliers, options)).any():
         return before
     mapped = _mapped_by(given, before.pairs, inliers, "guided matches", all_trials=True)
     attempts = [before, _with_joined(mapped, given)]
@@ -317,7 +316,7 @@ def warn_if_inside_out(shading: ReliefShading) -> None:
 def _brought_in(plain: _Attempt, found: _Attempt, options: SfmOptions) -> np.ndarray:
     """(K,) str: the matches of views that register only with the relief; empty for the others."""
     how = np.full(len(plain.inliers), "", object)
-    gained = _match(found.inliers, options) & ~_match(plain.inliers, options)
+    gained = _matching(found.inliers, options) & ~_matching(plain.inliers, options)
     for view in found.registered - plain.registered:
         number = gained[view].sum()
         with_others = f"which match it with {number} more views" if number else "few in each of many views"
@@ -326,7 +325,7 @@ def _brought_in(plain: _Attempt, found: _Attempt, options: SfmOptions) -> np.nda
 
 
 def _explain_failure(names: list[str], found: _Attempt, options: SfmOptions) -> str:
-    matching = np.count_nonzero(_match(found.inliers, options)) // 2
+    matching = np.count_nonzero(_matching(found.inliers, options)) // 2
     other = "global" if options.mapper == "incremental" else "incremental"
     message = (
         f"{len(found.registered)} of {len(names)} views registered, at least {MIN_VIEWS} are needed "

@@ -13,7 +13,7 @@ from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.photometry.initialize import SHADOW_SHARE
+from photoclinometry.photometry.sampled_brightness import SHADOW_SHARE
 from photoclinometry.sfm.region_score import CELL, cell_scores
 
 log = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ import numpy as np
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.photometry.initialize import PLANE_NEIGHBOURS, normals_from_neighbours
+from photoclinometry.surface.neighbours import PLANE_NEIGHBOURS, normals_from_neighbours
 
 CELL = 16
 """Side of the cells that a view is scored in [px]: small against a region, and about the distance of sparse points."""

@@ -82,7 +82,7 @@ def radiance(
     Zero in shadow and off the surface. The second result is True if every ray hit the surface. Raises InputError if
     the model is negative somewhere, as fitted phase functions are beyond the phase angles of their data.
     """
-    frame = Region(row=0, col=0, height=camera.height, width=camera.width)
+    frame = Region.of_image(camera.height, camera.width)
     pixels = sample_points(frame, supersampling, margin_px)
     out = np.zeros(pixels.shape[:2], np.float32)
     step = max(_SAMPLES_PER_STRIP // pixels.shape[1], 1)

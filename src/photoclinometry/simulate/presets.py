@@ -118,7 +118,6 @@ def young_landforms(
     terrain.stamp(relief, log_albedo, grid, young)
     area = (boulder_spread / grid.spacing) ** 2
     boulders = terrain.boulder_field(
-        grid,
         rng,
         count=int(3e-3 * area),
         spread=boulder_spread,

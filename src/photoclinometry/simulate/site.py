@@ -49,7 +49,7 @@ _FLAT_RADIUS = 1e3
 def simulate_site(
     options: SimulationOptions,
     out_folder: Path | str,
-    progress: Progress | None = None,
+    progress: Progress = no_progress,
     overwrite: bool = False,
 ) -> Path:
     """Writes images/, site.toml, truth.h5, of a body truth.ply, and simulation.toml; returns the path of site.toml.
@@ -59,14 +59,13 @@ def simulate_site(
     """
     out_folder = Path(out_folder)
     check_output_folder(out_folder, overwrite)
-    report = progress or no_progress
-    report("terrain", 0, 1)
+    progress("terrain", 0, 1)
     preset = body_preset(options)
     place = ground_place(options) if preset is None else body_place(options, preset)
     with atomic_path(out_folder) as folder:
         (folder / "images").mkdir(parents=True)
-        views = _write_images(folder, place, options, report)
-        report("truth", len(views), len(views))
+        views = _write_images(folder, place, options, progress)
+        progress("truth", len(views), len(views))
         place.write_truth(folder, views)
         write_site(folder / "site.toml", _site(folder, options, place, views))
         _write_options(folder / OPTIONS_FILE, options, place.settings)

@@ -204,9 +204,7 @@ def crater_population(
     )
 
 
-def boulder_field(
-    grid: Grid, rng: np.random.Generator, *, count: int, spread: float, smallest: float, largest: float
-) -> Landforms:
+def boulder_field(rng: np.random.Generator, *, count: int, spread: float, smallest: float, largest: float) -> Landforms:
     """Boulders about the centre, Gaussian of width `spread` [m]; diameters [m] with cumulative slope 3."""
     return Landforms(
         xy=spread * rng.standard_normal((count, 2)),
@@ -266,6 +264,12 @@ def _slide(height, before, limit):
 
 @njit(cache=True)
 def _stamp(height, log_albedo, spacing, half, table, xy, radius, profile, brightening, outline):
+    """`stamp` into height and log_albedo (rows, cols). spacing [m]; half: samples from the grid's edge to its middle.
+
+    table: (P, S) profiles of height over radius, to PROFILE_REACH radii. xy: (n, 2) [m] from the middle; radius [m],
+    profile (a row of the table), brightening: (n,); outline: (n, 4) amplitudes of cos and sin of twice and three times
+    the azimuth.
+    """
     rows, cols = height.shape
     per_radius = (table.shape[1] - 1) / PROFILE_REACH
     for n in range(len(radius)):

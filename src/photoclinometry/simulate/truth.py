@@ -164,6 +164,9 @@ def _distance2(height, spacing, u, v, pu, pv, pz):
 
 @njit(cache=True, nogil=True)
 def _nearest(height, frame, points, distance, foot):
+    """`nearest_surface` into distance (n,) and foot (n, 3). height: (rows, cols) [m]; frame: x and y of the first
+    sample, and the spacing; points: (n, 3).
+    """
     rows, cols = height.shape
     spacing = frame[2]
     for n in range(len(points)):

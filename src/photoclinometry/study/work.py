@@ -12,7 +12,7 @@ from photoclinometry.io.atomic import write_text
 from photoclinometry.io.options import write_options
 from photoclinometry.io.reading import read_text
 from photoclinometry.model.errors import InputError, ReconstructionError
-from photoclinometry.model.progress import Progress
+from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline import run as pipeline
@@ -30,7 +30,7 @@ STUDY_FILE = "study.toml"
 """The options of the last call; `run_study` writes only into folders that hold this file, or are empty."""
 
 
-def run_study(options: StudyOptions, out: Path, progress: Progress | None = None) -> Path:
+def run_study(options: StudyOptions, out: Path, progress: Progress = no_progress) -> Path:
     """Simulates, maps and measures every cell, then writes study.md, study.json and figures/; returns study.md.
 
     The folder may hold an earlier study, also with other options: finished cells are kept. A run whose images do not
@@ -43,11 +43,9 @@ def run_study(options: StudyOptions, out: Path, progress: Progress | None = None
     todo = cells(options)
     records = []
     for done, cell in enumerate(todo):
-        if progress is not None:
-            progress(cell.name, done, len(todo))
+        progress(cell.name, done, len(todo))
         records.append(_cell_or_read(out, cell, options))
-    if progress is not None:
-        progress("tables and figures", len(todo), len(todo))
+    progress("tables and figures", len(todo), len(todo))
     return write_page(out, options, records)
 
 
@@ -70,7 +68,8 @@ def _cell_or_read(out: Path, cell: Cell, options: StudyOptions) -> Record:
     for sibling in sorted(run.parent.glob("*")) if run.parent.is_dir() else ():
         adopt_stages(sibling, run, ("sparse", "region", "dense"))
     try:
-        result = pipeline.run(site, run, cell.run_options(options), None, True)  # overwrite: sites change with options
+        # Sites change with options.
+        result = pipeline.run(site, run, cell.run_options(options), overwrite=True)
     except ReconstructionError as error:
         warn(log, "run-failed", "%s: %s", cell.name, error)
         record = Record(cell, {}, failure=str(error))

@@ -163,6 +163,11 @@ def _moments(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> tu
 
 @njit(cache=True)
 def _add_slopes(vertices, faces, normals, rule, slopes):
+    """Adds to slopes (V, 11) the derivatives of `_moments` by each vertex's height along its normal (V, 3).
+
+    A rise of a vertex adds a layer that is linear on each triangle around it: its integrals are those of the products
+    with the triangle's areas by a rule (n, 4) of barycentric points and weights. The last column is of the area.
+    """
     f_value = np.empty(10)
     for f in range(len(faces)):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]

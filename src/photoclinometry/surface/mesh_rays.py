@@ -119,7 +119,7 @@ def emission_image(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> np.n
 
 def through_pixels(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Unit vectors (n, 3) through the pixels' centres, row by row, and what they meet, as of `first_hit`."""
-    pixels = Region(row=0, col=0, height=camera.height, width=camera.width).pixel_centers().reshape(-1, 2)
+    pixels = Region.of_image(camera.height, camera.width).pixel_centers().reshape(-1, 2)
     direction = unit(camera.ray_in_cam(pixels) @ body_from_cam.rotation.T)
     return direction, *rays.first_hit(np.broadcast_to(body_from_cam.translation, direction.shape), direction)
 

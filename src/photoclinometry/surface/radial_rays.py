@@ -18,6 +18,8 @@ _MOST_CELLS = 1024
 """Along a side of the cube."""
 _SLACK = 1e-9
 """Share of a triangle by which rays may pass it and still meet it: neighbours then leave no gap between them."""
+_CELL_MARGIN = 1e-9
+"""A triangle is also listed in cells that it misses by this, against rounding [half sides of the cube]."""
 _NEAR_PLANE = 1e-3
 """A triangle with corners this near to a side's plane through the origin [greatest radii] may be seen in all cells."""
 
@@ -86,8 +88,8 @@ def _listed(vertices, faces, cells, near, start, out):
                 low[:], high[:] = -1.0, 1.0
             if low[0] > 1.0 or low[1] > 1.0 or high[0] < -1.0 or high[1] < -1.0:
                 continue
-            first_u, last_u = _cell(low[0] - 1e-9, cells), _cell(high[0] + 1e-9, cells)
-            first_v, last_v = _cell(low[1] - 1e-9, cells), _cell(high[1] + 1e-9, cells)
+            first_u, last_u = _cell(low[0] - _CELL_MARGIN, cells), _cell(high[0] + _CELL_MARGIN, cells)
+            first_v, last_v = _cell(low[1] - _CELL_MARGIN, cells), _cell(high[1] + _CELL_MARGIN, cells)
             for i in range(first_u, last_u + 1):
                 for j in range(first_v, last_v + 1):
                     cell = (side * cells + i) * cells + j

@@ -15,6 +15,10 @@ so that rounding leaves no gaps between neighbouring triangles."""
 
 @njit(cache=True)
 def _draw(pixel, depth, value, faces, image, nearest):
+    """`draw_triangles` into image (H, W, n), zero before, and nearest (H, W), its depth, infinite before.
+
+    pixel: (V, 2); depth: (V,); value: (V, n); faces: (F, 3). Where no triangle covers a pixel's centre, both stay.
+    """
     height, width = nearest.shape
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]

@@ -61,7 +61,7 @@ def surroundings_of(
     kept = (row % step == 0) & (col % step == 0)
     samples = np.concatenate([xy[beside], pixel[kept, ::-1] + 0.5])
     depth = np.concatenate([local[beside, 2], pose.inverse()(position[kept])[:, 2]])
-    frame = Region(row=0, col=0, height=camera.height, width=camera.width, stride=stride)
+    frame = Region.of_image(camera.height, camera.width, stride=stride)
     surface = fit_depth(samples, depth, frame, camera, stride, GROUND)[frame.grid_slices]
     at = frame.pixel_centers()[frame.grid_slices]
     known = (_distance(at, samples) <= REACH_PX) & ~_within(region, at, margin_px=stride)

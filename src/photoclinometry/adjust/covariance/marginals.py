@@ -20,13 +20,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
-from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
 
-from photoclinometry.adjust.covariance.information import Patch
-from photoclinometry.adjust.covariance.linearised import SIMILARITY, Linearised, camera_moves, landmark_moves
-from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views, hold
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE
+from photoclinometry.adjust.covariance.elimination import coupling_of, eliminated, factor_of
+from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph, landmark_moves, view_moves
+from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
+from photoclinometry.model.threads import in_threads
 
 EXACT = 1000
 """Landmarks up to which nothing is approximated."""
@@ -35,11 +35,10 @@ WINDOW, PATCH, LARGE_PATCH = 32, 32, 256
 """Landmarks in a window, and in a patch: 8 x 4 in the solver's order, or, in maps up to LARGE, 16 x 16."""
 
 LARGE = 20_000
+"""Landmarks from which on patches are small."""
 
 UNMEASURED = 1e8
 """Of a variance over what it would be were all else known; beyond, it counts as infinite."""
-
-(_syrk,) = get_blas_funcs(("syrk",), dtype=np.float64)
 
 _BATCH = 128
 """Landmarks treated at a time where each is by itself."""
@@ -80,7 +79,7 @@ class ErrorModel:
 class Marginals:
     """Covariances in the local coordinates of `factors`; infinite variances where nothing was measured."""
 
-    camera: np.ndarray
+    views: np.ndarray
     """(10 K, 10 K) of all views together."""
     landmark: np.ndarray
     """(J, 6, 6)."""
@@ -98,13 +97,13 @@ class Marginals:
 class Surface:
     """What holds positions in place of what holds normals and albedos."""
 
-    at: Linearised
+    at: LinearizedGraph
     """With other links and the same measurements."""
     errors: ErrorModel
 
 
 def marginals(
-    at: Linearised,
+    at: LinearizedGraph,
     errors: ErrorModel | None = None,
     *,
     frame: np.ndarray | None = None,
@@ -126,7 +125,7 @@ def marginals(
     patches, windows, batches = (
         [(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW, _BATCH)
     )
-    reduced = _reduce(at, patches, frame)
+    reduced = eliminated(at, patches, frame)
     common = _inverse(reduced.information)
     of_frame = None
     if frame is not None and keeps_frame:
@@ -134,7 +133,7 @@ def marginals(
         move = landmark_moves(at, 0, count)
         of_frame = move @ similarity @ np.swapaxes(move, 1, 2)
     elif frame is not None:
-        kept = np.eye(len(common)) - camera_moves(at) @ reduced.frame_by_common
+        kept = np.eye(len(common)) - view_moves(at) @ reduced.frame_by_common
         common = kept @ common @ kept.T
     landmark = _given_views(at, reduced.own, errors, windows)
     if surface is not None:
@@ -145,7 +144,7 @@ def marginals(
     common[unmeasured, unmeasured] = np.inf
     views = at.of_views
     return Marginals(
-        camera=common[:views, :views],
+        views=common[:views, :views],
         landmark=landmark,
         parameter=common[views:, views:],
         albedo_relative=np.where(np.isfinite(landmark[:, 5, 5]), relative, np.inf),
@@ -156,92 +155,6 @@ def marginals(
 
 def _runs(count: int, size: int) -> list[tuple[int, int]]:
     return [(first, min(first + size, count)) for first in range(0, count, size)]
-
-
-@dataclass(frozen=True)
-class _Reduced:
-    """The landmarks eliminated."""
-
-    information: np.ndarray
-    """(10 K + T, 10 K + T) S, of views and reflectance parameters."""
-    own: np.ndarray
-    """(J, 2, 6, 6) of each landmark, by keypoints and by brightness."""
-    frame_by_common: np.ndarray
-    """(7, 10 K + T) how the similarity that fits the landmarks best follows from errors of views and reflectance
-    parameters; zero without one."""
-
-
-def _reduce(at: Linearised, patches: list[tuple[int, int]], frame: np.ndarray | None) -> _Reduced:
-    total = at.common_prior.copy()
-    own = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE))
-    moved = np.zeros((SIMILARITY, len(total)))
-    for first, last in patches:
-        patch = at.patch(first, last)
-        own[first:last] = patch.own
-        for k, block, border in zip(patch.views, patch.camera, patch.border, strict=True):
-            here = slice(CAMERA_SIZE * k, CAMERA_SIZE * (k + 1))
-            total[here, here] += block
-            total[at.of_views :, here] += border.T
-        total[at.of_views :, at.of_views :] += patch.parameter
-        index, coupling = _coupling(at, patch)
-        factor = _factor(at, patch, first, last)
-        half = solve_triangular(factor, coupling, lower=True, check_finite=False)
-        _subtract(total, index, _syrk(1.0, half, trans=1, lower=1))
-        if frame is not None:
-            move = landmark_moves(at, first, last)
-            move[:, 3:] = 0.0
-            move[~frame[first:last]] = 0.0
-            moved[:, index] -= cho_solve((factor, True), move.reshape(-1, SIMILARITY), check_finite=False).T @ coupling
-    total = np.tril(total) + np.tril(total, -1).T
-    if frame is None:
-        return _Reduced(total, own, moved)
-    move = landmark_moves(at, 0, len(at))[frame, :3].reshape(-1, SIMILARITY)
-    return _Reduced(total, own, np.linalg.solve(move.T @ move, moved))
-
-
-@njit(cache=True, nogil=True)
-def _subtract(total, index, part):
-    """total[index, index] -= part, lower triangles; index ascends."""
-    for b in range(index.size):
-        for a in range(b, index.size):
-            total[index[a], index[b]] -= part[a, b]
-
-
-def _coupling(at: Linearised, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
-    """Which of all coordinates of views and parameters (c,) a patch depends on, and its information (6 n, c) with
-    them."""
-    of_views = (CAMERA_SIZE * patch.views[:, None] + np.arange(CAMERA_SIZE)).ravel()
-    coupling = [part.reshape(LANDMARK_SIZE * len(patch.own), -1) for part in (patch.coupling, patch.by_parameter)]
-    return np.concatenate([of_views, np.arange(at.of_views, len(at.common_prior))]), np.hstack(coupling)
-
-
-def _factor(at: Linearised, patch: Patch, first: int, last: int) -> np.ndarray:
-    """Lower Cholesky factor (6n, 6n) of a patch's H_ll, without the links to other patches."""
-    blocks = patch.own.sum(1) + at.prior[first:last]
-    dense = np.zeros((last - first, LANDMARK_SIZE, last - first, LANDMARK_SIZE))
-    _add_links(first, last, at.links, dense)
-    dense[range(last - first), :, range(last - first), :] += blocks
-    dense = dense.reshape(LANDMARK_SIZE * (last - first), -1)
-    np.einsum("aa->a", dense)[:] = hold(np.diag(dense))
-    return cho_factor(dense, lower=True, overwrite_a=True, check_finite=False)[0]
-
-
-@njit(cache=True, nogil=True)
-def _add_links(first, last, links, dense):
-    row = np.zeros((2, 5))
-    for p in range(links.start[first], links.start[last]):
-        a, b = links.source[p] - first, links.target[p] - first
-        if b < 0 or b >= last - first:
-            continue
-        for x in range(5):
-            row[0, x] = links.rows[p, x] if x >= 3 else -links.rows[p, x]
-            row[1, x] = links.rows[p, x] if x < 3 else 0.0
-        for x in range(5):
-            for y in range(5):
-                dense[a, x, a, y] += row[0, x] * row[0, y]
-                dense[a, x, b, y] += row[0, x] * row[1, y]
-                dense[b, x, a, y] += row[1, x] * row[0, y]
-                dense[b, x, b, y] += row[1, x] * row[1, y]
 
 
 def _inverse(information: np.ndarray) -> np.ndarray:
@@ -255,7 +168,7 @@ def _inverse(information: np.ndarray) -> np.ndarray:
 
 
 def _given_views(
-    at: Linearised, own: np.ndarray, errors: ErrorModel | None, windows: list[tuple[int, int]]
+    at: LinearizedGraph, own: np.ndarray, errors: ErrorModel | None, windows: list[tuple[int, int]]
 ) -> np.ndarray:
     """(J, 6, 6) covariances given the views, of all errors but the common ones."""
     information = own.sum(1) + at.prior
@@ -272,7 +185,11 @@ def _given_views(
 
 
 def _add_common(
-    landmark: np.ndarray, at: Linearised, errors: ErrorModel | None, common: np.ndarray, batches: list[tuple[int, int]]
+    landmark: np.ndarray,
+    at: LinearizedGraph,
+    errors: ErrorModel | None,
+    common: np.ndarray,
+    batches: list[tuple[int, int]],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Adds to (J, 6, 6) what errors of views and parameters, and errors that neighbours share, do to the landmarks.
 
@@ -281,15 +198,17 @@ def _add_common(
     of both variances that errors of views and parameters make.
     """
     stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
-    factor, told = np.zeros(len(common)), 0
+    factor, sampled = np.zeros(len(common)), 0
     for first, last in batches[:: -(-len(batches) // TELLING)]:
         index, by_common, _ = _responses(at, errors, stiffness, first, last)
         factor[index] += (by_common[ALBEDO::LANDMARK_SIZE] / at.points.albedo[first:last, None]).sum(0)
-        told += last - first
-    factor /= told
+        sampled += last - first
+    factor /= sampled
     of_factor = common @ factor
     relative, of_common = np.empty(len(at)), np.empty((len(at), 2))
-    for first, last in batches:
+
+    def add(batch: tuple[int, int]) -> None:
+        first, last = batch
         index, by_common, shared = _responses(at, errors, stiffness, first, last)
         covariance = common[np.ix_(index, index)].astype(by_common.dtype)
         common_part = _products(by_common @ covariance, by_common)
@@ -301,11 +220,13 @@ def _add_common(
         relative[first:last] = landmark[first:last, ALBEDO, ALBEDO] + in_common
         absolute = common_part[:, ALBEDO, ALBEDO]
         of_common[first:last] = np.stack([absolute, absolute + in_common], -1)
+
+    in_threads(add, batches)
     return np.maximum(relative, 0.0), np.maximum(of_common, 0.0)
 
 
 def _responses(
-    at: Linearised, errors: ErrorModel | None, stiffness: np.ndarray | None, first: int, last: int
+    at: LinearizedGraph, errors: ErrorModel | None, stiffness: np.ndarray | None, first: int, last: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How landmarks first:last follow from views and parameters, and from errors that neighbours share.
 
@@ -314,13 +235,13 @@ def _responses(
     (6 n, m).
     """
     patch = at.patch(first, last)
-    index, coupling = _coupling(at, patch)
+    index, coupling = coupling_of(at, patch)
     parts = [coupling]
     alike = np.zeros(3) if errors is None else errors.common(first, last)
     if alike.any():
         parts.append((patch.shifts * np.sqrt(alike)[:, None, None]).reshape(len(coupling), -1))
     if stiffness is None:
-        response = cho_solve((_factor(at, patch, first, last), True), np.hstack(parts), check_finite=False)
+        response = cho_solve((factor_of(at, patch, first, last), True), np.hstack(parts), check_finite=False)
         return index, response[:, : len(index)], response[:, len(index) :]
     alone = _inverse_blocks(patch.own.sum(1) + at.prior[first:last] + stiffness[first:last])
     response = (alone @ np.hstack(parts).reshape(len(alone), LANDMARK_SIZE, -1)).reshape(len(parts[0]), -1)
@@ -328,7 +249,7 @@ def _responses(
     by_common, shared = response[:, : len(index)], response[:, len(index) :]
     # Errors of brightness that a neighbourhood or a view shares move a landmark by the error over its own image
     # gradient, whose sign changes from one landmark to the next: smoothness, left out here, averages that away.
-    photometric = (index % CAMERA_SIZE >= _PHOTOMETRIC) | (index >= at.of_views)
+    photometric = (index % VIEW_SIZE >= _PHOTOMETRIC) | (index >= at.of_views)
     by_common.reshape(last - first, LANDMARK_SIZE, -1)[:, :3, photometric] = 0.0
     if alike.any():
         shared.reshape(last - first, LANDMARK_SIZE, -1, 3)[:, :3, :, 2] = 0.0

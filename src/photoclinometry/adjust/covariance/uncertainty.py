@@ -18,10 +18,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.adjust.covariance.linearised import (
+from photoclinometry.adjust.covariance.linearized_graph import (
     SIMILARITY,
-    Linearised,
-    linearised,
+    LinearizedGraph,
+    linearized_graph,
     loosely_held,
     point_moves,
 )
@@ -29,7 +29,7 @@ from photoclinometry.adjust.covariance.marginals import ErrorModel, Marginals, S
 from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.smoothness import Smoothness
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, Estimate
+from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.adjust.tie_points import Members
 from photoclinometry.model.scene import Views
 from photoclinometry.model.warning import warn
@@ -80,7 +80,7 @@ def estimate_uncertainty(
     the gauge is known of the frame. surface: smoothness that holds positions, where it is not the graph's. Empty, with
     a warning, where the measurements do not determine the views.
     """
-    at = linearised(graph, estimate)
+    at = linearized_graph(graph, estimate)
     photometric, mapped = graph.with_brightness, members.of_map
     errors = error_model(
         keypoint_correlation, brightness_correlation, at.smooth_residual, members.direct, photometric=photometric
@@ -104,7 +104,9 @@ def estimate_uncertainty(
     )
 
 
-def _surface(at: Linearised, errors: ErrorModel, smoothness: Smoothness | None, estimate: Estimate) -> Surface | None:
+def _surface(
+    at: LinearizedGraph, errors: ErrorModel, smoothness: Smoothness | None, estimate: Estimate
+) -> Surface | None:
     """What holds positions. For these, errors of brightness are independent: neighbours move by a common one over image
     gradients of either sign."""
     independent = replace(errors, brightness_common=0.0)
@@ -217,7 +219,7 @@ def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped:
     albedos after the factor that all have in common (`albedo_relative`).
     """
     count = len(views)
-    blocks = found.camera.reshape(count, CAMERA_SIZE, count, CAMERA_SIZE)[range(count), :, range(count), :]
+    blocks = found.views.reshape(count, VIEW_SIZE, count, VIEW_SIZE)[range(count), :, range(count), :]
     to_cam = np.swapaxes(views.body_from_cam.rotation, 1, 2)
     to_center = point_moves(views.body_from_cam.translation, pivot)[:, :, :6]
     landmark = found.landmark[mapped]

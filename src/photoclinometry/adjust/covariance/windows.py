@@ -35,7 +35,7 @@ def hold(diagonal: np.ndarray, ridge: float = RIDGE) -> np.ndarray:
 
 
 class Links(NamedTuple):
-    """The smoothness factors, linearised: `Neighbours` with their whitened rows."""
+    """The smoothness factors, linearized: `Neighbours` with their whitened rows."""
 
     start: np.ndarray
     target: np.ndarray

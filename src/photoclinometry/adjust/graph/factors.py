@@ -4,7 +4,7 @@
     photometric  f_Ph      (lambda a rho(mu0, mu, phase) + xi - brightness) / sigma  Eqs. 29-32
     direct                 likewise, the brightness being the image's where the landmark projects
     Sun          f_SS      B^T R^T s / sigma: the measured Sun's tangent plane       Eqs. 33-34
-    smoothness   f_Smooth  asin(d . n) / sigma: neighbours lie in the tangent plane  Eq. 35
+    smoothness   f_Smooth  (asin(d . n) - bend) / sigma: neighbours lie in the tangent plane, but for the bend  Eq. 35
 
 Each returns the residual and its Jacobian by the local coordinates of what it touches. Local coordinates:
 
@@ -26,7 +26,11 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.model.geometry import skew, tangent_basis
+from photoclinometry.model.projection import project
 from photoclinometry.model.reflectance import PHASE_FLOOR, continued_function
+
+STEEPEST = 1.0 - 1e-9
+"""|d . n| of smoothness is kept below this: the arcsine is infinitely steep at 1, along the normal."""
 
 
 def projection(
@@ -42,19 +46,15 @@ def projection(
 
     rotation: body_from_cam (3, 3); center, position, pivot: (3,) in B; intrinsics: fx, fy, cx, cy; sigma [px].
     """
-    arm = position - center
-    x, y, z = rotation.T @ arm
-    focal = np.asarray(intrinsics[:2])
-    residual = (focal * [x / z, y / z] + intrinsics[2:] - keypoint) / sigma
-    by_cam = (focal[:, None] / sigma) * np.array([[1 / z, 0, -x / z**2], [0, 1 / z, -y / z**2]])
-    by_position = by_cam @ rotation.T
+    pixel, by_position = project(rotation, center, intrinsics, position)
+    by_position = by_position / sigma
     # seen from the camera, an orbit by omega moves the landmark by -omega x (position - pivot)
     by_pose = np.hstack([by_position @ skew(position - pivot), -by_position])
-    return residual, by_position, by_pose
+    return (pixel - keypoint) / sigma, by_position, by_pose
 
 
 def photometric(
-    packed: np.ndarray,
+    parameter_vector: np.ndarray,
     center: np.ndarray,
     sun: np.ndarray,
     scale: float,
@@ -72,7 +72,7 @@ def photometric(
     to_camera = offset / distance
     sine = np.linalg.norm(np.cross(sun, to_camera))
     phase = np.arctan2(sine, sun @ to_camera)
-    rho, by_mu0, by_mu, by_phase = continued_function(packed, sun @ normal, to_camera @ normal, phase)
+    rho, by_mu0, by_mu, by_phase = continued_function(parameter_vector, sun @ normal, to_camera @ normal, phase)
     gain = scale * albedo
     by_phase_over_sine = by_phase / max(sine, PHASE_FLOOR)
     by_to_camera = gain * (by_mu * normal - by_phase_over_sine * sun)
@@ -94,7 +94,7 @@ def photometric(
 
 
 def direct(
-    packed: np.ndarray,
+    parameter_vector: np.ndarray,
     rotation: np.ndarray,
     center: np.ndarray,
     intrinsics: np.ndarray,
@@ -110,15 +110,25 @@ def direct(
 ) -> tuple[float, np.ndarray]:
     """As `photometric`, where the landmark projects into a view: no keypoint tells where it is seen.
 
-    image: brightness there, at (2,) which pixel, slope (2,) [1/px]: brightness + slope . (projected pixel - at).
+    image: brightness there, at (2,) which pixel, gradient (2,) [1/px]: brightness + gradient . (projected pixel - at).
     """
-    brightness, at, slope = image
+    brightness, at, gradient = image
     shift, by_position, by_pose = projection(rotation, center, intrinsics, position, at, 1.0, pivot)
     residual, jacobian = photometric(
-        packed, center, sun, scale, bias, position, normal, albedo, brightness + float(slope @ shift), sigma, pivot
+        parameter_vector,
+        center,
+        sun,
+        scale,
+        bias,
+        position,
+        normal,
+        albedo,
+        brightness + float(gradient @ shift),
+        sigma,
+        pivot,
     )
-    jacobian[:3] -= slope @ by_position / sigma
-    jacobian[6:12] -= slope @ by_pose / sigma
+    jacobian[:3] -= gradient @ by_position / sigma
+    jacobian[6:12] -= gradient @ by_pose / sigma
     return residual, jacobian
 
 
@@ -137,17 +147,20 @@ def sun_direction(
 
 
 def smoothness(
-    position: np.ndarray, normal: np.ndarray, neighbour: np.ndarray, sigma: float
+    position: np.ndarray, normal: np.ndarray, neighbour: np.ndarray, sigma: float, bend: float = 0.0
 ) -> tuple[float, np.ndarray]:
-    """Residual (a number) and Jacobian (8,) by position 3, normal 2, neighbour's position 3; sigma [rad]."""
+    """Residual (a number) and Jacobian (8,) by position 3, normal 2, neighbour's position 3; sigma [rad].
+
+    bend: angle of the neighbour above the tangent plane, as known beforehand [rad].
+    """
     offset = neighbour - position
     distance = np.linalg.norm(offset)
     direction = offset / distance
-    cosine = direction @ normal
-    slope = 1.0 / np.sqrt(1.0 - cosine**2)
-    by_neighbour = slope * (normal - cosine * direction) / distance
-    by_normal = slope * direction @ tangent_basis(normal)
-    return float(np.arcsin(cosine) / sigma), np.concatenate([-by_neighbour, by_normal, by_neighbour]) / sigma
+    cosine = np.clip(direction @ normal, -STEEPEST, STEEPEST)
+    steepness = 1.0 / np.sqrt(1.0 - cosine**2)
+    by_neighbour = steepness * (normal - cosine * direction) / distance
+    by_normal = steepness * direction @ tangent_basis(normal)
+    return float((np.arcsin(cosine) - bend) / sigma), np.concatenate([-by_neighbour, by_normal, by_neighbour]) / sigma
 
 
 def huber(squared: np.ndarray, limit: float) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The factor graph: groups of factors over views, landmarks and reflectance parameters.
 
-    graph = FactorGraph([Keypoints(...), Brightness(...), SunDirections(), Smoothness(...), Gauge(...), ...])
+    graph = FactorGraph([Keypoints(...), Brightness(...), SunDirections(...), Smoothness(...), Gauge(...), ...])
     at = graph.linearize(estimate)          # H = J^T J and g = J^T r there, a value that nobody changes
 
 Two speeds keep it fast and open. `Keypoints`, `Brightness` and `Smoothness` have millions of factors and are compiled.
@@ -26,7 +26,7 @@ from photoclinometry.adjust.graph.smoothness import (
     build_neighbours,
 )
 from photoclinometry.adjust.graph.smoothness import add_product as add_smooth_product
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE, Estimate
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE, Estimate
 from photoclinometry.model.reflectance import Reflectance
 
 Group = Keypoints | Brightness | Smoothness | FactorGroup
@@ -44,8 +44,8 @@ class FactorGraph:
             raise ValueError("a graph has keypoints, and one group each of brightness and smoothness at most")
         self.groups = tuple(groups)
         self.observations = Observations(keypoints, brightness[0] if brightness else None)
-        marks = len(self.observations.table.tracks.start) - 1
-        nobody = build_neighbours(np.zeros((marks, 0), int), np.zeros((marks, 0), bool))
+        count = len(self.observations.table.tracks.start) - 1
+        nobody = build_neighbours(np.zeros((count, 0), int), np.zeros((count, 0), bool))
         self.smoothness = smoothness[0] if smoothness else Smoothness(nobody, 1.0)
         compiled = (Keypoints, Brightness, Smoothness)
         self.general = tuple(group for group in groups if not isinstance(group, compiled))
@@ -121,7 +121,7 @@ class FactorGraph:
     def _sums(estimate: Estimate, rows: Sequence[Sequence[Rows]]) -> dict[Variable, Sums]:
         parameters = len(estimate.parameters)
         sums: dict[Variable, Sums] = {
-            "view": _no_sums(len(estimate.views), CAMERA_SIZE, float),
+            "view": _no_sums(len(estimate.views), VIEW_SIZE, float),
             "landmark": _no_sums(len(estimate.landmarks), LANDMARK_SIZE, np.float32),
             "parameter": _no_sums(1, parameters, float),
         }
@@ -171,7 +171,7 @@ class Linearization:
         end_of_views = self.views.gradient.size
         end = end_of_views + self.landmarks.gradient.size
         view, landmark = vector[:end_of_views], vector[end_of_views:end]
-        return view.reshape(-1, CAMERA_SIZE), landmark.reshape(-1, LANDMARK_SIZE), vector[end:]
+        return view.reshape(-1, VIEW_SIZE), landmark.reshape(-1, LANDMARK_SIZE), vector[end:]
 
     def multiply(self, vector: np.ndarray) -> np.ndarray:
         """H x, of a float32 vector."""
@@ -185,11 +185,11 @@ class Linearization:
         for rows in self.several:
             add_product(rows, {"view": view, "landmark": landmark}, {"view": view_out, "landmark": landmark_out})
         if len(parameter):
-            view_out += border.by_camera @ parameter
+            view_out += border.by_view @ parameter
             by_landmarks = np.empty((numba.get_num_threads(), len(parameter)))
             add_border(border.by_landmark, landmark, parameter, landmark_out, by_landmarks)
             parameter_out[:] = border.block @ parameter + by_landmarks.sum(0)
-            parameter_out += np.einsum("ki,kit->t", view, border.by_camera)
+            parameter_out += np.einsum("ki,kit->t", view, border.by_view)
         return out
 
     def decrease(self, moves: np.ndarray) -> float:

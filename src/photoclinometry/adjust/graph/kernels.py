@@ -31,7 +31,7 @@ from photoclinometry.adjust.graph.slot import (
     parameter_rows,
     view_rows,
 )
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 
 _BLOCK_SIZE = LANDMARK_SIZE * (LANDMARK_SIZE + 1) // 2 + LANDMARK_SIZE
 
@@ -43,13 +43,13 @@ class Normal(NamedTuple):
     """(J, 6, 6)."""
     landmark_gradient: np.ndarray
     """(J, 6)."""
-    camera_block: np.ndarray
+    view_block: np.ndarray
     """(threads, K, 10, 10), lower triangles, summed over the first axis by the caller."""
-    camera_gradient: np.ndarray
+    view_gradient: np.ndarray
     """(threads, K, 10), likewise."""
     by_parameter: np.ndarray
     """(J, 6, T) float32, landmarks with reflectance parameters."""
-    camera_by_parameter: np.ndarray
+    view_by_parameter: np.ndarray
     """(threads, K, T, 10), views with reflectance parameters, summed over the first axis by the caller."""
     parameter_block: np.ndarray
     """(threads, T, T), lower triangles, likewise."""
@@ -62,31 +62,42 @@ class Normal(NamedTuple):
 
 
 @njit(parallel=True, **COMPILED)
-def linearize(layout, measured, cameras, landmarks, pivot, packed, unit, with_jacobian, stored, normal):
+def linearize(layout, measured, view_state, landmarks, pivot, parameter_vector, unit, with_jacobian, stored, normal):
     """Cost of keypoints and brightness and, if asked, their Jacobian (`stored`) and normal equations.
 
-    pivot: (3,) as in `Estimate`. packed: `Reflectance.packed`; unit: (T,) in which each parameter that is estimated
-    changes.
+    pivot: (3,) as in `Estimate`. parameter_vector: `Reflectance.parameter_vector`; unit: (T,) in which each parameter
+    that is estimated changes.
     stored: (STORED P,) float32, filled with the rows of sixteen of every slot if asked. normal: `Normal`, overwritten.
     """
     parts = normal.cost.shape[0]
     for part in prange(parts):
         _linearize_part(
-            part, parts, layout, measured, cameras, landmarks, pivot, packed, unit, with_jacobian, stored, normal
+            part,
+            parts,
+            layout,
+            measured,
+            view_state,
+            landmarks,
+            pivot,
+            parameter_vector,
+            unit,
+            with_jacobian,
+            stored,
+            normal,
         )
 
 
 @njit(**COMPILED)
 def _linearize_part(
-    part, parts, layout, measured, cameras, landmarks, pivot, packed, unit, with_jacobian, stored, normal
+    part, parts, layout, measured, view_state, landmarks, pivot, parameter_vector, unit, with_jacobian, stored, normal
 ):
     """`linearize` for one thread's share of the groups."""
     w, scratch = np.zeros(SCRATCH * LANES), np.zeros(STORED * LANES, np.float32)
     of_landmarks, row, by_parameter = np.zeros(_BLOCK_SIZE * LANES), np.zeros(unit.size), np.zeros(unit.size * LANES)
     with_parameters, cost = np.zeros(unit.size * LANDMARK_SIZE * LANES), np.zeros(LANES)
-    normal.camera_block[part] = 0.0
-    normal.camera_gradient[part] = 0.0
-    normal.camera_by_parameter[part] = 0.0
+    normal.view_block[part] = 0.0
+    normal.view_gradient[part] = 0.0
+    normal.view_by_parameter[part] = 0.0
     normal.parameter_block[part] = 0.0
     normal.parameter_gradient[part] = 0.0
     keypoint_cost = brightness_cost = 0.0
@@ -99,19 +110,19 @@ def _linearize_part(
         for slot in range(layout.slot_start[group], layout.slot_start[group + 1]):
             k, place = layout.slot_view[slot], LANES * slot
             rows = stored[STORED * place : STORED * (place + LANES)] if with_jacobian else scratch
-            keypoint_cost += keypoint_rows(k, place, cameras, measured, w, rows)
-            lit = brightness_geometry(k, place, cameras, measured.brightness_weight, packed, w)
-            brightness_cost += brightness_rows(k, place, lit, cameras, measured, w, rows)
+            keypoint_cost += keypoint_rows(k, place, view_state, measured, w, rows)
+            lit = brightness_geometry(k, place, view_state, measured.brightness_weight, parameter_vector, w)
+            brightness_cost += brightness_rows(k, place, lit, view_state, measured, w, rows)
             for s in range(LANES):
                 cost[s] += w[COST * LANES + s]
             if with_jacobian:
                 _add_landmarks(w, of_landmarks)
                 view_rows(pivot, w)
-                _add_camera(w, normal.camera_block[part, k], normal.camera_gradient[part, k])
+                _add_view(w, normal.view_block[part, k], normal.view_gradient[part, k])
                 if unit.size and lit:
-                    parameter_rows(cameras.scale[k], packed, unit, w, row, by_parameter)
+                    parameter_rows(view_state.scale[k], parameter_vector, unit, w, row, by_parameter)
                     _add_parameters(
-                        w, by_parameter, with_parameters, normal.camera_by_parameter[part, k],
+                        w, by_parameter, with_parameters, normal.view_by_parameter[part, k],
                         normal.parameter_block[part], normal.parameter_gradient[part],
                     )  # fmt: skip
         for lane in range(min(LANES, normal.landmark_cost.size - LANES * group)):
@@ -161,7 +172,7 @@ def _scatter_landmarks(first, of_landmarks, block, gradient):
 
 
 @njit(**COMPILED)
-def _add_camera(w, block, gradient):
+def _add_view(w, block, gradient):
     """Adds a slot's share to its view's block (10, 10), lower triangle, and gradient (10,)."""
     residuals = w[RESIDUAL * LANES : (RESIDUAL + 3) * LANES]
     residual = residuals[2 * LANES :]  # of brightness
@@ -170,7 +181,7 @@ def _add_camera(w, block, gradient):
         for m in range(i + 1):
             block[i, m] += dot(row, of_pixel_and_brightness(w, m))
         gradient[i] += dot(row, residuals)
-    for i in range(6, CAMERA_SIZE):
+    for i in range(6, VIEW_SIZE):
         row = of_brightness(w, i)
         for m in range(i + 1):
             block[i, m] += dot(row, of_brightness(w, m))
@@ -188,7 +199,7 @@ def _add_parameters(w, rows, of_landmarks, of_view, block, gradient):
             for s in range(LANES):
                 of_landmarks[out + s] += w[(BY_LANDMARK + i) * LANES + s] * row[s]
             out += LANES
-        for i in range(CAMERA_SIZE):
+        for i in range(VIEW_SIZE):
             of_view[t, i] += dot(row, of_brightness(w, i))
         for u in range(t + 1):
             block[t, u] += dot(row, rows[u * LANES : (u + 1) * LANES])

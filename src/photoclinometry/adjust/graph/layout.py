@@ -39,8 +39,8 @@ class Measurements(NamedTuple):
     keypoint: np.ndarray
     """(2, P) float64 [px]."""
     brightness: np.ndarray
-    """(P,) float64: what the straight line `slope` has at pixel (0, 0); without slope, the brightness."""
-    slope: np.ndarray
+    """(P,) float64: at pixel (0, 0), by the gradient; the brightness itself where that is zero."""
+    gradient: np.ndarray
     """(2, P) float32, brightness per pixel."""
     keypoint_weight: np.ndarray
     """(P,) float32, 1 / sigma [1/px]."""

@@ -18,10 +18,10 @@ import numpy as np
 from photoclinometry.adjust.graph import kernels
 from photoclinometry.adjust.graph.kernels import Normal
 from photoclinometry.adjust.graph.layout import Layout, Measurements, build_layout, spread
-from photoclinometry.adjust.graph.product import Linearized, linearized, multiply
+from photoclinometry.adjust.graph.product import RowOrigin, multiply, row_origin
 from photoclinometry.adjust.graph.reflectance_parameters import Border
-from photoclinometry.adjust.graph.slot import STORED, CameraState, LandmarkState
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE, Estimate
+from photoclinometry.adjust.graph.slot import STORED, LandmarkState, ViewState
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE, Estimate
 from photoclinometry.model.geometry import tangent_basis
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Tracks, Views
@@ -69,15 +69,6 @@ class ObservationTable:
         if len(self.place) and np.bincount(self.place).max() > 1:
             raise ValueError("a landmark has two observations in one view; keep one of them")
 
-    @cached_property
-    def keypoint_lanes(self) -> np.ndarray:
-        """(2, P) keypoints [px] by place."""
-        return np.array([spread(axis, self.place, self.layout.places) for axis in self.tracks.keypoint.T])
-
-    def release(self) -> None:
-        """Lets go of the keypoints by place; they are laid out anew when they are needed."""
-        self.__dict__.pop("keypoint_lanes", None)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Keypoints:
@@ -122,7 +113,7 @@ class ObservationRows:
     layout: Layout
     stored: np.ndarray
     """(STORED P,) float32, see `slot.STORED`."""
-    where: Linearized
+    where: RowOrigin
     landmark_block: np.ndarray
     """(J, 6, 6)."""
     landmark_gradient: np.ndarray
@@ -178,13 +169,13 @@ class Observations:
         return self.reflectance.moved(estimate.parameters)
 
     def packed_at(self, estimate: Estimate) -> np.ndarray:
-        """`Reflectance.packed` of an estimate."""
+        """`Reflectance.parameter_vector` of an estimate."""
         reflectance = self.reflectance_at(estimate)
-        return np.zeros(3) if reflectance is None else reflectance.packed
+        return np.zeros(3) if reflectance is None else reflectance.parameter_vector
 
     @property
-    def brightness_lines(self) -> tuple[np.ndarray, np.ndarray]:
-        """How brightness depends on the pixel where it is taken: its value (N,) at pixel (0, 0) and slope (N, 2)."""
+    def brightness_at_origin_and_gradient(self) -> tuple[np.ndarray, np.ndarray]:
+        """Brightness is linear in the pixel where it is taken: its value (N,) at pixel (0, 0), and gradient (N, 2)."""
         count = len(self.table.tracks)
         if self.brightness is None:
             return np.zeros(count), np.zeros((count, 2), np.float32)
@@ -198,14 +189,14 @@ class Observations:
     def measured(self) -> Measurements:
         """All measurements with their weights, by place."""
         place, size = self.table.place, self.table.layout.places
-        brightness, lines = self.brightness_lines
-        slope = np.zeros((2, size), np.float32)
-        if lines.any():
-            slope = np.array([spread(axis, place, size, np.float32) for axis in lines.T])
+        brightness, by_observation = self.brightness_at_origin_and_gradient
+        gradient = np.zeros((2, size), np.float32)
+        if by_observation.any():
+            gradient = np.array([spread(axis, place, size, np.float32) for axis in by_observation.T])
         return Measurements(
-            self.table.keypoint_lanes,
+            np.array([spread(axis, place, size) for axis in self.table.tracks.keypoint.T]),
             spread(brightness, place, size),
-            slope,
+            gradient,
             spread(self.keypoint_weight, place, size, np.float32),
             spread(self.brightness_weight, place, size, np.float32),
             self.keypoint_limit,
@@ -224,7 +215,7 @@ class Observations:
         stored = np.empty(STORED * self.table.layout.places, np.float32)
         normal = _empty_normal(len(estimate.landmarks), len(estimate.views), len(self._unit(estimate)))
         self._pass(estimate, views, landmarks, True, stored, normal)
-        where = linearized(views, landmarks, estimate.pivot)
+        where = row_origin(views, landmarks, estimate.pivot)
         return ObservationRows(
             cost=normal.cost.sum(0),
             layout=self.table.layout,
@@ -232,11 +223,11 @@ class Observations:
             where=where,
             landmark_block=normal.landmark_block,
             landmark_gradient=normal.landmark_gradient,
-            view_block=_full(normal.camera_block.sum(0)),
-            view_gradient=normal.camera_gradient.sum(0),
+            view_block=_full(normal.view_block.sum(0)),
+            view_gradient=normal.view_gradient.sum(0),
             border=Border(
                 by_landmark=normal.by_parameter,
-                by_camera=np.swapaxes(normal.camera_by_parameter.sum(0), 1, 2).copy(),
+                by_view=np.swapaxes(normal.view_by_parameter.sum(0), 1, 2).copy(),
                 block=_full(normal.parameter_block.sum(0)),
                 gradient=normal.parameter_gradient.sum(0),
             ),
@@ -245,7 +236,7 @@ class Observations:
     def _pass(
         self,
         estimate: Estimate,
-        views: CameraState,
+        views: ViewState,
         landmarks: LandmarkState,
         with_jacobian: bool,
         stored: np.ndarray,
@@ -263,10 +254,10 @@ class Observations:
         return self.reflectance.parameter_scale
 
 
-def states(views: Views, landmarks: Landmarks) -> tuple[CameraState, LandmarkState]:
+def states(views: Views, landmarks: Landmarks) -> tuple[ViewState, LandmarkState]:
     """What the kernels need of an estimate, contiguous."""
     pose, plain = views.body_from_cam, np.ascontiguousarray
-    return CameraState(
+    return ViewState(
         plain(pose.rotation),
         plain(pose.translation),
         views.intrinsics,
@@ -284,10 +275,10 @@ def _empty_normal(landmarks: int, views: int, parameters: int) -> Normal:
     return Normal(
         np.empty((landmarks, LANDMARK_SIZE, LANDMARK_SIZE)),
         np.empty((landmarks, LANDMARK_SIZE)),
-        np.empty((threads, views, CAMERA_SIZE, CAMERA_SIZE)),
-        np.empty((threads, views, CAMERA_SIZE)),
+        np.empty((threads, views, VIEW_SIZE, VIEW_SIZE)),
+        np.empty((threads, views, VIEW_SIZE)),
         np.empty((landmarks, LANDMARK_SIZE, parameters), np.float32),
-        np.empty((threads, views, parameters, CAMERA_SIZE)),
+        np.empty((threads, views, parameters, VIEW_SIZE)),
         np.empty((threads, parameters, parameters)),
         np.empty((threads, parameters)),
         np.empty((threads, 2)),

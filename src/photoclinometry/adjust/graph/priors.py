@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from photoclinometry.adjust.graph.general import Rows, Touch
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE, Estimate
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE, Estimate
 from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
 from photoclinometry.model.scene import Landmarks
 
@@ -56,7 +56,7 @@ class KnownPoses:
         turned = so3_log(pose.rotation @ into)
         moved = pose.translation - known.translation
         off = np.concatenate([_along(into, turned), _along(into, moved)], axis=1)
-        jacobian = np.zeros((len(off), 6, CAMERA_SIZE))
+        jacobian = np.zeros((len(off), 6, VIEW_SIZE))
         jacobian[..., :6] = pose_along_axes(into, pose.translation - estimate.pivot)
         whiten = self._whiten
         return [Rows(_along(whiten, off), (Touch("view", np.arange(len(off)), whiten @ jacobian),))]
@@ -106,7 +106,7 @@ class Exposure:
 
     def rows(self, estimate: Estimate) -> list[Rows]:
         views, count = estimate.views, len(estimate.views)
-        jacobian = np.zeros((count, 2, CAMERA_SIZE))
+        jacobian = np.zeros((count, 2, VIEW_SIZE))
         jacobian[:, 0, 8], jacobian[:, 1, 9] = 1.0 / self.scale_sigma, 1.0 / self.bias_sigma
         residual = np.column_stack([(views.scale - 1.0) / self.scale_sigma, views.bias / self.bias_sigma])
         return [Rows(residual, (Touch("view", np.arange(count), jacobian),))]
@@ -175,7 +175,7 @@ def pose_rows(
     pose = estimate.views.body_from_cam[which]
     turned = so3_log(pose.rotation @ np.swapaxes(known.rotation, -1, -2))
     sigma = np.concatenate([np.tile(rotation_sigma, (3, 1)).T, np.tile(center_sigma, (3, 1)).T], axis=1)
-    jacobian = np.zeros((len(which), 6, CAMERA_SIZE))
+    jacobian = np.zeros((len(which), 6, VIEW_SIZE))
     jacobian[:, range(6), range(6)] = 1.0
     jacobian[:, 3:6, :3] = -skew(pose.translation - estimate.pivot)
     residual = np.concatenate([turned, pose.translation - known.translation], axis=1) / sigma

@@ -13,13 +13,14 @@ from numba import njit, prange
 
 from photoclinometry.adjust.graph.layout import LANES
 from photoclinometry.adjust.graph.rows import COMPILED
-from photoclinometry.adjust.graph.slot import STORED, CameraState, LandmarkState
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE
+from photoclinometry.adjust.graph.slot import STORED, LandmarkState, ViewState
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 
 _OF_VIEW = 22
+"""Numbers of a view in a product: 12 of `RowOrigin.of_views`, 10 of the vector."""
 
 
-class Linearized(NamedTuple):
+class RowOrigin(NamedTuple):
     """Where the stored rows were made, in single precision; positions are from the pivot."""
 
     of_views: np.ndarray
@@ -28,42 +29,42 @@ class Linearized(NamedTuple):
     """(J, 4) position 3, albedo 1."""
 
 
-def linearized(cameras: CameraState, landmarks: LandmarkState, pivot: np.ndarray) -> Linearized:
+def row_origin(view_state: ViewState, landmarks: LandmarkState, pivot: np.ndarray) -> RowOrigin:
     """pivot: (3,) as in `Estimate`."""
-    rotation = cameras.rotation.reshape(-1, 9)
-    of_views = np.column_stack([rotation, cameras.intrinsics[:, :2], cameras.scale])
+    rotation = view_state.rotation.reshape(-1, 9)
+    of_views = np.column_stack([rotation, view_state.intrinsics[:, :2], view_state.scale])
     of_landmarks = np.column_stack([landmarks.position - pivot, landmarks.albedo])
-    return Linearized(of_views.astype(np.float32), of_landmarks.astype(np.float32))
+    return RowOrigin(of_views.astype(np.float32), of_landmarks.astype(np.float32))
 
 
 @njit(parallel=True, **COMPILED)
-def multiply(layout, stored, where, camera_in, landmark_in, camera_out, landmark_out):
+def multiply(layout, stored, where, view_in, landmark_in, view_out, landmark_out):
     """J^T J x for projection and brightness, matrix-free, one pass over the stored rows.
 
-    where: `Linearized`; camera_in: (K, 10), landmark_in: (J, 6), float32; camera_out: (threads, K, 10) float64, summed
+    where: `RowOrigin`; view_in: (K, 10), landmark_in: (J, 6), float32; view_out: (threads, K, 10) float64, summed
     over threads by the caller; landmark_out: (J, 6) float32.
     """
-    parts = camera_out.shape[0]
+    parts = view_out.shape[0]
     for part in prange(parts):
-        _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, camera_out[part], landmark_out)
+        _multiply_part(part, parts, layout, stored, where, view_in, landmark_in, view_out[part], landmark_out)
 
 
 @njit(**COMPILED)
-def _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, camera_out, landmark_out):
+def _multiply_part(part, parts, layout, stored, where, view_in, landmark_in, view_out, landmark_out):
     """`multiply` for one thread's share of the groups."""
-    views, marks = where.of_views.shape[0], where.of_landmarks.shape[0]
+    views, count = where.of_views.shape[0], where.of_landmarks.shape[0]
     of_view = np.zeros((views, _OF_VIEW), np.float32)
     for k in range(views):
         of_view[k, :12] = where.of_views[k]
-        of_view[k, 12:] = camera_in[k]
-    camera_out[:] = 0.0
+        of_view[k, 12:] = view_in[k]
+    view_out[:] = 0.0
     x = np.zeros(10 * LANES, np.float32)
     y = np.zeros(LANDMARK_SIZE * LANES, np.float32)
     groups = layout.slot_start.size - 1
     for group in range(part * groups // parts, (part + 1) * groups // parts):
         first = LANES * group
         for lane in range(LANES):
-            j = min(first + lane, marks - 1)
+            j = min(first + lane, count - 1)
             for i in range(4):
                 x[i * LANES + lane] = where.of_landmarks[j, i]
             for i in range(LANDMARK_SIZE):
@@ -73,14 +74,14 @@ def _multiply_part(part, parts, layout, stored, where, camera_in, landmark_in, c
             k = layout.slot_view[slot]
             rows = stored[STORED * LANES * slot : STORED * LANES * (slot + 1)]
             t = _multiply_slot(rows, of_view[k], x, y)
-            for i in range(CAMERA_SIZE):
-                camera_out[k, i] += t[i]
-        for lane in range(min(LANES, marks - first)):
+            for i in range(VIEW_SIZE):
+                view_out[k, i] += t[i]
+        for lane in range(min(LANES, count - first)):
             for i in range(LANDMARK_SIZE):
                 landmark_out[first + lane, i] = y[i * LANES + lane]
     for k in range(views):
         for i in range(3, 6):
-            camera_out[k, i] *= -1.0  # forces on the landmarks, against the camera's shift
+            view_out[k, i] *= -1.0  # forces on the landmarks, against the camera's shift
 
 
 @njit(**COMPILED)
@@ -88,7 +89,7 @@ def _multiply_slot(r, c, x, y):
     """J^T J x of one slot: adds to y by landmark, returns the view's orbit, force (the opposite of shift), Sun, scale
     and bias.
 
-    r: stored rows; c: `Linearized.of_views` and the view's part of the vector; x: position, albedo, and the landmarks'
+    r: stored rows; c: `RowOrigin.of_views` and the view's part of the vector; x: position, albedo, and the landmarks'
     part of the vector.
     """
     n = LANES

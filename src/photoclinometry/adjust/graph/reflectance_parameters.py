@@ -20,7 +20,7 @@ class Border(NamedTuple):
 
     by_landmark: np.ndarray
     """(J, 6, T) float32."""
-    by_camera: np.ndarray
+    by_view: np.ndarray
     """(K, 10, T)."""
     block: np.ndarray
     """(T, T)."""
@@ -35,10 +35,10 @@ def add_border(by_landmark, landmark, parameter, landmark_out, parameter_out):
     Compiled, as BLAS would set threads of its own spinning for products this thin.
     """
     parts, count = parameter_out.shape
-    marks = landmark.shape[0]
+    landmarks = landmark.shape[0]
     for part in prange(parts):
         total = np.zeros(count)
-        for j in range(part * marks // parts, (part + 1) * marks // parts):
+        for j in range(part * landmarks // parts, (part + 1) * landmarks // parts):
             for i in range(LANDMARK_SIZE):
                 x, change = landmark[j, i], np.float32(0.0)
                 for t in range(count):

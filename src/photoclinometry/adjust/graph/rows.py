@@ -1,7 +1,9 @@
-"""The compiled statement of a keypoint's and a brightness's row: what solver and covariances share.
+"""The compiled parts of a keypoint's and a brightness's row, each stated once for solver and covariances.
 
-One observation at a time, as plain numbers, so that loops over many of them become vector instructions. `factors.py`
-states the same in NumPy, and tests compare the two.
+`slot` puts them together for sixteen landmarks at a time, `information` for one observation.
+
+They take one observation at a time, as plain numbers, so that loops over many of them become vector instructions.
+`factors.py` states the same in NumPy, and tests compare the two.
 """
 
 from __future__ import annotations
@@ -26,9 +28,9 @@ def huber(size, limit):
 
 
 @njit(**COMPILED)
-def view_numbers(k, cameras):
+def view_numbers(k, view_state):
     """Intrinsics (4) and the rotation body_from_cam (9, row by row) of view k."""
-    i, r = cameras.intrinsics[k], cameras.rotation[k]
+    i, r = view_state.intrinsics[k], view_state.rotation[k]
     rotation = r[0, 0], r[0, 1], r[0, 2], r[1, 0], r[1, 1], r[1, 2], r[2, 0], r[2, 1], r[2, 2]
     return (i[0], i[1], i[2], i[3]), rotation
 

@@ -25,7 +25,7 @@ from photoclinometry.adjust.graph.rows import (
     pixel_by_position,
     view_numbers,
 )
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE
+from photoclinometry.adjust.graph.variables import VIEW_SIZE
 from photoclinometry.model.projection import project_point
 from photoclinometry.model.reflectance import continued_function, continued_parameters
 
@@ -42,10 +42,10 @@ _SUN, _SCALE, _WEIGHT, RESIDUAL = 26, 28, 29, 30
 _TO_CAMERA, _COSINE, _SINE, _RHO, _RANGE = 33, 36, 37, 38, 42
 _SEEN, _TURN, _ANGLES = 43, 46, 49
 # the cost of keypoint and brightness, and the rows by view: ten of x, y and brightness each, beside each other.
-COST, BY_VIEW, SCRATCH = 52, 53, 53 + 3 * CAMERA_SIZE
+COST, BY_VIEW, SCRATCH = 52, 53, 53 + 3 * VIEW_SIZE
 
 
-class CameraState(NamedTuple):
+class ViewState(NamedTuple):
     """What the kernels need of K views."""
 
     rotation: np.ndarray
@@ -89,10 +89,10 @@ def gather_landmarks(first, landmarks, limit, w):
 
 
 @njit(**COMPILED)
-def keypoint_rows(k, place, cameras, measured, w, rows):
+def keypoint_rows(k, place, view_state, measured, w, rows):
     """Whitened projection rows of a slot (factors.projection); returns their cost."""
-    c0, c1, c2 = cameras.center[k, 0], cameras.center[k, 1], cameras.center[k, 2]
-    intrinsics, rotation = view_numbers(k, cameras)
+    c0, c1, c2 = view_state.center[k, 0], view_state.center[k, 1], view_state.center[k, 2]
+    intrinsics, rotation = view_numbers(k, view_state)
     fx, fy, cx, cy = intrinsics
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation
     weights = measured.keypoint_weight[place : place + LANES]
@@ -120,15 +120,15 @@ def keypoint_rows(k, place, cameras, measured, w, rows):
 
 
 @njit(**COMPILED)
-def brightness_geometry(k, place, cameras, weights, packed, w):
+def brightness_geometry(k, place, view_state, weights, parameter_vector, w):
     """Directions to the camera, rho and its three derivatives in a slot; returns whether any brightness counts."""
     lit = False
     for s in range(LANES):
         lit |= weights[place + s] != 0.0
     if not lit:
         return False
-    c0, c1, c2 = cameras.center[k, 0], cameras.center[k, 1], cameras.center[k, 2]
-    sun = cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]
+    c0, c1, c2 = view_state.center[k, 0], view_state.center[k, 1], view_state.center[k, 2]
+    sun = view_state.sun[k, 0], view_state.sun[k, 1], view_state.sun[k, 2]
     for s in range(LANES):
         e, inverse = direction(c0 - w[s], c1 - w[LANES + s], c2 - w[2 * LANES + s])
         normal = w[_NORMAL * LANES + s], w[(_NORMAL + 1) * LANES + s], w[(_NORMAL + 2) * LANES + s]
@@ -143,14 +143,14 @@ def brightness_geometry(k, place, cameras, weights, packed, w):
         if weights[place + s] != 0.0:
             phase = math.atan2(w[_SINE * LANES + s], w[_COSINE * LANES + s])
             w[(_ANGLES + 2) * LANES + s] = phase
-            value = continued_function(packed, w[_ANGLES * LANES + s], w[(_ANGLES + 1) * LANES + s], phase)
+            value = continued_function(parameter_vector, w[_ANGLES * LANES + s], w[(_ANGLES + 1) * LANES + s], phase)
         for i in range(4):
             w[(_RHO + i) * LANES + s] = value[i]
     return True
 
 
 @njit(**COMPILED)
-def brightness_rows(k, place, lit, cameras, measured, w, rows):
+def brightness_rows(k, place, lit, view_state, measured, w, rows):
     """Whitened photometric rows of a slot (factors.photometric, factors.direct); returns their cost."""
     if not lit:
         w[BY_LANDMARK * LANES : (RESIDUAL) * LANES] = 0.0
@@ -158,12 +158,12 @@ def brightness_rows(k, place, lit, cameras, measured, w, rows):
         w[(RESIDUAL + 2) * LANES : (RESIDUAL + 3) * LANES] = 0.0
         rows[3 * LANES :] = np.float32(0.0)
         return 0.0
-    scale, bias = cameras.scale[k], cameras.bias[k]
-    sun, b = (cameras.sun[k, 0], cameras.sun[k, 1], cameras.sun[k, 2]), cameras.sun_basis[k]
+    scale, bias = view_state.scale[k], view_state.bias[k]
+    sun, b = (view_state.sun[k, 0], view_state.sun[k, 1], view_state.sun[k, 2]), view_state.sun_basis[k]
     sun_basis = b[0, 0], b[0, 1], b[1, 0], b[1, 1], b[2, 0], b[2, 1]
     weights, brightness = measured.brightness_weight[place : place + LANES], measured.brightness[place : place + LANES]
-    along_x, along_y = measured.slope[0, place : place + LANES], measured.slope[1, place : place + LANES]
-    intrinsics, rotation = view_numbers(k, cameras)
+    along_x, along_y = measured.gradient[0, place : place + LANES], measured.gradient[1, place : place + LANES]
+    intrinsics, rotation = view_numbers(k, view_state)
     fx, fy, cx, cy = intrinsics
     limit, total = measured.brightness_limit, 0.0
     for s in range(LANES):
@@ -259,16 +259,16 @@ def dot(a, b):
 
 
 @njit(**COMPILED)
-def parameter_rows(scale, packed, unit, w, row, out):
+def parameter_rows(scale, parameter_vector, unit, w, row, out):
     """Whitened derivatives of a lit slot's brightness by T reflectance parameters into out (16 T,).
 
-    packed: `Reflectance.packed`; unit: (T,) in which each parameter changes; row: (T,) scratch.
+    parameter_vector: `Reflectance.parameter_vector`; unit: (T,) in which each parameter changes; row: (T,) scratch.
     """
     for s in range(LANES):
         gain = w[_WEIGHT * LANES + s] * scale * w[_ALBEDO * LANES + s]
         row[:] = 0.0
         if gain != 0.0:
             mu0, mu, phase = w[_ANGLES * LANES + s], w[(_ANGLES + 1) * LANES + s], w[(_ANGLES + 2) * LANES + s]
-            continued_parameters(packed, mu0, mu, phase, row)
+            continued_parameters(parameter_vector, mu0, mu, phase, row)
         for t in range(unit.size):
             out[t * LANES + s] = gain * unit[t] * row[t]

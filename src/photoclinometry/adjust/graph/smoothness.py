@@ -15,12 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
+from photoclinometry.adjust.graph.factors import STEEPEST
 from photoclinometry.adjust.graph.rows import COMPILED
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, Estimate
 from photoclinometry.model.geometry import tangent_basis
-
-_LIMIT = 1.0 - 1e-9
-"""|d . n| is kept below this: the slope of asin is infinite at 1, where a neighbour lies along the normal."""
 
 
 class Neighbours(NamedTuple):
@@ -92,7 +90,7 @@ def bend_between(neighbours: Neighbours, position: np.ndarray, normal: np.ndarra
     direction = position[neighbours.target] - position[neighbours.source]
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     own, other = (np.sum(direction * normal[of], -1) for of in (neighbours.source, neighbours.target))
-    return (np.arcsin(np.clip(own, -_LIMIT, _LIMIT)) - np.arcsin(np.clip(other, -_LIMIT, _LIMIT))) / 2.0
+    return (np.arcsin(np.clip(own, -STEEPEST, STEEPEST)) - np.arcsin(np.clip(other, -STEEPEST, STEEPEST))) / 2.0
 
 
 @dataclass(frozen=True)
@@ -119,16 +117,16 @@ def linearize_smoothness(neighbours, position, normal, normal_basis, bend, sigma
         inverse = 1.0 / math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
         d0, d1, d2 = d0 * inverse, d1 * inverse, d2 * inverse
         n0, n1, n2 = normal[j, 0], normal[j, 1], normal[j, 2]
-        c = min(max(d0 * n0 + d1 * n1 + d2 * n2, -_LIMIT), _LIMIT)
+        c = min(max(d0 * n0 + d1 * n1 + d2 * n2, -STEEPEST), STEEPEST)
         r = (math.asin(c) - bend[p]) / sigma
-        slope = 1.0 / (math.sqrt(1.0 - c * c) * sigma)
+        steepness = 1.0 / (math.sqrt(1.0 - c * c) * sigma)
         residual[p] = r
-        rows[p, 0] = slope * (n0 - c * d0) * inverse
-        rows[p, 1] = slope * (n1 - c * d1) * inverse
-        rows[p, 2] = slope * (n2 - c * d2) * inverse
+        rows[p, 0] = steepness * (n0 - c * d0) * inverse
+        rows[p, 1] = steepness * (n1 - c * d1) * inverse
+        rows[p, 2] = steepness * (n2 - c * d2) * inverse
         for i in range(2):
             basis = normal_basis[j, :, i]
-            rows[p, 3 + i] = slope * (d0 * basis[0] + d1 * basis[1] + d2 * basis[2])
+            rows[p, 3 + i] = steepness * (d0 * basis[0] + d1 * basis[1] + d2 * basis[2])
         cost += r * r
     return cost
 

@@ -9,7 +9,7 @@ import numpy as np
 from photoclinometry.model.geometry import Rigid, so3_exp, sphere_step
 from photoclinometry.model.scene import Landmarks, Views
 
-CAMERA_SIZE = 10
+VIEW_SIZE = 10
 """Local coordinates of a view: orbit about the pivot 3, shift 3, Sun 2, scale 1, bias 1."""
 LANDMARK_SIZE = 6
 """Local coordinates of a landmark: position 3, normal 2, albedo 1."""
@@ -26,20 +26,20 @@ class Estimate:
     parameters: np.ndarray = field(default_factory=lambda: np.zeros(0))
     """(T,) relative changes of the reflectance parameters that are estimated, from their start."""
 
-    def step(self, camera: np.ndarray, landmark: np.ndarray, parameter: np.ndarray | float = 0.0) -> Estimate:
+    def step(self, view: np.ndarray, landmark: np.ndarray, parameter: np.ndarray | float = 0.0) -> Estimate:
         """Moved by local coordinates (K, 10) and (J, 6), as `factors` defines them, and (T,)."""
         views, landmarks = self.views, self.landmarks
         pose = views.body_from_cam
-        turn = so3_exp(camera[:, :3])
-        arm = np.einsum("kij,kj->ki", turn, pose.translation - self.pivot + camera[:, 3:6])
+        turn = so3_exp(view[:, :3])
+        arm = np.einsum("kij,kj->ki", turn, pose.translation - self.pivot + view[:, 3:6])
         moved = Rigid(turn @ pose.rotation, self.pivot + arm)
         return Estimate(
             replace(
                 views,
                 body_from_cam=moved,
-                sun=sphere_step(views.sun, camera[:, 6:8]),
-                scale=views.scale + camera[:, 8],
-                bias=views.bias + camera[:, 9],
+                sun=sphere_step(views.sun, view[:, 6:8]),
+                scale=views.scale + view[:, 8],
+                bias=views.bias + view[:, 9],
             ),
             replace(
                 landmarks,

@@ -3,8 +3,9 @@
     (H + damping diag(H)) x = -g
 
 H is never formed: observations are multiplied through their stored rows (`product.multiply`), smoothness pair
-by pair. The preconditioner is each view's 10 x 10 block and, for landmarks, a Chebyshev polynomial that deals
-with the coupling of neighbours (`preconditioner`).
+by pair. The preconditioner inverts each view's 10 x 10 block, or all views together where factors couple them; for
+landmarks it is a Chebyshev polynomial that deals with the coupling of neighbours (`preconditioner`). Directions in
+which reflectance parameters move are treated exactly (`damped.treat_exactly`).
 
 Three safeguards keep it from stalling. Steps are limited, and shortened where they fail, before damping has to rise
 (see `step_control`). Landmarks that a step makes worse are held back, and then damped more than the others. And damping
@@ -170,13 +171,13 @@ def minimize(
     *,
     step_limit: float | np.ndarray = np.inf,
     moves: np.ndarray | None = None,
-    progress: Callable[[Iteration], None] | None = None,
+    on_step: Callable[[Iteration], None] | None = None,
     throw: bool = False,
 ) -> Solution:
     """The estimate of least cost near `start`.
 
     step_limit: longest step of a landmark, or (J,) of each, against what all do, in units of B. moves: the
-    `parameter_moves` of an earlier solution with other weights. progress is called after every step; what it raises
+    `parameter_moves` of an earlier solution with other weights. on_step is called after every step; what it raises
     ends the solve. throw: raise NotConvergedError instead of returning a status.
     """
     options = options or SolverOptions()
@@ -208,8 +209,8 @@ def minimize(
         spent = time.perf_counter() - wall, time.process_time() - cpu
         found = _by_group(graph, trial.cost)
         history.append(Iteration(found, used, solve.iterations, accepted, trial.moved, *spent))
-        if progress is not None:
-            progress(history[-1])
+        if on_step is not None:
+            on_step(history[-1])
         log.debug("step %d: %s", len(history) - 1, history[-1])
         if state.small == 2:
             message = f"converged: {'landmarks no longer move' if state.settled else 'the cost no longer falls'}"

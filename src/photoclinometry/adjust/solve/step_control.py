@@ -40,7 +40,9 @@ HOLDS = 5
 to be held, too."""
 
 _ROBUST_ITERATIONS = 10
+"""Reweighted fits of the motion that all landmarks share."""
 _SAMPLE = 10_000
+"""Landmarks that this motion, of twelve numbers, is fitted to at most."""
 _RIDGE = 1e-12
 """Of the trace, far below what a map's relief leaves."""
 
@@ -77,17 +79,17 @@ def descend(
     costs a thirtieth of solving for another step. (The lowest point of the parabola through what is known makes shorter
     steps than a quarter, and three times as many: along a curved valley the cost rises with the fourth power.)
     """
-    camera, landmark, parameter = (part.astype(float) for part in step)
+    view, landmark, parameter = (part.astype(float) for part in step)
     if graph.reflectance is not None:
         parameter = graph.reflectance.limit_step(estimate.parameters, parameter)
-    whole = _global_share(camera, parameter, estimate)
+    whole = _global_share(view, parameter, estimate)
 
     def along(share: float, own: np.ndarray, held: np.ndarray) -> Trial:
         """share: of all; own: (J,) of that, of each landmark, which was held back `held` (J,) times."""
         moves = limited(share * own[:, None] * landmark, step_limit, estimate)
-        candidate = estimate.step(share * camera, moves, share * parameter)
+        candidate = estimate.step(share * view, moves, share * parameter)
         moved = float(np.sqrt(np.mean(np.sum(moves[:, :3] ** 2, axis=1))))
-        made = np.concatenate([share * camera.ravel(), moves.ravel(), share * parameter])
+        made = np.concatenate([share * view.ravel(), moves.ravel(), share * parameter])
         return Trial(candidate, *graph.costs(candidate), made, moved, held, share == 1.0)
 
     own, held = np.ones(len(landmark)), np.zeros(len(landmark), int)
@@ -108,11 +110,11 @@ def descend(
     return trial
 
 
-def _global_share(camera: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
+def _global_share(view: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
     """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale and no
     reflectance parameter by more than MAX_GAIN: beyond, the linear model of a view's brightness is worth nothing."""
-    turn = max(np.linalg.norm(camera[:, :3], axis=1).max(), np.linalg.norm(camera[:, 6:8], axis=1).max())
-    gain = np.max(np.abs(camera[:, 8]) / np.abs(estimate.views.scale))
+    turn = max(np.linalg.norm(view[:, :3], axis=1).max(), np.linalg.norm(view[:, 6:8], axis=1).max())
+    gain = np.max(np.abs(view[:, 8]) / np.abs(estimate.views.scale))
     return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / MAX_GAIN, *np.abs(parameter) / MAX_GAIN)
 
 

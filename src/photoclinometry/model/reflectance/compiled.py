@@ -1,6 +1,7 @@
 """The compiled entry points: one function for all models, which looks at the model's number.
 
-packed (1 + n,) float64, `Reflectance.packed`: the model's number, its parameters, and what `Model.constants` adds.
+parameter_vector (1 + n,) float64, `Reflectance.parameter_vector`: the model's number, its parameters, and what
+`Model.constants` adds.
 """
 
 from __future__ import annotations
@@ -15,17 +16,17 @@ from photoclinometry.model.reflectance.models import MODELS
 
 
 def _one_of(functions: Sequence[Compiled], first: int = 0) -> Compiled:
-    """A compiled function (packed, ...) that calls functions[packed[0] - first](packed, ...)."""
+    """A compiled function (p, ...), p the parameter vector, that calls functions[p[0] - first](p, ...)."""
     function = functions[0]
     if len(functions) == 1:
         return function
     others = _one_of(functions[1:], first + 1)
 
     @njit(forceinline=True)
-    def chosen(packed, *arguments):
-        if packed[0] == first:
-            return function(packed, *arguments)
-        return others(packed, *arguments)
+    def chosen(parameter_vector, *arguments):
+        if parameter_vector[0] == first:
+            return function(parameter_vector, *arguments)
+        return others(parameter_vector, *arguments)
 
     return chosen
 
@@ -36,54 +37,54 @@ _by_parameters = _one_of([model.by_parameters for model in MODELS.values()])
 
 
 @njit(cache=True)
-def photometric_function(packed, mu0, mu, phase):
+def photometric_function(parameter_vector, mu0, mu, phase):
     """rho and its partial derivatives by mu0, mu, phase (paper Eq. 19).
 
-    packed: `Reflectance.packed`. mu0, mu: cosines of incidence and emission; phase [rad]. All zero where unlit or
-    unseen (mu0 <= 0 or mu <= 0).
+    parameter_vector: `Reflectance.parameter_vector`. mu0, mu: cosines of incidence and emission; phase [rad]. All zero
+    where unlit or unseen (mu0 <= 0 or mu <= 0).
     """
     if mu0 <= 0.0 or mu <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    return _function(packed, mu0, mu, phase)
+    return _function(parameter_vector, mu0, mu, phase)
 
 
 @njit(cache=True)
-def continued_function(packed, mu0, mu, phase):
+def continued_function(parameter_vector, mu0, mu, phase):
     """`photometric_function`, with emission beyond GRAZING_DEG as at that angle: what estimates minimise by.
 
     rho is not zero at an emission of 90 degrees. Ground that is estimated to turn away from a camera that does see it
     would make the cost jump there, and no step could cross.
     """
     if mu >= GRAZING:
-        return photometric_function(packed, mu0, mu, phase)
-    rho, by_mu0, _, by_phase = photometric_function(packed, mu0, GRAZING, phase)
+        return photometric_function(parameter_vector, mu0, mu, phase)
+    rho, by_mu0, _, by_phase = photometric_function(parameter_vector, mu0, GRAZING, phase)
     return rho, by_mu0, 0.0, by_phase
 
 
 @njit(cache=True)
-def continued_parameters(packed, mu0, mu, phase, out):
+def continued_parameters(parameter_vector, mu0, mu, phase, out):
     """`photometric_parameters` of `continued_function`."""
-    photometric_parameters(packed, mu0, max(mu, GRAZING), phase, out)
+    photometric_parameters(parameter_vector, mu0, max(mu, GRAZING), phase, out)
 
 
 @njit(cache=True)
-def photometric_value(packed, mu0, mu, phase):
+def photometric_value(parameter_vector, mu0, mu, phase):
     """rho alone: the same number, of some models sooner."""
     if mu0 <= 0.0 or mu <= 0.0:
         return 0.0
-    return _value(packed, mu0, mu, phase)
+    return _value(parameter_vector, mu0, mu, phase)
 
 
 @njit(cache=True)
-def photometric_parameters(packed, mu0, mu, phase, out):
+def photometric_parameters(parameter_vector, mu0, mu, phase, out):
     """Partial derivatives of rho by `Reflectance.parameters` into out (T,). Zero where unlit or unseen."""
     out[:] = 0.0
     if mu0 > 0.0 and mu > 0.0:
-        _by_parameters(packed, mu0, mu, phase, out)
+        _by_parameters(parameter_vector, mu0, mu, phase, out)
 
 
 @njit(cache=True)
-def evaluate(packed, mu0, mu, phase, out):
+def evaluate(parameter_vector, mu0, mu, phase, out):
     """`photometric_value` of arrays (n,) into out (n,)."""
     for i in range(out.size):
-        out[i] = photometric_value(packed, mu0[i], mu[i], phase[i])
+        out[i] = photometric_value(parameter_vector, mu0[i], mu[i], phase[i])

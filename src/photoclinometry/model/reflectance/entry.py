@@ -60,8 +60,8 @@ class Model:
     """A reflectance model: rho(mu0, mu, phase) with I/F = normal albedo * rho, so that rho(1, 1, 0) = 1.
 
     `of_factors` makes one of a disk function and a phase function. The compiled functions are called where mu0 > 0 and
-    mu > 0 only. Their p is `Reflectance.packed`: p[0] is the model's number, p[1], p[2], ... are its parameters, and
-    behind these stands what `constants` adds.
+    mu > 0 only. Their p is `Reflectance.parameter_vector`: p[0] is the model's number, p[1], p[2], ... are its
+    parameters, and behind these stands what `constants` adds.
     """
 
     name: str

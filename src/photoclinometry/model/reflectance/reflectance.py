@@ -43,7 +43,7 @@ class Reflectance:
         return self.model.predicts_absolute_brightness
 
     @property
-    def packed(self) -> np.ndarray:
+    def parameter_vector(self) -> np.ndarray:
         """(1 + n,) float64 for compiled code: the model's number, `values`, and what follows from these.
 
         NaN behind the number where a value is beyond its bounds: such a model explains no brightness.
@@ -52,10 +52,10 @@ class Reflectance:
         inside = all(p.lower <= v <= p.upper for p, v in zip(self._parameters, self.values, strict=True))
         constants = self.model.constants
         more = () if constants is None else constants(self._within_bounds())
-        packed = np.array([number, *self.values, *more], float)
+        vector = np.array([number, *self.values, *more], float)
         if not inside:
-            packed[1:] = np.nan
-        return packed
+            vector[1:] = np.nan
+        return vector
 
     @property
     def parameters(self) -> np.ndarray:
@@ -122,7 +122,7 @@ class Reflectance:
         """
         mu0, mu, phase = np.broadcast_arrays(*(np.asarray(x, float) for x in (mu0, mu, phase)))
         out = np.empty(mu0.size)
-        evaluate(self.packed, mu0.ravel(), mu.ravel(), phase.ravel(), out)
+        evaluate(self.parameter_vector, mu0.ravel(), mu.ravel(), phase.ravel(), out)
         return out.reshape(mu0.shape)
 
     def phase_function(self, phase: np.ndarray) -> np.ndarray:
@@ -131,8 +131,8 @@ class Reflectance:
         if factor is None:
             half = np.cos(0.5 * phase)
             return self(half, half, phase)
-        packed, at = self.packed, len(self.model.parameters) - len(factor.parameters) + 1
-        return np.array([factor.function(packed, at, angle)[0] for angle in phase.ravel()]).reshape(phase.shape)
+        vector, at = self.parameter_vector, len(self.model.parameters) - len(factor.parameters) + 1
+        return np.array([factor.function(vector, at, angle)[0] for angle in phase.ravel()]).reshape(phase.shape)
 
     @property
     def _parameters(self) -> tuple[Parameter, ...]:

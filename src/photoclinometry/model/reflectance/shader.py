@@ -1,8 +1,8 @@
 """The models for a graphics processor, as functions of GLSL: the `.glsl` files beside the models' Python.
 
-`Model.shader` is an expression in these functions. The array p is `Reflectance.packed`, so that its indices are those
-of the compiled functions; `p_count` is its length. `tests/test_viewer_light.py` compares every model with the compiled
-one.
+`Model.shader` is an expression in these functions. The array p is `Reflectance.parameter_vector`, so that its indices
+are those of the compiled functions; `p_count` is its length. `tests/test_viewer_light.py` compares every model with the
+compiled one.
 """
 
 from __future__ import annotations

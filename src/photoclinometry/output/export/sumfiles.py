@@ -9,14 +9,13 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from photoclinometry.io.models.sumfile import SumFile, sumfile_of_view, write_sumfile
-from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.geometry import KM_PER_M, Rigid
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.sigma import sigma_along
 from photoclinometry.output.export.frame import Framed
 
 UNKNOWN_TIME = "UNKNOWN"
 """Written in place of the time of exposure, which a scene does not hold."""
-_KM_PER_M = 1e-3
 
 
 def write_sumfiles(folder: Path, framed: Framed) -> dict[str, str]:
@@ -27,7 +26,7 @@ def write_sumfiles(folder: Path, framed: Framed) -> dict[str, str]:
     views = framed.scene.views
     for k, name in enumerate(sumfile_names(views.name)):
         pose = views.body_from_cam[k]
-        in_km = Rigid(pose.rotation, _KM_PER_M * pose.translation)
+        in_km = Rigid(pose.rotation, KM_PER_M * pose.translation)
         summary = sumfile_of_view(name, views.cameras[k], in_km, views.sun[k], utc=UNKNOWN_TIME)
         write_sumfile(folder / f"{name}.SUM", with_sigmas(summary, framed.scene, k))
     stated = {"center", "rotation"} <= set(framed.scene.uncertainty)
@@ -40,7 +39,7 @@ def with_sigmas(summary: SumFile, scene: Scene, view: int) -> SumFile:
     moved, turned = _per_axis(scene, "center", view), _per_axis(scene, "rotation", view)
     if moved is not None:
         x, y, z = moved
-        summary = replace(summary, position_sigma=(_KM_PER_M * x, _KM_PER_M * y, _KM_PER_M * z))
+        summary = replace(summary, position_sigma=(KM_PER_M * x, KM_PER_M * y, KM_PER_M * z))
     return summary if turned is None else replace(summary, pointing_sigma=turned)
 
 

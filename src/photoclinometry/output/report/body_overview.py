@@ -85,7 +85,7 @@ def _what(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
         *_size(body, metrics),
         Fact(
             name="GSD",
-            value=f"{digits(body.gsd)} m" if body.shape.unit else "of unknown length",
+            value="of unknown length" if body.shape.from_images_alone else f"{digits(body.gsd)} m",
             meaning="ground sample distance: one reference pixel, the median of all tiles",
         ),
         Fact(
@@ -121,7 +121,7 @@ def _mean_views(body: ViewedBody) -> float:
 def _size(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
     """Extents and volume, in metres or kilometres; in GSD where these are not known."""
     extents = np.array([metrics[f"{name}_extent"] for name in ("longest", "middle", "shortest")])
-    if body.shape.unit is None:
+    if body.shape.from_images_alone:
         length, unit = 1.0 / body.gsd, "GSD"
     else:
         length, unit = (1.0 / KILO, "km") if extents.max() >= KILO else (1.0, body.shape.unit)
@@ -143,7 +143,7 @@ def _size(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
 
 def _quality(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
     """Sigmas, how tiles agree, and renderings."""
-    gsd_m = body.gsd if body.shape.unit else None
+    gsd_m = None if body.shape.from_images_alone else body.gsd
     found = stated_sigmas(metrics, gsd_m, _SIGMAS)
     if "step_between_tiles_median_gsd" in metrics:
         value = with_unit(metrics["step_between_tiles_median_gsd"], "gsd", gsd_m)

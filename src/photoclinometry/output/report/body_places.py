@@ -96,7 +96,7 @@ def _place(shape: ShapeModel, rows: np.ndarray, words: str, name: str) -> BodyPl
     points = shape.vertices[rows]
     vertex = int(rows[np.argmin(np.linalg.norm(points - points.mean(0), axis=1))])
     lon, lat = lon_lat_deg(shape.vertices[vertex])
-    if shape.unit is None:  # made of images alone, which do not tell the poles
+    if shape.from_images_alone:
         where = f"{name}around {lon % 360.0:.0f}° from x to y, {lat:.0f}° towards z"
     else:
         where = f"{name}around {lon % 360.0:.0f}° E, {abs(lat):.0f}° {'N' if lat >= 0 else 'S'}"

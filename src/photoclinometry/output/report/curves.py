@@ -30,16 +30,16 @@ RENDERINGS = 6
 _STRETCH_PERCENT = (0.5, 99.5)
 """Percentiles of brightness that are shown black and white."""
 _TICKS = 12
-"""Most labels on the axis of iterations."""
-ROUND = "round"
-"""Name of the number of the round among the costs of a step."""
+"""Most labels on the axis of steps."""
+REWEIGHTING = "reweighting iteration"
+"""Name of the number of the reweighting iteration among the costs of a step."""
 CONVERGENCE = (
-    "Cost by type of factor. Between two rounds (shaded in turn) the noise is measured anew, so that costs can be "
-    "compared within a round only; there the sum falls and levels out."
+    "Cost by type of factor. Between two reweighting iterations (shaded in turn) the noise is measured anew, so that "
+    "costs can be compared within one only; there the sum falls and levels out."
 )
 """Caption of the figure of convergence."""
-_WIDE_ROUND = 0.12
-"""Share of the axis that a round needs for its name to be written in full."""
+_WIDE = 0.2
+"""Share of the axis that a reweighting iteration needs for its name to be written in full."""
 
 
 def choose_views(scene: Scene, rows: Sequence[Mapping[str, Any]], count: int = RENDERINGS) -> list[int]:
@@ -95,20 +95,20 @@ def draw_renderings(
 
 
 def draw_convergence(path: Path, convergence: Sequence[Mapping[str, float]]) -> Path:
-    """Cost by type of factor over the iterations, and the sum, on a logarithmic axis, each round by itself.
+    """Cost by type of factor over the steps, and the sum, on a logarithmic axis, by reweighting iteration.
 
-    Between rounds the noise is measured anew. Costs are squared residuals in units of the noise, so that those of two
-    rounds cannot be compared: lines end with their round, and every second round is shaded.
+    Between these the noise is measured anew. Costs are squared residuals in units of the noise, so that those of two
+    cannot be compared: lines end with their reweighting iteration, and every second one is shaded.
     """
-    kinds = list(dict.fromkeys(kind for step in convergence for kind in step if kind != ROUND))
+    kinds = list(dict.fromkeys(kind for step in convergence for kind in step if kind != REWEIGHTING))
     steps = np.arange(len(convergence))
     cost = {kind: np.array([step.get(kind, np.nan) for step in convergence], float) for kind in kinds}
     with style():
         figure, grid = panels(1, 1, 5.2, 0.6, (0.0, 0.0), (0.7, 1.8, 0.5, 0.3))
         axes = grid[0, 0]
         total = np.nansum(list(cost.values()), axis=0)
-        rounds = split_rounds([step.get(ROUND) for step in convergence], total)
-        for number, (first, end) in enumerate(rounds, 1):
+        reweightings = split_reweightings([step.get(REWEIGHTING) for step in convergence], total)
+        for number, (first, end) in enumerate(reweightings, 1):
             part = slice(first, end)
             axes.set_prop_cycle(None)
             axes.plot(steps[part], total[part], color="black", lw=2.2, marker="o", ms=4, label=_once("sum", number))
@@ -118,35 +118,36 @@ def draw_convergence(path: Path, convergence: Sequence[Mapping[str, float]]) -> 
                     axes.plot(steps[part], shown, marker=".", lw=1.2, label=_once(kind, number))
             axes.axvspan(first - 0.5, end - 0.5, color="0.5", alpha=0.15 * (number % 2), lw=0)
             middle = 0.5 * (first + end - 1)
-            name = f"round {number}" if end - first >= _WIDE_ROUND * len(steps) else f"{number}"
+            name = f"{REWEIGHTING} {number}" if end - first >= _WIDE * len(steps) else f"{number}"
             axes.annotate(name, (middle, 1.02), xycoords=("data", "axes fraction"), ha="center", fontsize="small")
         axes.set_yscale("log")
         axes.set_xlim(-0.5, len(steps) - 0.5)
         axes.set_xticks(steps[:: max(1, len(steps) // _TICKS)])
-        axes.set_xlabel("iteration")
-        axes.set_ylabel("cost, in units of the round's noise [-]")
+        axes.set_xlabel("step")
+        axes.set_ylabel("cost, in units of the noise [-]")
         axes.grid(alpha=0.25)
         axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
         return save(figure, path)
 
 
-def cost_by_round(log: Sequence[Iteration]) -> list[dict[str, float]]:
-    """The cost of each accepted step by type of factor, with the number of its round, from 1, as `ROUND`.
+def cost_by_reweighting(log: Sequence[Iteration]) -> list[dict[str, float]]:
+    """The cost of each accepted step by type of factor, with the number of its reweighting iteration, from 1, as
+    `REWEIGHTING`.
 
-    A round's log begins with its start, at which nothing has moved and nothing was solved.
+    The log of each begins with its start, at which nothing has moved and nothing was solved.
     """
     rows, number = [], 0
     for step in log:
         number += step.cg_iterations == 0 and step.position_step == 0.0
         if step.accepted:
-            rows.append({**step.cost, ROUND: float(max(number, 1))})
+            rows.append({**step.cost, REWEIGHTING: float(max(number, 1))})
     return rows
 
 
-def split_rounds(numbers: Sequence[float | None], total: np.ndarray) -> list[tuple[int, int]]:
-    """First iteration of each round, and the first after it, from the rounds' numbers (n,).
+def split_reweightings(numbers: Sequence[float | None], total: np.ndarray) -> list[tuple[int, int]]:
+    """First step of each reweighting iteration, and the first after it, from their numbers (n,).
 
-    Where these are not known, from the cost (n,): no accepted step raises it, so that a rise is another round.
+    Where these are not known, from the cost (n,): no accepted step raises it, so that a rise is another one.
     """
     known = [number for number in numbers if number is not None]
     new = np.diff(known) > 0 if len(known) == len(total) else np.diff(total) > 0
@@ -155,5 +156,5 @@ def split_rounds(numbers: Sequence[float | None], total: np.ndarray) -> list[tup
 
 
 def _once(label: str, number: int) -> str:
-    """A label for the legend, which has that of the first round alone."""
+    """A label for the legend, which has that of the first reweighting iteration alone."""
     return label if number == 1 else f"_{label}"

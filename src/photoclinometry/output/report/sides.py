@@ -107,7 +107,7 @@ def _sides(rays: MeshRays) -> Iterator[Side]:
 
 def titles(shape: ShapeModel) -> list[str]:
     """Of the six sides. A model without a unit of length is made of images alone, which do not tell the poles."""
-    return [geographic if shape.unit else of_axis for geographic, of_axis, _ in SIDES]
+    return [of_axis if shape.from_images_alone else geographic for geographic, of_axis, _ in SIDES]
 
 
 def best_seen(

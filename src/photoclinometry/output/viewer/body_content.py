@@ -60,7 +60,7 @@ class ViewedBody:
 def body_content(body: ViewedBody, images: Sequence[Image] = ()) -> Content:
     """The body for the page. images: of its views, in any order; without them the page compares with none."""
     shape, frame = in_neighbours_order(coarser(body.shape, MOST_FACETS)), _frame(body)
-    length = 1.0 if shape.unit else 1.0 / body.gsd
+    length = 1.0 / body.gsd if shape.from_images_alone else 1.0
     count = len(shape.vertices)
     return {
         "format": FORMAT,

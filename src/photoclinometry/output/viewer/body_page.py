@@ -40,7 +40,7 @@ def read_viewed_body(folder: Path, site: Site) -> ViewedBody:
         reflectance=_reflectance(folder),
         gsd=float(gsd),
         brightness=site.brightness,
-        body_fixed=shape.unit is not None,
+        body_fixed=not shape.from_images_alone,
         pose_priors=site.pose_priors,
     )
 

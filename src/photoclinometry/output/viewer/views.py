@@ -65,13 +65,13 @@ def _prior(prior: PosePrior, frame: Rigid, length: float) -> dict[str, Any]:
 
 def reflectance_content(reflectance: Reflectance | None) -> dict[str, Any] | None:
     """The model's statement for the graphics processor, and its numbers; None where the page cannot render."""
-    if reflectance is None or reflectance.model.shader is None or not np.isfinite(reflectance.packed).all():
+    if reflectance is None or reflectance.model.shader is None or not np.isfinite(reflectance.parameter_vector).all():
         return None
     names, units, _ = reflectance.described
     return {
         "name": reflectance.name,
         "shader": reflectance.model.shader,
-        "packed": reflectance.packed.tolist(),
+        "parameter_vector": reflectance.parameter_vector.tolist(),
         "parameters": names,
         "units": units,
         "absolute": reflectance.predicts_absolute_brightness,

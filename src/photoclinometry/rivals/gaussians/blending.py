@@ -119,6 +119,7 @@ def _tiles_touched(ellipses, n, rows, cols):
 
 @njit(cache=True, parallel=True, error_model="numpy")
 def _blend(ellipses, opacity, value, tiles, out):
+    """`blend` into `out`, whose values are 0 and transmittances 1 before. value: (N, C); tiles run in parallel."""
     # Arrays are taken out of their tuples, since Numba's parallel loops do not write into tuples.
     center, conic, reach = ellipses.center, ellipses.conic, ellipses.radius
     start, entry, across = tiles.start, tiles.entry, tiles.across
@@ -152,6 +153,13 @@ def _blend(ellipses, opacity, value, tiles, out):
 
 @njit(cache=True, parallel=True, error_model="numpy")
 def _blend_back(ellipses, opacity, value, tiles, made, by_picture, by_entry):
+    """Derivatives of a loss into by_entry (E, 6 + C), zero before: by center (2), conic (3), opacity and value (C) of
+    each Gaussian in each of its tiles.
+
+    Gaussians are visited back to front: the transmittance in front of one is that behind it over 1 - alpha, and
+    `behind` is the derivative of what lies behind it. A weight that is cut at MOST_ALPHA depends on neither shape nor
+    opacity.
+    """
     center, conic, reach = ellipses.center, ellipses.conic, ellipses.radius
     start, entry, across = tiles.start, tiles.entry, tiles.across
     left_over, last = made.left, made.last

@@ -90,7 +90,7 @@ class ReflectanceColour:
         """(N, 7): rho, and its derivatives by position and by the third axis."""
         out = np.empty((len(cloud), 7))
         axis = np.ascontiguousarray(rotations(cloud.quaternion)[..., 2])
-        _shade(cloud.position, axis, light.center, light.sun, self.reflectance.packed, out)
+        _shade(cloud.position, axis, light.center, light.sun, self.reflectance.parameter_vector, out)
         return out
 
 
@@ -101,7 +101,7 @@ def outward(axis: np.ndarray, position: np.ndarray, center: np.ndarray) -> np.nd
 
 
 @njit(cache=True, error_model="numpy")
-def _shade(position, axis, center, sun, packed, out):
+def _shade(position, axis, center, sun, parameter_vector, out):
     """rho and its derivatives into out (N, 7), with normals turned towards the camera."""
     for n in range(position.shape[0]):
         e, distance, facing = np.empty(3), 0.0, 0.0
@@ -113,7 +113,7 @@ def _shade(position, axis, center, sun, packed, out):
         sign = 1.0 if facing >= 0.0 else -1.0
         normal = sign * axis[n]
         mu0, mu, phase = angles_at(sun, center, position[n], normal)
-        rho, by_mu0, by_mu, by_phase = photometric_function(packed, mu0, mu, phase)
+        rho, by_mu0, by_mu, by_phase = photometric_function(parameter_vector, mu0, mu, phase)
         sine, cosine = max(np.sin(phase), 1e-9), np.cos(phase)
         out[n, 0] = rho
         for k in range(3):

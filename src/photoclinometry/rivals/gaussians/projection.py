@@ -98,6 +98,9 @@ def _footprint(point, scale, rotation, camera, affine, spread):
 
 @njit(cache=True, error_model="numpy")
 def _project(position, log_scale, quaternion, camera, out):
+    """`project` into `out`. position, log_scale: (N, 3); quaternion: (N, 4) of any length. Behind the camera only depth
+    and radius, which is 0, are written.
+    """
     center, conic, radius, depth = out.center, out.conic, out.radius, out.depth
     for n in range(position.shape[0]):
         point = np.empty(3)
@@ -128,6 +131,12 @@ def _project(position, log_scale, quaternion, camera, out):
 def _project_back(
     position, log_scale, quaternion, camera, by_center, by_conic, by_normal, by_position, by_log_scale, by_quaternion
 ):
+    """`project_back` into by_position (N, 3), by_log_scale (N, 3) and by_quaternion (N, 4); those of Gaussians behind
+    the camera stay.
+
+    The steps of `_project` are repeated, then followed backwards: from the conic to the covariance, to its root J W R
+    S, to scale, rotation and J, and from J and the centre to the position.
+    """
     fx, fy = camera.intrinsics[0], camera.intrinsics[1]
     for n in range(position.shape[0]):
         point = np.empty(3)

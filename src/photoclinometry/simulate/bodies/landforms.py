@@ -235,6 +235,13 @@ def _craters(
     outline,
     depth,
 ):
+    """`add_craters` into height (V,) and log_albedo (V,): each crater visits the vertices in the cells that it reaches.
+
+    origin: (3,); cell: side of a cell; shape: (3,) cells; start, order: vertices by cell. table: (P, S) profiles of
+    height over radius, to PROFILE_REACH radii. center: (n, 3); axes: (n, 3, 3), columns two tangents and the normal;
+    radius, profile (a row of the table), brightening: (n,); outline: (n, 4) amplitudes of cos and sin of twice and
+    three times the azimuth.
+    """
     per_radius = (table.shape[1] - 1) / PROFILE_REACH
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for n in range(len(radius)):
@@ -276,6 +283,11 @@ def _craters(
 def _boulders(
     top, tone, vertices, normals, origin, cell, shape, start, order, center, axes, radius, brightening, planes
 ):
+    """The highest boulder at each vertex: its height into top (V,) and its brightening into tone (V,), both 0 before.
+
+    Arguments as of `_craters`; planes: (n, P, 3) heights of a boulder's faces above its centre, and their slopes along
+    its two tangents [radii]. A boulder is as high as the lowest of its planes.
+    """
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for n in range(len(radius)):
         size, a = radius[n], axes[n]

@@ -10,9 +10,9 @@ import numpy as np
 from photoclinometry import __version__
 from photoclinometry.io.models.icq import icq_directions, write_icq
 from photoclinometry.io.spice_dsk import write_dsk
+from photoclinometry.model.geometry import KM_PER_M
 from photoclinometry.output.export.shape.placed import PlacedShape
 
-_KM_PER_M = 1e-3
 _QS = (64, 128, 256, 512)
 
 
@@ -21,7 +21,7 @@ def write_icq_model(folder: Path, placed: PlacedShape, products: tuple[str, ...]
     q = placed.options.icq_q or nearest_q(len(placed.shape.faces))
     directions = icq_directions(q)
     radius, _, _ = placed.rays.outermost(directions.reshape(-1, 3))
-    write_icq(folder / "SHAPE.TXT", _KM_PER_M * radius.reshape(*directions.shape[:-1], 1) * directions)
+    write_icq(folder / "SHAPE.TXT", KM_PER_M * radius.reshape(*directions.shape[:-1], 1) * directions)
     return {"SHAPE.TXT": f"ICQ model with Q = {q} for stereophotoclinometry (SPC), in km"}
 
 

@@ -17,12 +17,12 @@ import numpy as np
 
 from photoclinometry import __version__
 from photoclinometry.io.fits_planes import Card, Plane, write_cube, write_table
+from photoclinometry.model.geometry import KM_PER_M
 from photoclinometry.output.export.shape.ground import Ground, facet_middles
 from photoclinometry.output.export.shape.maps import pixel_width
 from photoclinometry.output.export.shape.placed import PlacedShape
 from photoclinometry.surface.closed_mesh import area_vectors
 
-_KM_PER_M = 1e-3
 _MM_PER_M = 1e3
 _MOST_ROWS = 1800
 """Of the grid: ten pixels a degree, 26 MB a plane."""
@@ -50,7 +50,7 @@ def write_planes(folder: Path, placed: PlacedShape, products: tuple[str, ...], o
     columns = [
         Plane("Facet number", "", 1 + np.arange(len(area))),
         *planes_of(middles),
-        Plane("Facet Area", "km^2", _KM_PER_M**2 * area),
+        Plane("Facet Area", "km^2", KM_PER_M**2 * area),
     ]
     write_table(folder / "facets.fits", columns, _about(placed, "facets.fits", placed.edge))
     return {
@@ -62,7 +62,7 @@ def write_planes(folder: Path, placed: PlacedShape, products: tuple[str, ...], o
 def planes_of(ground: Ground) -> Iterator[Plane]:
     """The planes of points of the surface, in AltWG's order."""
     shape, gravity = ground.placed.shape, ground.gravity
-    position, normal = _KM_PER_M * ground.position, ground.normal
+    position, normal = KM_PER_M * ground.position, ground.normal
     radius = np.linalg.norm(position, axis=-1)
     yield Plane("Latitude of vertices", "deg", np.degrees(np.arcsin(position[:, 2] / radius)), True)
     yield Plane("Longitude of vertices", "deg", np.degrees(np.arctan2(position[:, 1], position[:, 0])) % 360.0, True)
@@ -82,7 +82,7 @@ def planes_of(ground: Ground) -> Iterator[Plane]:
     if shape.albedo is not None:
         yield Plane("Relative albedo", "", ground.mean(shape.albedo))
     if "height" in shape.sigma:
-        yield Plane("Sigma", "km", _KM_PER_M * ground.mean(shape.sigma["height"]))
+        yield Plane("Sigma", "km", KM_PER_M * ground.mean(shape.sigma["height"]))
     if "normal" in shape.sigma:
         yield Plane("Sigma of normal", "deg", np.degrees(ground.mean(shape.sigma["normal"])))
     if "albedo" in shape.sigma and shape.albedo is not None:

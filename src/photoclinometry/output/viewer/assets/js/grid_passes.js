@@ -104,8 +104,8 @@ function brightnessOf(passes, sun, center, shadows, sigma = 0) {
     u_sun: ["3f", ...sun],
     u_center: ["3f", ...center],
     u_around: ["1i", shadows ? passes.map.ground.cellsOfPenumbra(passes.map.scene) : -1],
-    p: ["1fv", new Float32Array(model.packed)],
-    p_count: ["1i", model.packed.length],
+    p: ["1fv", new Float32Array(model.parameter_vector)],
+    p_count: ["1i", model.parameter_vector.length],
   };
   const [first, second, third] = passes.values;
   overGrid(passes, passes.brightness, first, uniforms, {

@@ -19,7 +19,6 @@ from photoclinometry.adjust.covariance.uncertainty import (
     with_local_errors,
 )
 from photoclinometry.adjust.graph.graph import FactorGraph
-from photoclinometry.adjust.graph.layout import morton_order
 from photoclinometry.adjust.graph.observations import ImageGradients
 from photoclinometry.adjust.graph.priors import PosePriors
 from photoclinometry.adjust.graph.smoothness import Smoothness
@@ -27,11 +26,12 @@ from photoclinometry.adjust.graph.sun_directions import unexplained_variance
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
 from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
-from photoclinometry.adjust.noise import Noise, local_noise, tell_brightness_noise
+from photoclinometry.adjust.noise import Noise, local_noise, noise_is_measurable
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.solve.solver import Iteration, Solution
-from photoclinometry.adjust.tie_points import GroundControl, Members, TiePoints, with_tie_points
-from photoclinometry.model.scene import Scene, Tracks
+from photoclinometry.adjust.solver_order import in_solver_order
+from photoclinometry.adjust.tie_points import TiePoints
+from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 
 log = logging.getLogger(__name__)
@@ -52,44 +52,6 @@ class Fit:
     lit: np.ndarray
     noise: Noise
     history: tuple[Iteration, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sorted:
-    """A scene in the solver's order of landmarks, with tie points."""
-
-    scene: Scene
-    gradients: ImageGradients | None
-    members: Members
-    order: np.ndarray
-    """(J,) the given scene's landmarks in the solver's order."""
-    picked: np.ndarray
-    """(N,) likewise of its observations."""
-
-
-def in_solver_order(
-    scene: Scene,
-    gradients: ImageGradients | None,
-    tie_points: TiePoints | None = None,
-    control: GroundControl | None = None,
-) -> Sorted:
-    """A scene as the solver takes it: brightness and gradients times the gradients' factor, tie points at the end."""
-    order = morton_order(scene.landmarks.pixel)
-    tracks, picked = scene.tracks.of_landmarks(order)
-    if gradients is not None:
-        tracks, gradients = _without_smooth_errors(tracks, gradients.of(picked))
-    own = replace(scene, landmarks=scene.landmarks[order], tracks=tracks)
-    joined, gradients, members = with_tie_points(own, gradients, tie_points, control)
-    return Sorted(scene=joined, gradients=gradients, members=members, order=order, picked=picked)
-
-
-def _without_smooth_errors(tracks: Tracks, gradients: ImageGradients) -> tuple[Tracks, ImageGradients]:
-    """Brightness and its gradients times the gradients' `factor`."""
-    factor = gradients.factor
-    if factor is None:
-        return tracks, gradients
-    gradients = gradients._replace(gradient=gradients.gradient * factor[:, None])
-    return replace(tracks, brightness=tracks.brightness * factor), gradients
 
 
 def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
@@ -126,7 +88,7 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
 
 def _warn_of_unknown_noise(fit: Fit) -> None:
     """Warns where the residuals of brightness are no measure of its noise."""
-    if not tell_brightness_noise(fit.scene, fit.lit):
+    if not noise_is_measurable(fit.scene, fit.lit):
         level = float(np.median(fit.scene.tracks.brightness[fit.lit]))
         warn(
             log, "noise-unknown",
@@ -192,7 +154,6 @@ def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[St
         pose_only_keypoint_factor=noise.keypoint_factor,
         brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor,
     )
-    setup.table.release()
     found = estimate_uncertainty(
         FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness)),
         estimate,

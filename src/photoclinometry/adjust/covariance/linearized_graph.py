@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from photoclinometry.adjust.covariance.information import Estimated, Observed, Patch, observed_patch
+from photoclinometry.adjust.covariance.information import EstimatedReflectance, Observed, Patch, observed_patch
 from photoclinometry.adjust.covariance.windows import Links, links
 from photoclinometry.adjust.graph.general import Rows, Touch, information_of_views
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import states
-from photoclinometry.adjust.graph.slot import CameraState, LandmarkState
-from photoclinometry.adjust.graph.variables import CAMERA_SIZE, LANDMARK_SIZE, Estimate
+from photoclinometry.adjust.graph.slot import LandmarkState, ViewState
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE, Estimate
 from photoclinometry.model.geometry import skew
 
 SIMILARITY = 7
@@ -25,10 +25,10 @@ its surroundings look known."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Linearised:
+class LinearizedGraph:
     """A joint estimate at its minimum: all that its covariances depend on."""
 
-    cameras: CameraState
+    view_state: ViewState
     points: LandmarkState
     observed: Observed
     links: Links
@@ -43,7 +43,7 @@ class Linearised:
     """General factors that touch a landmark and a view."""
     pivot: np.ndarray
     """(3,) as in `Estimate`."""
-    model: Estimated
+    model: EstimatedReflectance
 
     def __len__(self) -> int:
         return len(self.prior)
@@ -51,36 +51,36 @@ class Linearised:
     @property
     def of_views(self) -> int:
         """10 K, the numbers of all views; those of the T estimated reflectance parameters follow them."""
-        return CAMERA_SIZE * len(self.cameras.scale)
+        return VIEW_SIZE * len(self.view_state.scale)
 
     def patch(self, first: int, last: int) -> Patch:
         more = [part for rows in self.several if (part := _within(rows, first, last)) is not None]
         views = np.concatenate([np.zeros(0, int), *(touch.index for rows in more for touch in rows.touches[1:])])
-        patch = observed_patch(first, last, self.cameras, self.points, self.observed, self.pivot, self.model, views)
+        patch = observed_patch(first, last, self.view_state, self.points, self.observed, self.pivot, self.model, views)
         for rows in more:
             _add_general(rows, patch)
         return patch
 
 
-def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
+def linearized_graph(graph: FactorGraph, estimate: Estimate) -> LinearizedGraph:
     """A graph at an estimate: all that its covariances depend on."""
-    cameras, landmarks = states(estimate.views, estimate.landmarks)
+    view_state, landmarks = states(estimate.views, estimate.landmarks)
     observations, tracks = graph.observations, graph.observations.table.tracks
     smooth = graph.smoothness.linearize(estimate, float)
-    brightness, slope = observations.brightness_lines
+    brightness, gradient = observations.brightness_at_origin_and_gradient
     rest, several = graph.general_part(estimate)
     of_views = information_of_views(rest["view"].rest, [rows for rows in several if rows.couple_views])
     reflectance, plain = graph.reflectance, np.ascontiguousarray
     scale = np.zeros(0) if reflectance is None or not len(estimate.parameters) else reflectance.parameter_scale
-    return Linearised(
-        cameras=cameras,
+    return LinearizedGraph(
+        view_state=view_state,
         points=landmarks,
         observed=Observed(
             plain(tracks.start),
             plain(tracks.view),
             plain(tracks.keypoint),
             plain(brightness),
-            plain(slope, float),
+            plain(gradient, float),
             observations.keypoint_weight,
             observations.brightness_weight,
             observations.keypoint_limit,
@@ -92,11 +92,11 @@ def linearised(graph: FactorGraph, estimate: Estimate) -> Linearised:
         prior=rest["landmark"].rest.astype(float),
         several=tuple(rows for rows in several if not rows.couple_views),
         pivot=estimate.pivot,
-        model=Estimated(observations.packed_at(estimate), scale),
+        model=EstimatedReflectance(observations.packed_at(estimate), scale),
     )
 
 
-def loosely_held(at: Linearised) -> Linearised:
+def loosely_held(at: LinearizedGraph) -> LinearizedGraph:
     """With little of the priors on positions."""
     prior = at.prior.copy()
     prior[:, :3, :3] *= LOOSE
@@ -109,7 +109,7 @@ def point_moves(points: np.ndarray, about: np.ndarray) -> np.ndarray:
     return np.concatenate([-skew(arm), np.broadcast_to(np.eye(3), (len(arm), 3, 3)), arm[:, :, None]], axis=2)
 
 
-def landmark_moves(at: Linearised, first: int, last: int) -> np.ndarray:
+def landmark_moves(at: LinearizedGraph, first: int, last: int) -> np.ndarray:
     """(n, 6, 7): local coordinates of landmarks first:last by rotation, translation and scale about the pivot."""
     out = np.zeros((last - first, LANDMARK_SIZE, SIMILARITY))
     out[:, :3] = point_moves(at.points.position[first:last], at.pivot)
@@ -118,15 +118,15 @@ def landmark_moves(at: Linearised, first: int, last: int) -> np.ndarray:
     return out
 
 
-def camera_moves(at: Linearised) -> np.ndarray:
+def view_moves(at: LinearizedGraph) -> np.ndarray:
     """(10 K + T, 7): local coordinates of views likewise; reflectance parameters stay as they are."""
-    cameras = at.cameras
+    view_state = at.view_state
     moved = np.zeros((len(at.common_prior), SIMILARITY))
-    out = moved[: at.of_views].reshape(-1, CAMERA_SIZE, SIMILARITY)
+    out = moved[: at.of_views].reshape(-1, VIEW_SIZE, SIMILARITY)
     out[:, range(3), range(3)] = 1.0
     out[:, range(3, 6), range(3, 6)] = 1.0
-    out[:, 3:6, 6] = cameras.center - at.pivot
-    out[:, 6:8, :3] = -np.einsum("kia,kib->kab", cameras.sun_basis, skew(cameras.sun))
+    out[:, 3:6, 6] = view_state.center - at.pivot
+    out[:, 6:8, :3] = -np.einsum("kia,kib->kab", view_state.sun_basis, skew(view_state.sun))
     return moved
 
 
@@ -159,4 +159,4 @@ def _add_general(rows: Rows, patch: Patch) -> None:
         by_landmark, by_view, j, s = landmark.jacobian[n], view.jacobian[n], landmark.index[n], slot[n]
         patch.own[j, 0] += by_landmark.T @ by_landmark
         patch.coupling[j, :, s, :] += by_landmark.T @ by_view
-        patch.camera[s] += by_view.T @ by_view
+        patch.view_block[s] += by_view.T @ by_view

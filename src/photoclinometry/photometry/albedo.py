@@ -1,4 +1,4 @@
-"""First values of normals and albedos, and the brightness at the keypoints."""
+"""Albedos of landmarks and scales of views from brightness, while the geometry is held."""
 
 from __future__ import annotations
 
@@ -9,106 +9,12 @@ import numpy as np
 
 from photoclinometry.model.reflectance import GRAZING, Reflectance
 from photoclinometry.model.robust import REWEIGHTINGS, huber_weight, robust_sigma
-from photoclinometry.model.scene import Image, Scene, Tracks, Views
+from photoclinometry.model.scene import Scene, Tracks, Views
 from photoclinometry.model.tiny import TINY
-from photoclinometry.photometry.predict import reflectance_of, shading
-from photoclinometry.surface.sampling import as_coarse, sample_image
-
-SHADOW_SHARE = 0.15
-"""Brightness below this share of the median counts as shadow [-]. Shadows hold scattered light and
-camera offset, which no reflectance model explains. `evaluate` counts shadows by a share of its own, so that its figures
-stay comparable."""
-
-PLANE_NEIGHBOURS = 32
-"""Points that a normal's plane is fitted through: six by six about, several times the noise of single points."""
-
-_BLOCK = 20_000
-"""Points whose neighbours are handled at a time: bounds the memory to 100 MB."""
-
-_FARTHEST = 3.0
-"""Neighbours farther apart than the mean plus this many standard deviations of all distances are no neighbours: they
-lie across a hole of the map (the paper's configuration)."""
+from photoclinometry.photometry.predict import exposure_is_free, reflectance_of, shading
 
 SCALE_SWEEPS = 3
 """Albedos and scales are estimated in turns, first against the reference's albedos, then against the mean of all."""
-
-
-def normals_from_neighbours(position: np.ndarray, viewpoint: np.ndarray, count: int = PLANE_NEIGHBOURS) -> np.ndarray:
-    """(J, 3) unit normals of planes through each point's `count` nearest neighbours, itself included.
-
-    position: (J, 3), J >= 3; viewpoint: (3,) or (J, 3), from where the points are seen, in the same frame. The normal
-    is the eigenvector of the neighbours' scatter with the least eigenvalue, turned towards the viewpoint.
-    Raises ValueError for fewer than 3 points.
-    """
-    from scipy.spatial import KDTree
-
-    position = np.asarray(position, float)
-    if len(position) < 3:
-        raise ValueError(f"a plane needs 3 points, got {len(position)}")
-    _, near = KDTree(position).query(position, k=min(count, len(position)), workers=-1)
-    normal = np.empty_like(position)
-    for part in np.array_split(np.arange(len(position)), max(1, len(position) // _BLOCK)):
-        around = position[np.asarray(near)[part]]
-        around = around - around.mean(1, keepdims=True)
-        normal[part] = np.linalg.eigh(np.einsum("jni,jnk->jik", around, around))[1][..., 0]
-    away = np.sum(normal * (viewpoint - position), -1) < 0
-    normal[away] *= -1
-    return normal
-
-
-def neighbours(position: np.ndarray, count: int, nearest: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest other points: (J, count) int32 indices and (J, count) bool, which of them are near enough.
-
-    position: (J, 3). Pairs across the holes of a map are dropped (_FARTHEST), and those nearer than `nearest`. Raises
-    ValueError unless J > count.
-    """
-    from scipy.spatial import KDTree
-
-    if len(position) <= count:
-        raise ValueError(f"{count} neighbours need more than {count} points, got {len(position)}")
-    distance, near = KDTree(position).query(position, k=count + 1, workers=-1)
-    # Where points coincide, the point itself need not be in the first column.
-    itself = near == np.arange(len(position))[:, None]
-    itself[~itself.any(1), -1] = True
-    near, distance = np.asarray(near)[~itself].reshape(-1, count), np.asarray(distance)[~itself].reshape(-1, count)
-    farthest = distance.mean() + _FARTHEST * distance.std()
-    return near.astype(np.int32), (distance >= nearest) & (distance <= farthest)
-
-
-def sample_brightness(
-    images: list[Image],
-    view: np.ndarray,
-    keypoint: np.ndarray,
-    shadow_fraction: float = SHADOW_SHARE,
-    spacing_px: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Brightness (N,) at keypoints (N, 2) [px] of views (N,), and (N,) bool: it is a measurement of lit ground.
-
-    spacing_px: (K,) pixels of each image between landmarks. Images finer than the map are smoothed to its resolution;
-    otherwise relief between landmarks would count as noise, and views of different resolutions would disagree.
-
-    Not lit (False): outside of the image's pixel centres, any of the four pixels invalid, or brightness below
-    `shadow_fraction` of the median over the view's own keypoints. Where a pixel is invalid the brightness is 0 and
-    undefined.
-    """
-    brightness, lit = np.zeros(len(view)), np.zeros(len(view), bool)
-    for k in np.unique(view):
-        at = np.flatnonzero(view == k)
-        image = images[k] if spacing_px is None else as_coarse(images[k], float(spacing_px[k]))
-        value, valid = sample_image(image, keypoint[at])
-        if valid.any():
-            brightness[at] = value
-            lit[at] = valid & (value > shadow_fraction * np.median(value[valid]))
-    return brightness, lit
-
-
-def landmark_spacing_px(views: Views, position: np.ndarray, reference: int) -> np.ndarray:
-    """(K,) pixels of each view across one pixel of the reference view, whose resolution the landmarks (J, 3) have.
-
-    The map's stride does not matter: a map of larger stride has every so many of the same landmarks.
-    """
-    gsd = np.array([views.gsd(k, position) for k in range(len(views))])
-    return gsd[reference] / gsd
 
 
 def predicted_ratio(
@@ -198,11 +104,6 @@ def initial_albedo(
     albedo = unshaded.mean_by_landmark(scale)
     known = np.isfinite(albedo)
     return np.where(known, albedo, np.median(albedo[known])), scale, known
-
-
-def exposure_is_free(brightness: str, reflectance: Reflectance) -> bool:
-    """Whether nothing but a view's own brightness tells its exposure. brightness: "iof" or "dn"."""
-    return brightness == "dn" or not reflectance.predicts_absolute_brightness
 
 
 def with_model(scene: Scene, reflectance: Reflectance) -> Scene:
