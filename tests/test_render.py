@@ -198,13 +198,13 @@ def test_sun_angles_count_clockwise_from_up_in_the_reference_image(scene):
 
 
 def _wall(scene: Scene, height: float) -> Scene:
-    """Level ground seen from straight above, and a wall of one pixel column in the middle."""
+    """Level ground seen from straight above, and in the middle a wall of two columns, which rays of such steps meet."""
     camera, region = scene.views.cameras[0], scene.region
     pose = scene.views.body_from_cam[0]
     rays = camera.ray_in_cam(region.pixel_centers()).reshape(-1, 3)
     distance = 600e3
     depth = np.full(len(rays), distance)
-    depth[scene.landmarks.pixel[:, 1] == region.col + 20] -= height
+    depth[np.isin(scene.landmarks.pixel[:, 1] - region.col, (20, 21))] -= height
     marks = replace(
         scene.landmarks,
         position=pose(rays * depth[:, None]),
@@ -219,10 +219,23 @@ def test_a_wall_casts_a_shadow_of_the_length_that_trigonometry_gives(scene):
     pose = wall.views.body_from_cam[0]
     lit = wall.grid(in_sunlight(wall, pose.rotation @ np.array([1.0, 0.0, -1.0]) / np.sqrt(2))) > 0
     middle = lit[10:30]
-    assert middle[:, 21:].all()
+    assert middle[:, 22:].all()
     assert middle[:, :14].all()
     assert not middle[:, 16:19].any()
     assert in_sunlight(wall, -pose.rotation[:, 2]).all()
+
+
+def test_a_rough_slope_that_the_sun_lights_does_not_shade_itself(scene):
+    """Ground that rises by 0.74 to a column, half a GSD up and down from one to the next; the ray by 1.37."""
+    wall = _wall(scene, 0.0)
+    pose, region = wall.views.body_from_cam[0], wall.region
+    col = wall.landmarks.pixel[:, 1] - region.col
+    depth = pose.inverse()(wall.landmarks.position)[:, 2]
+    closer = depth - 60.0 * (0.74 * (col - 20) + 0.5 * (-1.0) ** col)
+    position = pose(pose.inverse()(wall.landmarks.position) * (closer / depth)[:, None])
+    slope = replace(wall, landmarks=replace(wall.landmarks, position=position))
+    assert in_sunlight(slope, pose.rotation @ np.array([0.59, 0.0, -0.807])).all()
+    assert not in_sunlight(slope, pose.rotation @ np.array([0.9, 0.0, -0.436])).all()
 
 
 def test_a_gentle_site_under_a_high_sun_has_no_cast_shadow(scene):

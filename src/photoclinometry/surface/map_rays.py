@@ -11,7 +11,8 @@ from numba import njit, prange
 from photoclinometry.model.scene import Scene, Surroundings
 
 FIRST_STEP = 1.5
-"""Rays start this many steps from their landmark: past the grid cells around it, whose own slope would obstruct it."""
+"""Rays start this many cells of the map from their landmark, as the reference camera sees it: past the cells around it,
+whose own slope would obstruct it."""
 
 _NOTHING_AROUND = Surroundings(depth=np.full((1, 1), np.nan), stride=1)
 
@@ -97,7 +98,9 @@ def _march(point, towards, intrinsics, ground, around, depths, step):
         k = np.int64(j) if towards.shape[0] > 1 else 0
         along_x, along_y, along_z = towards[k, 0], towards[k, 1], towards[k, 2]
         pace = step / math.sqrt(along_x * along_x + along_y * along_y + along_z * along_z)
-        travelled = FIRST_STEP * pace
+        back = along_z / point[j, 2]
+        across_x, across_y = along_x - back * point[j, 0], along_y - back * point[j, 1]
+        travelled = FIRST_STEP * step / math.sqrt(across_x * across_x + across_y * across_y)
         while True:
             z = point[j, 2] + travelled * along_z
             if z < nearest or z > farthest:

@@ -1,4 +1,4 @@
-// Which landmarks no ground hides from the Sun: rays over the reference camera's depths, as surface/relief.py follows them.
+// Which landmarks no ground hides from the Sun: rays over the reference camera's depths, as surface/map_rays.py follows them.
 // Depths are relative to that of the local frame's origin, which keeps them exact enough in single precision.
 uniform sampler2D u_position;   // per cell: x, y, z in the local frame; w is 1 where there is a landmark
 uniform sampler2D u_depth;      // per cell; FAR where there is no landmark
@@ -35,8 +35,10 @@ void main() {
         return;
     }
     vec3 from = u_cam_from_local * position.xyz + vec3(u_offset.xy, 0.0);
+    vec2 across = u_towards.xy - u_towards.z / (from.z + u_offset.z) * from.xy;
+    float first = FIRST_STEP / length(across);
     for (int i = 0; i < MOST_STEPS; i++) {
-        vec3 at = from + (FIRST_STEP + float(i)) * u_step * u_towards;
+        vec3 at = from + (first + float(i)) * u_step * u_towards;
         if (at.z < u_depths.x || at.z > u_depths.y) {
             return;
         }
