@@ -68,7 +68,7 @@ def test_not_converging_is_a_status_and_raises_on_request():
         minimize(graph, perturbed(scene), once, throw=True)
 
 
-def test_what_progress_raises_ends_the_solve():
+def test_what_on_step_raises_ends_the_solve():
     scene = synthetic_scene(size=6, views=4)
     graph = graph_of(scene).graph
 

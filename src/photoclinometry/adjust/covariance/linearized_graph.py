@@ -92,7 +92,7 @@ def linearized_graph(graph: FactorGraph, estimate: Estimate) -> LinearizedGraph:
         prior=rest["landmark"].rest.astype(float),
         several=tuple(rows for rows in several if not rows.couple_views),
         pivot=estimate.pivot,
-        model=EstimatedReflectance(observations.packed_at(estimate), scale),
+        model=EstimatedReflectance(observations.parameter_vector_at(estimate), scale),
     )
 
 

@@ -35,7 +35,7 @@ WINDOW, PATCH, LARGE_PATCH = 32, 32, 256
 """Landmarks in a window, and in a patch: 8 x 4 in the solver's order, or, in maps up to LARGE, 16 x 16."""
 
 LARGE = 20_000
-"""Landmarks from which on patches are small."""
+"""Landmarks of a map up to which patches are large."""
 
 UNMEASURED = 1e8
 """Of a variance over what it would be were all else known; beyond, it counts as infinite."""

@@ -168,7 +168,7 @@ class Observations:
             return self.reflectance
         return self.reflectance.moved(estimate.parameters)
 
-    def packed_at(self, estimate: Estimate) -> np.ndarray:
+    def parameter_vector_at(self, estimate: Estimate) -> np.ndarray:
         """`Reflectance.parameter_vector` of an estimate."""
         reflectance = self.reflectance_at(estimate)
         return np.zeros(3) if reflectance is None else reflectance.parameter_vector
@@ -243,7 +243,7 @@ class Observations:
         normal: Normal,
     ) -> None:
         kernels.linearize(
-            self.table.layout, self.measured, views, landmarks, estimate.pivot, self.packed_at(estimate),
+            self.table.layout, self.measured, views, landmarks, estimate.pivot, self.parameter_vector_at(estimate),
             self._unit(estimate), with_jacobian, stored, normal,
         )  # fmt: skip
 
