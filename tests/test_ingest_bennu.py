@@ -11,7 +11,7 @@ from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
-from photoclinometry.photometry.render import render_view
+from photoclinometry.photometry.render import draw_landmarks, landmark_brightness
 
 SPC = FORMATS / "spc"
 
@@ -73,7 +73,7 @@ def test_the_rendered_shape_is_what_the_image_shows(tmp_path):
     image = SPC / "ocams20190314t190123s972_map_iofl2pan_77236.png"
     (exposure,) = ingest([image], tmp_path / "site", options).exposures
     scene, faces = shape_scene(exposure)
-    rendered, mask = render_view(scene, 0, faces=faces)
+    rendered, mask = draw_landmarks(scene, 0, landmark_brightness(scene, 0), faces)
     shown = exposure.image.brightness
 
     def likeness(picture):

@@ -12,6 +12,7 @@ from photoclinometry.model.scene import Camera, Scene
 from photoclinometry.photometry.render import (
     as_resolved,
     draw_landmarks,
+    draw_smoothly,
     landmark_brightness,
     render_reference,
     render_view,
@@ -45,11 +46,41 @@ def test_rendering_the_reference_view_is_exact_at_the_landmarks(scene):
 
 
 def test_rendering_other_views_matches_their_exact_images(scene):
-    """Between landmarks linear interpolation errs by the curvature: below 1 % of the brightness here."""
+    """To the geometry of the mesh, and, near the map's edge, to that nothing is known beyond."""
     for k, image in enumerate(synthetic_images(scene)):
         rendered, mask = render_view(scene, k)
         assert mask.sum() > 1000
         np.testing.assert_allclose(rendered[mask], image.brightness[mask], rtol=0.015)
+        inside = binary_erosion(mask, iterations=4)
+        np.testing.assert_allclose(rendered[inside], image.brightness[inside], rtol=0.004)
+
+
+def test_waves_of_four_landmarks_keep_their_height_between_landmarks(scene):
+    """Of which linear interpolation takes up to half: three tenths along rows and along columns."""
+    row, col = scene.cells
+    waves = 2.0 + np.cos(0.5 * np.pi * row) * np.cos(0.5 * np.pi * col)
+    place, mask = draw_landmarks(scene, 3, np.stack([row, col], axis=-1))
+    inside = binary_erosion(mask, iterations=6)
+    expected = 2.0 + np.prod(np.cos(0.5 * np.pi * place), axis=-1)
+    smooth, linear = (draw(scene, 3, waves)[0] for draw in (draw_smoothly, draw_landmarks))
+    assert np.abs(smooth - expected)[inside].max() < 0.06
+    assert np.abs(linear - expected)[inside].max() > 0.4
+
+
+def test_smooth_values_are_those_of_landmarks_next_to_holes_and_never_negative(scene):
+    there = np.random.default_rng(0).random(len(scene.landmarks)) > 0.1
+    fewer = with_landmarks(scene, there)
+    dark = np.where(fewer.cells[1] > 20, 0.0, 1.0)
+    drawn, mask = draw_smoothly(fewer, scene.reference, dark)
+    row, col = fewer.landmarks.pixel.T
+    np.testing.assert_allclose(drawn[row, col], dark, atol=1e-9)
+    assert drawn.min() == 0.0
+    assert (mask == draw_landmarks(fewer, scene.reference, dark)[1]).all()
+    np.testing.assert_allclose(draw_smoothly(fewer, 3, np.full(there.sum(), 0.7))[0][mask_of(fewer, 3)], 0.7)
+
+
+def mask_of(scene, view):
+    return draw_landmarks(scene, view, scene.landmarks.albedo)[1]
 
 
 def with_coarse_view(scene, view, factor=2):

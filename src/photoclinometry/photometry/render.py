@@ -17,7 +17,7 @@ from photoclinometry.photometry.predict import reflectance_of
 from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
 from photoclinometry.surface.map_rays import in_sunlight
 from photoclinometry.surface.rasterise import draw_triangles
-from photoclinometry.surface.sampling import gaussian, masked_filter, smoothing_px
+from photoclinometry.surface.sampling import filled_from_nearest, gaussian, masked_filter, sample, smoothing_px
 
 
 def landmark_brightness(
@@ -85,22 +85,49 @@ def render_reference(
 
 
 def render_view(
-    scene: Scene, view: int, sun: np.ndarray | None = None, *, faces: np.ndarray | None = None, **options: Any
+    scene: Scene,
+    view: int,
+    sun: np.ndarray | None = None,
+    *,
+    faces: np.ndarray | None = None,
+    with_scale_and_bias: bool = True,
+    cast_shadows: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The map as one view's camera sees it: image (H, W), zero outside the map, and mask (H, W) bool.
 
-    The landmarks' grid is a mesh. Brightness is computed at its vertices and interpolated at pixel centres; the nearest
-    surface hides those behind it. options: of `landmark_brightness`. faces: `landmark_faces(scene)`, to compute them
-    only once for many views.
+    The landmarks' grid is a mesh; the nearest surface hides those behind it. Brightness is computed at its vertices and
+    interpolated at pixel centres as `draw_smoothly` does. with_scale_and_bias, cast_shadows: as of
+    `landmark_brightness`. faces: `landmark_faces(scene)`, to compute them only once for many views.
     """
-    brightness = landmark_brightness(scene, view, sun, **options)
-    return draw_landmarks(scene, view, as_resolved(scene, view, brightness), faces)
+    radiance = landmark_brightness(scene, view, sun, with_scale_and_bias=False, cast_shadows=cast_shadows)
+    image, mask = draw_smoothly(scene, view, as_resolved(scene, view, radiance), faces)
+    if with_scale_and_bias:
+        image[mask] = scene.views.scale[view] * image[mask] + scene.views.bias[view]
+    return image, mask
+
+
+def draw_smoothly(
+    scene: Scene, view: int, value: np.ndarray, faces: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """`draw_landmarks` of values (J,) that are nowhere negative, such as radiance, by a cubic spline over the map's
+    grid: as images are interpolated between their pixels (`sample_image`).
+
+    A map holds brightness up to waves of two landmarks. Halfway between landmarks, linear interpolation takes three
+    tenths of the amplitude of waves of four: 1 - cos(45 degrees).
+    """
+    row, col = scene.cells
+    cell, mask = draw_landmarks(scene, view, np.stack([col + 0.5, row + 0.5], axis=-1), faces)
+    grid = scene.grid(value)
+    drawn = np.zeros(mask.shape)
+    drawn[mask] = np.maximum(sample(filled_from_nearest(grid, np.isfinite(grid)), cell[mask]), 0.0)
+    return drawn, mask
 
 
 def draw_landmarks(
     scene: Scene, view: int, value: np.ndarray, faces: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values (J,) of the landmarks drawn in a view: image (H, W), zero outside the map, and mask (H, W)."""
+    """Values (J,) or (J, n) of the landmarks drawn in a view: image (H, W) or (H, W, n), linear between landmarks and
+    zero outside the map, and mask (H, W)."""
     camera = scene.views.cameras[view]
     faces = landmark_faces(scene) if faces is None else faces
     in_cam = scene.views.body_from_cam[view].inverse()(scene.landmarks.position)

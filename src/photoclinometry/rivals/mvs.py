@@ -24,7 +24,7 @@ from photoclinometry.model.option_fields import changed
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.scene import Scene, join_views
-from photoclinometry.photometry.render import draw_landmarks
+from photoclinometry.photometry.render import draw_smoothly
 from photoclinometry.photometry.sampled_brightness import sample_brightness
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.run import run
@@ -58,7 +58,7 @@ def run_mvs(
     order = [names.index(name) for name in problem.views.name]
     joined, faces = scene.with_estimate(views[order], scene.landmarks), landmark_faces(scene)
     texture = mean_brightness(problem, scene)
-    drawn = [draw_landmarks(joined, k, texture, faces) for k in range(len(order))]
+    drawn = [draw_smoothly(joined, k, texture, faces) for k in range(len(order))]
     rendered, covered = [image for image, _ in drawn], [mask for _, mask in drawn]
     stages = run_files.read_metrics(out).get("stages", ())
     resumed = any(stage["resumed"] for stage in stages if stage["stage"] not in ADOPTED)

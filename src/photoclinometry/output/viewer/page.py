@@ -68,6 +68,8 @@ SHADERS = (
     "sunlit.frag",
     "brightness.frag",
     "average.frag",
+    "filled.frag",
+    "spline.frag",
     "surface.vert",
     "surface.frag",
     "display.frag",

@@ -5,6 +5,7 @@ const LIGHT_IN_CAM = [-0.58, -0.58, -0.57]; // of hillshades: from the upper lef
 const SPHERE_MEAN = 0.44; // cosine of incidence on a sphere in that light, in the mean over its disk (Lambert)
 
 const BODY = {
+  isGrid: false,
   heightName: "radius",
   slopeName: "slope against the radius",
   footprints: false,

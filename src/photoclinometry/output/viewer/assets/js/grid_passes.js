@@ -16,6 +16,7 @@ function gridPasses(gl, map, shaders) {
       }\n`;
     passes.brightness = programOf(gl, shaders["grid.vert"], rho + shaders["brightness.frag"]);
   }
+  if (map.ground.isGrid) passes.spline = splinePasses(gl, map, shaders);
   passes.lit = targetOf(gl, "R32F", map.cols, map.rows);
   passes.values = [0, 1, 2].map(() => targetOf(gl, "RG32F", map.cols, map.rows));
   passes.empty = gl.createVertexArray();
@@ -96,8 +97,56 @@ function castByDepths(passes, sun) {
   });
 }
 
-/** Target with brightness = albedo * rho for a camera's centre, averaged by a Gaussian of sigma [cells] if above 0. */
+/** Programs and targets of the cubic spline through values of the grid, and the landmark nearest to each cell. */
+function splinePasses(gl, map, shaders) {
+  const nearest = new Float32Array(2 * map.rows * map.cols);
+  for (let at = 0; at < map.rows * map.cols; at++) {
+    const [row, col] = nearestLandmark(map, Math.floor(at / map.cols), at % map.cols);
+    nearest.set([col, row], 2 * at);
+  }
+  return {
+    filled: programOf(gl, shaders["grid.vert"], shaders["filled.frag"]),
+    along: programOf(gl, shaders["grid.vert"], shaders["spline.frag"]),
+    nearest: textureOf(gl, "RG32F", map.cols, map.rows, nearest),
+    values: targetOf(gl, "R32F", map.cols, map.rows),
+    ofRows: targetOf(gl, "R32F", map.cols + 2, map.rows),
+    coefficients: targetOf(gl, "R32F", map.cols + 2, map.rows + 2),
+  };
+}
+
+/** Row and column of the cell with a landmark that is nearest to a cell. */
+function nearestLandmark(map, row, col) {
+  let [best, found] = [Infinity, [row, col]];
+  for (let ring = 0; ring * ring < best && ring < Math.max(map.rows, map.cols); ring++) {
+    for (let i = -ring; i <= ring; i++) {
+      for (let j = -ring; j <= ring; j += Math.abs(i) === ring ? 1 : 2 * ring) {
+        const [r, c] = [row + i, col + j];
+        const inside = r >= 0 && c >= 0 && r < map.rows && c < map.cols;
+        if (inside && map.landmarkAt[r * map.cols + c] >= 0 && i * i + j * j < best)
+          [best, found] = [i * i + j * j, [r, c]];
+      }
+    }
+  }
+  return found;
+}
+
+/** Texture of the spline's coefficients through the values of a target like brightnessOf's. */
+function coefficientsOf(passes, values) {
+  const { filled, along, nearest, values: whole, ofRows, coefficients } = passes.spline;
+  overGrid(passes, filled, whole, {}, { u_values: values.texture, u_nearest: nearest });
+  overGrid(passes, along, ofRows, { u_along: ["2i", 1, 0] }, { u_values: whole.texture });
+  overGrid(passes, along, coefficients, { u_along: ["2i", 0, 1] }, { u_values: ofRows.texture });
+  return coefficients.texture;
+}
+
+/** Brightness = albedo * rho for a camera's centre, averaged by a Gaussian of sigma [cells] if above 0: a target and,
+ * of a grid, the coefficients of the spline that render interpolates with. */
 function brightnessOf(passes, sun, center, shadows, sigma = 0) {
+  const target = landmarkBrightness(passes, sun, center, shadows, sigma);
+  return passes.spline ? { ...target, coefficients: coefficientsOf(passes, target) } : target;
+}
+
+function landmarkBrightness(passes, sun, center, shadows, sigma) {
   const model = passes.map.scene.reflectance;
   if (shadows) castShadows(passes, sun);
   const uniforms = {

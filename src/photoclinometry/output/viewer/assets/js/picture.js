@@ -20,7 +20,7 @@ function shownNow(viewer, size) {
   const factors = state.camera === "image" && layer.key === "rendering" ? [view.scale, view.bias] : [1, 0];
   const stretch = picture ? stretchOf(picture) : { limits: [0, 1], mean: 1 };
   const asImage = picture && (state.compare !== "map" || viewer.viewOfSun() === state.view);
-  const values = layerTexture(viewer, layer, camera, factors, asImage ? stretch.limits : null);
+  const values = layerValues(viewer, layer, camera, factors, asImage ? stretch.limits : null);
   const block = picture ? picture.block : 1;
   const zoom = state.zoom * block;
   const origin = picture ? [picture.col, picture.row] : [0, 0];
@@ -42,26 +42,26 @@ function shownNow(viewer, size) {
     imageUnit: map.scene.brightness === "iof" ? "I/F" : "DN",
     difference: [1 / stretch.mean, state.difference / 100],
   };
-  return { camera, layer, factors, texture: values.texture, shown };
+  return { camera, layer, factors, values: values.shown, shown };
 }
 
-/** A layer's texture and limits; a rendering's are imageLimits where these are given. */
-function layerTexture(viewer, layer, camera, factors, imageLimits) {
+/** What drawSurface takes of a layer, and its limits; a rendering's are imageLimits where these are given. */
+function layerValues(viewer, layer, camera, factors, imageLimits) {
   const { renderer, map, store } = viewer;
   const { state } = store;
   const { passes } = renderer;
   if (layer.key === "rendering") {
     const sigma = state.camera === "image" ? map.scene.views[state.view].averaging : 0;
     const target = brightnessOf(passes, sunOf(state), camera.center, state.shadows, sigma);
-    return { texture: target.texture, limits: imageLimits ?? exposureOf(renderer, target, factors) };
+    return { shown: target, limits: imageLimits ?? exposureOf(renderer, target, factors) };
   }
   if (layer.key === "relief") {
     if (viewer.relief) renderer.gl.deleteTexture(viewer.relief);
     viewer.relief = valuesTexture(passes, cosines(map, sunOf(state)));
-    return { texture: viewer.relief, limits: layer.limits };
+    return { shown: { texture: viewer.relief }, limits: layer.limits };
   }
   layer.texture ??= valuesTexture(passes, layer.values);
-  return { texture: layer.texture, limits: limitsOf(layer) };
+  return { shown: { texture: layer.texture }, limits: limitsOf(layer) };
 }
 
 /** Draws all: the picture at a level of detail, what is above it, and the sky. */
@@ -71,10 +71,10 @@ function draw(viewer, level = 0) {
   const ratio = viewer.ratio();
   const size = [picture, overlay].map((canvas) => fitted(canvas, ratio))[0];
   const now = shownNow(viewer, size);
-  drawSurface(renderer, surfaceTarget(renderer), now.camera, now.texture, now.factors);
+  drawSurface(renderer, surfaceTarget(renderer), now.camera, now.values, now.factors);
   if (now.shown.compare === "difference") {
     const k = store.state.view;
-    drawOfPicture(renderer, map.scene.views[k], map.pictures[k], now.texture, now.factors);
+    drawOfPicture(renderer, map.scene.views[k], map.pictures[k], now.values, now.factors);
   }
   drawColours(renderer, now.shown);
   drawOverlay(overlay, renderer, store.state, now.layer, now.shown, now.camera, ratio);

@@ -2,6 +2,7 @@
 // under the same names: a map's `ground` is one of the two.
 
 const REGION = {
+  isGrid: true, // whether there is ground between neighbouring cells
   heightName: "height",
   slopeName: "slope",
   footprints: true,

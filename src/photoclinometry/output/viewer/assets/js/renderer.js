@@ -60,7 +60,8 @@ function depthsIn(map, camera) {
   return { nearest, beyondMiddle: 1.1 * map.radius };
 }
 
-/** Draws value, shade and place into a target as surface.frag states. factors: value shown = [0] * value + [1]. */
+/** Draws value, shade and place into a target as surface.frag states. values: a texture of the landmarks', and the
+ * coefficients of a spline through them where it is to be smooth. factors: value shown = [0] * value + [1]. */
 function drawSurface(renderer, target, camera, values, factors) {
   const { gl, map, passes } = renderer;
   const { nearest, beyondMiddle } = depthsIn(map, camera);
@@ -69,7 +70,8 @@ function drawSurface(renderer, target, camera, values, factors) {
   gl.clearColor(0, 0, 0, 0);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   const uniforms = {
-    u_closed: ["1i", map.scene.kind === "body" ? 1 : 0],
+    u_closed: ["1i", map.ground.isGrid ? 0 : 1],
+    u_smooth: ["1i", values.coefficients ? 1 : 0],
     u_cam_from_local: ["Matrix3fv", camera.camFromLocal],
     u_offset: ["3f", ...camera.offset],
     u_intrinsics: ["4f", ...camera.focal, ...camera.principal],
@@ -81,7 +83,8 @@ function drawSurface(renderer, target, camera, values, factors) {
   use(gl, renderer.surface, uniforms, {
     u_position: passes.textures.position,
     u_normal: passes.textures.normal,
-    u_values: values,
+    u_values: values.texture,
+    u_coefficients: values.coefficients ?? values.texture,
   });
   drawMesh(gl, renderer.mesh);
 }
@@ -171,7 +174,7 @@ function renderingOf(renderer, k, sun, shadows) {
   const camera = wholeImage(view);
   const values = brightnessOf(passes, sun, camera.center, shadows, view.averaging);
   const target = targetOf(gl, "RGBA32F", view.width, view.height, true);
-  drawSurface(renderer, target, camera, values.texture, [view.scale, view.bias]);
+  drawSurface(renderer, target, camera, values, [view.scale, view.bias]);
   const read = readBack(gl, target);
   release(gl, target);
   const found = new Float32Array(view.width * view.height);
