@@ -264,7 +264,8 @@ class Tracks:
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """The ground around a map as the reference view sees it, roughly: it casts shadows, and is no part of the map."""
+    """The ground around a map as the reference view sees it, roughly: it casts shadows, and is no part of the map. It
+    is known from sparse points, and from the shadows that the images show."""
 
     depth: np.ndarray
     """(rows, cols) along the reference camera's optical axis, in units of B, at every `stride`-th pixel of its image

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -12,8 +13,9 @@ from photoclinometry.evaluate.held_out import Resected, resect_views, views_in_f
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Scene
+from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.albedo import with_model
+from photoclinometry.photometry.cast_shadows import surroundings_by_shadows
 from photoclinometry.photometry.point_spread import psf_sigma_px
 from photoclinometry.pipeline.direct_refinement import refine_directly
 from photoclinometry.pipeline.first_estimate import first_estimate
@@ -141,18 +143,17 @@ class LastEstimate(Stage[FinishedMap]):
 
     def make(self, tools: Tools) -> FinishedMap:
         start, estimate = self.start.value, partial(self.estimate, progress=tools.progress)
-        scene, model, psf = start.scene, self.estimate.reflectance, None
+        scene, model, psf, images = start.scene, self.estimate.reflectance, None, self.posed.registered_images
         if scene.reflectance is not None and model is not None and model.name != scene.reflectance.name:
             scene = with_model(scene, model)
         if self.direct:
-            images = self.posed.registered_images
             psf = psf_sigma_px(images) if self.psf_sigma_px is None else self.psf_sigma_px
             known = self.estimate.known_views is not None
             found = refine_directly(scene, images, estimate, start.noise, poses_are_known=known)
             found = replace(found, scene=with_fine_relief(found.scene, psf))
         else:
             found = estimate(scene, by_relit_matches(start.noise))
-        found = replace(found, scene=with_strays_fitted_again(with_neighbours_albedos(found.scene)))
+        found = replace(found, scene=_finished(found.scene, images))
         landmarks = f"{len(found.scene.landmarks):,} landmarks in {len(found.scene.views)} views"
         say_found(landmarks if found.converged else f"{landmarks}, not converged")
         if self.before is None:
@@ -161,6 +162,14 @@ class LastEstimate(Stage[FinishedMap]):
         assert moved is not None
         figures = iteration_figures(start.number, found.scene, before, moved)
         return FinishedMap(adjustment=found, figures=figures, psf_sigma_px=psf)
+
+
+def _finished(scene: Scene, images: Sequence[Image]) -> Scene:
+    """What single landmarks and the ground around are to be, once all else is estimated. images: of its views."""
+    scene = with_strays_fitted_again(with_neighbours_albedos(scene))
+    if scene.reflectance is None:
+        return scene
+    return replace(scene, surroundings=surroundings_by_shadows(scene, images))
 
 
 def _suffix(estimate: JointEstimate) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,20 @@ whose own slope would obstruct it."""
 _NOTHING_AROUND = Surroundings(depth=np.full((1, 1), np.nan), stride=1)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Decided:
+    """Which nodes of the ground around a map decide whether rays (n,) meet it."""
+
+    node: np.ndarray
+    """(n,) int: of the flattened depths, the node nearest to where the ray is deepest below that ground, or lowest
+    above; -1 of rays that never are over it, or that the map itself obstructs."""
+    below: np.ndarray
+    """(n,) by how much more the node's depth had to be for the ray to touch the ground there [units of B]. The ray
+    meets it where this is positive."""
+    free_of_map: np.ndarray
+    """(n,) bool: the map itself does not obstruct the ray."""
+
+
 class MapRays:
     """Rays from all landmarks of a map, over the depth map of its reference camera.
 
@@ -25,11 +40,14 @@ class MapRays:
     the map ends, but not in its holes.
     """
 
-    def __init__(self, scene: Scene, surroundings: Surroundings | None = None) -> None:
+    def __init__(
+        self, scene: Scene, surroundings: Surroundings | None = None, chosen: slice | np.ndarray = np.s_[:]
+    ) -> None:
+        """chosen: landmarks that rays start from, J of them; by default all."""
         around, region = surroundings or _NOTHING_AROUND, scene.region
         self._cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
-        self._point = self._cam_from_body(scene.landmarks.position)
-        depth = self._point[:, 2]
+        point = self._cam_from_body(scene.landmarks.position)
+        self._point, depth = point[chosen], point[:, 2]
         self._ground = _DepthGrid(scene.grid(depth), region.row, region.col, region.stride)
         self._around = _DepthGrid(around.depth, 0, 0, around.stride)
         self._depths = (
@@ -47,8 +65,23 @@ class MapRays:
         """(J,) bool: no ground stands in the way from the landmarks to a place (3,) of B beyond all of it."""
         return self._free(self._cam_from_body(place) - self._point)
 
+    def decided(self, direction: np.ndarray, above: float = 0.0) -> Decided:
+        """What the ground around the map does to rays from the landmarks into a direction (3,) of B.
+
+        above: how far beyond the nearest and the farthest ground rays are followed [units of B].
+        """
+        count = len(self._point)
+        node, below = np.full(count, -1), np.full(count, -np.inf)
+        free = self._march((direction @ self._cam_from_body.rotation.T)[None], node, below, above)
+        node[~free] = -1
+        return Decided(node=node, below=below, free_of_map=free)
+
     def _free(self, towards: np.ndarray) -> np.ndarray:
-        return _march(self._point, towards, self._intrinsics, self._ground, self._around, self._depths, self._step)
+        return self._march(towards, np.empty(0, int), np.empty(0))
+
+    def _march(self, towards: np.ndarray, node: np.ndarray, below: np.ndarray, above: float = 0.0) -> np.ndarray:
+        grids, depths = (self._ground, self._around), (self._depths[0] - above, self._depths[1] + above)
+        return _march(self._point, towards, self._intrinsics, *grids, depths, self._step, node, below)
 
 
 def in_sunlight(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:
@@ -81,12 +114,14 @@ def _depth_at(depth, row, col):
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
-def _march(point, towards, intrinsics, ground, around, depths, step):
+def _march(point, towards, intrinsics, ground, around, depths, step, node, below):
     """(J,) bool: the rays from points (J, 3), in the reference camera's frame, meet no ground.
 
     towards: (J, 3), or (1, 3) of all, of any length; intrinsics: fx, fy, cx, cy; ground, around: `_DepthGrid`, the
-    second where the first ends; depths: nearest and farthest of both; step: length.
+    second where the first ends; depths: nearest and farthest of both; step: length. node, below: (J,) of `Decided`,
+    into which what the ground around does is written, while rays go on through it; or empty.
     """
+    goes_on = node.size > 0
     free = np.ones(point.shape[0], np.bool_)
     nearest, farthest = depths
     map_depth, around_depth = ground.depth, around.depth
@@ -117,6 +152,13 @@ def _march(point, towards, intrinsics, ground, around, depths, step):
                 if not (0.0 <= row < around_height and 0.0 <= col < around_width):
                     break
                 surface = _depth_at(around_depth, row, col)
+                if goes_on:
+                    r, c = int(row + 0.5), int(col + 0.5)
+                    by_node = (1.0 - abs(row - r)) * (1.0 - abs(col - c))
+                    if (z - surface) / by_node > below[j]:
+                        below[j] = (z - surface) / by_node
+                        node[j] = r * around_depth.shape[1] + c
+                    continue
             if z > surface:  # behind the ground; False where the depth is unknown (NaN)
                 free[j] = False
                 break
