@@ -62,7 +62,7 @@ def main(run: Path, chosen: list[int]) -> None:
         print(f"{len(scene.landmarks)} landmarks, {len(scene.views)} images: {path.stat().st_size / 1e6:.1f} MB")
         page.open(path)
         print(f"drawn after {page.run('return viewer.openedIn'):.0f} ms")
-        print_frames(page, 0)
+        print_both_frames(page)
         for view in chosen or [scene.reference]:
             compare(page, scene, view)
 
@@ -75,7 +75,7 @@ def main_made_up(count: int) -> None:
         print(f"{len(scene.landmarks)} landmarks, no images: {path.stat().st_size / 1e6:.1f} MB")
         page.open(path)
         print(f"drawn after {page.run('return viewer.openedIn'):.0f} ms")
-        print_frames(page, 0)
+        print_both_frames(page)
 
 
 def main_body(path: Path) -> None:
@@ -86,6 +86,13 @@ def main_body(path: Path) -> None:
         for level, indices in enumerate(page.run("return viewer.renderer.levels.map(level => level.indices)")):
             print(f"{indices // 3} facets")
             print_frames(page, level)
+
+
+def print_both_frames(page: Page) -> None:
+    """Prints the times of frames of a region: at rest, by splines, and while it moves."""
+    for level, when in enumerate(("at rest", "while it moves")):
+        print(when)
+        print_frames(page, level)
 
 
 def print_frames(page: Page, level: int) -> None:

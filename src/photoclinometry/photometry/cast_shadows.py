@@ -42,7 +42,6 @@ PAST_GSD = 0.05
 """Ground goes so far past the last ray that it is to let through or obstruct [ground sample distances]: beyond
 rounding, and little against what places are known to."""
 
-
 HIGHEST = 3.0
 """Rays that pass higher above all ground than this [SIGMA_GSD] are left to themselves."""
 
@@ -73,6 +72,8 @@ def surroundings_by_shadows(scene: Scene, images: Sequence[Image]) -> Surroundin
     if around is None or before is None:
         return None
     chosen, sigma = _chosen(scene, around), SIGMA_GSD * scene.gsd
+    if not chosen.any():
+        return around
     seen = [_seen(scene, k, image, chosen) for k, image in enumerate(images)]
     costs: list[float] = []
     while True:

@@ -1,5 +1,6 @@
 // Coefficients of the cubic spline through the values of a grid, along its rows or columns (Unser 1999,
-// doi:10.1109/79.799930); beyond the edges values repeat. Along what is filtered there is a coefficient more at each end.
+// doi:10.1109/79.799930); beyond the edges values repeat. Along these there is one coefficient more at the beginning, and
+// two at the end: a place on the last cell asks for them.
 uniform sampler2D u_values;
 uniform ivec2 u_along;       // (1, 0) or (0, 1)
 out float coefficient;

@@ -12,18 +12,20 @@ vec4 weights(float t) {
     return vec4(s * s * s, 4.0 - 3.0 * t * t * (1.0 + s), 4.0 - 3.0 * s * s * (1.0 + t), t * t * t) / 6.0;
 }
 
-float spline_at(vec2 cell) {
-    ivec2 first = ivec2(floor(cell));
-    ivec2 last = textureSize(u_coefficients, 0) - 1;
+float spline_at(vec2 place) {
+    vec2 cell = max(place, vec2(0.0));  // rounding may leave the grid
+    ivec2 first = ivec2(cell);
     vec4 across = weights(fract(cell.x));
     vec4 down = weights(fract(cell.y));
-    float sum = 0.0;
+    vec4 rows;
     for (int i = 0; i < 4; i++) {
+        vec4 row;
         for (int j = 0; j < 4; j++) {
-            sum += down[i] * across[j] * texelFetch(u_coefficients, clamp(first + ivec2(j, i), ivec2(0), last), 0).r;
+            row[j] = texelFetch(u_coefficients, first + ivec2(j, i), 0).r;
         }
+        rows[i] = dot(across, row);
     }
-    return sum;
+    return dot(down, rows);
 }
 
 void main() {

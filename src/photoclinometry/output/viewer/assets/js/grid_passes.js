@@ -109,8 +109,8 @@ function splinePasses(gl, map, shaders) {
     along: programOf(gl, shaders["grid.vert"], shaders["spline.frag"]),
     nearest: textureOf(gl, "RG32F", map.cols, map.rows, nearest),
     values: targetOf(gl, "R32F", map.cols, map.rows),
-    ofRows: targetOf(gl, "R32F", map.cols + 2, map.rows),
-    coefficients: targetOf(gl, "R32F", map.cols + 2, map.rows + 2),
+    ofRows: targetOf(gl, "R32F", map.cols + 3, map.rows),
+    coefficients: targetOf(gl, "R32F", map.cols + 3, map.rows + 3),
   };
 }
 
@@ -139,11 +139,11 @@ function coefficientsOf(passes, values) {
   return coefficients.texture;
 }
 
-/** Brightness = albedo * rho for a camera's centre, averaged by a Gaussian of sigma [cells] if above 0: a target and,
- * of a grid, the coefficients of the spline that render interpolates with. */
-function brightnessOf(passes, sun, center, shadows, sigma = 0) {
+/** Brightness = albedo * rho for a camera's centre, averaged by a Gaussian of sigma [cells] if above 0: a target and, if
+ * it is to be smooth and the map is a grid, the coefficients of the spline that render interpolates with. */
+function brightnessOf(passes, sun, center, shadows, sigma = 0, smooth = true) {
   const target = landmarkBrightness(passes, sun, center, shadows, sigma);
-  return passes.spline ? { ...target, coefficients: coefficientsOf(passes, target) } : target;
+  return smooth && passes.spline ? { ...target, coefficients: coefficientsOf(passes, target) } : target;
 }
 
 function landmarkBrightness(passes, sun, center, shadows, sigma) {

@@ -5,8 +5,8 @@ const SHADING = 1; // of coloured layers by the hillshade
 const SLOW_MS = 60; // a frame that takes longer is drawn coarser while things move
 const REST_MS = 250; // after the last change all is drawn at its finest
 
-/** What drawing needs of the present state: the camera and what drawColours takes. */
-function shownNow(viewer, size) {
+/** What drawing needs of the present state: the camera and what drawColours takes. level: of detail, 0 the finest. */
+function shownNow(viewer, size, level = 0) {
   const { map, store } = viewer;
   const { state } = store;
   const view = map.scene.views[state.view];
@@ -20,7 +20,7 @@ function shownNow(viewer, size) {
   const factors = state.camera === "image" && layer.key === "rendering" ? [view.scale, view.bias] : [1, 0];
   const stretch = picture ? stretchOf(picture) : { limits: [0, 1], mean: 1 };
   const asImage = picture && (state.compare !== "map" || viewer.viewOfSun() === state.view);
-  const values = layerValues(viewer, layer, camera, factors, asImage ? stretch.limits : null);
+  const values = layerValues(viewer, layer, camera, factors, asImage ? stretch.limits : null, level === 0);
   const block = picture ? picture.block : 1;
   const zoom = state.zoom * block;
   const origin = picture ? [picture.col, picture.row] : [0, 0];
@@ -45,14 +45,15 @@ function shownNow(viewer, size) {
   return { camera, layer, factors, values: values.shown, shown };
 }
 
-/** What drawSurface takes of a layer, and its limits; a rendering's are imageLimits where these are given. */
-function layerValues(viewer, layer, camera, factors, imageLimits) {
+/** What drawSurface takes of a layer, and its limits; a rendering's are imageLimits where these are given. smooth: whether
+ * a rendering is to be interpolated by a spline. */
+function layerValues(viewer, layer, camera, factors, imageLimits, smooth) {
   const { renderer, map, store } = viewer;
   const { state } = store;
   const { passes } = renderer;
   if (layer.key === "rendering") {
     const sigma = state.camera === "image" ? map.scene.views[state.view].averaging : 0;
-    const target = brightnessOf(passes, sunOf(state), camera.center, state.shadows, sigma);
+    const target = brightnessOf(passes, sunOf(state), camera.center, state.shadows, sigma, smooth);
     return { shown: target, limits: imageLimits ?? exposureOf(renderer, target, factors) };
   }
   if (layer.key === "relief") {
@@ -70,7 +71,7 @@ function draw(viewer, level = 0) {
   useLevel(renderer, level);
   const ratio = viewer.ratio();
   const size = [picture, overlay].map((canvas) => fitted(canvas, ratio))[0];
-  const now = shownNow(viewer, size);
+  const now = shownNow(viewer, size, level);
   drawSurface(renderer, surfaceTarget(renderer), now.camera, now.values, now.factors);
   if (now.shown.compare === "difference") {
     const k = store.state.view;
@@ -96,8 +97,7 @@ function schedule(viewer) {
   viewer.waiting ??= requestAnimationFrame(() => {
     viewer.waiting = null;
     const moves = performance.now() - (viewer.drawnAt ?? -REST_MS) < REST_MS;
-    if (viewer.renderer.levels.length < 2) draw(viewer);
-    else if (viewer.isSlow && moves) drawCoarse(viewer);
+    if (viewer.isSlow && moves) drawCoarse(viewer);
     else drawTimed(viewer);
     viewer.drawnAt = performance.now();
   });
