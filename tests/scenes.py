@@ -168,6 +168,18 @@ def synthetic_scene(
     )
 
 
+def level(scene: Scene, distance: float) -> Scene:
+    """The scene's map as level ground under the reference camera, at a depth."""
+    pose, camera = scene.views.body_from_cam[scene.reference], scene.views.cameras[scene.reference]
+    rays = camera.ray_in_cam(scene.region.pixel_centers()).reshape(-1, 3)
+    flat = replace(
+        scene.landmarks,
+        position=pose(distance * rays),
+        normal=np.broadcast_to(-pose.rotation[:, 2], (len(rays), 3)),
+    )
+    return replace(scene, landmarks=flat)
+
+
 def thinned(scene: Scene, stride: int) -> Scene:
     """The map of every `stride`-th pixel, down and across, of a scene whose landmarks all have the same views."""
     row, col = (scene.landmarks.pixel - (scene.region.row, scene.region.col)).T

@@ -23,7 +23,7 @@ from photoclinometry.surface.surroundings import (
     carried_along,
     surroundings_of,
 )
-from scenes import GSD, bumpy_surface, look_at_origin, synthetic_scene
+from scenes import GSD, bumpy_surface, level, look_at_origin, synthetic_scene
 
 DISTANCE = 600e3
 CAMERA = Camera("PINHOLE", 200, 160, (1e4, 1e4, 100.0, 80.0))
@@ -123,22 +123,10 @@ def test_nodes_are_coarser_in_larger_images(poses):
     assert max(found.depth.shape) <= NODES
 
 
-def level(scene):
-    """The scene's map as level ground under the reference camera, and the depth of that ground."""
-    pose, camera = scene.views.body_from_cam[0], scene.views.cameras[0]
-    rays = camera.ray_in_cam(scene.region.pixel_centers()).reshape(-1, 3)
-    flat = replace(
-        scene.landmarks,
-        position=pose(DISTANCE * rays),
-        normal=np.broadcast_to(-pose.rotation[:, 2], (len(rays), 3)),
-    )
-    return replace(scene, landmarks=flat)
-
-
 def test_a_wall_beside_the_map_shades_it_as_far_as_trigonometry_gives():
     """A wall 10 GSD high, its top 8 px right of the map, Sun 22 degrees high behind it: 25 px of shadow, 17 of them on
     the map, to a node's width."""
-    scene = level(synthetic_scene(size=40, views=2))
+    scene = level(synthetic_scene(size=40, views=2), DISTANCE)
     camera, region = scene.views.cameras[0], scene.region
     frame = Region.of_image(camera.height, camera.width, stride=4)
     depth = np.full(frame.grid_shape, DISTANCE)

@@ -19,7 +19,7 @@ import numpy as np
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import Image, Scene, Surroundings
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
-from photoclinometry.surface.map_rays import MapRays, in_sunlight
+from photoclinometry.surface.map_rays import MapRays
 from photoclinometry.surface.sampling import sample_image
 
 log = logging.getLogger(__name__)
@@ -68,55 +68,62 @@ def surroundings_by_shadows(scene: Scene, images: Sequence[Image]) -> Surroundin
     half of the squared moves of the nodes in standard deviations, a node at a time. Nodes that no ray passes stay. None
     where the scene has no surroundings. Raises InputError where it has no reflectance model.
     """
-    before = around = best = scene.surroundings
-    if around is None or before is None:
+    before = scene.surroundings
+    if before is None:
         return None
-    chosen, sigma = _chosen(scene, around), SIGMA_GSD * scene.gsd
-    if not chosen.any():
-        return around
-    seen = [_seen(scene, k, image, chosen) for k, image in enumerate(images)]
+    chosen, sigma = _chosen(scene, before), SIGMA_GSD * scene.gsd
+    if not len(chosen):
+        return before
+    rays = MapRays(scene)
+    seen = [_seen(scene, k, image, chosen, rays) for k, image in enumerate(images)]
+    around = best = before
     costs: list[float] = []
     while True:
         node, below, shaded = _decided(scene, around, seen)
         moved, wrong = (around.depth - before.depth) / sigma, (below > 0.0) != shaded
         costs.append(float(np.count_nonzero(wrong) + 0.5 * np.nansum(moved**2)))
-        if costs[-1] > min(costs[:-1], default=np.inf) - LEAST_GAIN:
+        if len(costs) > 1 and costs[-1] > costs[-2] - LEAST_GAIN:
             break
         best, depth = around, around.depth.copy()
-        for n in np.unique(node[wrong & (node >= 0)]):
-            mine = node == n
+        moving = np.unique(node[wrong & (node >= 0)])
+        rows = np.flatnonzero(np.isin(node, moving))
+        for n in moving:
+            mine = rows[node[rows] == n]
             depth.flat[n] += sigma * _shift(below[mine] / sigma, shaded[mine], moved.flat[n])
         around = replace(around, depth=depth)
-    log.info("shadows of the ground around: cost %.0f -> %.0f, of %d rays", costs[0], min(costs), len(shaded))
+    log.info("shadows of the ground around: cost %.0f -> %.0f, of %d rays", costs[0], costs[-2], len(shaded))
     return best
 
 
 def _chosen(scene: Scene, around: Surroundings) -> np.ndarray:
-    """(J,) bool: landmarks two or more to a node of the ground around, down and across."""
+    """(n,) indices of landmarks, two or more to a node of the ground around, down and across."""
     row, col = scene.cells
     step = max(1, around.stride // (2 * scene.region.stride))
-    return (row % step == 0) & (col % step == 0)
+    return np.flatnonzero((row % step == 0) & (col % step == 0))
 
 
-def _seen(scene: Scene, view: int, image: Image, chosen: np.ndarray) -> _Seen:
-    """The chosen landmarks that an image shows, that face the Sun, and that no shadow of the map itself touches."""
-    views, rows = scene.views, np.flatnonzero(chosen)
+def _seen(scene: Scene, view: int, image: Image, chosen: np.ndarray, rays: MapRays) -> _Seen:
+    """The chosen landmarks that an image shows, that face the Sun, and that no shadow of the map itself touches.
+
+    rays: of all landmarks, over the map alone.
+    """
+    views = scene.views
     pose, sun = views.body_from_cam[view], unit(views.sun[view])
-    expected = landmark_brightness(scene, view, with_scale_and_bias=False)[rows]
-    at = views.cameras[view].pixel_from_cam(pose.inverse()(scene.landmarks.position[rows]))
+    expected = landmark_brightness(scene, view, with_scale_and_bias=False)[chosen]
+    at = views.cameras[view].pixel_from_cam(pose.inverse()(scene.landmarks.position[chosen]))
     brightness, there = sample_image(image, at)
-    there &= MapRays(scene, chosen=rows).free_up_to(pose.translation)
-    there &= sunlit_share(scene, in_sunlight(scene, sun))[rows] >= 1.0 - FAINT
+    there &= rays.of(chosen).free_up_to(pose.translation)
+    there &= sunlit_share(scene, rays.free_towards(sun))[chosen] >= 1.0 - FAINT
     there &= expected > FAINT * np.median(expected)
     shaded = (brightness - views.bias[view]) / views.scale[view] < SHADED * expected
-    return _Seen(sun=sun, landmark=rows[there], shaded=shaded[there])
+    return _Seen(sun=sun, landmark=chosen[there], shaded=shaded[there])
 
 
 def _decided(scene: Scene, around: Surroundings, seen: Sequence[_Seen]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of all rays (n,): the node that decides it, how far the ray is below the ground there (`Decided`), and whether
     the image shows shadow."""
-    above = HIGHEST * SIGMA_GSD * scene.gsd
-    decided = [MapRays(scene, around, view.landmark).decided(view.sun, above) for view in seen]
+    rays, above = MapRays(scene, around), HIGHEST * SIGMA_GSD * scene.gsd
+    decided = [rays.of(view.landmark).decided(view.sun, above) for view in seen]
     return (
         np.concatenate([each.node for each in decided]),
         np.concatenate([each.below for each in decided]),

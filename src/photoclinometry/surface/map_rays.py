@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,8 +29,6 @@ class Decided:
     below: np.ndarray
     """(n,) by how much more the node's depth had to be for the ray to touch the ground there [units of B]. The ray
     meets it where this is positive."""
-    free_of_map: np.ndarray
-    """(n,) bool: the map itself does not obstruct the ray."""
 
 
 class MapRays:
@@ -40,14 +39,11 @@ class MapRays:
     the map ends, but not in its holes.
     """
 
-    def __init__(
-        self, scene: Scene, surroundings: Surroundings | None = None, chosen: slice | np.ndarray = np.s_[:]
-    ) -> None:
-        """chosen: landmarks that rays start from, J of them; by default all."""
+    def __init__(self, scene: Scene, surroundings: Surroundings | None = None) -> None:
         around, region = surroundings or _NOTHING_AROUND, scene.region
         self._cam_from_body = scene.views.body_from_cam[scene.reference].inverse()
-        point = self._cam_from_body(scene.landmarks.position)
-        self._point, depth = point[chosen], point[:, 2]
+        self._point = self._cam_from_body(scene.landmarks.position)
+        depth = self._point[:, 2]
         self._ground = _DepthGrid(scene.grid(depth), region.row, region.col, region.stride)
         self._around = _DepthGrid(around.depth, 0, 0, around.stride)
         self._depths = (
@@ -56,6 +52,12 @@ class MapRays:
         )
         self._intrinsics = scene.views.cameras[scene.reference].intrinsics
         self._step = scene.spacing
+
+    def of(self, chosen: np.ndarray) -> MapRays:
+        """The rays from some of the landmarks alone, by their indices or a mask; J is their number then."""
+        some = copy(self)
+        some._point = self._point[chosen]
+        return some
 
     def free_towards(self, direction: np.ndarray) -> np.ndarray:
         """(J,) bool: no ground stands in the way from the landmarks into a direction (3,) of B, of any length."""
@@ -74,7 +76,7 @@ class MapRays:
         node, below = np.full(count, -1), np.full(count, -np.inf)
         free = self._march((direction @ self._cam_from_body.rotation.T)[None], node, below, above)
         node[~free] = -1
-        return Decided(node=node, below=below, free_of_map=free)
+        return Decided(node=node, below=below)
 
     def _free(self, towards: np.ndarray) -> np.ndarray:
         return self._march(towards, np.empty(0, int), np.empty(0))

@@ -101,8 +101,8 @@ function castByDepths(passes, sun) {
 function splinePasses(gl, map, shaders) {
   const nearest = new Float32Array(2 * map.rows * map.cols);
   for (let at = 0; at < map.rows * map.cols; at++) {
-    const [row, col] = nearestLandmark(map, Math.floor(at / map.cols), at % map.cols);
-    nearest.set([col, row], 2 * at);
+    const [row, col] = [Math.floor(at / map.cols), at % map.cols];
+    [nearest[2 * at + 1], nearest[2 * at]] = map.landmarkAt[at] >= 0 ? [row, col] : nearestLandmark(map, row, col);
   }
   return {
     filled: programOf(gl, shaders["grid.vert"], shaders["filled.frag"]),
