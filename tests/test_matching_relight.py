@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 
+from photoclinometry.matching.dense import match_views
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.interface import MatchSetup
 from photoclinometry.matching.relight import RelightMatcher, RelitReference, map_depth
@@ -46,6 +48,23 @@ def test_moved_light_displaces_flow_but_not_the_relit_reference(bumps, view):
     assert relit.valid.mean() > 0.95
     assert np.median(error_px(relit, scene, view)) < 0.03
     assert np.median(error_px(plain, scene, view)) > 5 * np.median(error_px(relit, scene, view))
+
+
+def test_threads_match_as_one_does(bumps, monkeypatch):
+    scene, images = bumps
+    poses, region = scene.views.body_from_cam, scene.region
+    setup = MatchSetup(images=images, cameras=scene.views.cameras, body_from_cam=poses, reference=0, region=region)
+    depth, reports, found = map_depth(scene, setup.padded), [], {}
+    for threads in (1, 3):
+        monkeypatch.setattr(numba, "get_num_threads", lambda threads=threads: threads)
+        matcher = RelightMatcher(scene)
+        found[threads] = match_views(
+            setup, [1, 2, 3], matcher, depth, lambda what, done, total: reports.append((what, done, total)), "relit"
+        )
+    assert reports == 2 * [("relit", done, 3) for done in range(4)]
+    for view in (1, 2, 3):
+        for name in ("position", "sigma_px", "valid"):
+            np.testing.assert_array_equal(getattr(found[3][view], name), getattr(found[1][view], name))
 
 
 def test_a_displacement_is_found_under_moved_light(bumps):

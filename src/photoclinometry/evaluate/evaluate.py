@@ -20,6 +20,7 @@ from photoclinometry.model.projection import (
     keypoint_residuals,
 )
 from photoclinometry.model.scene import Image, Scene, Views, join_views
+from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.predict import (
     brightness_residuals,
     observation_brightness,
@@ -104,9 +105,10 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     pixel_residual = keypoint_residual_px(scene)
     faces = landmark_faces(scene)
     residual = None if scene.reflectance is None else brightness_residuals(scene)
-    sigmas, rows = view_sigmas(scene), []
-    for k, name in enumerate(views.name):
-        seen = tracks.view == k
+    sigmas = view_sigmas(scene)
+
+    def of_view(k: int) -> dict[str, Any]:
+        name, seen = views.name[k], tracks.view == k
         lit = seen & tracks.lit
         row: dict[str, Any] = {"name": name, "keypoints": int(seen.sum()), "lit_keypoints": int(lit.sum())}
         if seen.any():
@@ -117,9 +119,9 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
                 row["brightness_rms_percent"] = 100.0 * _rms(residual[lit]) / float(tracks.brightness[lit].mean())
             if name in by_name:
                 row |= {key: v for key, v in view_psnr(scene, k, by_name[name], faces).items() if np.isfinite(v)}
-        row |= {key: float(values[k]) for key, values in sigmas.items()}
-        rows.append(row)
-    return rows
+        return row | {key: float(values[k]) for key, values in sigmas.items()}
+
+    return in_threads(of_view, range(len(views)))
 
 
 def held_out_table(scene: Scene, held_out: Views, images: Sequence[Image] | None = None) -> list[dict[str, Any]]:

@@ -9,18 +9,26 @@ import numpy as np
 from photoclinometry.matching.densify import DenseTracks, DensifyOptions, densify
 from photoclinometry.matching.interface import Matcher, Matches, MatchSetup
 from photoclinometry.model.progress import Progress
+from photoclinometry.model.threads import counted, in_threads
 
 
 def match_views(
     setup: MatchSetup, targets: Sequence[int], matcher: Matcher, depth: np.ndarray, progress: Progress, what: str
 ) -> dict[int, Matches]:
     """The matches of each target view, by its index. depth: as of `MatchSetup.request`; what: progress' first word."""
-    matches = {}
-    for done, target in enumerate(targets):
+
+    def matches_of(target: int) -> Matches:
+        return matcher.match(setup.request(target, depth))
+
+    def report(done: int) -> None:
         progress(what, done, len(targets))
-        matches[target] = matcher.match(setup.request(target, depth))
-    progress(what, len(targets), len(targets))
-    return matches
+
+    report(0)
+    if getattr(matcher, "in_threads", False):
+        found = in_threads(matches_of, targets, report)
+    else:
+        found = counted(map(matches_of, targets), report)
+    return dict(zip(targets, found, strict=True))
 
 
 def triangulated(setup: MatchSetup, matches: dict[int, Matches], options: DensifyOptions) -> DenseTracks:

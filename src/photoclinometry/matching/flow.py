@@ -62,6 +62,7 @@ class FlowMatcher:
 
     options: FlowOptions = field(default_factory=FlowOptions)
     name: str = "flow"
+    in_threads = True
 
     def match(self, request: MatchRequest) -> Matches:
         options = self.options

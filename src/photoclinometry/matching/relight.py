@@ -22,6 +22,7 @@ from photoclinometry.matching.interface import Matcher, Matches, MatchRequest
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.threads import PARALLEL_LOOPS
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
 from photoclinometry.photometry.sampled_brightness import SHADOW_SHARE
 from photoclinometry.surface.depth_fit import landmark_depth
@@ -49,6 +50,10 @@ class RelightMatcher:
     matcher: Matcher = field(default_factory=FlowMatcher)
     name: str = "relight"
 
+    @property
+    def in_threads(self) -> bool:
+        return getattr(self.matcher, "in_threads", False)
+
     @cached_property
     def _relit(self) -> RelitReference:
         return RelitReference(self.scene)
@@ -58,7 +63,9 @@ class RelightMatcher:
         scene = self.scene
         if request.target.name not in scene.views.name or request.region != scene.region:
             raise InputError(f"{request.target.name}: not a view of the scene to relight, or another region")
-        over_region = self._relit(scene.views.name.index(request.target.name), request.reference)
+        with PARALLEL_LOOPS:  # made once, by such loops
+            relit_reference = self._relit
+        over_region = relit_reference(scene.views.name.index(request.target.name), request.reference)
         relit, known = on_padded(*over_region, request)
         brightness, valid = resample(request.target, request.prediction)
         known &= valid

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -12,13 +13,41 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+PARALLEL_LOOPS = threading.RLock()
+"""Of Numba: their threads serve one caller at a time."""
+
+
+def in_threads(
+    function: Callable[[Item], Result], items: Iterable[Item], done: Callable[[int], None] | None = None
+) -> list[Result]:
     """[function(item) for item in items], in as many threads as compiled loops take (`numba.get_num_threads`).
 
-    function: must not run parallel loops of Numba itself, whose threads serve one caller at a time.
+    function: must hold PARALLEL_LOOPS while it runs parallel loops of Numba. done: called in the caller's thread with
+    the number of results so far, after each.
     """
     threads = numba.get_num_threads()
     if threads == 1:
-        return [function(item) for item in items]
+        return counted(map(function, items), done)
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(function, items))
+        return counted(pool.map(function, items), done)
+
+
+def counted(results: Iterable[Result], done: Callable[[int], None] | None) -> list[Result]:
+    """The results as a list; done: called with the number of them so far, after each."""
+    found = []
+    for result in results:
+        found.append(result)
+        if done is not None:
+            done(len(found))
+    return found
+
+
+RUNS = 32
+"""Parts of a long loop: enough to keep many cores busy to the end, few enough that sums over each are cheap."""
+
+
+def runs(count: int) -> list[slice]:
+    """Consecutive runs of `count` items, RUNS of them at most. They are the same whatever the number of threads, and so
+    are sums over each and then over all."""
+    size = max(1, -(-count // RUNS))
+    return [slice(first, first + size) for first in range(0, count, size)]

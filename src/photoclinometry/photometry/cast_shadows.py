@@ -18,6 +18,7 @@ import numpy as np
 
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.scene import Image, Scene, Surroundings
+from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
 from photoclinometry.surface.map_rays import MapRays
 from photoclinometry.surface.sampling import sample_image
@@ -75,7 +76,7 @@ def surroundings_by_shadows(scene: Scene, images: Sequence[Image]) -> Surroundin
     if not len(chosen):
         return before
     rays = MapRays(scene)
-    seen = [_seen(scene, k, image, chosen, rays) for k, image in enumerate(images)]
+    seen = in_threads(lambda k: _seen(scene, k, images[k], chosen, rays), range(len(images)))
     around = best = before
     costs: list[float] = []
     while True:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.threads import in_threads
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.surface.sampling import gaussian, masked_filter
@@ -47,12 +48,13 @@ def blur_px(scene: Scene) -> np.ndarray:
     both = np.column_stack((tracks.brightness, observation_brightness(scene)))
     middle = tuple(slice(max(0, (n - SIDE) // 2), (n + SIDE) // 2) for n in scene.region.grid_shape)
     gsd = np.array([views.gsd(k, scene.landmarks.position) for k in range(len(views))])
-    found = np.full(len(views), np.nan)
-    for k in range(len(views)):
+
+    def width_of(k: int) -> float:
         seen = np.flatnonzero((tracks.view == k) & tracks.lit)
         measured, predicted = np.moveaxis(scene.grid_of_observations(both, seen)[middle], -1, 0)
-        found[k] = _width_of_blur(measured, predicted)
-    return found * scene.spacing / gsd
+        return _width_of_blur(measured, predicted)
+
+    return np.array(in_threads(width_of, range(len(views)))) * scene.spacing / gsd
 
 
 def _width_of_blur(measured: np.ndarray, predicted: np.ndarray) -> float:

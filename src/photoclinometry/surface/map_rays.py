@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit, prange
 
 from photoclinometry.model.scene import Scene, Surroundings
+from photoclinometry.model.threads import PARALLEL_LOOPS
 
 FIRST_STEP = 1.5
 """Rays start this many cells of the map from their landmark, as the reference camera sees it: past the cells around it,
@@ -83,7 +84,8 @@ class MapRays:
 
     def _march(self, towards: np.ndarray, node: np.ndarray, below: np.ndarray, above: float = 0.0) -> np.ndarray:
         grids, depths = (self._ground, self._around), (self._depths[0] - above, self._depths[1] + above)
-        return _march(self._point, towards, self._intrinsics, *grids, depths, self._step, node, below)
+        with PARALLEL_LOOPS:
+            return _march(self._point, towards, self._intrinsics, *grids, depths, self._step, node, below)
 
 
 def in_sunlight(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None = None) -> np.ndarray:

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
 
 from photoclinometry.adjust.covariance.information import Patch
 from photoclinometry.adjust.covariance.linearized_graph import SIMILARITY, LinearizedGraph, landmark_moves
 from photoclinometry.adjust.covariance.windows import hold
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
-
-(_syrk,) = get_blas_funcs(("syrk",), dtype=np.float64)
+from photoclinometry.model.cholesky import factorize, solve_lower
+from photoclinometry.model.threads import in_threads, runs
 
 
 @dataclass(frozen=True)
@@ -34,31 +33,50 @@ class Eliminated:
 
 def eliminated(at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.ndarray | None) -> Eliminated:
     """The landmarks eliminated, patch (first, last) by patch; frame: (J,) bool, those that the similarity fits."""
-    total = at.common_prior.copy()
     own = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE))
-    moved = np.zeros((SIMILARITY, len(total)))
-    for first, last in patches:
-        patch = at.patch(first, last)
-        own[first:last] = patch.own
-        for k, block, border in zip(patch.views, patch.view_block, patch.border, strict=True):
-            here = slice(VIEW_SIZE * k, VIEW_SIZE * (k + 1))
-            total[here, here] += block
-            total[at.of_views :, here] += border.T
-        total[at.of_views :, at.of_views :] += patch.parameter
-        index, coupling = coupling_of(at, patch)
-        factor = factor_of(at, patch, first, last)
-        half = solve_triangular(factor, coupling, lower=True, check_finite=False)
-        _subtract(total, index, _syrk(1.0, half, trans=1, lower=1))
-        if frame is not None:
-            move = landmark_moves(at, first, last)
-            move[:, 3:] = 0.0
-            move[~frame[first:last]] = 0.0
-            moved[:, index] -= cho_solve((factor, True), move.reshape(-1, SIMILARITY), check_finite=False).T @ coupling
+
+    def eliminate(some: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Of some of the patches, what is left (lower triangle), and how the similarity's fit follows from it."""
+        total, moved = np.zeros_like(at.common_prior), np.zeros((SIMILARITY, len(at.common_prior)))
+        for first, last in patches[some]:
+            patch = at.patch(first, last)
+            own[first:last] = patch.own
+            _add_patch(total, patch, at.of_views)
+            factor = factor_of(at, patch, first, last)
+            index, half = coupling_of(at, patch)
+            solve_lower(factor, half)
+            _subtract(total, index, half.T @ half)
+            if frame is not None:
+                move = _frame_moves(at, frame, first, last)
+                solve_lower(factor, move)
+                moved[:, index] -= move.T @ half
+        return total, moved
+
+    parts = in_threads(eliminate, runs(len(patches)))
+    total = at.common_prior + sum(part for part, _ in parts)
     total = np.tril(total) + np.tril(total, -1).T
+    moved = sum((part for _, part in parts), np.zeros((SIMILARITY, len(total))))
     if frame is None:
         return Eliminated(total, own, moved)
     move = landmark_moves(at, 0, len(at))[frame, :3].reshape(-1, SIMILARITY)
     return Eliminated(total, own, np.linalg.solve(move.T @ move, moved))
+
+
+def _add_patch(total: np.ndarray, patch: Patch, of_views: int) -> None:
+    """What a patch's measurements say of views and reflectance parameters, were its landmarks known; of_views: 10 K."""
+    for k, block, border in zip(patch.views, patch.view_block, patch.border, strict=True):
+        here = slice(VIEW_SIZE * k, VIEW_SIZE * (k + 1))
+        total[here, here] += block
+        total[of_views:, here] += border.T
+    total[of_views:, of_views:] += patch.parameter
+
+
+def _frame_moves(at: LinearizedGraph, frame: np.ndarray, first: int, last: int) -> np.ndarray:
+    """(6 n, 7) how the positions of landmarks first:last that the similarity fits move with it."""
+    move = landmark_moves(at, first, last)
+    move[:, 3:] = 0.0
+    move[~frame[first:last]] = 0.0
+    return move.reshape(-1, SIMILARITY)
 
 
 @njit(cache=True, nogil=True)
@@ -85,7 +103,8 @@ def factor_of(at: LinearizedGraph, patch: Patch, first: int, last: int) -> np.nd
     dense[range(last - first), :, range(last - first), :] += blocks
     dense = dense.reshape(LANDMARK_SIZE * (last - first), -1)
     np.einsum("aa->a", dense)[:] = hold(np.diag(dense))
-    return cho_factor(dense, lower=True, overwrite_a=True, check_finite=False)[0]
+    factorize(dense)
+    return dense
 
 
 @njit(cache=True, nogil=True)

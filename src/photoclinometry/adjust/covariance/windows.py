@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from scipy.linalg import get_lapack_funcs
 
 from photoclinometry.adjust.graph.smoothness import Neighbours
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE
+from photoclinometry.model.cholesky import factorize, invert
+from photoclinometry.model.threads import in_threads, runs
 
 OUTSIDE = 0.2
 """Weight of links that leave a window."""
@@ -23,8 +24,6 @@ OUTSIDE = 0.2
 RIDGE, MORE_RIDGE = 1e-10, 100.0
 """Relative information added to every coordinate, so that one that is not determined does not stop the rest; and times
 so much more where rounding needs it."""
-
-_potrf, _potri = get_lapack_funcs(("potrf", "potri"), dtype=np.float64)
 
 _COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", nogil=True)
 
@@ -58,12 +57,16 @@ def covariances_given_views(own: np.ndarray, links: Links, patches: list[tuple[i
     patches: runs of landmarks first:last, each treated in one window with the neighbours of its landmarks.
     """
     out = np.empty_like(own)
-    local = np.full(len(own), -1)
-    for first, last in patches:
-        ids = _window(first, last, links)
-        local[ids] = np.arange(len(ids))
-        out[first:last] = _invert_window(ids, last - first, local, own, links)
-        local[ids] = -1
+
+    def invert_windows(some: slice) -> None:
+        local = np.full(len(own), -1)
+        for first, last in patches[some]:
+            ids = _window(first, last, links)
+            local[ids] = np.arange(len(ids))
+            out[first:last] = _invert_window(ids, last - first, local, own, links)
+            local[ids] = -1
+
+    in_threads(invert_windows, runs(len(patches)))
     return out
 
 
@@ -78,7 +81,7 @@ def _window(first: int, last: int, links: Links) -> np.ndarray:
 def _invert_window(ids: np.ndarray, core: int, local: np.ndarray, own: np.ndarray, links: Links) -> np.ndarray:
     """Covariances (core, 6, 6) of the window's first `core` landmarks."""
     count = len(ids)
-    most = 1 + int(np.max(np.diff(links.start)[ids], initial=0))
+    most = 1 + int(np.max(links.start[ids + 1] - links.start[ids], initial=0))
     positions = np.zeros((3 * count, 3 * count))
     inverse = np.empty((count, 3, 3))
     partner, through = np.full((count, most), -1), np.zeros((count, most, 3, 3))
@@ -90,14 +93,18 @@ def _invert_window(ids: np.ndarray, core: int, local: np.ndarray, own: np.ndarra
 
 
 def _inverse(positions: np.ndarray) -> np.ndarray:
-    """Upper triangle of the inverse of an information matrix (3n, 3n), with as much of a ridge as it needs."""
-    diagonal, ridge = np.diag(positions).copy(), RIDGE
+    """Lower triangle of the inverse of an information matrix (3n, 3n), with as much of a ridge as it needs."""
+    ridge = RIDGE
     while ridge < 1.0:
-        np.einsum("aa->a", positions)[:] = hold(diagonal, ridge)
-        factor, failed = _potrf(positions.T, lower=1)
-        if not failed:
-            return _potri(factor, lower=1, overwrite_c=1)[0].T
-        ridge *= MORE_RIDGE
+        inverse = positions.copy()
+        np.einsum("aa->a", inverse)[:] = hold(np.diag(positions), ridge)
+        try:
+            factorize(inverse)
+        except np.linalg.LinAlgError:
+            ridge *= MORE_RIDGE
+            continue
+        invert(inverse)
+        return inverse
     raise FloatingPointError("the information of positions is not positive, far beyond rounding")
 
 
@@ -194,7 +201,7 @@ def _multiply(a, b, out):
 
 @njit(**_COMPILED)
 def _substitute(core, covariance, inverse, partner, through, out):
-    """Fills out (core, 6, 6) from the positions' covariance (3n, 3n), of which the upper triangle is given."""
+    """Fills out (core, 6, 6) from the positions' covariance (3n, 3n), of which the lower triangle is given."""
     block, half = np.empty((3, 3)), np.empty((3, 3))
     for a in range(core):
         _block(covariance, a, a, block)
@@ -232,4 +239,4 @@ def _block(covariance, a, b, out):
     for x in range(3):
         for y in range(3):
             i, k = 3 * a + x, 3 * b + y
-            out[x, y] = covariance[min(i, k), max(i, k)]
+            out[x, y] = covariance[max(i, k), min(i, k)]
