@@ -166,8 +166,8 @@ def gtsam_graph(ours: Ours) -> gtsam.NonlinearFactorGraph:
     """Every factor and prior of our graph."""
     scene, pivot, smoothness = ours.scene, ours.estimate.pivot, ours.graph.smoothness
     graph, tracks = gtsam.NonlinearFactorGraph(), scene.tracks
-    (gauge,) = (group for group in ours.graph.groups if isinstance(group, Gauge))
-    (exposures,) = (group for group in ours.graph.groups if isinstance(group, Exposure))
+    (gauge,) = (group for group in ours.graph.general if isinstance(group, Gauge))
+    (exposures,) = (group for group in ours.graph.general if isinstance(group, Exposure))
     intrinsics = scene.views.intrinsics
     for i, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
         graph.push_back(_projection(intrinsics[k], tracks.keypoint[i], pivot, int(j), int(k)))

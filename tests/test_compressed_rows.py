@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from photoclinometry.model.compressed_rows import row_of_entry, row_starts
+from photoclinometry.model.compressed_rows import row_medians, row_of_entry, row_starts
 
 
 def test_starts_are_the_running_sum_of_counts():
@@ -17,3 +17,8 @@ def test_no_rows_have_no_entries():
     start = row_starts(np.array([], int))
     assert start.tolist() == [0]
     assert row_of_entry(start).size == 0
+
+
+def test_medians_are_of_rows_and_the_upper_one_of_two():
+    value = np.array([3.0, 1.0, 2.0, 7.0, 5.0])
+    np.testing.assert_array_equal(row_medians(value, np.array([0, 3, 3, 5])), [2.0, np.nan, 7.0])

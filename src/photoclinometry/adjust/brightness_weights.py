@@ -16,11 +16,10 @@ import numpy as np
 from photoclinometry.adjust.graph.observations import ImageGradients
 from photoclinometry.adjust.noise import MIN_BRIGHTNESS_SHARE
 from photoclinometry.adjust.options import AdjustOptions
-from photoclinometry.model.geometry import unit
 from photoclinometry.model.reflectance.angles import GRAZING
 from photoclinometry.model.robust import robust_sigma
 from photoclinometry.model.scene import Scene
-from photoclinometry.photometry.predict import brightness_by_slope, brightness_residuals, shading
+from photoclinometry.photometry.predict import brightness_by_slope, brightness_residuals, reflectance_of, shading
 from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
 
 log = logging.getLogger(__name__)
@@ -77,10 +76,9 @@ def footprint_of(scene: Scene, mapped: int) -> np.ndarray:
     times the standard deviation in each of them does. How they differ it does not show; of coarse views that is taken
     from the map itself (`shading.detail_beyond`), so that they speak for the map as it is.
     """
-    tracks, views, landmarks = scene.tracks, scene.views, scene.landmarks
-    spacing = landmark_spacing_px(views, landmarks.position[:mapped], scene.reference)
-    towards = unit(views.body_from_cam.translation[tracks.view] - landmarks.position[tracks.landmark])
-    emission = np.sum(towards * landmarks.normal[tracks.landmark], -1)
+    tracks, views, points = scene.tracks, scene.views, scene.landmarks
+    spacing = landmark_spacing_px(views, points.position[:mapped], scene.reference)
+    _, emission, _ = shading(tracks.landmark, tracks.view, views, points.position, points.normal, reflectance_of(scene))
     return np.maximum(1.0 / spacing, 1.0)[tracks.view] / np.sqrt(np.maximum(emission, GRAZING))
 
 
@@ -93,7 +91,7 @@ def relative_sigma(scene: Scene, gradients: ImageGradients, lit: np.ndarray, map
     footprint = footprint_of(scene, mapped)
     gradient, by_slope = np.linalg.norm(gradients.gradient, axis=-1), brightness_by_slope(scene)
     which = some_of(np.flatnonzero(lit))
-    residual = brightness_residuals(scene)[which] / footprint[which]
+    residual = brightness_residuals(scene, which) / footprint[which]
     found = variance_components(residual, gradient[which], by_slope[which])
     if found is None or robust_sigma(residual) < MIN_BRIGHTNESS_SHARE * np.median(scene.tracks.brightness[which]):
         return footprint

@@ -98,7 +98,8 @@ def noise_is_measurable(scene: Scene, lit: np.ndarray) -> bool:
     Degrees of freedom must be MIN_FREEDOM of the residuals.
     """
     residuals = np.count_nonzero(lit)
-    return bool(residuals - 3 * len(np.unique(scene.tracks.landmark[lit])) >= MIN_FREEDOM * residuals)
+    landmarks = np.count_nonzero(np.bincount(scene.tracks.landmark[lit]))
+    return bool(residuals - 3 * landmarks >= MIN_FREEDOM * residuals)
 
 
 def brightness_noise(scene: Scene, residual: np.ndarray, lit: np.ndarray) -> float:

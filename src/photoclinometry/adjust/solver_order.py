@@ -46,5 +46,5 @@ def _without_smooth_errors(tracks: Tracks, gradients: ImageGradients) -> tuple[T
     factor = gradients.factor
     if factor is None:
         return tracks, gradients
-    gradients = gradients._replace(gradient=gradients.gradient * factor[:, None])
+    gradients = gradients._replace(gradient=(gradients.gradient * factor[:, None]).astype(np.float32))
     return replace(tracks, brightness=tracks.brightness * factor), gradients

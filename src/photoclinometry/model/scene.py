@@ -362,5 +362,9 @@ class Scene:
             uncertainty={},
         )
 
+    def without_observations(self) -> Scene:
+        """The scene as if no view had seen its landmarks."""
+        return replace(self, tracks=self.tracks.of_views(np.zeros(0, int)))
+
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
         return replace(self, views=views, landmarks=landmarks)

@@ -16,6 +16,9 @@ BIAS_SIGMA = {"iof": 1e-3, "dn": 0.1}
 """Standard deviation of a view's bias as a share of the median brightness [-], by `Scene.brightness`: calibrated images
 have their offset subtracted, to about a thousandth; of uncalibrated ones it is hardly known."""
 
+ALL = slice(None)
+"""Of the observations."""
+
 
 def reflectance_of(scene: Scene) -> Reflectance:
     """The scene's reflectance model. Raises InputError where it has none."""
@@ -38,16 +41,17 @@ def phase_of_views(scene: Scene) -> np.ndarray:
     return angle_between(scene.views.sun, scene.views.body_from_cam.translation - middle)
 
 
-def observation_brightness(scene: Scene) -> np.ndarray:
-    """Predicted brightness (N,) of every observation: scale * albedo * rho + bias (Eqs. 29, 30). Raises InputError."""
-    views, landmark, view = scene.views, scene.tracks.landmark, scene.tracks.view
+def observation_brightness(scene: Scene, which: np.ndarray | slice = ALL) -> np.ndarray:
+    """Predicted brightness (n,) of observations `which`: scale * albedo * rho + bias (Eqs. 29, 30). Raises
+    InputError."""
+    views, landmark, view = scene.views, scene.tracks.landmark[which], scene.tracks.view[which]
     rho = shading(landmark, view, views, scene.landmarks.position, scene.landmarks.normal, reflectance_of(scene))[2]
     return views.scale[view] * scene.landmarks.albedo[landmark] * rho + views.bias[view]
 
 
-def brightness_residuals(scene: Scene) -> np.ndarray:
-    """Predicted minus measured brightness (N,), lit or not. Raises InputError."""
-    return observation_brightness(scene) - scene.tracks.brightness
+def brightness_residuals(scene: Scene, which: np.ndarray | slice = ALL) -> np.ndarray:
+    """Predicted minus measured brightness (n,) of observations `which`, lit or not. Raises InputError."""
+    return observation_brightness(scene, which) - scene.tracks.brightness[which]
 
 
 def shading(

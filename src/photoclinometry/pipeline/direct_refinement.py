@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.adjust import Adjustment, ImageGradients, Noise
+from photoclinometry.model.compressed_rows import row_medians
 from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.model.threads import in_threads
@@ -130,7 +131,7 @@ def image_gradients(
     tracks = scene.tracks
     xy = projected_keypoints(scene)
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
-    gradient = np.zeros((len(tracks), 2))
+    gradient = np.zeros((len(tracks), 2), np.float32)
 
     def of_view(k: int) -> None:
         seen = np.flatnonzero(tracks.view == k)
@@ -142,14 +143,12 @@ def image_gradients(
     direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
     if among is not None:
         direct &= among
-    return measured, ImageGradients(xy, np.where((lit & direct[tracks.landmark])[:, None], gradient, 0.0))
+    return measured, ImageGradients(xy, np.where((lit & direct[tracks.landmark])[:, None], gradient, np.float32(0.0)))
 
 
 def has_strayed(scene: Scene) -> np.ndarray:
     """(J,) bool: landmarks that lie far off their matches, in the median of their views."""
-    off, tracks = np.linalg.norm(keypoint_residuals(scene), axis=-1), scene.tracks
-    order = np.lexsort((off, tracks.landmark))
-    middle = off[order][tracks.start[:-1] + np.diff(tracks.start) // 2]
+    middle = row_medians(np.linalg.norm(keypoint_residuals(scene), axis=-1), scene.tracks.start)
     return middle > max(STRAYED * np.median(middle), STRAYED_PX)
 
 

@@ -130,7 +130,7 @@ class LastEstimate(Stage[FinishedMap]):
     """Its reflectance may be another one than that of `start`."""
     start: Keyed[Iterate]
     before: Keyed[Iterate] | None
-    """The map that `start` was matched with; None of the first."""
+    """The map that `start` was matched with, without observations; None of the first."""
     posed: PosedImages
     """Of which the scene has the registered views."""
     direct: bool
@@ -210,7 +210,7 @@ class Relit:
     start: Keyed[Iterate]
     """Of the last estimate."""
     before: Keyed[Iterate] | None = None
-    """The map that it was matched with; None where there were no iterations."""
+    """The map that it was matched with, without observations; None where there were no iterations."""
     figures: tuple[IterationFigures, ...] = ()
     """Of all maps before the last estimate."""
 
@@ -242,6 +242,8 @@ class MapStages:
             figures.append(latest.value.figures)
             before = latest
             latest = self.folder.done(self._iteration_after(before))
+        if before is not None:  # the last estimate compares with its normals alone
+            before = Keyed(replace(before.value, scene=before.value.scene.without_observations()), before.key)
         return Relit(start=latest, before=before, figures=tuple(figures))
 
     def last_estimate(self, relit: Relit, reflectance: Reflectance | None) -> Keyed[FinishedMap]:

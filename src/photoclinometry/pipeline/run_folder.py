@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import shutil
-import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -23,6 +22,7 @@ from photoclinometry.model.owner import Owner
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.warning import Warned, collected_warnings, distinct
 from photoclinometry.pipeline import run_lock
+from photoclinometry.pipeline.memory import give_back_memory, peak_memory_gb
 from photoclinometry.pipeline.records import read_record, write_record
 from photoclinometry.pipeline.run_mark import FORMAT, MARK, check_format, check_new, clear, must_clear, write_mark
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools
@@ -100,6 +100,7 @@ class RunFolder:
                 return Keyed(made, key)
             write_record(file, key, made, distinct(warned))
             del made  # both at a time would take twice the memory
+            give_back_memory()
             found = read_record(file, key, stage.result)
             if found is None:
                 raise RunFolderError(f"{file}: cannot be read back; check the disk")
@@ -203,13 +204,3 @@ def adopt_stages(source: Path, target: Path, names: Sequence[str]) -> None:
             open_run(target)
             with atomic_path(own) as temporary:
                 shutil.copyfile(file, temporary)
-
-
-def peak_memory_gb() -> float | None:
-    """Largest resident size of this process so far; None where the system does not tell (Windows)."""
-    try:
-        import resource
-    except ImportError:
-        return None
-    bytes_each = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * bytes_each / 2**30

@@ -80,7 +80,7 @@ def linearized_graph(graph: FactorGraph, estimate: Estimate) -> LinearizedGraph:
             plain(tracks.view),
             plain(tracks.keypoint),
             plain(brightness),
-            plain(gradient, float),
+            plain(gradient),
             observations.keypoint_weight,
             observations.brightness_weight,
             observations.keypoint_limit,

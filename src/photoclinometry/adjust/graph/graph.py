@@ -42,7 +42,6 @@ class FactorGraph:
         smoothness = [group for group in groups if isinstance(group, Smoothness)]
         if not keypoints or len(brightness) > 1 or len(smoothness) > 1:
             raise ValueError("a graph has keypoints, and one group each of brightness and smoothness at most")
-        self.groups = tuple(groups)
         self.observations = Observations(keypoints, brightness[0] if brightness else None)
         count = len(self.observations.table.tracks.start) - 1
         nobody = build_neighbours(np.zeros((count, 0), int), np.zeros((count, 0), bool))
@@ -82,13 +81,14 @@ class FactorGraph:
 
     def linearize(self, estimate: Estimate) -> Linearization:
         """The normal equations at an estimate."""
-        observed, smooth = self.observations.linearize(estimate), self.smoothness.linearize(estimate)
+        observed, block, gradient = self.observations.linearize(estimate)
+        smooth = self.smoothness.linearize(estimate)
         rows = [group.rows(estimate) for group in self.general]
         cost = np.array([*observed.cost, smooth.cost, *map(_cost, rows)])
         sums = self._sums(estimate, rows)
-        landmarks = sums["landmark"]
-        landmarks.gradient += observed.landmark_gradient
-        landmarks.block += observed.landmark_block
+        block += sums["landmark"].block
+        gradient += sums["landmark"].gradient
+        landmarks = Sums(gradient, block, sums["landmark"].rest)
         add_smoothness(
             smooth.neighbours, smooth.rows, smooth.residual, landmarks.block, landmarks.rest, landmarks.gradient
         )

@@ -37,7 +37,7 @@ class ImageGradients(NamedTuple):
     at: np.ndarray
     """(N, 2) [px]."""
     gradient: np.ndarray
-    """(N, 2) brightness per pixel; zero where brightness is to stay what it is."""
+    """(N, 2) brightness per pixel, single precision suffices; zero where brightness is to stay what it is."""
     factor: np.ndarray | None = None
     """(N,) that takes smooth errors out of the brightness (`photometry.smooth_errors`); None where they are unknown."""
 
@@ -106,7 +106,7 @@ class Brightness:
 
 @dataclass(frozen=True)
 class ObservationRows:
-    """Rows of all observations at one estimate, and what they add to the normal equations."""
+    """Rows of all observations at one estimate, and what they add to the normal equations of views and parameters."""
 
     cost: np.ndarray
     """(2,) squared whitened residuals of keypoints and of brightness, after the loss."""
@@ -114,10 +114,6 @@ class ObservationRows:
     stored: np.ndarray
     """(STORED P,) float32, see `slot.STORED`."""
     where: RowOrigin
-    landmark_block: np.ndarray
-    """(J, 6, 6)."""
-    landmark_gradient: np.ndarray
-    """(J, 6)."""
     view_block: np.ndarray
     """(K, 10, 10)."""
     view_gradient: np.ndarray
@@ -147,20 +143,20 @@ class Observations:
         tracks = self.table.tracks
         if keypoints and np.any(np.sum([group.landmarks for group in keypoints], axis=0) > 1):
             raise ValueError("two groups have the keypoints of one landmark")
-        self.keypoint_weight = np.zeros(len(tracks))
+        self.keypoint_weight = np.zeros(len(tracks), np.float32)
         self.keypoint_limit = np.full(len(tracks.start) - 1, np.inf)
         for group in keypoints:
             mine = group.landmarks[tracks.landmark]
             self.keypoint_weight[mine] = 1.0 / group.sigma[mine]
             self.keypoint_limit[group.landmarks] = group.limit
-        self.brightness = brightness
-        self.brightness_weight = np.zeros(len(tracks)) if brightness is None else brightness.used / brightness.sigma
-        self.brightness_limit = np.inf if brightness is None else float(brightness.limit)
-
-    @property
-    def reflectance(self) -> Reflectance | None:
+        self.brightness_weight, self.brightness_limit = np.zeros(len(tracks), np.float32), np.inf
+        self.reflectance: Reflectance | None = None
         """From which the estimate's differs by its parameters; None without brightness."""
-        return None if self.brightness is None else self.brightness.reflectance
+        self._sampled, self._gradients = np.zeros(len(tracks)), None
+        if brightness is not None:
+            self.brightness_weight[:] = brightness.used / brightness.sigma
+            self.brightness_limit, self.reflectance = float(brightness.limit), brightness.reflectance
+            self._sampled, self._gradients = brightness.brightness, brightness.gradients
 
     def reflectance_at(self, estimate: Estimate) -> Reflectance | None:
         """The reflectance with the parameters of an estimate."""
@@ -176,14 +172,10 @@ class Observations:
     @property
     def brightness_at_origin_and_gradient(self) -> tuple[np.ndarray, np.ndarray]:
         """Brightness is linear in the pixel where it is taken: its value (N,) at pixel (0, 0), and gradient (N, 2)."""
-        count = len(self.table.tracks)
-        if self.brightness is None:
-            return np.zeros(count), np.zeros((count, 2), np.float32)
-        gradients = self.brightness.gradients
-        if gradients is None:
-            return self.brightness.brightness, np.zeros((count, 2), np.float32)
-        rounded = gradients.gradient.astype(np.float32)
-        return self.brightness.brightness - np.sum(rounded * gradients.at, -1), rounded
+        if self._gradients is None:
+            return self._sampled, np.zeros((len(self._sampled), 2), np.float32)
+        gradient = self._gradients.gradient.astype(np.float32, copy=False)
+        return self._sampled - np.sum(gradient * self._gradients.at, -1), gradient
 
     @cached_property
     def measured(self) -> Measurements:
@@ -210,19 +202,18 @@ class Observations:
         self._pass(estimate, views, landmarks, False, np.zeros(0, np.float32), normal)
         return normal.cost.sum(0), normal.landmark_cost
 
-    def linearize(self, estimate: Estimate) -> ObservationRows:
+    def linearize(self, estimate: Estimate) -> tuple[ObservationRows, np.ndarray, np.ndarray]:
+        """The rows, and what they add to the landmarks' blocks (J, 6, 6) and gradients (J, 6)."""
         views, landmarks = states(estimate.views, estimate.landmarks)
         stored = np.empty(STORED * self.table.layout.places, np.float32)
         normal = _empty_normal(len(estimate.landmarks), len(estimate.views), len(self._unit(estimate)))
         self._pass(estimate, views, landmarks, True, stored, normal)
         where = row_origin(views, landmarks, estimate.pivot)
-        return ObservationRows(
+        rows = ObservationRows(
             cost=normal.cost.sum(0),
             layout=self.table.layout,
             stored=stored,
             where=where,
-            landmark_block=normal.landmark_block,
-            landmark_gradient=normal.landmark_gradient,
             view_block=_full(normal.view_block.sum(0)),
             view_gradient=normal.view_gradient.sum(0),
             border=Border(
@@ -232,6 +223,7 @@ class Observations:
                 gradient=normal.parameter_gradient.sum(0),
             ),
         )
+        return rows, normal.landmark_block, normal.landmark_gradient
 
     def _pass(
         self,
