@@ -1,7 +1,9 @@
 """A run beside its rivals: what they are given, the same pixels and figures for all, and the command."""
 
 import json
+import shutil
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -190,3 +192,13 @@ def test_geometry_alone_has_heights_and_normals_but_no_albedo(mapped, tmp_path):
     assert "albedo_error_mean_percent" not in mvs
     assert own["normal_error_mean_deg"] < mvs["normal_error_mean_deg"]
     assert own["psnr_mean_db"] > mvs["psnr_mean_db"] > 25
+
+
+def test_a_site_is_mapped_before_its_rivals_are_made(mapped, tmp_path, capsys):
+    site = Path(shutil.copytree(mapped.site.parent, tmp_path / "site"))
+    mapped.copy(site / "run")  # as a run that goes on: nothing is left to be done
+    assert phomo("rivals", site, "--methods", "spc", "--spc.iterations", 1) == 0
+    said = capsys.readouterr()
+    assert "dense" in said.err
+    assert "spc" in said.out
+    assert (site / "run" / "rivals" / "rivals.json").is_file()
