@@ -9,6 +9,7 @@
 An entry in `registry.MATCHERS` makes it a choice of `phomo run --matcher`.
 
 `in_threads = True` beside the name says that several threads may call `match` at once; without it, one at a time does.
+
 Two pictures can be matched by `reference`, `target` and `region` alone; `prediction` is where a pixel is expected, for
 matchers that can use it. To match against another picture of the reference, for instance one rendered under the
 target's Sun, replace the reference image: `replace(request, reference=rendered)`, with the rendering's own mask.
