@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import RectBivariateSpline
 
 from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.rasters.geotiff import read_dtm, read_dtm_mesh
@@ -75,23 +76,47 @@ def test_every_pixel_of_the_height_map_is_on_the_true_ground(tmp_path, projectio
     assert np.sqrt(np.mean(off**2)) < 0.01
 
 
-def test_every_pixel_of_the_albedo_map_is_that_of_the_landmarks(tmp_path):
-    """Checked against another program's linear interpolation between the landmarks' places on the map."""
+def on_triangles(framed, file, *values):
+    """A map's first band, and values of the landmarks as another program interpolates them linearly on the map."""
     from matplotlib.tri import LinearTriInterpolator, Triangulation
 
-    framed = on_body(cratered_place())
-    write_maps(tmp_path, framed, ["albedo"], ExportOptions())
-    marks = framed.scene.landmarks
-    lon, lat, _ = geographic(framed.globe, marks.position).T
+    lon, lat, _ = geographic(framed.globe, framed.scene.landmarks.position).T
     triangles = Triangulation(IAU_RADIUS * np.radians(lon), IAU_RADIUS * np.radians(lat), landmark_faces(framed.scene))
-    with rasterio.open(tmp_path / "albedo.tif") as file:
-        found = file.read(1, masked=True)
+    with rasterio.open(file) as opened:
+        found = opened.read(1, masked=True)
         rows, cols = np.indices(found.shape)
-        x, y = (np.reshape(v, found.shape) for v in file.xy(rows.ravel(), cols.ravel()))
-    expected = LinearTriInterpolator(triangles, marks.albedo)(x, y)
+        x, y = (np.reshape(v, found.shape) for v in opened.xy(rows.ravel(), cols.ravel()))
+    return found, *(LinearTriInterpolator(triangles, value)(x, y) for value in values)
+
+
+def test_every_pixel_of_a_sigma_map_is_that_of_the_landmarks(tmp_path):
+    place = cratered_place()
+    sigma = 0.1 * place.scene.landmarks.albedo
+    framed = on_body(place, albedo=sigma)
+    write_maps(tmp_path, framed, ["sigma"], ExportOptions())
+    found, expected = on_triangles(framed, tmp_path / "sigma_albedo.tif", sigma)
     np.testing.assert_array_equal(np.ma.getmaskarray(found), np.ma.getmaskarray(expected))
     assert 0.5 < (~np.ma.getmaskarray(found)).mean() < 1.0
     np.testing.assert_allclose(found.compressed(), expected.compressed(), rtol=1e-6)
+
+
+def test_every_pixel_of_the_albedo_map_is_on_a_spline_through_the_landmarks(tmp_path):
+    """By another program's spline, whose edges bend otherwise; waves of four landmarks keep their amplitude between
+    these, of which a line between two takes three tenths."""
+    place = cratered_place()
+    row, col = place.scene.cells
+    wavy = replace(place.scene.landmarks, albedo=0.2 + 0.1 * np.sin(0.5 * np.pi * col + 0.7))
+    framed = on_body(replace(place, scene=replace(place.scene, landmarks=wavy)))
+    write_maps(tmp_path, framed, ["albedo"], ExportOptions())
+    found, rows, cols = on_triangles(framed, tmp_path / "albedo.tif", row.astype(float), col.astype(float))
+    side = framed.scene.region.grid_shape[0]
+    spline = RectBivariateSpline(np.arange(side), np.arange(side), framed.scene.grid(wavy.albedo))
+    inside = (np.minimum(rows, cols) > 9) & (np.maximum(rows, cols) < side - 10)
+    inside = inside.filled(False) & ~np.ma.getmaskarray(found)
+    assert inside.sum() > 1000
+    np.testing.assert_allclose(found[inside], spline.ev(rows[inside], cols[inside]), rtol=1e-4)
+    wave = 0.2 + 0.1 * np.sin(0.5 * np.pi * cols[inside] + 0.7)
+    assert np.abs(found[inside] - wave).max() < 0.01
 
 
 @pytest.mark.parametrize("projection", PROJECTIONS)

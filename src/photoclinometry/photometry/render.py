@@ -115,12 +115,25 @@ def draw_smoothly(
     A map holds brightness up to waves of two landmarks. Halfway between landmarks, linear interpolation takes three
     tenths of the amplitude of waves of four: 1 - cos(45 degrees).
     """
-    row, col = scene.cells
-    cell, mask = draw_landmarks(scene, view, np.stack([col + 0.5, row + 0.5], axis=-1), faces)
-    grid = scene.grid(value)
+    cell, mask = draw_landmarks(scene, view, cell_coordinates(scene), faces)
     drawn = np.zeros(mask.shape)
-    drawn[mask] = np.maximum(sample(filled_from_nearest(grid, np.isfinite(grid)), cell[mask]), 0.0)
+    drawn[mask] = np.maximum(by_splines(scene, value, cell[mask]), 0.0)
     return drawn, mask
+
+
+def cell_coordinates(scene: Scene) -> np.ndarray:
+    """(J, 2) column and row of each landmark in the map's grid, whose first one is at (0.5, 0.5)."""
+    row, col = scene.cells
+    return np.stack([col, row], axis=-1) + 0.5
+
+
+def by_splines(scene: Scene, value: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    """(n,) values (J,) of the landmarks at places (n, 2) in the map's grid (`cell_coordinates`), by a cubic spline.
+
+    Holes have the nearest landmark's value.
+    """
+    grid = scene.grid(value)
+    return sample(filled_from_nearest(grid, np.isfinite(grid)), cell)
 
 
 def draw_landmarks(

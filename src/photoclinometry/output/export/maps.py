@@ -20,6 +20,7 @@ from photoclinometry.output.export.corrected import corrected_reflectance
 from photoclinometry.output.export.frame import Framed
 from photoclinometry.output.export.grid import MapGrid, grid_around, resample, resample_heights
 from photoclinometry.output.export.plane import Plane, map_plane
+from photoclinometry.photometry.render import by_splines, cell_coordinates
 
 if TYPE_CHECKING:
     from photoclinometry.output.export.options import ExportOptions
@@ -62,7 +63,11 @@ def write_maps(folder: Path, framed: Framed, products: Sequence[str], options: E
 def draw_maps(
     framed: Framed, plane: Plane, grid: MapGrid, products: Sequence[str], options: ExportOptions
 ) -> list[Map]:
-    """The maps on a grid, NaN where there is no ground."""
+    """The maps on a grid, NaN where there is no ground.
+
+    Between landmarks, normals, albedos and reflectances are those of cubic splines (as of `render.draw_smoothly`),
+    standard deviations those on triangles.
+    """
     scene = framed.scene
     faces = landmark_faces(scene)
     if not len(faces):
@@ -73,17 +78,27 @@ def draw_maps(
         image[~valid] = np.nan
         return image
 
+    cell = drawn(cell_coordinates(scene))
+
+    def smooth(values: np.ndarray) -> np.ndarray:
+        image = drawn(values)
+        known = np.isfinite(image).all(-1)
+        image[known] = np.stack([by_splines(scene, component, cell[known]) for component in values.T], -1)
+        return image
+
     maps = []
     if "dtm" in products:
         above = f"above a {framed.globe.shape}" if framed.globe else "above the map's mean plane"
         height, valid = resample_heights(grid, plane.place, plane.gradient, faces)
         maps.append(_single("dtm", framed.unit, f"height {above}", np.where(valid, height, np.nan)[..., None]))
     if {"normals", "slope"} & set(products):
-        both = drawn(np.concatenate([scene.landmarks.normal, plane.up], -1))
         axes = ("east", "north", "up") if framed.globe else ("x", "y", "up")
-        maps += _orientation(unit(both[..., :3]), unit(both[..., 3:]), plane.north, axes, products)
-    layers = [*_light(scene, products, options), *(_sigmas(framed, plane.up) if "sigma" in products else [])]
-    return maps + [_single(name, unit_name, about, drawn(values)) for name, unit_name, about, values in layers]
+        maps += _orientation(unit(smooth(scene.landmarks.normal)), unit(drawn(plane.up)), plane.north, axes, products)
+    for name, unit_name, about, values in _light(scene, products, options):
+        maps.append(_single(name, unit_name, about, np.maximum(smooth(values[:, None]), 0.0)))
+    for name, unit_name, about, values in _sigmas(framed, plane.up) if "sigma" in products else []:
+        maps.append(_single(name, unit_name, about, drawn(values)))
+    return maps
 
 
 Layer = tuple[str, str, str, np.ndarray]
