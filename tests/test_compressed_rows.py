@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from photoclinometry.model.compressed_rows import row_medians, row_of_entry, row_starts
+from photoclinometry.model.compressed_rows import row_of_entry, row_starts
+from photoclinometry.model.row_medians import row_medians
 
 
 def test_starts_are_the_running_sum_of_counts():

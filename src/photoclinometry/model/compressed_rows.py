@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 
 def row_starts(count: np.ndarray) -> np.ndarray:
@@ -17,14 +16,3 @@ def row_starts(count: np.ndarray) -> np.ndarray:
 def row_of_entry(start: np.ndarray) -> np.ndarray:
     """(N,) int64: the row that each entry belongs to, for starts (J + 1,)."""
     return np.repeat(np.arange(len(start) - 1), np.diff(start))
-
-
-@njit(cache=True)
-def row_medians(value: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """(J,) the median of each row of values (N,), the upper one of two middle values; NaN of rows without entries."""
-    median = np.full(start.size - 1, np.nan)
-    for j in range(median.size):
-        row = np.sort(value[start[j] : start[j + 1]])
-        if row.size:
-            median[j] = row[row.size // 2]
-    return median

@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.adjust import Adjustment, ImageGradients, Noise
-from photoclinometry.model.compressed_rows import row_medians
 from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
+from photoclinometry.model.row_medians import row_medians
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.albedo import fitted_albedo
