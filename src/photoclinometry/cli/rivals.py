@@ -79,5 +79,6 @@ def _mapped(path: Path, hold_out: tuple[str, ...]) -> Path:
     from photoclinometry.pipeline.run import RunOptions
 
     site = site_file(path)
-    run(site, options=RunOptions(hold_out=hold_out))
-    return site.parent / "run"
+    folder = site.parent / "run"
+    run(site, out=folder, options=RunOptions(hold_out=hold_out))
+    return folder

@@ -78,10 +78,9 @@ def draw_maps(
         image[~valid] = np.nan
         return image
 
-    cell = drawn(cell_coordinates(scene))
-
     def smooth(values: np.ndarray) -> np.ndarray:
-        image = drawn(values)
+        both = drawn(np.column_stack([values, cell_coordinates(scene)]))
+        image, cell = both[..., :-2], both[..., -2:]
         known = np.isfinite(image).all(-1)
         image[known] = np.stack([by_splines(scene, component, cell[known]) for component in values.T], -1)
         return image
