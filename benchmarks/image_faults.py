@@ -81,7 +81,7 @@ def gamma(clean: Images, rng: np.random.Generator) -> Images:
     return clean.changed(lambda pixels: clean.top * np.clip(pixels / clean.top, 0.0, None) ** (1.0 / GAMMA))
 
 
-def distortion(clean: Images, rng: np.random.Generator) -> Images:
+def distortion(clean: Images, rng: np.random.Generator, corner_px: float = CORNER_SHIFT_PX) -> Images:
     """Radial distortion that was left in: barrel or pincushion."""
     import cv2
 
@@ -90,7 +90,7 @@ def distortion(clean: Images, rng: np.random.Generator) -> Images:
     def distorted(pixels: np.ndarray) -> np.ndarray:
         x, y, radius = _from_centre(pixels.shape)
         corner = np.hypot(*pixels.shape) / 2.0
-        stretch = 1.0 + sign * CORNER_SHIFT_PX / corner * radius**2
+        stretch = 1.0 + sign * corner_px / corner * radius**2
         height, width = pixels.shape
         source = [
             ((value * stretch) + size / 2.0 - 0.5).astype(np.float32) for value, size in ((x, width), (y, height))

@@ -269,6 +269,8 @@ def images() -> Iterator[Fault]:
 
 
 SUN = "sun = [0.6, 0.0, -0.8]"
+CAMERA = 'model = "PINHOLE"\nwidth = 64\nheight = 64\nparams = [640.0, 640.0, 32.0, 32.0]'
+FOLDED = 'model = "SIMPLE_RADIAL"\nwidth = 64\nheight = 64\nparams = [640.0, 32.0, 32.0, -900.0]'
 FIRST = "views[0] (images/0.fits): "
 UNIT = "give the unit vector from the body towards the Sun in the camera frame (x right, y down, z forward)"
 
@@ -348,7 +350,8 @@ def keys() -> Iterator[Fault]:
     )
     yield row("no camera", "[camera]", "[cam]", "camera", "[camera] or one [cameras.NAME]")
     yield row("the camera of a view is unknown", SUN, SUN + '\ncamera = "wide"', f"{FIRST}camera", "no [cameras.wide]")
-    yield row("a camera with distortion", "PINHOLE", "OPENCV", "camera: model", "'OPENCV'", "undistort the images")
+    yield row("a fisheye camera", "PINHOLE", "OPENCV_FISHEYE", "camera: model", "'OPENCV_FISHEYE'", "undistort the")
+    yield row("a distortion that folds the image", CAMERA, FOLDED, "camera: params", "folds", "f, cx, cy, k1")
     yield row("three numbers of a camera", PARAMS, "[640.0, 32, 32]", "camera: params: expected", "4 finite numbers")
     yield row(
         "a negative focal length",
@@ -510,7 +513,9 @@ def options() -> Iterator[Fault]:
         put("gcp.csv", CONTROL + "a,images/0.fits,1,nan,0,0,0,1\n"),
     )
     yield row("a misspelt command", "rnu site/site.toml", "there is no command 'rnu'; did you mean `phomo run`?")
-    yield row("a command unlike any", "zzz", "there is no command 'zzz'; commands: ingest, views, plan, simulate, run")
+    yield row(
+        "a command unlike any", "zzz", "there is no command 'zzz'; commands: ingest, calibrate, views, plan, simulate"
+    )
     typed = rows("options", form=BOX)
     one_of, expected = "Invalid choice ... invalid choice", "Expected one of ("
     yield typed(
@@ -574,13 +579,19 @@ def options() -> Iterator[Fault]:
     yield typed(
         "no command",
         "",
-        "Missing subcommand ... Expected one of {ingest, views, plan, simulate, run, ... }. ... run phomo --help",
+        "Missing subcommand ... Expected one of {ingest, calibrate, views, plan, ... }. ... run phomo --help",
     )
 
 
 def folders() -> Iterator[Fault]:
     row = rows("folders")
     foreign = "exists and is not a run folder; choose another --out"
+    yield row(
+        "the output of a calibration exists",
+        "calibrate site --out site/site.toml",
+        "site/site.toml: exists; choose another --out, or remove it",
+        whole=True,
+    )
     yield row(
         "the output is a file",
         "run site --out site/site.toml",

@@ -38,6 +38,7 @@ def fails(monkeypatch):
 
 COMMANDS = (
     "ingest",
+    "calibrate",
     "views",
     "plan",
     "run",

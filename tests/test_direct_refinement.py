@@ -9,6 +9,7 @@ from photoclinometry.adjust import AdjustOptions
 from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.reflectance import published
+from photoclinometry.model.sampling import sample_gradient, sample_image
 from photoclinometry.model.scene import Image
 from photoclinometry.pipeline import direct_refinement, joint_estimate
 from photoclinometry.pipeline.direct_refinement import (
@@ -21,7 +22,6 @@ from photoclinometry.pipeline.direct_refinement import (
 )
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
 from photoclinometry.registration.alignment import transform_scene
-from photoclinometry.surface.sampling import sample_gradient, sample_image
 from scenes import synthetic_images, synthetic_scene, thinned
 
 QUICK = AdjustOptions(uncertainty=False)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.region import Region
+from photoclinometry.model.sampling import gaussian, masked_filter, sample, sample_image
 from photoclinometry.model.scene import Image
-from photoclinometry.surface.sampling import gaussian, masked_filter, sample, sample_image
 
 CENTERS = Region.of_image(40, 60).pixel_centers()
 INNER = np.random.default_rng(0).uniform(12.0, 28.0, (200, 2))

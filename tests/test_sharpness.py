@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.sharpness import blur_px
 from photoclinometry.pipeline.blurred_views import BLURRED_PX, views_to_leave_out, warn_of_blurred_views
-from photoclinometry.surface.sampling import gaussian, masked_filter
 from scenes import synthetic_scene
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.geometry import angle_between, so3_exp
+from photoclinometry.model.sampling import blurred
 from photoclinometry.model.scene import Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.sun_check import (
@@ -15,7 +16,6 @@ from photoclinometry.photometry.sun_check import (
     ground_from_views,
     sun_from_other_views,
 )
-from photoclinometry.surface.sampling import blurred
 from scenes import synthetic_images, synthetic_scene
 
 

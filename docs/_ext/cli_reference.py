@@ -12,7 +12,7 @@ from typing import Any
 
 FOLDER = Path(__file__).parents[1] / "reference" / "cli"
 ORDER = ["simulate", "info", "run", "body", "view", "evaluate", "render", "figure", "export"]
-ORDER += ["ingest", "views", "plan", "refine", "fetch", "study", "rivals"]
+ORDER += ["ingest", "calibrate", "views", "plan", "refine", "fetch", "study", "rivals"]
 
 
 def commands() -> dict[str, Callable[..., Any]]:

@@ -13,9 +13,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from photoclinometry.model.robust import robust_sigma
+from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import brightness_residuals
-from photoclinometry.surface.sampling import gaussian, masked_filter
 
 LOCAL_NOISE_SIGMA = 1.0
 """Standard deviation of the Gaussian over which noise is told from place to place [landmarks]: misfits are as local as

@@ -21,6 +21,7 @@ from photoclinometry.model.ranges import OptionError, described
 
 COMMANDS = {
     "ingest": "Make a site of archived images (PDS, ISIS, FITS, PNG, TIFF).",
+    "calibrate": "Find the distortion of a site's cameras by its own images.",
     "views": "List the images that see a place, and choose some for a map.",
     "plan": "Foresee the map of planned images, and what one more adds.",
     "simulate": "Simulate the images of a place or body, with their truth.",

@@ -80,6 +80,10 @@ FIRST = {
         "density_kg_m3",
         "spin_period_h",
     ),
+    "calibrate": (
+        "passes",
+        "sfm.max_features",
+    ),
     "ingest": (
         "kernels",
         "sumfiles",

@@ -25,6 +25,7 @@ NAMES = {
     "merge": "merge",
     "placement": "placement",
     "renderings": "renderings",
+    "distortion": "distortion",
     "inconsistent_views": "check of views",
     "region": "region",
     "dense": "dense",

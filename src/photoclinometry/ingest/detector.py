@@ -19,8 +19,6 @@ _SKEW_TOLERANCE = 1e-3
 """Cosine between the axes of a detector up to which they count as perpendicular: 0.5 px in 500 px."""
 BORESIGHT_Z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """`Detector.frame` of an instrument whose frame is that of the focal plane."""
-NEGLIGIBLE_PX = 0.01
-"""Distortion below this is ignored: resampling would cost more accuracy [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,8 @@ from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.bodies import is_known
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.json_file import write_json
-from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, misplaced_principal_point, write_site
+from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
+from photoclinometry.io.site_cameras import misplaced_principal_point
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.model.errors import InputError, RunFolderError

@@ -18,13 +18,15 @@ from photoclinometry.io import site_display
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.bodies import BODY, BODY_RADIUS, check_outside, read_body
 from photoclinometry.io.masks import ALL_USED, BORDER, MASK, Masking, read_masking
+from photoclinometry.io.site_cameras import SiteCamera, read_cameras
 from photoclinometry.io.suns_csv import GIVE_SUN
 from photoclinometry.io.table import Table
 from photoclinometry.io.toml_file import read_toml
-from photoclinometry.model.errors import InputError, SiteError
+from photoclinometry.model.errors import SiteError
 from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.lens import NO_DISTORTION, Lens
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera
+from photoclinometry.model.scene import Camera
 
 MIN_VIEWS = 3
 """Fewest views of a site: with two views of a landmark a wrong match cannot be detected."""
@@ -38,11 +40,6 @@ _UNIT_TOLERANCE = 1e-3
 """Vectors and quaternions written with three decimals are this near to unit length."""
 _ROUNDING = 1e-15
 """A Sun this near to unit length is kept to the last bit, so that what was written reads back the same."""
-_FARTHEST_PRINCIPAL = 10.0
-"""Principal points farther outside than this many image widths are parameters in the wrong order."""
-
-_MaskedCamera = tuple[Camera, Masking]
-"""A camera, and what of all its images is not used."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +57,8 @@ class SiteView:
     pose_prior: PosePrior | None = None
     masking: Masking = ALL_USED
     """Those of its camera included."""
+    lens: Lens = NO_DISTORTION
+    """What is taken out of the image when it is read, so that `camera` is a pinhole."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +112,13 @@ class Site:
         return own, np.sqrt(stated**2 - own**2)
 
     @property
+    def cameras(self) -> tuple[list[SiteCamera], np.ndarray]:
+        """The cameras (C,) with their lenses, masks left out, and the number of each view's (K,)."""
+        of_view = [SiteCamera(view.camera, view.lens) for view in self.views]
+        cameras = list(dict.fromkeys(of_view))
+        return cameras, np.array([cameras.index(camera) for camera in of_view])
+
+    @property
     def pose_priors(self) -> dict[str, PosePrior]:
         """By the names of the views that have one."""
         return {view.name: view.pose_prior for view in self.views if view.pose_prior is not None}
@@ -136,7 +142,7 @@ def read_site(path: Path | str) -> Site:
     brightness = table.choice("brightness", ("iof", "dn"))
     linear = table.boolean("linear", False)
     common = table.number_from_zero("sun_common_sigma_deg", None)
-    default, cameras = _read_cameras(table, path.parent)
+    default, cameras = read_cameras(table, path.parent)
     views = tuple(_read_view(path, entry, default, cameras) for entry in table.tables("views"))
     if not views:
         _check_views(table, views)
@@ -155,47 +161,7 @@ def write_site(path: Path | str, site: Site) -> None:
     write_text(path, tomli_w.dumps(site_document(site)))
 
 
-def _read_cameras(table: Table, folder: Path) -> tuple[_MaskedCamera | None, dict[str, _MaskedCamera]]:
-    """The camera of the views without the key `camera` (None if there are several), and the cameras by name."""
-    single = table.table("camera", None)
-    several = table.table("cameras", None)
-    if (single is None) == (several is None):
-        raise table.error("camera", "write either one [camera] or one [cameras.NAME] for each camera")
-    if single is not None:
-        return _read_camera(single, folder), {}
-    named = {name: _read_camera(several.table(name), folder) for name in several.content}
-    if not named:
-        raise table.error("cameras", "holds no camera; write [cameras.NAME] for each")
-    return (next(iter(named.values())) if len(named) == 1 else None), named
-
-
-def _read_camera(table: Table, folder: Path) -> _MaskedCamera:
-    table.expect("model", "width", "height", "params", MASK, BORDER)
-    model = table.choice("model", tuple(CAMERA_PARAMETERS), "undistort the images to one of these first")
-    width, height = table.positive_integer("width"), table.positive_integer("height")
-    params = tuple(table.numbers("params", CAMERA_PARAMETERS[model]).tolist())
-    masking = read_masking(table, folder)
-    table.finish()
-    try:
-        camera = Camera(model, width, height, params)
-    except InputError as error:
-        raise table.error("params", str(error)) from error
-    misplaced = misplaced_principal_point(camera)
-    if misplaced:
-        raise table.error("params", misplaced)
-    return camera, masking
-
-
-def misplaced_principal_point(camera: Camera) -> str | None:
-    """Why the camera's principal point cannot be right; None where it can."""
-    center, width, height = np.array(camera.principal_px), camera.width, camera.height
-    if (np.abs(center - (width / 2, height / 2)) <= _FARTHEST_PRINCIPAL * max(width, height)).all():
-        return None
-    order = "f, cx, cy" if camera.model == "SIMPLE_PINHOLE" else "fx, fy, cx, cy"
-    return f"the principal point {center.tolist()} is far outside {width} x {height} pixels; the order is {order}"
-
-
-def _read_view(path: Path, table: Table, default: _MaskedCamera | None, cameras: dict[str, _MaskedCamera]) -> SiteView:
+def _read_view(path: Path, table: Table, default: SiteCamera | None, cameras: dict[str, SiteCamera]) -> SiteView:
     table.expect("image", "camera", "sun", "sun_sigma_deg", "cam_from_body", MASK, BORDER)
     name = table.text("image")
     table.where += f" ({name})"
@@ -203,17 +169,16 @@ def _read_view(path: Path, table: Table, default: _MaskedCamera | None, cameras:
     if chosen is not None and chosen not in cameras:
         known = ", ".join(cameras) or "none are named; leave the key out"
         raise table.error("camera", f"there is no [cameras.{chosen}] (known: {known})")
-    masked = default if chosen is None else cameras[chosen]
-    if masked is None:
+    camera = default if chosen is None else cameras[chosen]
+    if camera is None:
         raise table.error("camera", f"is missing; name one of {', '.join(cameras)}")
-    camera, of_camera = masked
-    masking = of_camera.joined(read_masking(table, path.parent))
+    masking = camera.masking.joined(read_masking(table, path.parent))
     sun = _read_sun(table)
     sigma_deg = table.positive_number("sun_sigma_deg", None)
     sigma = DEFAULT_SUN_SIGMA_RAD if sigma_deg is None else float(np.deg2rad(sigma_deg))
     prior = _read_prior(table.table("cam_from_body", None))
     table.finish()
-    return SiteView(name, path.parent / name, camera, sun, sigma, prior, masking)
+    return SiteView(name, path.parent / name, camera.camera, sun, sigma, prior, masking, camera.lens)
 
 
 def _read_sun(table: Table) -> np.ndarray:
@@ -313,11 +278,8 @@ def site_document(site: Site) -> dict[str, Any]:
         document["linear"] = True
     if site.sun_common_sigma_rad is not None:
         document["sun_common_sigma_deg"] = math.degrees(site.sun_common_sigma_rad)
-    cameras = list(dict.fromkeys(view.camera for view in site.views))
-    entries = [
-        {"model": c.model, "width": c.width, "height": c.height, "params": [float(p) for p in c.params]}
-        for c in cameras
-    ]
+    cameras, of_view = site.cameras
+    entries = [camera.entry() for camera in cameras]
     if len(cameras) == 1:
         document["camera"] = entries[0]
     else:
@@ -327,10 +289,10 @@ def site_document(site: Site) -> dict[str, Any]:
         region |= {key: getattr(site.region, key) for key in ("center_px", "size_px", "stride")}
         document["region"] = {key: value for key, value in region.items() if value is not None}
     document["views"] = []
-    for view in site.views:
+    for view, number in zip(site.views, of_view, strict=True):
         entry: dict[str, Any] = {"image": view.name}
         if len(cameras) > 1:
-            entry["camera"] = f"camera{cameras.index(view.camera)}"
+            entry["camera"] = f"camera{number}"
         entry["sun"] = np.asarray(view.sun, float).tolist()
         entry["sun_sigma_deg"] = float(np.rad2deg(view.sun_sigma_rad))
         if view.pose_prior is not None:

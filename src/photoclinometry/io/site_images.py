@@ -16,7 +16,9 @@ from photoclinometry.io.images import read_image
 from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
+from photoclinometry.model.lens import NEGLIGIBLE_PX, NO_DISTORTION, observed_pixels
 from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.sampling import resampled
 from photoclinometry.model.scene import Image
 
 log = logging.getLogger(__name__)
@@ -117,13 +119,21 @@ def _less_dark_levels(images: list[Image], levels: np.ndarray) -> list[Image]:
 
 
 def read_view_image(site: Site, view: SiteView) -> Image:
-    """The image of a view, sky included, named after its file; `valid` is False where it is masked.
+    """The image of a view, sky included, named after its file, without distortion; `valid` is False where it is masked.
 
     Raises ImageError.
     """
     image = read_image(view.image, linear=site.linear, remedy="write linear = true in site.toml")
     valid = image.valid & view.masking.usable(image.valid.shape)
-    return Image(image.name, np.where(valid, image.brightness, np.float32(0)), valid)
+    return undistorted(Image(image.name, np.where(valid, image.brightness, np.float32(0)), valid), view)
+
+
+def undistorted(image: Image, view: SiteView) -> Image:
+    """The image of a view as its pinhole camera shows it: resampled by splines, where its lens distorts noticeably."""
+    if view.lens == NO_DISTORTION or image.valid.shape != (view.camera.height, view.camera.width):
+        return image
+    seen, farthest = observed_pixels(view.camera, view.lens)
+    return Image(image.name, *resampled(image.brightness, image.valid, seen)) if farthest > NEGLIGIBLE_PX else image
 
 
 def input_fingerprint(site: Site) -> str:

@@ -17,9 +17,9 @@ import numpy as np
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.region import Region
+from photoclinometry.model.sampling import ALL_VALID, sample, smoothing_px
 from photoclinometry.model.scene import Image
 from photoclinometry.model.tiny import TINY
-from photoclinometry.surface.sampling import ALL_VALID, sample, smoothing_px
 
 MIN_SHARE = 1e-3
 """Share of valid pixels in a window below which its mean is not trusted; it guards a division."""

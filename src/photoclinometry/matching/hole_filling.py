@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.sampling import filled_from_nearest
 from photoclinometry.model.scene import Landmarks, Scene
 from photoclinometry.surface.depth_fit import landmark_depth
-from photoclinometry.surface.sampling import filled_from_nearest
 
 SMALLEST_PX2 = 36
 """Smaller holes stay [reference pixels]: amidst ground that matches, they are blemishes of images and edges of shadows.

@@ -16,8 +16,8 @@ import numpy as np
 from photoclinometry.matching.flow import crop, in_target, pixel_centers, resample
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
 from photoclinometry.model.ranges import Range, Ranged
+from photoclinometry.model.sampling import ALL_VALID, sample
 from photoclinometry.model.tiny import TINY
-from photoclinometry.surface.sampling import ALL_VALID, sample
 
 STRETCH_PERCENT = (0.5, 99.5)
 """Percentiles of a picture's brightness that become black and white: hot pixels do not set the range."""

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 CODES: Mapping[str, str] = {
     "body-unknown": "a body of which nothing is known here is left out of a site that was made of archive files",
     "brightness-impossible": "the brightness of a view cannot be that of sunlit ground, and the view is left out",
+    "camera-distorted": "the images of a camera have distortion that the site does not state",
     "control-contradicts": "a ground control point is far from the estimate",
     "control-too-few": "the ground control points do not determine the frame",
     "few-views": "a site that was made of archive files has too few views to be mapped",

@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.sampling import sample_image
 from photoclinometry.model.scene import Image, Scene, Surroundings
 from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
 from photoclinometry.surface.map_rays import MapRays
-from photoclinometry.surface.sampling import sample_image
 
 log = logging.getLogger(__name__)
 

@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.sampling import sample_image
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.sparse_planes import as_blurred, sparse_planes
-from photoclinometry.surface.sampling import sample_image
 
 NEIGHBOURS = 16
 """Points, itself included, whose plane is the ground at a point: half as many as where slopes themselves are wanted

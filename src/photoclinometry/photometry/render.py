@@ -12,12 +12,12 @@ import numpy as np
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.reflectance import photometric_angles
+from photoclinometry.model.sampling import filled_from_nearest, gaussian, masked_filter, sample, smoothing_px
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import reflectance_of
 from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
 from photoclinometry.surface.map_rays import in_sunlight
 from photoclinometry.surface.rasterise import draw_triangles
-from photoclinometry.surface.sampling import filled_from_nearest, gaussian, masked_filter, sample, smoothing_px
 
 
 def landmark_brightness(

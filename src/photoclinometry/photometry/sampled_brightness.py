@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.sampling import as_coarse, sample_image
 from photoclinometry.model.scene import Image, Views
 from photoclinometry.model.threads import in_threads
-from photoclinometry.surface.sampling import as_coarse, sample_image
 
 SHADOW_SHARE = 0.15
 """Brightness below this share of the median counts as shadow [-]. Shadows hold scattered light and

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.threads import in_threads
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import observation_brightness
-from photoclinometry.surface.sampling import gaussian, masked_filter
 
 COARSE = 4.0
 """Waves longer than those that a Gaussian of this standard deviation leaves tell nothing of sharpness, and are taken

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import brightness_residuals
-from photoclinometry.surface.sampling import gaussian, masked_filter
 
 NOISE_SHARE = 0.02
 """Part of the variance of the tilt between normals and surface, averaged, that noise of the positions may have."""

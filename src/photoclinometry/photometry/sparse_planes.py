@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.sampling import blurred
 from photoclinometry.model.scene import Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.neighbours import PLANE_NEIGHBOURS, normals_from_neighbours
-from photoclinometry.surface.sampling import blurred
 
 LEAST_BLUR_PX = 0.5
 """Least standard deviation of the images' blur [px]: the point-spread function that they have anyway."""

@@ -12,6 +12,7 @@ from photoclinometry.matching.densify import DenseTracks, DensifyOptions
 from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
+from photoclinometry.model.sampling import filled_from_nearest
 from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.sampled_brightness import landmark_spacing_px, sample_brightness
@@ -19,7 +20,6 @@ from photoclinometry.pipeline.sparse_stages import Place, PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.depth_fit import landmark_depth, sparse_depth
 from photoclinometry.surface.neighbours import normals_from_neighbours
-from photoclinometry.surface.sampling import filled_from_nearest
 from photoclinometry.surface.surroundings import surroundings_of
 
 PLANE_PX, MIN_PLANE_LANDMARKS = 32, 9

@@ -18,6 +18,7 @@ import numpy as np
 from photoclinometry.adjust import Adjustment, ImageGradients, Noise
 from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
 from photoclinometry.model.row_medians import row_medians
+from photoclinometry.model.sampling import as_coarse, sample_gradient
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.albedo import fitted_albedo
@@ -26,7 +27,6 @@ from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline.joint_estimate import Step, by_relit_matches
 from photoclinometry.pipeline.widened_sigmas import widened
-from photoclinometry.surface.sampling import as_coarse, sample_gradient
 
 log = logging.getLogger(__name__)
 

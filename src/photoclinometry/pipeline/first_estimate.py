@@ -13,10 +13,10 @@ import numpy as np
 
 from photoclinometry.adjust import Adjustment
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.sampling import filled_from_nearest, sample
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.shading import normals_from_shading
 from photoclinometry.surface.relief import reference_depth
-from photoclinometry.surface.sampling import filled_from_nearest, sample
 
 STEP = 2
 """Of every so many rows and columns there is a landmark in the first estimate."""

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.model.geometry import align_similarity, tangent_basis, unit
+from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
-from photoclinometry.surface.sampling import gaussian, masked_filter
 
 log = logging.getLogger(__name__)
 

@@ -14,6 +14,7 @@ from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Views
+from photoclinometry.pipeline.camera_check import CheckCameras
 from photoclinometry.pipeline.checked_map import checked_map
 from photoclinometry.pipeline.choices import Choices, check_enough_views, choose, choose_reflectance
 from photoclinometry.pipeline.dense_stages import MatchDensely
@@ -65,6 +66,7 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
     usable = np.array([image.name not in inputs.value.unusable for image in inputs.value.images])
     check_enough_views(site, usable & ~choices.held_out, options.densify, ReconstructionError)
     sparse = folder.done(SparseReconstruction(inputs=inputs, options=options.sfm))
+    folder.done(CheckCameras(inputs=inputs, sparse=sparse))
     posed = PosedImages(inputs=inputs, sparse=sparse)
     return map_posed(folder, PosedSite(site=site, posed=posed, choices=choices, options=options), config)
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.model.sampling import filled_from_nearest
 from photoclinometry.model.scene import Scene
-from photoclinometry.surface.sampling import filled_from_nearest
 
 log = logging.getLogger(__name__)
 

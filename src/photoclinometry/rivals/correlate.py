@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from photoclinometry.surface.sampling import filled_from_nearest, sample
+from photoclinometry.model.sampling import filled_from_nearest, sample
 
 SUBPIXEL_STEPS = 3
 """Gauss-Newton steps from the whole shift; each leaves a few per cent of what it finds."""

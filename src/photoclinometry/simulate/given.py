@@ -17,12 +17,12 @@ from photoclinometry.io.ground import Mesh, read_ground
 from photoclinometry.io.rasters.geotiff import Dtm
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES, Similarity, unit
+from photoclinometry.model.sampling import filled_from_nearest
 from photoclinometry.model.warning import warn
 from photoclinometry.simulate.surface import sphere_drop
 from photoclinometry.simulate.terrain import Grid
 from photoclinometry.surface.closed_mesh import signed_volume
 from photoclinometry.surface.rasterise import draw_triangles
-from photoclinometry.surface.sampling import filled_from_nearest
 
 log = logging.getLogger(__name__)
 

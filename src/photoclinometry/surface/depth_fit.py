@@ -11,9 +11,9 @@ from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.region import Region
 from photoclinometry.model.robust import REWEIGHTINGS, robust_sigma
+from photoclinometry.model.sampling import sample
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.surface.sampling import sample
 
 MIN_POINTS = 12
 """Fewer points near the region do not determine a surface: a plane and a curvature take six numbers."""

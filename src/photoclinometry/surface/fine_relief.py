@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.model.sampling import gaussian, masked_filter, smoothing_px
 from photoclinometry.model.scene import Scene
 from photoclinometry.surface.relief import reference_depth
-from photoclinometry.surface.sampling import gaussian, masked_filter, smoothing_px
 
 PIXEL_PX2 = 1.0 / 12.0
 """Variance of a pixel's own extent along each side [px^2]."""

@@ -11,9 +11,9 @@ from photoclinometry.io.meshes.gltf import write_glb
 from photoclinometry.io.meshes.obj import write_obj
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.mesh import landmark_faces
+from photoclinometry.model.sampling import filled_from_nearest
 from photoclinometry.model.scene import Scene
 from photoclinometry.output.export.frame import Framed
-from photoclinometry.surface.sampling import filled_from_nearest
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.sampling import sample
 from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.figures.layers import Layer, find_layer, length_unit
 from photoclinometry.surface.relief import local_frame, on_mean_plane
-from photoclinometry.surface.sampling import sample
 
 Pixel = tuple[float, float]
 """(x, y) of the reference image [px]; (0.5, 0.5) is the centre of its top-left pixel."""

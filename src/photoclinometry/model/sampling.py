@@ -27,6 +27,10 @@ _MARGIN_PX = 16
 """Pixels farther away than this do not enter a spline: their weights are below 1e-9."""
 
 
+_REACH = 2
+"""Pixels on each side with the main weights of a cubic spline [px]."""
+
+
 def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Brightness (n,) at pixel positions (n, 2), and (n,) bool: all four pixels around exist and are valid.
 
@@ -153,3 +157,25 @@ def sample(values: np.ndarray, xy: np.ndarray, *, order: int = 3) -> np.ndarray:
     layers = np.moveaxis(values.reshape(*values.shape[:2], -1), -1, 0)
     found = [map_coordinates(layer, row_col, np.float64, order=order, mode="nearest") for layer in layers]
     return np.stack(found, axis=-1).reshape(*xy.shape[:-1], *values.shape[2:])
+
+
+def resampled(brightness: np.ndarray, valid: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Brightness (h, w) and where it is valid at the pixels `seen` (h, w, 2) of an image, by splines.
+
+    Pixels that draw on an invalid one, or on what is outside of the image, are invalid; their brightness is 0.
+    """
+    import cv2
+
+    x, y = np.moveaxis(seen - 0.5, -1, 0)
+    height, width = brightness.shape
+    # Pixels outside of the image count as holes: a border of width _REACH is added.
+    holes = np.pad(~valid, _REACH, constant_values=True).astype(np.uint8)
+    touched = cv2.dilate(holes, np.ones((2 * _REACH, 2 * _REACH), np.uint8), anchor=(_REACH - 1, _REACH - 1))
+    col, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    inside = (col >= 0) & (row >= 0) & (col < width) & (row < height)
+    at = np.clip(row, 0, height - 1) + _REACH, np.clip(col, 0, width - 1) + _REACH
+    kept = inside & (touched[at] == 0)
+    # A spline depends weakly on far pixels: holes are filled with their nearest neighbours.
+    source = filled_from_nearest(brightness, valid).astype(np.float64) if valid.any() else np.zeros(valid.shape)
+    values = sample(source, seen)
+    return np.where(kept, values, 0.0).astype(np.float32), kept

@@ -1,0 +1,144 @@
+"""A site with the distortion of its cameras, as the keypoints of its own images tell it."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated
+
+import numpy as np
+
+from photoclinometry.io.site import Site, read_site, write_site
+from photoclinometry.io.site_cameras import SiteCamera
+from photoclinometry.io.site_images import load_plausible_images
+from photoclinometry.model.errors import ReconstructionError, RunFolderError
+from photoclinometry.model.lens import Lens
+from photoclinometry.model.progress import Progress, no_progress
+from photoclinometry.model.ranges import Range, Ranged
+from photoclinometry.sfm import SfmOptions, reconstruct_sparse
+from photoclinometry.sfm.self_calibration import LensEstimate, estimate_lenses
+
+NAME = "calibrated.toml"
+"""Of the new site, beside the old one."""
+SETTLED_PX = 0.1
+"""No further pass once the images show no more than this."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationOptions(Ranged):
+    """How the distortion of a site's cameras is found."""
+
+    passes: Annotated[int, Range(least=1, most=20)] = 3
+    """Passes at most. Each takes the distortion found so far out of the images and makes a sparse model of them, so
+    that keypoints which a strong distortion kept from matching take part."""
+    sfm: SfmOptions = field(default_factory=SfmOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraCalibration:
+    """What was found of one camera."""
+
+    views: tuple[str, ...]
+    """Names of its views."""
+    camera: SiteCamera
+    """As the new site has it."""
+    shown: LensEstimate
+    """What the images show beyond the old site's lens."""
+    left: LensEstimate
+    """What they show beyond the lens found, before the last pass that changed it."""
+    changed: bool
+    """Whether the lens is another than in the old site."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """The site that was written, and its cameras."""
+
+    site: Path
+    cameras: tuple[CameraCalibration, ...]
+
+
+def calibrate(
+    site_file: Path,
+    out: Path | None = None,
+    options: CalibrationOptions = CalibrationOptions(),
+    progress: Progress = no_progress,
+) -> Calibration:
+    """Writes a site that is as the one given, with the distortion that its images show in the cameras.
+
+    A camera keeps its lens where the images show no more than `LensEstimate.is_clear` asks for. out: a TOML file, new;
+    by default NAME beside the site. The images are those of the old site; they are undistorted when they are read.
+    Raises InputError for wrong sites and images, RunFolderError if `out` exists or cannot be written, and
+    ReconstructionError where the images give no sparse model, or one of too few keypoints.
+    """
+    site = read_site(site_file)
+    out = Path(site_file).parent / NAME if out is None else Path(out)
+    if out.exists():
+        raise RunFolderError(f"{out}: exists; choose another --out, or remove it")
+    old, of_view = site.cameras
+    new, shown, left = old, [], []
+    for _ in range(options.passes):
+        left = _estimates(_with_cameras(site, new, of_view), of_view, options.sfm, progress)
+        shown = shown or left
+        change = [e.is_clear or c != o for e, c, o in zip(left, new, old, strict=True)]
+        if not any(changes and e.shift_px > SETTLED_PX for changes, e in zip(change, left, strict=True)):
+            break
+        new = [_with_added(c, e) if changes else c for changes, c, e in zip(change, new, left, strict=True)]
+    write_site(out, _moved(_with_cameras(site, new, of_view), out))
+    return Calibration(
+        site=out,
+        cameras=tuple(
+            CameraCalibration(
+                views=tuple(view.name for view, number in zip(site.views, of_view, strict=True) if number == n),
+                camera=new[n],
+                shown=shown[n],
+                left=left[n],
+                changed=new[n] != old[n],
+            )
+            for n in range(len(old))
+        ),
+    )
+
+
+def _estimates(site: Site, of_view: np.ndarray, options: SfmOptions, progress: Progress) -> list[LensEstimate]:
+    """What a sparse model of the images shows of each camera. Raises ReconstructionError."""
+    found = load_plausible_images(site, progress)
+    unusable = found.empty | found.impossible
+    used = np.array([k for k, image in enumerate(found.images) if image.name not in unusable])
+    cameras, _ = site.cameras
+    with TemporaryDirectory() as folder:
+        sparse = reconstruct_sparse(
+            [found.images[k] for k in used], [site.views[k].camera for k in used], Path(folder), options, progress,
+            site.sun_in_cam[used],
+        )  # fmt: skip
+    estimates = estimate_lenses(sparse, [camera.camera for camera in cameras], of_view[used])
+    if not estimates:
+        raise ReconstructionError(
+            f"{site.path}: {len(sparse.point_view)} keypoints of {sparse.registered.sum()} views do not suffice to "
+            "tell the distortion; add images, or raise --sfm.max-features"
+        )
+    return estimates
+
+
+def _with_added(camera: SiteCamera, estimate: LensEstimate) -> SiteCamera:
+    """The camera with the distortion that its undistorted images still show."""
+    coefficients = camera.lens.corner_px(camera.camera) + estimate.corner_px
+    return replace(camera, lens=Lens.of_corner_px(coefficients, camera.camera))
+
+
+def _with_cameras(site: Site, cameras: list[SiteCamera], of_view: np.ndarray) -> Site:
+    """The site with the lenses of other cameras (C,)."""
+    views = tuple(replace(view, lens=cameras[n].lens) for view, n in zip(site.views, of_view, strict=True))
+    return replace(site, views=views)
+
+
+def _moved(site: Site, path: Path) -> Site:
+    """The site as a file at `path` has it, with the same images."""
+    names = {view.name: Path(os.path.relpath(view.image, path.parent)).as_posix() for view in site.views}
+    region = site.region
+    if region is not None and region.reference is not None:
+        region = replace(region, reference=names[region.reference])
+    views = tuple(replace(view, name=names[view.name]) for view in site.views)
+    return replace(site, views=views, region=region, path=path)

@@ -1,0 +1,356 @@
+"""Distortion told by the keypoints: bundle adjustment with self-calibration.
+
+Poses, points and the four coefficients of each camera's lens (`model.lens`) are adjusted together (Brown 1971,
+Photogrammetric Engineering 37, 855; Triggs et al. 2000, Sec. 6.3 for the elimination of the points). Focal length and
+principal point are held: in narrow fields the images do not tell them from the distance and the attitude, and an error
+of them does no harm (decision 0063).
+
+Errors of keypoints are alike between neighbours on the ground, whose shading misleads alike. So the covariance is the
+one that is robust to clusters: the scores of patches of ground take the place of a noise model (Liang and Zeger 1986,
+Biometrika 73, 13).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from photoclinometry.model.compressed_rows import row_starts
+from photoclinometry.model.geometry import skew, so3_exp, unit
+from photoclinometry.model.lens import Lens, displacement_terms
+from photoclinometry.model.projection import project
+from photoclinometry.model.robust import HUBER_LIMIT, SIGMA_PER_MEDIAN, huber_weight
+from photoclinometry.model.scene import Camera
+from photoclinometry.model.sparse import SparseModel
+
+RADIAL_SIGMA = 0.02
+"""Standard deviation of what each of k1 and k2 displaces a corner by beforehand, as a share of half the diagonal:
+lenses of long focal length that nobody has calibrated are off by up to 1 or 2 per cent."""
+DECENTRING_SIGMA_PX = 0.1
+"""The same of p1 and p2 [px]: lenses are centred far better than their curvature is right. Ten views tell them to 0.01
+px; where few and nearly parallel views see them as a tilt of the ground, this keeps the two apart."""
+COEFFICIENTS = 4
+
+PATCHES = 8
+"""The ground is divided into so many patches along each side for the covariance: enough for four coefficients, and each
+wider than the neighbourhood whose errors are alike."""
+
+FEWEST_REDUNDANT = 200
+"""Fewest redundant measurements: the covariance of four coefficients by 64 patches wants several in each."""
+MOST_KEYPOINTS = 20_000
+"""Of models with more keypoints every n-th point counts: 10,000 keypoints of ten views tell a distortion to 0.1 px."""
+
+NOTICEABLE_PX = 0.5
+"""Largest displacement of a keypoint from which on images count as distorted [px]. Below it maps are as good as
+without: 2 px at the corner take 3 per cent of the relief (decision 0046)."""
+SIGNIFICANT = 5.0
+"""Standard deviations from which on a displacement is not taken for errors of the keypoints: where light changes most,
+these amount to 4.4 (decision 0063)."""
+
+_STEPS = 30
+"""Most steps of the adjustment; from a model without distortion it takes 3 to 10."""
+_SETTLED = 0.01
+"""The adjustment ends when a step lowers the cost, a sum of squares in units of the noise, by less than this."""
+_GAUGE = 1e-9
+"""Share of each pose's information that is added to it, as nothing else determines place, attitude and scale of the
+whole; covariances of the lens do not change by it."""
+_MOST_DAMPING = 1e6
+_FIRST_DAMPING = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensEstimate:
+    """The distortion that keypoints show in the images of one camera."""
+
+    camera: Camera
+    corner_px: np.ndarray
+    """(4,) displacements of a corner by k1, k2, p1 and p2, as of `Lens.corner_px`."""
+    covariance: np.ndarray
+    """(4, 4) of `corner_px` [px^2]."""
+    shift_px: float
+    """Largest displacement of a keypoint."""
+    shift_sigma_px: float
+    """Its standard deviation, along its direction."""
+
+    @property
+    def lens(self) -> Lens:
+        return Lens.of_corner_px(self.corner_px, self.camera)
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the displacement is worth a correction and more than errors of keypoints make."""
+        return self.shift_px > max(NOTICEABLE_PX, SIGNIFICANT * self.shift_sigma_px)
+
+
+class _State(NamedTuple):
+    rotation: np.ndarray
+    """(K, 3, 3) body_from_cam."""
+    center: np.ndarray
+    """(K, 3)."""
+    points: np.ndarray
+    """(P, 3)."""
+    lens: np.ndarray
+    """(C, 4) `corner_px` of each camera."""
+
+
+class _Residuals(NamedTuple):
+    error: np.ndarray
+    """(M, 2) predicted minus observed pixels."""
+    by_position: np.ndarray
+    """(M, 2, 3) derivatives by the point's position. Those of the distortion, below some per cent, are left out."""
+    terms: np.ndarray
+    """(M, 2, 4) derivatives by the camera's coefficients."""
+
+    @property
+    def size(self) -> np.ndarray:
+        """(M,) [px]."""
+        return np.linalg.norm(self.error, axis=-1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Normal:
+    """Normal equations, the points' blocks by themselves. The other unknowns are n = 6 K + 4 C."""
+
+    rows: Any
+    """(2 M, n) sparse, weighted derivatives by poses and lenses."""
+    residual: np.ndarray
+    """(2 M,) weighted."""
+    point: np.ndarray
+    """(M,) the point of each observation."""
+    information: np.ndarray
+    """(n, n), priors included."""
+    gradient: np.ndarray
+    """(n,), priors included."""
+    of_points: np.ndarray
+    """(P, 3, 3) information."""
+    mixed: Any
+    """(3 P, n) sparse."""
+    points_gradient: np.ndarray
+    """(3 P,)."""
+    damped: np.ndarray
+    """(n,) what damping of 1 adds to the diagonal of the information."""
+
+    def reduced(self, damping: float) -> tuple[np.ndarray, np.ndarray, Any, np.ndarray]:
+        """(n, n) information and (n,) gradient with the points eliminated; and (3 P, 3 P) L, (3 P,) L g of their
+        inverse information L^T L and gradient g."""
+        from scipy.sparse import bsr_matrix
+
+        diagonal = np.einsum("pii->pi", self.of_points)
+        blocks = self.of_points + np.eye(3) * ((damping + _GAUGE) * diagonal)[:, None]
+        lower = np.linalg.inv(np.linalg.cholesky(blocks))
+        count = len(blocks)
+        root = bsr_matrix((lower, np.arange(count), np.arange(count + 1)), (3 * count, 3 * count)).tocsr()
+        mixed, gradient = root @ self.mixed, root @ self.points_gradient
+        information = self.information - (mixed.T @ mixed).toarray()
+        information[np.diag_indices_from(information)] += (damping + _GAUGE) * self.damped
+        return information, self.gradient - mixed.T @ gradient, root, gradient
+
+    def step(self, damping: float) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) of poses and lenses, and (P, 3) of the points."""
+        information, gradient, root, of_points = self.reduced(damping)
+        step = -np.linalg.solve(information, gradient)
+        return step, -(root.T @ (of_points + root @ (self.mixed @ step))).reshape(-1, 3)
+
+    def scores(self) -> np.ndarray:
+        """(P, n) what each point contributes to the gradient, once it is eliminated."""
+        from scipy.sparse import csr_matrix
+
+        _, _, root, gradient = self.reduced(0.0)
+        count = len(self.of_points)
+        own = csr_matrix((self.residual, (np.repeat(self.point, 2), np.arange(len(self.residual)))))
+        through = csr_matrix((gradient, (np.arange(3 * count) // 3, np.arange(3 * count))))
+        return (own @ self.rows - through @ (root @ self.mixed)).toarray()
+
+
+def estimate_lenses(sparse: SparseModel, cameras: list[Camera], camera_of_view: np.ndarray) -> list[LensEstimate]:
+    """The distortion that the keypoints of a model show, beyond that of its cameras; empty where they are too few.
+
+    cameras: (C,) those of the views, of which camera_of_view (K,) int tells each view's. Points are taken to lie within
+    a few sigmas of where they are observed, as those of `reconstruct_sparse` do.
+    """
+    thinned = _with_fewer_points(sparse)
+    if _redundancy(thinned) < FEWEST_REDUNDANT:
+        return []
+    return _Adjustment(thinned, cameras, camera_of_view).estimates()
+
+
+def _redundancy(sparse: SparseModel) -> int:
+    """Coordinates of keypoints less unknowns of points and poses."""
+    return 2 * len(sparse.point_view) - 3 * len(sparse.points) - 6 * len(np.unique(sparse.point_view))
+
+
+def _with_fewer_points(sparse: SparseModel) -> SparseModel:
+    """The model with every n-th point alone, so that about MOST_KEYPOINTS remain."""
+    every = -(-len(sparse.point_view) // MOST_KEYPOINTS)
+    if every <= 1:
+        return sparse
+    kept = np.zeros(len(sparse.points), bool)
+    kept[::every] = True
+    own = kept[sparse.point_of_observation]
+    return replace(
+        sparse,
+        points=sparse.points[kept],
+        point_start=row_starts(np.diff(sparse.point_start)[kept]),
+        point_view=sparse.point_view[own],
+        point_xy=sparse.point_xy[own],
+    )
+
+
+class _Adjustment:
+    """The bundle adjustment of one model."""
+
+    def __init__(self, sparse: SparseModel, cameras: list[Camera], camera_of_view: np.ndarray):
+        self.cameras = cameras
+        self.view, self.point = sparse.point_view, sparse.point_of_observation
+        self.camera = np.asarray(camera_of_view)[self.view]
+        self.observed = sparse.point_xy
+        self.intrinsics = np.array([camera.intrinsics for camera in cameras])[self.camera]
+        self.views = len(sparse.registered)
+        self.spread = float(np.sqrt(2 * len(self.view) / _redundancy(sparse)))
+        self.pivot = np.median(sparse.points, axis=0)
+        radius = np.array([np.hypot(camera.width, camera.height) / 2.0 for camera in cameras])
+        known = np.full((len(cameras), 2), DECENTRING_SIGMA_PX)
+        self.prior_sigma = np.hstack([np.repeat(RADIAL_SIGMA * radius[:, None], 2, axis=1), known])
+        poses = sparse.body_from_cam
+        self.start = _State(poses.rotation, poses.translation, sparse.points, np.zeros((len(cameras), COEFFICIENTS)))
+        self.sigma = self._noise(self._residuals(self.start))
+
+    def estimates(self) -> list[LensEstimate]:
+        state = self._adjusted()
+        found = self._residuals(state)
+        covariance = self._covariance(state, found)
+        estimates = []
+        for number, camera in enumerate(self.cameras):
+            own = slice(COEFFICIENTS * number, COEFFICIENTS * (number + 1))
+            of_camera, terms = covariance[own, own], found.terms[self.camera == number]
+            shift = terms @ state.lens[number]
+            most = int(np.argmax(np.linalg.norm(shift, axis=-1)))
+            along = terms[most].T @ unit(shift[most])
+            estimate = LensEstimate(
+                camera=camera,
+                corner_px=state.lens[number],
+                covariance=of_camera,
+                shift_px=float(np.linalg.norm(shift[most])),
+                shift_sigma_px=float(np.sqrt(along @ of_camera @ along)),
+            )
+            estimates.append(estimate)
+        return estimates
+
+    def _covariance(self, state: _State, found: _Residuals) -> np.ndarray:
+        """(4 C, 4 C) of all coefficients: H^-1 B H^-1 with the information H, and with B the sum of squared scores of
+        the patches of ground and of the prior, which is one more measurement."""
+        normal = self._normal(state, found)
+        information, *_ = normal.reduced(0.0)
+        of_lens = np.linalg.inv(information)[6 * self.views :]
+        patch = _patches(state.points)
+        moved = np.stack([np.bincount(patch, of_points) for of_points in (normal.scores() @ of_lens.T).T])
+        by_prior = of_lens[:, 6 * self.views :] / self.prior_sigma.ravel()
+        return moved @ moved.T + by_prior @ by_prior.T
+
+    def _residuals(self, state: _State) -> _Residuals:
+        rotation, center = state.rotation[self.view], state.center[self.view]
+        ideal, by_position = project(rotation, center, self.intrinsics, state.points[self.point])
+        terms = np.empty((len(ideal), 2, COEFFICIENTS))
+        for number, camera in enumerate(self.cameras):
+            own = self.camera == number
+            terms[own] = displacement_terms(ideal[own], camera)
+        error = ideal + np.einsum("mij,mj->mi", terms, state.lens[self.camera]) - self.observed
+        return _Residuals(error, by_position, terms)
+
+    def _noise(self, found: _Residuals) -> float:
+        """Standard deviation of a keypoint along each axis [px], by the median, for the unknowns that fit it."""
+        return SIGMA_PER_MEDIAN * float(np.median(np.abs(found.error))) * self.spread
+
+    def _cost(self, state: _State) -> float:
+        """Sum of Huber's losses in units of the noise, and of squares of the prior."""
+        size = self._residuals(state).size / self.sigma
+        loss = np.where(size < HUBER_LIMIT, size**2, HUBER_LIMIT * (2.0 * size - HUBER_LIMIT))
+        return float(loss.sum() + ((state.lens / self.prior_sigma) ** 2).sum())
+
+    def _adjusted(self) -> _State:
+        """The state of least cost, by Levenberg-Marquardt."""
+        state, cost, damping = self.start, self._cost(self.start), _FIRST_DAMPING
+        for _ in range(_STEPS):
+            normal = self._normal(state, self._residuals(state))
+            while damping < _MOST_DAMPING:
+                moved = self._moved(state, *normal.step(damping))
+                lower = self._cost(moved)
+                if lower < cost:
+                    break
+                damping *= 5.0
+            else:
+                break
+            gain, state, cost, damping = cost - lower, moved, lower, damping / 10.0
+            if gain < _SETTLED:
+                break
+        return state
+
+    def _moved(self, state: _State, step: np.ndarray, of_points: np.ndarray) -> _State:
+        poses = step[: 6 * self.views].reshape(-1, 6)
+        turn = so3_exp(poses[:, :3])
+        center = np.einsum("kij,kj->ki", turn, state.center - self.pivot) + self.pivot + poses[:, 3:]
+        lens = state.lens + step[6 * self.views :].reshape(-1, COEFFICIENTS)
+        return _State(turn @ state.rotation, center, state.points + of_points, lens)
+
+    def _normal(self, state: _State, found: _Residuals) -> _Normal:
+        """A pose turns its camera about the pivot, in the middle of the points, and moves its centre."""
+        count, points, lenses = len(self.view), len(state.points), state.lens.size
+        weight = np.sqrt(huber_weight(found.size / self.sigma)) / self.sigma
+        by_position = found.by_position * weight[:, None, None]
+        by_turn = by_position @ skew(state.points[self.point] - self.pivot)
+        rows = np.concatenate([by_turn, -by_position, found.terms * weight[:, None, None]], axis=-1)
+        of_view = 6 * self.view[:, None] + np.arange(6)
+        of_camera = 6 * self.views + COEFFICIENTS * self.camera[:, None] + np.arange(COEFFICIENTS)
+        by_view = _sparse_rows(rows, np.hstack([of_view, of_camera]), 6 * self.views + lenses)
+        by_point = _sparse_rows(by_position, 3 * self.point[:, None] + np.arange(3), 3 * points)
+        residual = (found.error * weight[:, None]).reshape(2 * count)
+        information = (by_view.T @ by_view).toarray()
+        damped = np.diag(information).copy()
+        damped[damped == 0.0] = 1.0 / _GAUGE  # views without keypoints stay where they are
+        damped[6 * self.views :] = 0.0
+        gradient = by_view.T @ residual
+        own = np.arange(6 * self.views, 6 * self.views + lenses)
+        information[own, own] += 1.0 / self.prior_sigma.ravel() ** 2
+        gradient[own] += (state.lens / self.prior_sigma**2).ravel()
+        of_points = np.zeros((points, 3, 3))
+        np.add.at(of_points, self.point, np.swapaxes(by_position, -1, -2) @ by_position)
+        return _Normal(
+            rows=by_view,
+            residual=residual,
+            point=self.point,
+            information=information,
+            gradient=gradient,
+            of_points=of_points,
+            mixed=by_point.T @ by_view,
+            points_gradient=by_point.T @ residual,
+            damped=damped,
+        )
+
+
+def _sparse_rows(rows: np.ndarray, columns: np.ndarray, width: int) -> Any:
+    """(2 M, width) of two rows (M, 2, m) for each observation, whose entries stand in columns (M, m)."""
+    from scipy.sparse import csr_matrix
+
+    count, _, entries = rows.shape
+    column = np.repeat(columns, 2, axis=0)
+    start = entries * np.arange(2 * count + 1)
+    return csr_matrix((rows.ravel(), column.ravel(), start), (2 * count, width))
+
+
+def _patches(points: np.ndarray) -> np.ndarray:
+    """(P,) int: the patch of ground of each point, PATCHES x PATCHES with equally many points each, by x and y."""
+    column = _equal_parts(points[:, 0])
+    patch = np.empty(len(points), int)
+    for number in range(PATCHES):
+        own = column == number
+        patch[own] = PATCHES * number + _equal_parts(points[own, 1])
+    return patch
+
+
+def _equal_parts(values: np.ndarray) -> np.ndarray:
+    """(n,) int from 0 to PATCHES - 1: equally many of the values (n,) in each part, the lowest in the first."""
+    rank = np.empty(len(values), int)
+    rank[np.argsort(values)] = np.arange(len(values))
+    return rank * PATCHES // max(len(values), 1)

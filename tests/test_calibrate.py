@@ -1,0 +1,120 @@
+"""`phomo calibrate`: a site whose cameras state the distortion that its images show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from photoclinometry.cli import main
+from photoclinometry.ingest import calibrate as calibrate_module
+from photoclinometry.ingest.calibrate import CalibrationOptions, calibrate
+from photoclinometry.io.images import write_fits
+from photoclinometry.io.site import read_site, write_site
+from photoclinometry.io.site_images import load_images
+from photoclinometry.model.errors import ReconstructionError, RunFolderError
+from photoclinometry.model.lens import NO_DISTORTION, Lens
+from photoclinometry.model.warning import collected_warnings
+from photoclinometry.pipeline.camera_check import CheckCameras
+from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
+from photoclinometry.sfm import SfmOptions
+
+CORNER_PX = 5.0
+ONE_THREAD = SfmOptions(threads=1)
+
+
+@pytest.fixture(scope="module")
+def distorted(mapped, tmp_path_factory):
+    """The small site seen through a lens that moves the corners by CORNER_PX; and the clean one."""
+    clean, folder = read_site(mapped.site), tmp_path_factory.mktemp("distorted")
+    camera = clean.views[0].camera
+    lens = Lens.of_corner_px(np.array([CORNER_PX, 0.0, 0.0, 0.0]), camera)
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    observed = np.stack([x, y], -1)
+    ideal = observed
+    for _ in range(50):
+        ideal = observed - lens.displacement(ideal, camera)
+    for image, view in zip(load_images(clean), clean.views, strict=True):
+        row_col = np.moveaxis(ideal[..., ::-1] - 0.5, -1, 0)
+        seen = map_coordinates(image.brightness.astype(float), row_col, order=3, mode="nearest")
+        write_fits(folder / view.name, seen.astype(np.float32))
+    views = tuple(replace(view, image=folder / view.name) for view in clean.views)
+    write_site(folder / "site.toml", replace(clean, views=views, path=folder / "site.toml"))
+    return folder / "site.toml", clean, lens
+
+
+@pytest.fixture(scope="module")
+def calibrated(distorted, tmp_path_factory):
+    out = tmp_path_factory.mktemp("calibrated") / "new.toml"
+    return calibrate(distorted[0], out, CalibrationOptions(sfm=ONE_THREAD))
+
+
+def test_the_new_site_states_the_lens(distorted, calibrated):
+    """By 0.3 px at the corners, whose displacement is 5; the sparse keypoints lie within."""
+    _, clean, lens = distorted
+    camera = clean.views[0].camera
+    (found,) = calibrated.cameras
+    pixels = np.stack(np.meshgrid(np.linspace(20, 172, 9), np.linspace(20, 172, 9)), -1)
+    off = found.camera.lens.displacement(pixels, camera) - lens.displacement(pixels, camera)
+    assert found.changed
+    assert found.shown.is_clear
+    assert found.left.shift_px < 1.0
+    assert np.abs(off).max() < 0.3
+    assert {view.lens for view in read_site(calibrated.site).views} == {found.camera.lens}
+
+
+def test_the_new_site_shows_the_images_without_distortion(distorted, calibrated):
+    """Pixels are three to ten times nearer to those of the clean images, whose relief has waves of some pixels."""
+    site, clean, _ = distorted
+    truth, before, after = load_images(clean), load_images(read_site(site)), load_images(read_site(calibrated.site))
+    for a, b, t in zip(after, before, truth, strict=True):
+        both = a.valid & b.valid & t.valid
+        assert both.mean() > 0.8
+        far = np.std(b.brightness[both] - t.brightness[both])
+        assert np.std(a.brightness[both] - t.brightness[both]) < far / 3
+
+
+def test_the_new_site_names_the_same_images_and_region(distorted, calibrated):
+    old, new = read_site(distorted[0]), read_site(calibrated.site)
+    assert [view.image.resolve() for view in new.views] == [view.image.resolve() for view in old.views]
+    if old.region is not None and old.region.reference is not None:
+        reference = {view.name: view.image.resolve() for view in new.views}[new.region.reference]
+        assert reference == {view.name: view.image.resolve() for view in old.views}[old.region.reference]
+    assert [view.pose_prior is None for view in new.views] == [view.pose_prior is None for view in old.views]
+
+
+@pytest.mark.parametrize(("which", "warned"), [("distorted", True), ("clean", False)])
+def test_a_run_warns_of_distortion_that_the_site_lacks(distorted, tmp_path, which, warned):
+    site = read_site(distorted[0]) if which == "distorted" else distorted[1]
+    folder = open_run(tmp_path / "run")
+    inputs = read_inputs(folder, site)
+    sparse = folder.done(SparseReconstruction(inputs=inputs, options=ONE_THREAD))
+    with collected_warnings() as warnings:
+        found = folder.done(CheckCameras(inputs=inputs, sparse=sparse)).value
+    assert [warning.code for warning in warnings] == ["camera-distorted"] * warned
+    assert len(found.shift_px) == 1
+    assert (found.shift_px[0] > 0.5) == warned
+
+
+def test_a_clean_site_stays_as_it_is(distorted, tmp_path, capsys):
+    _, clean, _ = distorted
+    main(["calibrate", str(clean.path), "--out", str(tmp_path / "same.toml"), "--sfm.threads", "1"])
+    said = capsys.readouterr()
+    assert said.out.strip() == str(tmp_path / "same.toml")
+    assert "the camera stays as it is" in said.err
+    assert {view.lens for view in read_site(tmp_path / "same.toml").views} == {NO_DISTORTION}
+
+
+def test_a_file_that_exists_is_not_written_over(distorted, tmp_path):
+    (tmp_path / "there.toml").write_text("mine")
+    with pytest.raises(RunFolderError, match=r"there.toml: exists; choose another --out"):
+        calibrate(distorted[0], tmp_path / "there.toml")
+    assert (tmp_path / "there.toml").read_text() == "mine"
+
+
+def test_images_of_too_few_keypoints_are_an_error(distorted, tmp_path, monkeypatch):
+    monkeypatch.setattr(calibrate_module, "estimate_lenses", lambda *_: [])
+    with pytest.raises(ReconstructionError, match=r"keypoints of 6 views do not suffice .* --sfm.max-features"):
+        calibrate(distorted[0], tmp_path / "new.toml", CalibrationOptions(sfm=ONE_THREAD))
+    assert not (tmp_path / "new.toml").exists()
