@@ -184,7 +184,7 @@ def test_a_run_holds_views_out_and_evaluates_on_them(mapped, tmp_path, no_figure
     assert result.metrics["views_held_out"] == 1
     assert result.metrics["psnr_held_out_mean_db"] > 30
     summary = json.loads((folder / "metrics.json").read_text())
-    assert [s["stage"] for s in summary["stages"] if s["resumed"]] == ["sparse"]
+    assert [s["stage"] for s in summary["stages"] if s["resumed"]] == ["sparse", "distortion"]
     assert [row["name"] for row in summary["views"] if row.get("held_out")] == [aside]
 
     main(["evaluate", str(folder), "--out", str(tmp_path / "evaluation")])

@@ -23,10 +23,10 @@ from photoclinometry.pipeline import joint_estimate, products
 from photoclinometry.pipeline.run import RunOptions, choose_reflectance, run
 from photoclinometry.simulate.truth_file import read_truth
 
-BEFORE = ["sparse", "inconsistent_views", "region", "dense"]
+BEFORE = ["sparse", "distortion", "inconsistent_views", "region", "dense"]
 """The stages before the first estimate that a run folder keeps."""
 
-MAPPED = [*BEFORE, "first_estimate", "relighting_1", "relighting_2", "reflectance", "last_estimate"]
+MAPPED = [*BEFORE, "first_estimate", "relighting_1", "relighting_2", "reflectance", "suns", "last_estimate"]
 """All that the folder of the small site keeps."""
 
 pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")
@@ -89,7 +89,7 @@ def test_metrics_and_config_say_what_was_done(mapped):
     assert metrics["metrics"]["psnr_mean_db"] > 30
     assert metrics["metrics"]["psf_sigma_px"] == psf_sigma_px(load_images(read_site(mapped.site)))
     assert [v["name"] for v in metrics["views"]] == [v.name for v in read_site(mapped.site).views]
-    assert [s["stage"] for s in metrics["stages"]][1:5] == BEFORE
+    assert [s["stage"] for s in metrics["stages"]][1:6] == BEFORE
     assert all(s["wall_s"] >= 0 and not s["resumed"] for s in metrics["stages"])
     first, *others = metrics["relighting_iterations"]
     assert [first["iteration"], *(r["iteration"] for r in others)] == list(range(len(others) + 1))
@@ -135,16 +135,16 @@ def test_changed_options_redo_what_depends_on_them_and_no_more(mapped, tmp_path,
     run(mapped.site, folder, RunOptions(matcher="flow", adjust=AdjustOptions(smooth_neighbours=6)))
     assert resumed(folder) == BEFORE
     run(mapped.site, folder, RunOptions(matcher="flow", reflectance="akimov"))
-    assert resumed(folder) == ["sparse", "region", "dense"]
+    assert resumed(folder) == [*BEFORE[:2], *BEFORE[3:]]
     run(mapped.site, folder, RunOptions(matcher="flow", matching_passes=1, reflectance="akimov"))
-    assert resumed(folder) == ["sparse", "inconsistent_views", "region"]
+    assert resumed(folder) == BEFORE[:-1]
     assert len(adjust_nothing) == 3
 
 
 def test_a_changed_region_redoes_region_and_later(mapped, tmp_path, adjust_nothing):
     folder = mapped.copy(tmp_path / "run")
     result = run(changed_site(mapped, region=RegionRequest(size_px=(24, 20))), folder)
-    assert resumed(folder) == ["sparse", "inconsistent_views"]
+    assert resumed(folder) == BEFORE[:-2]
     assert (result.scene.region.width, result.scene.region.height) == (24, 20)
 
 
@@ -179,7 +179,7 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
             run(mapped.site, folder, RunOptions(reflectance="akimov"))
     assert read_scene(folder / "scene.h5").reflectance.name == "akimov"
     run(mapped.site, folder)
-    assert resumed(folder) == ["sparse", "region", "dense", "reflectance"], "which the other options do not have"
+    assert resumed(folder) == [*BEFORE[:2], *BEFORE[3:], "reflectance"], "which the other options do not have"
     assert read_scene(folder / "scene.h5").reflectance.name == "lunar-lambert"
 
 
@@ -207,7 +207,7 @@ def test_a_damaged_stage_is_made_again_with_a_warning(mapped, tmp_path, adjust_n
 def test_geometry_alone_leaves_photometry_out(mapped, tmp_path):
     folder = mapped.copy(tmp_path / "run")
     result = run(mapped.site, folder, RunOptions(reflectance="none"))
-    assert resumed(folder) == ["sparse", "region", "dense"]
+    assert resumed(folder) == [*BEFORE[:2], *BEFORE[3:]]
     assert result.scene.reflectance is None
     assert read_scene(folder / "scene.h5").reflectance is None
     np.testing.assert_array_equal(result.scene.landmarks.albedo, 1.0)

@@ -33,7 +33,7 @@ from scenes import synthetic_scene
 METRIC = Similarity(3.7, so3_exp(np.array([0.4, -1.1, 2.0])), np.array([2.6e5, -9e4, 4e4]))
 """From a made-up scene's frame to the body-fixed one."""
 SIGMA_DEG, SIGMA_M = 0.01, 100.0
-BEFORE = ["sparse", "inconsistent_views", "region", "dense"]
+BEFORE = ["sparse", "distortion", "inconsistent_views", "region", "dense"]
 """The stages before the first estimate."""
 DISTANCE_M = 6.3e5
 """Of the small site's cameras, spread over a fifth of it."""
@@ -224,7 +224,7 @@ def test_priors_that_are_not_used_change_nothing(mapped, known, tmp_path):
     ):
         result = run(site, folder, options)
         summary = json.loads((folder / "metrics.json").read_text())
-        assert [s["stage"] for s in summary["stages"] if s["resumed"]][:4] == BEFORE
+        assert [s["stage"] for s in summary["stages"] if s["resumed"]][:5] == BEFORE
         assert not [s["stage"] for s in summary["stages"] if not s["resumed"] and "estimate" in s["stage"]]
         assert (summary["frame"], summary["pose_priors"]) == (OWN, [])
         assert result.metrics == mapped.result.metrics

@@ -33,6 +33,8 @@ NAMES = {
     "first_estimate": "first estimate",
     "relighting": "relighting",
     "reflectance": "reflectance",
+    "suns": "suns",
+    "reflectance_again": "reflectance",
     "last_estimate": "last estimate",
     "held_out": "views held out",
     "refine": "estimate",

@@ -44,6 +44,9 @@ REWEIGHTINGS = 2
 CONFIDENCE = 0.975
 """A model is told from the best one if it predicts worse with this probability."""
 
+FREE_SUNS_RAD = math.radians(3.0)
+"""Standard deviation of an error that all Suns have in common, where it is to be found [rad]."""
+
 UNDETERMINED = 0.7
 """Share of its prior's standard deviation that a parameter keeps which the images hardly determine: they then know less
 of it than the prior does."""
@@ -215,6 +218,22 @@ def rank_models(
     progress("models", len(names), len(names))
     fits.sort(key=lambda fit: fit.error_percent)
     return ModelRanking(fits=tuple(fits), left_out=left_out, views=scene.views.name)
+
+
+def common_sun_turn(scene: Scene, reflectance: Reflectance, landmarks: int) -> tuple[np.ndarray, np.ndarray]:
+    """The rotation vector (3,) in C by which all measured Suns are off alike as brightness tells it, and its standard
+    deviations (3,) by leaving parts of the views out [rad].
+
+    Some landmarks, about so many, take part, at the scene's positions, without smoothness between neighbours.
+    reflectance: as it is known beforehand. Raises InputError as `rank_models` does.
+    """
+    sample = _sample(scene, landmarks)
+    views = sample.views
+    free = replace(sample, views=replace(views, sun_common_sigma=np.full(len(views), FREE_SUNS_RAD)))
+    fold = _folds(free, min(RankingOptions().folds, len(views)))
+    parts = [_estimated(free, reflectance, np.flatnonzero(fold != part)) for part in range(fold.max() + 1)]
+    turn = common_turn(_estimated(free, reflectance, np.arange(len(views))).views)
+    return turn, jackknife_sigma(np.array([common_turn(part.views) for part in parts]))
 
 
 def _sample(scene: Scene, count: int) -> Scene:

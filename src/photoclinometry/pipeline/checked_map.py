@@ -15,6 +15,7 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.blurred_views import views_to_leave_out, why_left_out
 from photoclinometry.pipeline.choices import Choices
+from photoclinometry.pipeline.common_sun_error import CheckSuns
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.map_stages import FinishedMap, Iterate, MapStages, Relit
@@ -89,6 +90,11 @@ def _mapped(
     relit = maps.relight(first)
     del first
     model = _last_model(folder, choices, relit, holds_photometry=holds_photometry)
+    if model is not None and not holds_photometry:
+        suns = folder.done(CheckSuns(relit=relit.start, reflectance=model)).value
+        if suns.is_clear:
+            relit = _with_scene(relit, suns.taken_into_account(relit.start.value.scene))
+            model = _last_model(folder, choices, relit, holds_photometry=False, again=True)
     finished = maps.last_estimate(relit, model)
     return CheckedMap(
         finished=finished,
@@ -99,15 +105,24 @@ def _mapped(
     )
 
 
-def _last_model(folder: RunFolder, choices: Choices, relit: Relit, *, holds_photometry: bool) -> Reflectance | None:
+def _with_scene(relit: Relit, scene: Scene) -> Relit:
+    """With another scene to start the last estimate from."""
+    views = scene.views
+    start = Keyed(replace(relit.start.value, scene=scene), digest(relit.start, views.sun, views.sun_common_sigma))
+    return replace(relit, start=start)
+
+
+def _last_model(
+    folder: RunFolder, choices: Choices, relit: Relit, *, holds_photometry: bool, again: bool = False
+) -> Reflectance | None:
     """The reflectance model of the last estimate: given, chosen for the map, or that of the estimates before.
 
-    A model is chosen with Suns and parameters free: not where photometry is held.
+    A model is chosen with Suns and parameters free: not where photometry is held. again: as of `ChooseModel`.
     """
     known = choices.reflectance
     if known is None or not choices.candidates or holds_photometry:
         return choices.last_reflectance or known
-    stage = ChooseModel(relit=relit.start, known=known, candidates=choices.candidates)
+    stage = ChooseModel(relit=relit.start, known=known, candidates=choices.candidates, again=again)
     return folder.done(stage).value.reflectance
 
 

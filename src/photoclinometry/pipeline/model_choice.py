@@ -46,6 +46,12 @@ class ChooseModel(Stage[ChosenModel]):
     """The model of the map, as it is known beforehand."""
     candidates: tuple[str, ...]
     """Names of models, that of the map among them."""
+    again: bool = False
+    """Whether this is the second choice, as Suns were found to be off in between."""
+
+    @property
+    def file_name(self) -> str:
+        return f"{self.name}_again" if self.again else self.name
 
     def make(self, tools: Tools) -> ChosenModel:
         found, why = model_by_kept_out_views(self.relit.value.scene, self.known, self.candidates, tools.progress)
