@@ -88,6 +88,23 @@ def test_each_camera_has_its_own_lens():
     assert second.is_clear
 
 
+def test_a_camera_of_which_no_view_is_registered_has_what_is_known_beforehand():
+    model = model_of([NO_DISTORTION])
+    first, second = estimate_lenses(model, [CAMERA, WIDE], np.zeros(8, int))
+    assert not first.is_clear
+    assert second.shift_px == 0.0
+    assert second.shift_sigma_px == pytest.approx(
+        np.sqrt(2) * 0.02 * 250.0, rel=0.3
+    )  # two coefficients of 5 px, x alone
+    assert not second.is_clear
+
+
+def test_keypoints_without_errors_are_no_division_by_zero():
+    (found,) = estimated(model_of([NO_DISTORTION], noise_px=0.0))
+    assert found.shift_px == pytest.approx(0.0, abs=1e-6)
+    assert not found.is_clear
+
+
 def test_the_sigma_is_that_of_repeated_draws():
     """Thirty draws of noise: displacements of the corner scatter as stated, to a third."""
     corner = displacement_terms(np.array([512.0, 512.0]), CAMERA)[0]

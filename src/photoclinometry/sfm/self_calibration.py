@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from photoclinometry.model.compressed_rows import row_starts
-from photoclinometry.model.geometry import skew, so3_exp, unit
+from photoclinometry.model.geometry import skew, so3_exp
 from photoclinometry.model.lens import Lens, displacement_terms
 from photoclinometry.model.projection import project
 from photoclinometry.model.robust import HUBER_LIMIT, SIGMA_PER_MEDIAN, huber_weight
@@ -41,6 +41,9 @@ FEWEST_REDUNDANT = 200
 """Fewest redundant measurements: the covariance of four coefficients by 64 patches wants several in each."""
 MOST_KEYPOINTS = 20_000
 """Of models with more keypoints every n-th point counts: 10,000 keypoints of ten views tell a distortion to 0.1 px."""
+
+LEAST_NOISE_PX = 1e-3
+"""Least standard deviation of keypoints [px]: none are found better."""
 
 NOTICEABLE_PX = 0.5
 """Largest displacement of a keypoint from which on images count as distorted [px]. Below it maps are as good as
@@ -224,18 +227,10 @@ class _Adjustment:
         estimates = []
         for number, camera in enumerate(self.cameras):
             own = slice(COEFFICIENTS * number, COEFFICIENTS * (number + 1))
-            of_camera, terms = covariance[own, own], found.terms[self.camera == number]
-            shift = terms @ state.lens[number]
-            most = int(np.argmax(np.linalg.norm(shift, axis=-1)))
-            along = terms[most].T @ unit(shift[most])
-            estimate = LensEstimate(
-                camera=camera,
-                corner_px=state.lens[number],
-                covariance=of_camera,
-                shift_px=float(np.linalg.norm(shift[most])),
-                shift_sigma_px=float(np.sqrt(along @ of_camera @ along)),
-            )
-            estimates.append(estimate)
+            terms = found.terms[self.camera == number]
+            if not len(terms):  # no view of it is registered: what is known beforehand, at a corner
+                terms = displacement_terms(np.array([[camera.width, camera.height]]), camera)
+            estimates.append(_estimate(camera, state.lens[number], covariance[own, own], terms))
         return estimates
 
     def _covariance(self, state: _State, found: _Residuals) -> np.ndarray:
@@ -261,7 +256,7 @@ class _Adjustment:
 
     def _noise(self, found: _Residuals) -> float:
         """Standard deviation of a keypoint along each axis [px], by the median, for the unknowns that fit it."""
-        return SIGMA_PER_MEDIAN * float(np.median(np.abs(found.error))) * self.spread
+        return max(LEAST_NOISE_PX, SIGMA_PER_MEDIAN * float(np.median(np.abs(found.error))) * self.spread)
 
     def _cost(self, state: _State) -> float:
         """Sum of Huber's losses in units of the noise, and of squares of the prior."""
@@ -327,6 +322,22 @@ class _Adjustment:
             points_gradient=by_point.T @ residual,
             damped=damped,
         )
+
+
+def _estimate(camera: Camera, corner_px: np.ndarray, covariance: np.ndarray, terms: np.ndarray) -> LensEstimate:
+    """The estimate of a camera whose keypoints have terms (n, 2, 4)."""
+    shift = terms @ corner_px
+    size = np.linalg.norm(shift, axis=-1)
+    most = int(np.argmax(size))
+    direction = shift[most] / size[most] if size[most] > 0.0 else np.array([1.0, 0.0])
+    along = terms[most].T @ direction
+    return LensEstimate(
+        camera=camera,
+        corner_px=corner_px,
+        covariance=covariance,
+        shift_px=float(size[most]),
+        shift_sigma_px=float(np.sqrt(along @ covariance @ along)),
+    )
 
 
 def _sparse_rows(rows: np.ndarray, columns: np.ndarray, width: int) -> Any:
