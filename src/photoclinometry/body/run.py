@@ -30,6 +30,7 @@ from photoclinometry.model.owner import Owner
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import BODY_FIXED, SHARED
+from photoclinometry.pipeline.camera_check import CheckCameras
 from photoclinometry.pipeline.run_folder import RunFolder, claimed_run, joined_run
 from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs, without_priors
@@ -179,7 +180,9 @@ def _missing(folder: RunFolder, stages: Sequence[MapTile]) -> list[int]:
 
 def _prepared(folder: RunFolder, site_file: Path, site: Site, options: BodyOptions) -> BodyModel:
     folder.write_config(_config(site_file, options))
-    return _model(folder, site, read_inputs(folder, site), options)
+    model = _model(folder, site, read_inputs(folder, site), options)
+    folder.done(CheckCameras(inputs=model.posed.inputs, sparse=model.posed.sparse))
+    return model
 
 
 def _config(site_file: Path, options: BodyOptions) -> dict[str, Any]:
