@@ -18,14 +18,14 @@ import tyro
 import photoclinometry as pcm
 from faults import SITES
 from image_faults import distortion, read_images, write_images
-from photoclinometry.ingest.calibrate import calibrate
 from photoclinometry.io.site import read_site, write_site
 from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.warning import collected_warnings
+from photoclinometry.pipeline.calibrate import calibrate
 from photoclinometry.pipeline.camera_check import CheckCameras
 from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
 from photoclinometry.sfm import SfmOptions
-from photoclinometry.sfm.self_calibration import NOTICEABLE_PX, SIGNIFICANT
 from photoclinometry.simulate.site import simulate_site
 from random_sites import drawn
 
@@ -91,12 +91,12 @@ def _by_keypoints(site_file: Path, out: Path) -> str:
         sparse = folder.done(SparseReconstruction(inputs=inputs, options=SfmOptions(threads=1)))
     except ReconstructionError:
         return "– | – | no model"
-    found = folder.done(CheckCameras(inputs=inputs, sparse=sparse)).value
+    with collected_warnings() as warnings:
+        found = folder.done(CheckCameras(inputs=inputs, sparse=sparse)).value
     if not len(found.shift_px):
         return "– | – | too few keypoints"
     (shift,), (sigma,) = found.shift_px, found.shift_sigma_px
-    clear = "distorted" if shift > max(NOTICEABLE_PX, SIGNIFICANT * sigma) else ""
-    return f"{shift:.2f} | {sigma:.2f} | {clear}"
+    return f"{shift:.2f} | {sigma:.2f} | {'distorted' if warnings else ''}"
 
 
 def _of_map(site_file: Path, truth: Path, out: Path) -> str:

@@ -7,14 +7,14 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from photoclinometry.cli import main
-from photoclinometry.ingest import calibrate as calibrate_module
-from photoclinometry.ingest.calibrate import CalibrationOptions, calibrate
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.site import read_site, write_site
 from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import ReconstructionError, RunFolderError
 from photoclinometry.model.lens import NO_DISTORTION, Lens
 from photoclinometry.model.warning import collected_warnings
+from photoclinometry.pipeline import calibrate as calibrate_module
+from photoclinometry.pipeline.calibrate import CalibrationOptions, calibrate
 from photoclinometry.pipeline.camera_check import CheckCameras
 from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs

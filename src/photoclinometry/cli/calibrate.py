@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from photoclinometry.ingest.calibrate import CalibrationOptions
+from photoclinometry.pipeline.calibrate import CalibrationOptions
 
 if TYPE_CHECKING:
-    from photoclinometry.ingest.calibrate import CameraCalibration
+    from photoclinometry.pipeline.calibrate import CameraCalibration
 
 
 def calibrate(
@@ -32,7 +32,7 @@ def calibrate(
 
     from photoclinometry.cli.bars import progress_bars
     from photoclinometry.cli.site_path import site_file
-    from photoclinometry.ingest.calibrate import calibrate as library
+    from photoclinometry.pipeline.calibrate import calibrate as library
 
     console = Console(stderr=True)
     with progress_bars(console) as bars:

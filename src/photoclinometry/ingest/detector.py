@@ -13,6 +13,7 @@ import numpy as np
 from photoclinometry.ingest.distortion import Distortion, Mirrored
 from photoclinometry.io.archives.product import Window
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Camera
 
 _SKEW_TOLERANCE = 1e-3
@@ -126,8 +127,7 @@ def seen_pixels(detector: Detector, ideal: np.ndarray) -> np.ndarray:
 
 def displacement(detector: Detector) -> tuple[np.ndarray, float]:
     """(height, width, 2) observed pixel of every pixel of the undistorted image, and the largest displacement [px]."""
-    x, y = np.meshgrid(np.arange(detector.width) + 0.5, np.arange(detector.height) + 0.5)
-    ideal = np.stack([x, y], -1)
+    ideal = Region.of_image(detector.height, detector.width).pixel_centers()
     seen = seen_pixels(detector, ideal)
     return seen, float(np.linalg.norm(seen - ideal, axis=-1).max())
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Camera
 
 MODELS = {
@@ -73,8 +74,7 @@ def displacement_terms(ideal: np.ndarray, camera: Camera) -> np.ndarray:
 
 def observed_pixels(camera: Camera, lens: Lens) -> tuple[np.ndarray, float]:
     """(height, width, 2) the observed pixel of every pixel of the undistorted image, and the largest displacement."""
-    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-    ideal = np.stack([x, y], -1)
+    ideal = Region.of_image(camera.height, camera.width).pixel_centers()
     moved = lens.displacement(ideal, camera)
     return ideal + moved, float(np.linalg.norm(moved, axis=-1).max())
 

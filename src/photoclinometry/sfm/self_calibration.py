@@ -112,6 +112,21 @@ class _Residuals(NamedTuple):
         return np.linalg.norm(self.error, axis=-1)
 
 
+class _Reduced(NamedTuple):
+    """Normal equations with the points eliminated, whose inverse information is L^T L."""
+
+    information: np.ndarray
+    """(n, n)."""
+    gradient: np.ndarray
+    """(n,)."""
+    root: Any
+    """(3 P, 3 P) sparse, L."""
+    mixed: Any
+    """(3 P, n) sparse, L times the points' rows."""
+    of_points: np.ndarray
+    """(3 P,) L times the points' gradient."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Normal:
     """Normal equations, the points' blocks by themselves. The other unknowns are n = 6 K + 4 C."""
@@ -135,9 +150,8 @@ class _Normal:
     damped: np.ndarray
     """(n,) what damping of 1 adds to the diagonal of the information."""
 
-    def reduced(self, damping: float) -> tuple[np.ndarray, np.ndarray, Any, np.ndarray]:
-        """(n, n) information and (n,) gradient with the points eliminated; and (3 P, 3 P) L, (3 P,) L g of their
-        inverse information L^T L and gradient g."""
+    def reduced(self, damping: float) -> _Reduced:
+        """With the points eliminated."""
         from scipy.sparse import bsr_matrix
 
         diagonal = np.einsum("pii->pi", self.of_points)
@@ -145,26 +159,25 @@ class _Normal:
         lower = np.linalg.inv(np.linalg.cholesky(blocks))
         count = len(blocks)
         root = bsr_matrix((lower, np.arange(count), np.arange(count + 1)), (3 * count, 3 * count)).tocsr()
-        mixed, gradient = root @ self.mixed, root @ self.points_gradient
+        mixed, of_points = root @ self.mixed, root @ self.points_gradient
         information = self.information - (mixed.T @ mixed).toarray()
         information[np.diag_indices_from(information)] += (damping + _GAUGE) * self.damped
-        return information, self.gradient - mixed.T @ gradient, root, gradient
+        return _Reduced(information, self.gradient - mixed.T @ of_points, root, mixed, of_points)
 
     def step(self, damping: float) -> tuple[np.ndarray, np.ndarray]:
         """(n,) of poses and lenses, and (P, 3) of the points."""
-        information, gradient, root, of_points = self.reduced(damping)
-        step = -np.linalg.solve(information, gradient)
-        return step, -(root.T @ (of_points + root @ (self.mixed @ step))).reshape(-1, 3)
+        reduced = self.reduced(damping)
+        step = -np.linalg.solve(reduced.information, reduced.gradient)
+        return step, -(reduced.root.T @ (reduced.of_points + reduced.mixed @ step)).reshape(-1, 3)
 
-    def scores(self) -> np.ndarray:
+    def scores(self, reduced: _Reduced) -> np.ndarray:
         """(P, n) what each point contributes to the gradient, once it is eliminated."""
         from scipy.sparse import csr_matrix
 
-        _, _, root, gradient = self.reduced(0.0)
         count = len(self.of_points)
         own = csr_matrix((self.residual, (np.repeat(self.point, 2), np.arange(len(self.residual)))))
-        through = csr_matrix((gradient, (np.arange(3 * count) // 3, np.arange(3 * count))))
-        return (own @ self.rows - through @ (root @ self.mixed)).toarray()
+        through = csr_matrix((reduced.of_points, (np.arange(3 * count) // 3, np.arange(3 * count))))
+        return (own @ self.rows - through @ reduced.mixed).toarray()
 
 
 def estimate_lenses(sparse: SparseModel, cameras: list[Camera], camera_of_view: np.ndarray) -> list[LensEstimate]:
@@ -237,10 +250,10 @@ class _Adjustment:
         """(4 C, 4 C) of all coefficients: H^-1 B H^-1 with the information H, and with B the sum of squared scores of
         the patches of ground and of the prior, which is one more measurement."""
         normal = self._normal(state, found)
-        information, *_ = normal.reduced(0.0)
-        of_lens = np.linalg.inv(information)[6 * self.views :]
+        reduced = normal.reduced(0.0)
+        of_lens = np.linalg.inv(reduced.information)[6 * self.views :]
         patch = _patches(state.points)
-        moved = np.stack([np.bincount(patch, of_points) for of_points in (normal.scores() @ of_lens.T).T])
+        moved = np.stack([np.bincount(patch, of_points) for of_points in (normal.scores(reduced) @ of_lens.T).T])
         by_prior = of_lens[:, 6 * self.views :] / self.prior_sigma.ravel()
         return moved @ moved.T + by_prior @ by_prior.T
 

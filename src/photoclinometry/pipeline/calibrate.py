@@ -12,12 +12,13 @@ import numpy as np
 
 from photoclinometry.io.site import Site, read_site, write_site
 from photoclinometry.io.site_cameras import SiteCamera
-from photoclinometry.io.site_images import load_plausible_images
 from photoclinometry.model.errors import ReconstructionError, RunFolderError
 from photoclinometry.model.lens import Lens
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.sfm import SfmOptions, reconstruct_sparse
+from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
+from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.self_calibration import LensEstimate, estimate_lenses
 
 NAME = "calibrated.toml"
@@ -80,7 +81,7 @@ def calibrate(
     old, of_view = site.cameras
     new, shown, left = old, [], []
     for _ in range(options.passes):
-        left = _estimates(_with_cameras(site, new, of_view), of_view, options.sfm, progress)
+        left = _estimates(site, new, of_view, options.sfm, progress)
         shown = shown or left
         change = [e.is_clear or c != o for e, c, o in zip(left, new, old, strict=True)]
         if not any(changes and e.shift_px > SETTLED_PX for changes, e in zip(change, left, strict=True)):
@@ -102,18 +103,15 @@ def calibrate(
     )
 
 
-def _estimates(site: Site, of_view: np.ndarray, options: SfmOptions, progress: Progress) -> list[LensEstimate]:
-    """What a sparse model of the images shows of each camera. Raises ReconstructionError."""
-    found = load_plausible_images(site, progress)
-    unusable = found.empty | found.impossible
-    used = np.array([k for k, image in enumerate(found.images) if image.name not in unusable])
-    cameras, _ = site.cameras
-    with TemporaryDirectory() as folder:
-        sparse = reconstruct_sparse(
-            [found.images[k] for k in used], [site.views[k].camera for k in used], Path(folder), options, progress,
-            site.sun_in_cam[used],
-        )  # fmt: skip
-    estimates = estimate_lenses(sparse, [camera.camera for camera in cameras], of_view[used])
+def _estimates(
+    site: Site, cameras: list[SiteCamera], of_view: np.ndarray, options: SfmOptions, progress: Progress
+) -> list[LensEstimate]:
+    """What a sparse model of the images shows of each camera (C,), beyond its lens. Raises ReconstructionError."""
+    with TemporaryDirectory() as scratch:
+        folder = open_run(Path(scratch) / "run", progress)
+        inputs = read_inputs(folder, _with_cameras(site, cameras, of_view))
+        sparse = folder.done(SparseReconstruction(inputs=inputs, options=options)).value
+    estimates = estimate_lenses(sparse, [camera.camera for camera in cameras], of_view)
     if not estimates:
         raise ReconstructionError(
             f"{site.path}: {len(sparse.point_view)} keypoints of {sparse.registered.sum()} views do not suffice to "
