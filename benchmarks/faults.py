@@ -110,7 +110,7 @@ def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Ou
         images = read_images(site)
         if fault != CLEAN:
             images = FAULTS[fault](images, np.random.default_rng([draw, *map(ord, fault)]))
-        site_file = _written(images, site, spoiled, mapped)
+        site_file = write_spoiled(images, site, spoiled, mapped)
     try:
         result = pcm.run(site_file, run, densify=DensifyOptions(min_views=3 if name == "vesta" else 4), overwrite=True)
     except ReconstructionError as error:
@@ -188,7 +188,7 @@ def _simulated(out: Path, name: str) -> Path:
     return folder
 
 
-def _written(images: Images, clean: Site, folder: Path, mapped: Scene | None) -> Path:
+def write_spoiled(images: Images, clean: Site, folder: Path, mapped: Scene | None) -> Path:
     """The spoiled site's site.toml. Its region is that of the clean map; of the clean site it is chosen by the run."""
     shutil.rmtree(folder, ignore_errors=True)
     write_images(images, clean, folder)

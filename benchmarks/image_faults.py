@@ -76,9 +76,9 @@ def jpeg(clean: Images, rng: np.random.Generator) -> Images:
     return clean.changed(saved)
 
 
-def gamma(clean: Images, rng: np.random.Generator) -> Images:
+def gamma(clean: Images, rng: np.random.Generator, exponent: float = GAMMA) -> Images:
     """A response that is not linear: brighter in the middle of its range."""
-    return clean.changed(lambda pixels: clean.top * np.clip(pixels / clean.top, 0.0, None) ** (1.0 / GAMMA))
+    return clean.changed(lambda pixels: clean.top * np.clip(pixels / clean.top, 0.0, None) ** (1.0 / exponent))
 
 
 def distortion(clean: Images, rng: np.random.Generator, corner_px: float = CORNER_SHIFT_PX) -> Images:

@@ -352,6 +352,7 @@ def keys() -> Iterator[Fault]:
     yield row("the camera of a view is unknown", SUN, SUN + '\ncamera = "wide"', f"{FIRST}camera", "no [cameras.wide]")
     yield row("a fisheye camera", "PINHOLE", "OPENCV_FISHEYE", "camera: model", "'OPENCV_FISHEYE'", "undistort the")
     yield row("a distortion that folds the image", CAMERA, FOLDED, "camera: params", "folds", "f, cx, cy, k1")
+    yield row("a gamma of no image", PARAMS, PARAMS + "\ngamma = 22", "camera: gamma: 22 is no", "1.8 to 2.6")
     yield row("three numbers of a camera", PARAMS, "[640.0, 32, 32]", "camera: params: expected", "4 finite numbers")
     yield row(
         "a negative focal length",

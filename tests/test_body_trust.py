@@ -1,10 +1,12 @@
 """Whether a body's map is to be trusted."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from photoclinometry.body import products
 from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap
 from photoclinometry.body.trust import why_untrusted
 from photoclinometry.model.warning import Warned
@@ -38,6 +40,20 @@ def test_a_body_that_predicts_images_worse_than_even_disks_is_not_trusted():
     (reason,) = why_untrusted([SOUND], np.array([0.9, -0.5, np.nan, -2.0]), [])
     assert reason.startswith("renderings of the surface are 1.5 times as far off the images as disks of one brightness")
     assert why_untrusted([SOUND], np.array([np.nan]), []) == ()
+
+
+@pytest.mark.parametrize(("saying", "trusted"), [(2, True), (3, False)])
+def test_images_are_encoded_where_most_tiles_say_so(saying, trusted):
+    """The response is that of all images; single tiles tell it badly."""
+    model = SimpleNamespace(
+        plan=SimpleNamespace(value=SimpleNamespace(tiles=[None] * 4)), site=SimpleNamespace(views=())
+    )
+    placed = SimpleNamespace(placed=np.zeros(0, bool))
+    said = [Warned("response-not-linear", f"raised to the power 2.{n}") for n in range(saying)]
+    warnings = products._of_the_body(said, model, placed)
+    assert len(warnings) == (0 if trusted else saying)
+    reasons = why_untrusted([SOUND] * 4, WELL, warnings)
+    assert reasons == (() if trusted else ("the numbers of the images are not linear in radiance",))
 
 
 @pytest.mark.parametrize("code", ["relief-by-shading", "relief-inverted"])

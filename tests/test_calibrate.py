@@ -1,6 +1,7 @@
 """`phomo calibrate`: a site whose cameras state the distortion that its images show."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ from photoclinometry.io.site import read_site, write_site
 from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import ReconstructionError, RunFolderError
 from photoclinometry.model.lens import NO_DISTORTION, Lens
-from photoclinometry.model.warning import collected_warnings
+from photoclinometry.model.warning import Warned, collected_warnings
 from photoclinometry.pipeline import calibrate as calibrate_module
 from photoclinometry.pipeline.calibrate import CalibrationOptions, calibrate
 from photoclinometry.pipeline.camera_check import CheckCameras
 from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
 from photoclinometry.sfm import SfmOptions
+from photoclinometry.sfm.self_calibration import LensEstimate
 
 CORNER_PX = 5.0
 ONE_THREAD = SfmOptions(threads=1)
@@ -118,3 +120,41 @@ def test_images_of_too_few_keypoints_are_an_error(distorted, tmp_path, monkeypat
     with pytest.raises(ReconstructionError, match=r"keypoints of 6 views do not suffice .* --sfm.max-features"):
         calibrate(distorted[0], tmp_path / "new.toml", CalibrationOptions(sfm=ONE_THREAD))
     assert not (tmp_path / "new.toml").exists()
+
+
+def response_calibrated(site, tmp_path, monkeypatch, found):
+    """The calibration of a site whose maps find exponents one after the other, the first clearly; and what its images
+    were decoded by for each map."""
+    decoded, left = [], list(found)
+
+    def mapped(site_file, out, options, progress):
+        decoded.append({view.gamma for view in read_site(site_file).views})
+        gamma = left.pop(0)
+        warnings = [Warned("response-not-linear", "")] if abs(np.log(gamma)) > np.log(1.3) else []
+        return SimpleNamespace(warnings=warnings, metrics={"response_gamma": gamma})
+
+    monkeypatch.setattr("photoclinometry.pipeline.run.run", mapped)
+    clean = LensEstimate(
+        camera=site.views[0].camera,
+        corner_px=np.zeros(4),
+        covariance=np.zeros((4, 4)),
+        shift_px=0.1,
+        shift_sigma_px=0.1,
+    )
+    monkeypatch.setattr(calibrate_module, "_estimates", lambda *_: [clean])
+    options = CalibrationOptions(response=True)
+    return calibrate(site.path, tmp_path / "new.toml", options), decoded
+
+
+def test_the_response_is_found_by_maps_of_images_decoded_so_far(distorted, tmp_path, monkeypatch):
+    found, decoded = response_calibrated(distorted[1], tmp_path, monkeypatch, [2.5, 0.9, 1.01])
+    assert decoded == [{1.0}, {2.5}, {2.25}]
+    assert found.gamma == 2.25
+    assert {view.gamma for view in read_site(found.site).views} == {2.25}
+
+
+def test_a_response_that_is_not_clear_stays_as_it_is(distorted, tmp_path, monkeypatch):
+    found, decoded = response_calibrated(distorted[1], tmp_path, monkeypatch, [1.2])
+    assert found.gamma == 1.0
+    assert len(decoded) == 1
+    assert {view.gamma for view in read_site(found.site).views} == {1.0}

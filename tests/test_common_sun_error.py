@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.adjust import AdjustOptions, adjust
-from photoclinometry.evaluate.model_ranking import common_sun_turn
+from photoclinometry.evaluate.common_sun import common_sun_turn
 from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published

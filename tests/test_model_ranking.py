@@ -12,13 +12,8 @@ from commands import phomo
 from fault_place import small_disk
 from photoclinometry.adjust.graph.sun_directions import common_turn
 from photoclinometry.cli import main
-from photoclinometry.evaluate.model_ranking import (
-    Predictions,
-    RankingOptions,
-    is_larger,
-    jackknife_sigma,
-    rank_models,
-)
+from photoclinometry.evaluate.kept_out_views import Predictions, is_larger, jackknife_sigma
+from photoclinometry.evaluate.model_ranking import RankingOptions, rank_models
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.progress import no_progress

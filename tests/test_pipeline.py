@@ -26,7 +26,7 @@ from photoclinometry.simulate.truth_file import read_truth
 BEFORE = ["sparse", "distortion", "inconsistent_views", "region", "dense"]
 """The stages before the first estimate that a run folder keeps."""
 
-MAPPED = [*BEFORE, "first_estimate", "relighting_1", "relighting_2", "reflectance", "suns", "last_estimate"]
+MAPPED = [*BEFORE, "first_estimate", "relighting_1", "relighting_2", "reflectance", "suns", "response", "last_estimate"]
 """All that the folder of the small site keeps."""
 
 pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")

@@ -19,7 +19,7 @@ from photoclinometry.body.renderings import RenderingQuality
 from photoclinometry.body.surface_figures import surface_figures
 from photoclinometry.body.tile import BodyModel
 from photoclinometry.body.tile_map import TileMap
-from photoclinometry.body.trust import why_untrusted
+from photoclinometry.body.trust import MOST_TILES, why_untrusted
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import write_text
@@ -34,6 +34,7 @@ from photoclinometry.model.sparse import of_views
 from photoclinometry.model.warning import Warned
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
 from photoclinometry.output.viewer import ViewedBody
+from photoclinometry.pipeline.response_check import CODE as RESPONSE
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.stage import Keyed
 
@@ -156,15 +157,19 @@ def _viewed(model: BodyModel, made: BodyParts, shape: ShapeModel) -> ViewedBody:
 
 
 def _of_the_body(warnings: Sequence[Warned], model: BodyModel, placed: PlacedViews) -> tuple[Warned, ...]:
-    """Without those of views that are left out, where the surface has placed the view, and of renderings of tiles.
+    """Without those of views that are left out, where the surface has placed the view, of renderings of tiles, and of
+    images that only some tiles say are not linear.
 
-    Those stand in the tiles' own reports: tiles of sound bodies have 25 to 35 dB. Of the body whole disks are compared.
+    Renderings stand in the tiles' own reports: tiles of sound bodies have 25 to 35 dB. Of the body whole disks are
+    compared.
     """
+    encoded = sum(warned.code == RESPONSE for warned in warnings)
+    unsaid = {"renderings-differ"} | (set() if encoded > MOST_TILES * len(model.plan.value.tiles) else {RESPONSE})
     names = {model.site.views[k].name for k in np.flatnonzero(placed.placed)}
     return tuple(
         warned
         for warned in warnings
-        if warned.code != "renderings-differ" and (warned.code != "view-unregistered" or warned.view not in names)
+        if warned.code not in unsaid and (warned.code != "view-unregistered" or warned.view not in names)
     )
 
 

@@ -31,6 +31,7 @@ from photoclinometry.pipeline.run_folder import claimed_run
 from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest, say_found
+from photoclinometry.pipeline.trust import NOT_LINEAR
 from photoclinometry.surface.mesh_rays import MeshRays, depth_image, emission_image
 
 log = logging.getLogger(__name__)
@@ -113,11 +114,12 @@ class MapTile(Stage[TileMap]):
         except Exception as error:
             error.add_note(f"while tile {self.number} was mapped, in {tile_folder(self.body.value, self.number)}")
             raise
-        for why in found.distrust:
+        distrust = tuple(why for why in found.distrust if why != NOT_LINEAR)
+        for why in distrust:
             warn(log, "tile-untrusted", "tile %d is not to be trusted: %s", self.number, why)
         say_found(f"{len(found.scene.landmarks):,} landmarks")
         number = {view.name: k for k, view in enumerate(self.model.site.views)}
-        return tile_map(found.scene, np.array([number[name] for name in found.scene.views.name]), found.distrust)
+        return tile_map(found.scene, np.array([number[name] for name in found.scene.views.name]), distrust)
 
 
 def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_progress) -> RunResult:

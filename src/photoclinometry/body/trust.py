@@ -8,7 +8,7 @@ import numpy as np
 
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.model.warning import Warned
-from photoclinometry.pipeline.trust import inverted_relief
+from photoclinometry.pipeline.trust import encoded_images, inverted_relief
 
 MOST_TILES = 0.5
 """If more than this share of the tiles has no map to be trusted, sound tiles are the exception."""
@@ -22,9 +22,10 @@ def why_untrusted(tiles: Sequence[TileMap], explained: np.ndarray, warnings: Seq
     """The reasons why the map of a body is not to be trusted; none of a sound one.
 
     explained: (K,) of each image by the finished surface (`disk_explained`), NaN of those without a pose. warnings: all
-    of the body, those of single tiles among them: only what is warned of the sparse model is of the whole.
+    of the body, those of single tiles among them: only what is warned of the sparse model, or by most tiles of all
+    images, is of the whole.
     """
-    reasons = inverted_relief(warnings)
+    reasons = [*encoded_images(warnings), *inverted_relief(warnings)]
     failed = [(n, tile.failure) for n, tile in enumerate(tiles) if tile.failure]
     doubted = [(n, "; ".join(tile.distrust)) for n, tile in enumerate(tiles) if tile.distrust and not tile.failure]
     wrong = len(failed) + len(doubted)

@@ -1,4 +1,4 @@
-"""`phomo calibrate`: a site with the distortion of its cameras."""
+"""`phomo calibrate`: a site with the distortion of its cameras, and the response of its images."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from photoclinometry.model.gamma import LINEAR
 from photoclinometry.pipeline.calibrate import CalibrationOptions
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ def calibrate(
 
     Poses, points and the distortion of each camera are adjusted together. A camera stays as it is unless keypoints are
     displaced by more than half a pixel and by five standard deviations. The images are those of the old site.
+    With --response, also the exponent that makes the images linear in radiance, where their brightness tells it.
 
     Args:
         site: A site.toml, or the folder with one.
@@ -39,6 +41,9 @@ def calibrate(
         found = library(site_file(site), out, options, bars)
     for camera in found.cameras:
         console.print(_line(camera), highlight=False, markup=False, soft_wrap=True)
+    if options.response:
+        said = "stays as it is" if found.gamma == LINEAR else f"gamma is multiplied by {found.gamma:.2f}"
+        console.print(f"response of the images: {said}", highlight=False)
     print(found.site)
 
 

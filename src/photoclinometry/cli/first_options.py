@@ -82,6 +82,7 @@ FIRST = {
     ),
     "calibrate": (
         "passes",
+        "response",
         "sfm.max_features",
     ),
     "ingest": (

@@ -35,6 +35,7 @@ NAMES = {
     "reflectance": "reflectance",
     "suns": "suns",
     "reflectance_again": "reflectance",
+    "response": "response",
     "last_estimate": "last estimate",
     "held_out": "views held out",
     "refine": "estimate",

@@ -23,6 +23,7 @@ from photoclinometry.io.suns_csv import GIVE_SUN
 from photoclinometry.io.table import Table
 from photoclinometry.io.toml_file import read_toml
 from photoclinometry.model.errors import SiteError
+from photoclinometry.model.gamma import LINEAR
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.lens import NO_DISTORTION, Lens
 from photoclinometry.model.pose_prior import PosePrior
@@ -59,6 +60,8 @@ class SiteView:
     """Those of its camera included."""
     lens: Lens = NO_DISTORTION
     """What is taken out of the image when it is read, so that `camera` is a pinhole."""
+    gamma: float = LINEAR
+    """The power that the image's numbers are raised to when it is read, so that they are linear in radiance."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +117,7 @@ class Site:
     @property
     def cameras(self) -> tuple[list[SiteCamera], np.ndarray]:
         """The cameras (C,) with their lenses, masks left out, and the number of each view's (K,)."""
-        of_view = [SiteCamera(view.camera, view.lens) for view in self.views]
+        of_view = [SiteCamera(view.camera, view.lens, gamma=view.gamma) for view in self.views]
         cameras = list(dict.fromkeys(of_view))
         return cameras, np.array([cameras.index(camera) for camera in of_view])
 
@@ -178,7 +181,7 @@ def _read_view(path: Path, table: Table, default: SiteCamera | None, cameras: di
     sigma = DEFAULT_SUN_SIGMA_RAD if sigma_deg is None else float(np.deg2rad(sigma_deg))
     prior = _read_prior(table.table("cam_from_body", None))
     table.finish()
-    return SiteView(name, path.parent / name, camera.camera, sun, sigma, prior, masking, camera.lens)
+    return SiteView(name, path.parent / name, camera.camera, sun, sigma, prior, masking, camera.lens, camera.gamma)
 
 
 def _read_sun(table: Table) -> np.ndarray:

@@ -11,9 +11,13 @@ import numpy as np
 from photoclinometry.io.masks import ALL_USED, BORDER, MASK, Masking, read_masking
 from photoclinometry.io.table import Table
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.gamma import LINEAR
 from photoclinometry.model.lens import MODELS, NO_DISTORTION, Lens, folds
 from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera
 
+GAMMA = "gamma"
+MOST_GAMMA = 5.0
+"""Exponents beyond this, and below its inverse, are of no response."""
 _FARTHEST_PRINCIPAL = 10.0
 """Principal points farther outside than this many image widths are parameters in the wrong order."""
 
@@ -27,6 +31,8 @@ class SiteCamera:
     lens: Lens = NO_DISTORTION
     masking: Masking = ALL_USED
     """Of all its images."""
+    gamma: float = LINEAR
+    """The power that the numbers of its images are raised to, to be linear in radiance."""
 
     def entry(self) -> dict[str, Any]:
         """The table of `site.toml`, without masks."""
@@ -35,7 +41,8 @@ class SiteCamera:
         if self.lens != NO_DISTORTION:
             model = "OPENCV"
             params = [*map(float, c.intrinsics), self.lens.k1, self.lens.k2, self.lens.p1, self.lens.p2]
-        return {"model": model, "width": c.width, "height": c.height, "params": params}
+        entry = {"model": model, "width": c.width, "height": c.height, "params": params}
+        return entry if self.gamma == LINEAR else {**entry, GAMMA: self.gamma}
 
 
 def read_cameras(table: Table, folder: Path) -> tuple[SiteCamera | None, dict[str, SiteCamera]]:
@@ -56,13 +63,14 @@ def read_cameras(table: Table, folder: Path) -> tuple[SiteCamera | None, dict[st
 
 
 def _read_camera(table: Table, folder: Path) -> SiteCamera:
-    table.expect("model", "width", "height", "params", MASK, BORDER)
+    table.expect("model", "width", "height", "params", GAMMA, MASK, BORDER)
     model = table.choice("model", (*CAMERA_PARAMETERS, *MODELS), "undistort the images to a pinhole first")
     width, height = table.positive_integer("width"), table.positive_integer("height")
     pinhole, coefficients = MODELS.get(model, (model, ()))
     count = CAMERA_PARAMETERS[pinhole]
     params = table.numbers("params", count + len(coefficients)).tolist()
     masking = read_masking(table, folder)
+    gamma = _read_gamma(table)
     table.finish()
     try:
         camera = Camera(pinhole, width, height, tuple(params[:count]))
@@ -75,7 +83,14 @@ def _read_camera(table: Table, folder: Path) -> SiteCamera:
     if folds(camera, lens):
         order = ", ".join(("f, cx, cy" if pinhole == "SIMPLE_PINHOLE" else "fx, fy, cx, cy", *coefficients))
         raise table.error("params", f"the distortion folds the image over itself; the order is {order}")
-    return SiteCamera(camera, lens, masking)
+    return SiteCamera(camera, lens, masking, gamma)
+
+
+def _read_gamma(table: Table) -> float:
+    gamma = float(table.positive_number(GAMMA, LINEAR))
+    if not 1.0 / MOST_GAMMA <= gamma <= MOST_GAMMA:
+        raise table.error(GAMMA, f"{gamma:g} is no exponent of a response; those of images for the eye are 1.8 to 2.6")
+    return gamma
 
 
 def misplaced_principal_point(camera: Camera) -> str | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from photoclinometry.io.images import read_image
 from photoclinometry.model.display import BRIGHTNESS_UNITS, card, named, thumbnail
+from photoclinometry.model.gamma import LINEAR
 
 if TYPE_CHECKING:
     from photoclinometry.io.site import Site, SiteView
@@ -42,7 +43,8 @@ def site_table(site: Site) -> dict[str, str]:
 
 def site_picture(site: Site) -> np.ndarray:
     """Grey values (h, w) of one image, NaN where its pixels are not valid. Raises ImageError."""
-    image = read_image(shown_view(site).image, linear=site.linear)
+    view = shown_view(site)
+    image = read_image(view.image, linear=site.linear or view.gamma != LINEAR)
     return thumbnail(np.where(image.valid, image.brightness, np.nan))
 
 

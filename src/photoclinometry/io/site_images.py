@@ -16,6 +16,7 @@ from photoclinometry.io.images import read_image
 from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
+from photoclinometry.model.gamma import LINEAR, raised
 from photoclinometry.model.lens import NEGLIGIBLE_PX, NO_DISTORTION, observed_pixels
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.sampling import resampled
@@ -119,13 +120,18 @@ def _less_dark_levels(images: list[Image], levels: np.ndarray) -> list[Image]:
 
 
 def read_view_image(site: Site, view: SiteView) -> Image:
-    """The image of a view, sky included, named after its file, without distortion; `valid` is False where it is masked.
+    """The image of a view, sky included, named after its file, linear and without distortion; `valid` is False where
+    it is masked.
 
     Raises ImageError.
     """
-    image = read_image(view.image, linear=site.linear, remedy="write linear = true in site.toml")
+    decoded = view.gamma != LINEAR
+    image = read_image(view.image, linear=site.linear or decoded, remedy="write linear = true in site.toml")
     valid = image.valid & view.masking.usable(image.valid.shape)
-    return undistorted(Image(image.name, np.where(valid, image.brightness, np.float32(0)), valid), view)
+    brightness = np.where(valid, image.brightness, np.float32(0))
+    if decoded:
+        brightness = raised(brightness, view.gamma, 1.0).astype(np.float32)
+    return undistorted(Image(image.name, brightness, valid), view)
 
 
 def undistorted(image: Image, view: SiteView) -> Image:

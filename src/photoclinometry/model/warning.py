@@ -31,6 +31,7 @@ CODES: Mapping[str, str] = {
     "relief-contradicts": "the relief of the map is not that which the parallax of the images shows",
     "relief-inverted": "brightness shows the sparse model's relief with hills for hollows: Suns or poses are wrong",
     "renderings-differ": "renderings of the map differ from the images by more than 3 % of their peak",
+    "response-not-linear": "the numbers of the images are a power of the radiance, and heights and albedos are wrong",
     "reversal-undecided": "rays are so nearly parallel that the relief may be reversed",
     "rival-failed": "a method that a run is compared with finds no map, or one that lies elsewhere",
     "run-failed": "a run of a study gave no map",

@@ -1,7 +1,8 @@
-"""A site with the distortion of its cameras, as the keypoints of its own images tell it."""
+"""A site with the distortion of its cameras and the response of its images, as the images themselves tell them."""
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,9 +14,12 @@ import numpy as np
 from photoclinometry.io.site import Site, read_site, write_site
 from photoclinometry.io.site_cameras import SiteCamera
 from photoclinometry.model.errors import ReconstructionError, RunFolderError
+from photoclinometry.model.gamma import LINEAR
 from photoclinometry.model.lens import Lens
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
+from photoclinometry.pipeline.options import RunOptions
+from photoclinometry.pipeline.response_check import CODE, METRIC
 from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
 from photoclinometry.sfm import SfmOptions
@@ -23,8 +27,8 @@ from photoclinometry.sfm.self_calibration import LensEstimate, estimate_lenses
 
 NAME = "calibrated.toml"
 """Of the new site, beside the old one."""
-SETTLED_PX = 0.1
-"""No further pass once the images show no more than this."""
+SETTLED_PX, SETTLED_RESPONSE = 0.1, 0.03
+"""No further pass once the images show no more distortion than this, and no exponent farther from 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +38,9 @@ class CalibrationOptions(Ranged):
     passes: Annotated[int, Range(least=1, most=20)] = 3
     """Passes at most. Each takes the distortion found so far out of the images and makes a sparse model of them, so
     that keypoints which a strong distortion kept from matching take part."""
+    response: bool = False
+    """Also find the exponent of the images' response (`gamma`), by a map in each pass: as long as `phomo run`, several
+    times."""
     sfm: SfmOptions = field(default_factory=SfmOptions)
 
 
@@ -59,6 +66,8 @@ class Calibration:
 
     site: Path
     cameras: tuple[CameraCalibration, ...]
+    gamma: float = LINEAR
+    """What the exponents of all cameras were multiplied by."""
 
 
 def calibrate(
@@ -67,10 +76,11 @@ def calibrate(
     options: CalibrationOptions = CalibrationOptions(),
     progress: Progress = no_progress,
 ) -> Calibration:
-    """Writes a site that is as the one given, with the distortion that its images show in the cameras.
+    """Writes a site that is as the one given, with the distortion and the response that its images show in the cameras.
 
     A camera keeps its lens where the images show no more than `LensEstimate.is_clear` asks for. out: a TOML file, new;
     by default NAME beside the site. The images are those of the old site; they are undistorted when they are read.
+    Exponents stay as they are where images do not clearly tell others (`response_check.is_clear`).
     Raises InputError for wrong sites and images, RunFolderError if `out` exists or cannot be written, and
     ReconstructionError where the images give no sparse model, or one of too few keypoints.
     """
@@ -87,7 +97,9 @@ def calibrate(
         if not any(changes and e.shift_px > SETTLED_PX for changes, e in zip(change, left, strict=True)):
             break
         new = [_with_added(c, e) if changes else c for changes, c, e in zip(change, new, left, strict=True)]
-    write_site(out, _moved(_with_cameras(site, new, of_view), out))
+    calibrated = _with_cameras(site, new, of_view)
+    gamma = _response(calibrated, options, progress) if options.response else LINEAR
+    write_site(out, _moved(_with_response(calibrated, gamma), out))
     return Calibration(
         site=out,
         cameras=tuple(
@@ -100,6 +112,7 @@ def calibrate(
             )
             for n in range(len(old))
         ),
+        gamma=gamma,
     )
 
 
@@ -118,6 +131,29 @@ def _estimates(
             "tell the distortion; add images, or raise --sfm.max-features"
         )
     return estimates
+
+
+def _response(site: Site, options: CalibrationOptions, progress: Progress) -> float:
+    """The exponent that the images show beyond those of their cameras; LINEAR where it is not clear."""
+    from photoclinometry.pipeline.run import run
+
+    gamma = LINEAR
+    for number in range(options.passes):
+        with TemporaryDirectory() as scratch:
+            file = Path(scratch) / "site.toml"
+            write_site(file, _moved(_with_response(site, gamma), file))
+            result = run(file, Path(scratch) / "run", RunOptions(sfm=options.sfm), progress)
+        clear = any(warned.code == CODE for warned in result.warnings)
+        found = result.metrics.get(METRIC, LINEAR)
+        if (number == 0 and not clear) or abs(math.log(found)) < SETTLED_RESPONSE:
+            break
+        gamma *= found
+    return gamma
+
+
+def _with_response(site: Site, gamma: float) -> Site:
+    """The site with all exponents multiplied."""
+    return replace(site, views=tuple(replace(view, gamma=gamma * view.gamma) for view in site.views))
 
 
 def _with_added(camera: SiteCamera, estimate: LensEstimate) -> SiteCamera:

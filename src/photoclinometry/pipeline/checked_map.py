@@ -24,6 +24,7 @@ from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.posed_site import PosedSite
 from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax
 from photoclinometry.pipeline.relighting import IterationFigures
+from photoclinometry.pipeline.response_check import CheckResponse, ResponseCheck, models_that_tell
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, digest
@@ -43,6 +44,8 @@ class CheckedMap:
     relief: ReliefCheck | None
     left_out: Mapping[str, str]
     """Views that the first estimate found to blur the map, by name, with the reason."""
+    response: ResponseCheck | None
+    """Whether images are linear; None where photometry is held, or not estimated."""
 
     @property
     def contradicts_parallax(self) -> bool:
@@ -90,11 +93,9 @@ def _mapped(
     relit = maps.relight(first)
     del first
     model = _last_model(folder, choices, relit, holds_photometry=holds_photometry)
+    response = None
     if model is not None and not holds_photometry:
-        suns = folder.done(CheckSuns(relit=relit.start, reflectance=model)).value
-        if suns.is_clear:
-            relit = _with_scene(relit, suns.taken_into_account(relit.start.value.scene))
-            model = _last_model(folder, choices, relit, holds_photometry=False, again=True)
+        relit, model, response = _with_photometry_checked(folder, posed_site, relit, model)
     finished = maps.last_estimate(relit, model)
     return CheckedMap(
         finished=finished,
@@ -102,7 +103,22 @@ def _mapped(
         pose_priors=maps.estimate.pose_priors,
         relief=relief_by_parallax(finished.value.adjustment.scene, *matched),
         left_out=left_out,
+        response=response,
     )
+
+
+def _with_photometry_checked(
+    folder: RunFolder, posed_site: PosedSite, relit: Relit, model: Reflectance
+) -> tuple[Relit, Reflectance, ResponseCheck]:
+    """The start and the model of the last estimate, after a look for errors that all views have in common."""
+    suns = folder.done(CheckSuns(relit=relit.start, reflectance=model)).value
+    if suns.is_clear:
+        relit = _with_scene(relit, suns.taken_into_account(relit.start.value.scene))
+        model = _last_model(folder, posed_site.choices, relit, holds_photometry=False, again=True) or model
+    models = models_that_tell(relit.start.value.scene, model)
+    stated = tuple(sorted({view.gamma for view in posed_site.site.views}))
+    response = folder.done(CheckResponse(relit=relit.start, models=models, stated=stated)).value
+    return relit, model, response
 
 
 def _with_scene(relit: Relit, scene: Scene) -> Relit:

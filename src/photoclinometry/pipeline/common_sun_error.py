@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.evaluate.model_ranking import common_sun_turn
+from photoclinometry.evaluate.common_sun import common_sun_turn
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.reflectance import Reflectance

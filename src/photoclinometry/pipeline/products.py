@@ -23,6 +23,7 @@ from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, war
 from photoclinometry.pipeline.relief_check import ReliefCheck, warn_of_relief
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.rendering_check import warn_of_renderings
+from photoclinometry.pipeline.response_check import ResponseCheck
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.trust import change_explained, why_untrusted
 
@@ -87,6 +88,8 @@ class RunSummary:
     """Of the map beside the parallax of the images; None where it was not looked at."""
     psf_sigma_px: float | None = None
     """Standard deviation of the point-spread function with which fine relief was restored; None where it was not."""
+    response: ResponseCheck | None = None
+    """Whether images are linear; None where it was not looked at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +146,8 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
         metrics |= summary.relief.metrics()
     if summary.psf_sigma_px is not None:
         metrics["psf_sigma_px"] = summary.psf_sigma_px
+    if summary.response is not None:
+        metrics |= summary.response.metrics()
     if scene.reflectance is not None:
         metrics["brightness_change_explained_percent"] = 100.0 * change_explained(scene)
     how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}

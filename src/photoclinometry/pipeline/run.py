@@ -99,6 +99,7 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
         control=choices.control,
         relief=found.relief,
         psf_sigma_px=found.finished.value.psf_sigma_px,
+        response=found.response,
     )
     return write_products(folder, summary)
 

@@ -13,6 +13,7 @@ from photoclinometry.model.warning import Warned
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline.relief_check import FAR_OFF, ReliefCheck
 from photoclinometry.pipeline.relighting import INCONSISTENT_SHARE
+from photoclinometry.pipeline.response_check import CODE as RESPONSE
 
 LEAST_EXPLAINED = 0.5
 """A map must explain this share of how brightness changes between images, see `change_explained`. By theory, a model
@@ -26,6 +27,9 @@ part of the site is right."""
 
 HIGHEST_ALBEDO = 2.0
 """Median normal albedo that no surface has: Enceladus, the brightest body known, has 1.4 (Verbiscer et al. 2007)."""
+
+NOT_LINEAR = "the numbers of the images are not linear in radiance"
+"""Of all images: a tile of a body that says so has no worse map than others."""
 
 SWEEPS = 5
 """Alternating least squares of albedos and exposures: five and fifty give the same share, to 0.0005, on sound sites and
@@ -44,7 +48,7 @@ def why_untrusted(
         reasons.append(f"the joint estimate has not converged: {adjustment.message}")
     if any(warned.code == "most-suns-contradict" for warned in warnings):
         reasons.append("the Sun directions as a whole contradict the images: check the convention of `sun`")
-    reasons += inverted_relief(warnings)
+    reasons += [*encoded_images(warnings), *inverted_relief(warnings)]
     used = len(scene.views)
     if left_out > MOST_LEFT_OUT * (used + left_out):
         reasons.append(f"{left_out} of {used + left_out} views are left out")
@@ -62,6 +66,11 @@ def why_untrusted(
     if scene.brightness == "iof" and albedo > HIGHEST_ALBEDO:
         reasons.append(f"the median albedo is {albedo:.3g}, which no surface has: the brightness is not I/F")
     return tuple(reasons)
+
+
+def encoded_images(warnings: Sequence[Warned]) -> list[str]:
+    """The reason for distrust of a map whose images were found not to be linear; none without that warning."""
+    return [NOT_LINEAR] if any(warned.code == RESPONSE for warned in warnings) else []
 
 
 def inverted_relief(warnings: Sequence[Warned]) -> list[str]:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from photoclinometry.evaluate.model_ranking import ModelFit, ModelRanking, jackknife_sigma
+from photoclinometry.evaluate.kept_out_views import jackknife_sigma
+from photoclinometry.evaluate.model_ranking import ModelFit, ModelRanking
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.output.figures.draw import panels, save, style
 

@@ -1,0 +1,138 @@
+"""The pictures of docs/howto/symptoms.md: maps of one simulated site as it is, and with faults.
+
+python benchmarks/symptoms.py --out symptoms        five minutes; copy OUT/symptom-*.png to docs/images
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+
+import photoclinometry as pcm
+from faults import SITES, write_spoiled
+from image_faults import Images, distortion, gamma, read_images
+from photoclinometry.io.site import read_site
+from photoclinometry.model.geometry import so3_exp
+from photoclinometry.model.scene import Scene
+from photoclinometry.output.figures.draw import add_bar, bare, colour_map, limits, panels, save, style
+from photoclinometry.output.figures.layers import find_layer
+from photoclinometry.simulate.site import simulate_site
+
+SITE, VIEW = "moderate", 3
+"""And the view that a fault of one image is put into."""
+GAMMA, CORNER_PX, BLUR_PX, SUN_OFF_DEG = 2.2, 10.0, 2.0, 10.0
+WIDTH, GAP, MARGIN = 2.1, (0.75, 0.2), (0.05, 0.65, 0.05, 0.3)
+"""Of panels, between and around them [inches]."""
+Panel = tuple[str, str, np.ndarray]
+"""Title, unit (empty: grey without a bar), and values."""
+
+
+def main(out: Path) -> None:
+    """Map the site with each fault and draw what it looks like.
+
+    Args:
+        out: Folder for the pictures and, meanwhile, sites and runs.
+    """
+    out = out.resolve()
+    out.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(out / "site", ignore_errors=True)
+    clean_file = simulate_site(SITES[SITE], out / "site")
+    images = read_images(read_site(clean_file))
+    sound, name = _mapped(clean_file, out), images.site.views[VIEW].name
+
+    def spoilt(fault: Callable[[Images], Images]) -> tuple[Scene, Images]:
+        changed = fault(images)
+        return _mapped(write_spoiled(changed, images.site, out / "spoilt", sound), out), changed
+
+    encoded, _ = spoilt(lambda clean: gamma(clean, np.random.default_rng(0), GAMMA))
+    _draw(out / "symptom-not-linear.png", [*_pair("relief", sound, encoded), *_pair("albedo", sound, encoded)])
+    distorted, seen = spoilt(lambda clean: distortion(clean, np.random.default_rng(0), CORNER_PX))
+    differences = _differences(name, (sound, images), (distorted, seen))
+    _draw(out / "symptom-distorted.png", [*_pair("relief", sound, distorted), *differences])
+    blurred, seen = spoilt(lambda clean: clean.with_one(VIEW, _blurred))
+    _draw(out / "symptom-blurred.png", _differences(name, (sound, images), (blurred, seen)))
+    turned, seen = spoilt(_with_wrong_sun)
+    _draw(out / "symptom-wrong-sun.png", _differences(name, (sound, images), (turned, seen)))
+    lit = [_lit(sound, azimuth) for azimuth in (315.0, 135.0)]
+    _draw(out / "symptom-lit-from-below.png", [("light from above", "", lit[0]), ("light from below", "", lit[1])])
+    for folder in ("site", "spoilt", "run"):
+        shutil.rmtree(out / folder, ignore_errors=True)
+
+
+def _mapped(site_file: Path, out: Path) -> Scene:
+    """The map of a site; all views take part."""
+    return pcm.run(site_file, out / "run", check_views=False, overwrite=True).scene
+
+
+def _blurred(pixels: np.ndarray) -> np.ndarray:
+    from scipy.ndimage import gaussian_filter
+
+    return gaussian_filter(pixels, BLUR_PX, mode="nearest")
+
+
+def _with_wrong_sun(clean: Images) -> Images:
+    turn = so3_exp(np.deg2rad([0.0, SUN_OFF_DEG, 0.0]))
+    return clean.with_views(lambda k, view: replace(view, sun=turn @ view.sun) if k == VIEW else view)
+
+
+def _pair(layer: str, sound: Scene, spoilt: Scene) -> list[Panel]:
+    """A layer of both maps."""
+    if layer == "relief":
+        return [("relief, sound", "", _lit(sound, 315.0)), ("relief, spoilt", "", _lit(spoilt, 315.0))]
+    found = [scene.grid(find_layer(scene, layer).values(scene)) for scene in (sound, spoilt)]
+    return [
+        (f"{layer}, {which}", " ", values / np.nanmedian(values)) for which, values in zip(NAMES, found, strict=True)
+    ]
+
+
+NAMES = ("sound", "spoilt")
+
+
+def _lit(scene: Scene, azimuth_deg: float) -> np.ndarray:
+    """The map under a low Sun, with one albedo."""
+    even = replace(scene, landmarks=replace(scene.landmarks, albedo=np.ones(len(scene.landmarks))))
+    image = pcm.render(even, sun_azimuth_deg=azimuth_deg, sun_elevation_deg=30.0, geometry="reference")
+    return np.where(image.valid, image.brightness, np.nan)
+
+
+def _differences(name: str, *maps: tuple[Scene, Images]) -> list[Panel]:
+    """Rendering minus image of a view, of both maps [% of the mean brightness]."""
+    out: list[Panel] = []
+    for which, (scene, images) in zip(NAMES, maps, strict=True):
+        rendered = pcm.render(scene, view=name)
+        image = images.pixels[[view.name for view in images.site.views].index(name)]
+        off = np.where(rendered.valid, rendered.brightness - image, np.nan) / np.nanmean(image[rendered.valid])
+        rows, cols = np.nonzero(rendered.valid)
+        out.append((f"rendering - image, {which}", "%", 100.0 * off[rows.min() : rows.max(), cols.min() : cols.max()]))
+    return out
+
+
+def _draw(file: Path, content: Sequence[Panel]) -> None:
+    """Panels side by side; those of one unit have one scale, by the first of them for greys and by all for others."""
+    with style():
+        figure, axes = panels(1, len(content), WIDTH, 1.0, GAP, MARGIN)
+        for panel, (title, unit, values) in zip(axes[0], content, strict=True):
+            alike = np.concatenate([each.ravel() for _, other, each in content if other == unit])
+            clim = limits(alike)
+            if unit == "%":
+                clim = (-10.0, 10.0)
+            shown: Any = bare(panel, title).imshow(
+                np.ma.masked_invalid(values),
+                cmap=colour_map("RdBu_r" if unit == "%" else "gray"),
+                vmin=clim[0],
+                vmax=clim[1],
+                interpolation="nearest",
+            )
+            if unit:
+                add_bar(panel, shown, values, unit.strip())
+        save(figure, file)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

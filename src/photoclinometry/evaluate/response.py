@@ -1,0 +1,137 @@
+"""Whether the numbers of images are linear in radiance, as views that were kept out tell it.
+
+Images for the eye have numbers V that grow as a power of the radiance L: V ~ L^(1 / gamma). Taken for linear, they have
+too little contrast in bright ground and too much in dark. Views that are kept out are predicted best by the others if
+all are raised to the power gamma first: a wrong one bends the relation between brightness and the slopes that all
+views have in common. Relations that parallax knows, heights and positions, are held.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from photoclinometry.evaluate.kept_out_views import (
+    PARTS,
+    jackknife_sigma,
+    parts_of_views,
+    predictions_by_others,
+    sample_of,
+)
+from photoclinometry.model.gamma import raised
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Scene
+from photoclinometry.model.tiny import TINY
+
+STEP = 0.15
+"""Between the logarithms of the exponents that are tried: about what reflectance models make up for that are not the
+ground's."""
+MOST_STEPS = 9
+"""Exponents from 1/3.9 to 3.9 are tried: those of displays are 1.8 to 2.6, and decoding has them inverted."""
+FEWEST = 20
+"""Lit landmarks of a view without which it has no error: a gain and an offset are fitted to them."""
+FOR_THE_EYE = 5
+"""Steps to 2.1, which is tried at once: sites whose geometry was bent by a wrong response have a local minimum at 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Response:
+    """The exponent with which views predict each other best, and how well they do."""
+
+    log_gamma: float
+    """Natural logarithm of the exponent [-]; 0 of linear images."""
+    sigma: float
+    """Its standard deviation, by leaving parts of the views out [-]."""
+    linear_error: np.ndarray
+    """(K,) RMS residual of each view over its mean brightness, predicted as if images were linear [-]; NaN of views
+    without lit landmarks."""
+    decoded_error: np.ndarray
+    """(K,) the same, predicted with the exponent."""
+
+    @property
+    def gamma(self) -> float:
+        """The power that the numbers are to be raised to."""
+        return math.exp(self.log_gamma)
+
+    @property
+    def gain(self) -> float:
+        """By how much the exponent makes errors smaller, as a share of them; geometric mean over the views."""
+        return 1.0 - math.exp(float(np.nanmean(np.log(self.decoded_error / self.linear_error))))
+
+
+def response_of(scene: Scene, models: Sequence[Reflectance], landmarks: int) -> Response:
+    """The exponent of the images' response that makes views predict each other best.
+
+    Some landmarks, about so many, take part, at the scene's positions, without smoothness between neighbours.
+    models: reflectance, as it is known beforehand, the one that fits linear images best first. Others take part where
+    they predict images for the eye better than it does. Raises InputError as `rank_models` does.
+    """
+    sample = sample_of(scene, landmarks)
+    part = parts_of_views(sample, min(PARTS, len(sample.views)))
+    first, *others = (partial(_log_errors, sample, model, part) for model in models)
+    linear = first(0)
+    tried = _searched(first, {0: linear, FOR_THE_EYE: first(FOR_THE_EYE)})
+    for other in others:
+        begin = {FOR_THE_EYE: other(FOR_THE_EYE)}
+        if _mean(begin[FOR_THE_EYE]) < _mean(tried[_best(tried)]):
+            tried = _searched(other, begin)
+    best = _best(tried)
+    middle = min(max(best, 1 - MOST_STEPS), MOST_STEPS - 1)
+    around = np.array([tried[middle + n] for n in (-1, 0, 1)])
+    without_part = [_lowest(around[:, part != number]) for number in range(part.max() + 1)]
+    return Response(
+        log_gamma=STEP * (middle + _lowest(around)),
+        sigma=STEP * float(jackknife_sigma(np.array(without_part))),
+        linear_error=np.exp(linear),
+        decoded_error=np.exp(tried[best]),
+    )
+
+
+def _searched(errors: Callable[[int], np.ndarray], tried: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """Errors (K,) of views by number of steps: those that were tried, and all down to a minimum with its neighbours."""
+    tried = dict(tried)
+    while True:
+        best = _best(tried)
+        missing = [n for n in (best - 1, best + 1) if n not in tried and abs(n) <= MOST_STEPS]
+        if not missing:
+            return tried
+        tried |= {n: errors(n) for n in missing}
+
+
+def _best(tried: dict[int, np.ndarray]) -> int:
+    """The number of steps with the lowest mean error."""
+    return min(tried, key=lambda n: _mean(tried[n]))
+
+
+def _mean(errors: np.ndarray) -> float:
+    """Of those that are known."""
+    return float(np.nanmean(errors))
+
+
+def _lowest(around: np.ndarray) -> float:
+    """Where the mean of errors (3, K) a step apart is lowest, in steps from the middle one: a parabola's vertex."""
+    before, middle, after = np.nanmean(around, axis=1)
+    bend = before - 2.0 * middle + after
+    if bend <= 0.0:
+        return float(np.argmin([before, middle, after]) - 1)
+    return float(np.clip(0.5 * (before - after) / bend, -1.0, 1.0))
+
+
+def _log_errors(scene: Scene, reflectance: Reflectance, part: np.ndarray, steps: int) -> np.ndarray:
+    """(K,) logarithms of the RMS residuals of views, in the images' own numbers, predicted after raising these."""
+    tracks, views, gamma = scene.tracks, len(scene.views), math.exp(steps * STEP)
+    level = float(np.median(tracks.brightness[tracks.lit]))
+    decoded = replace(scene, tracks=replace(tracks, brightness=raised(tracks.brightness, gamma, level)))
+    found, _ = predictions_by_others(decoded, reflectance, part)
+    encoded = replace(
+        found,
+        measured=raised(found.measured, 1.0 / gamma, level),
+        predicted=raised(found.predicted, 1.0 / gamma, level),
+    )
+    residual = encoded.residual(views, free_bias=scene.brightness == "dn")
+    number = np.bincount(found.view, minlength=views)
+    return np.where(number < FEWEST, np.nan, 0.5 * np.log(encoded.mean_by_view(residual**2, views) + TINY))
