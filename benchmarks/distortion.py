@@ -9,7 +9,6 @@ Tables are written to OUT/keypoints.md and OUT/maps.md as they grow.
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +16,9 @@ import tyro
 
 import photoclinometry as pcm
 from faults import SITES
-from image_faults import distortion, read_images, write_images
-from photoclinometry.io.site import read_site, write_site
+from image_faults import distortion, read_images, write_spoiled
+from outcomes import accuracy_cells
+from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline.calibrate import calibrate
@@ -70,16 +70,11 @@ def _simulated(options: pcm.SimulationOptions, folder: Path) -> Path:
 
 def _distorted(site_file: Path, out: Path, corner_px: float, seed: int) -> Path:
     """The site.toml of the same site with distorted images."""
-    folder = out / "spoiled"
-    shutil.rmtree(folder, ignore_errors=True)
     site = read_site(site_file)
     images = read_images(site)
     if corner_px:
         images = distortion(images, np.random.default_rng(seed), corner_px)
-    write_images(images, site, folder)
-    views = tuple(replace(view, image=folder / view.name) for view in site.views)
-    write_site(folder / "site.toml", replace(site, views=views, path=folder / "site.toml"))
-    return folder / "site.toml"
+    return write_spoiled(images, site, out / "spoiled")
 
 
 def _by_keypoints(site_file: Path, out: Path) -> str:
@@ -102,10 +97,7 @@ def _by_keypoints(site_file: Path, out: Path) -> str:
 def _of_map(site_file: Path, truth: Path, out: Path) -> str:
     """Cells of a map's figures."""
     shutil.rmtree(out / "run", ignore_errors=True)
-    result = pcm.run(site_file, out / "run")
-    found = pcm.evaluate(result.scene, truth=truth, site=site_file).metrics
-    surface, normals = found["surface_distance_mean_gsd"], found["normal_error_mean_deg"]
-    return f"{surface:.3f} | {normals:.2f} | {result.metrics['psnr_mean_db']:.1f}"
+    return accuracy_cells(pcm.run(site_file, out / "run"), truth, site_file)
 
 
 if __name__ == "__main__":

@@ -12,16 +12,16 @@ OUT/results.jsonl, so that a stopped call goes on; OUT/table.md has the table.
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import tyro
 
 import photoclinometry as pcm
-from image_faults import FAULTS, Images, read_images, write_images
+from image_faults import FAULTS, read_images, write_spoiled
 from outcomes import keep_outcome, read_outcomes, warning_codes
-from photoclinometry.io.site import RegionRequest, Site, read_site, write_site
+from photoclinometry.io.site import RegionRequest, read_site
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.scene import Scene
@@ -110,7 +110,8 @@ def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Ou
         images = read_images(site)
         if fault != CLEAN:
             images = FAULTS[fault](images, np.random.default_rng([draw, *map(ord, fault)]))
-        site_file = write_spoiled(images, site, spoiled, mapped)
+        whole = RegionRequest(size_px=(VESTA_REGION_PX, VESTA_REGION_PX))
+        site_file = write_spoiled(images, site, spoiled, whole if mapped is None else region_of(mapped))
     try:
         result = pcm.run(site_file, run, densify=DensifyOptions(min_views=3 if name == "vesta" else 4), overwrite=True)
     except ReconstructionError as error:
@@ -188,23 +189,15 @@ def _simulated(out: Path, name: str) -> Path:
     return folder
 
 
-def write_spoiled(images: Images, clean: Site, folder: Path, mapped: Scene | None) -> Path:
-    """The spoiled site's site.toml. Its region is that of the clean map; of the clean site it is chosen by the run."""
-    shutil.rmtree(folder, ignore_errors=True)
-    write_images(images, clean, folder)
-    if mapped is None:
-        request = RegionRequest(size_px=(VESTA_REGION_PX, VESTA_REGION_PX))
-    else:
-        region = mapped.region
-        request = RegionRequest(
-            reference=mapped.views.name[mapped.reference],
-            center_px=(region.col + region.width / 2.0, region.row + region.height / 2.0),
-            size_px=(region.width, region.height),
-            stride=region.stride,
-        )
-    site_file = folder / "site.toml"
-    write_site(site_file, replace(images.site, region=request, path=site_file))
-    return site_file
+def region_of(mapped: Scene) -> RegionRequest:
+    """The region of a map, so that another map of the site has the same."""
+    region = mapped.region
+    return RegionRequest(
+        reference=mapped.views.name[mapped.reference],
+        center_px=(region.col + region.width / 2.0, region.row + region.height / 2.0),
+        size_px=(region.width, region.height),
+        stride=region.stride,
+    )
 
 
 if __name__ == "__main__":

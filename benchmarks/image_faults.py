@@ -6,13 +6,14 @@ PNG is rounded as it would be.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.io.site import Site, SiteView
+from photoclinometry.io.site import RegionRequest, Site, SiteView, write_site
 from photoclinometry.model.geometry import so3_exp, tangent_basis
 
 JPEG_QUALITY = 75
@@ -130,9 +131,14 @@ def focal(clean: Images, rng: np.random.Generator) -> Images:
 
 def blur(clean: Images, rng: np.random.Generator) -> Images:
     """One image out of focus or smeared."""
+    return clean.with_one(_any_view(clean, rng), blurred)
+
+
+def blurred(pixels: np.ndarray) -> np.ndarray:
+    """Pixels as an image out of focus has them."""
     from scipy.ndimage import gaussian_filter
 
-    return clean.with_one(_any_view(clean, rng), lambda pixels: gaussian_filter(pixels, BLUR_PX, mode="nearest"))
+    return gaussian_filter(pixels, BLUR_PX, mode="nearest")
 
 
 def one_sun(clean: Images, rng: np.random.Generator) -> Images:
@@ -202,6 +208,15 @@ def read_images(site: Site) -> Images:
     integer = np.issubdtype(raw[0].dtype, np.integer)
     top = float(np.iinfo(raw[0].dtype).max) if integer else float(max(np.nanmax(each) for each in raw))
     return Images(site=site, pixels=tuple(each.astype(float) for each in raw), top=top)
+
+
+def write_spoiled(images: Images, clean: Site, folder: Path, region: RegionRequest | None = None) -> Path:
+    """The site.toml of a site with these images, in a folder that is emptied first. region: in place of the site's."""
+    shutil.rmtree(folder, ignore_errors=True)
+    write_images(images, clean, folder)
+    site_file = folder / "site.toml"
+    write_site(site_file, replace(images.site, region=region or images.site.region, path=site_file))
+    return site_file
 
 
 def write_images(images: Images, clean: Site, folder: Path) -> None:

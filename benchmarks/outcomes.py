@@ -7,7 +7,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import photoclinometry as pcm
 from photoclinometry.pipeline.products import RunResult
+
+
+def accuracy_cells(result: RunResult, truth: Path, site_file: Path) -> str:
+    """Cells of a table: a map's surface [GSD], normals [deg] and PSNR [dB]."""
+    found = pcm.evaluate(result.scene, truth=truth, site=site_file).metrics
+    surface, normals = found["surface_distance_mean_gsd"], found["normal_error_mean_deg"]
+    return f"{surface:.3f} | {normals:.2f} | {result.metrics['psnr_mean_db']:.1f}"
 
 
 def warning_codes(result: RunResult) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +18,9 @@ import tyro
 
 import photoclinometry as pcm
 from faults import SITES
-from image_faults import gamma, read_images, write_images
-from photoclinometry.io.site import read_site, write_site
+from image_faults import gamma, read_images, write_spoiled
+from outcomes import accuracy_cells
+from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.pipeline.calibrate import CalibrationOptions, calibrate
 from photoclinometry.pipeline.products import RunResult
@@ -65,14 +65,9 @@ def main(out: Path, count: int = 0, maps: bool = True) -> None:
 
 def _encoded(site_file: Path, out: Path, exponent: float) -> Path:
     """The site.toml of the same site with encoded images."""
-    folder = out / "spoiled"
-    shutil.rmtree(folder, ignore_errors=True)
     site = read_site(site_file)
-    images = read_images(site)
-    write_images(gamma(images, np.random.default_rng(0), exponent), site, folder)
-    views = tuple(replace(view, image=folder / view.name) for view in site.views)
-    write_site(folder / "site.toml", replace(site, views=views, path=folder / "site.toml"))
-    return folder / "site.toml"
+    encoded = gamma(read_images(site), np.random.default_rng(0), exponent)
+    return write_spoiled(encoded, site, out / "spoiled")
 
 
 def _rows(site_file: Path, truth: Path, out: Path) -> Sequence[str]:
@@ -80,10 +75,9 @@ def _rows(site_file: Path, truth: Path, out: Path) -> Sequence[str]:
     rows = []
     while True:
         result = pcm.run(site_file, out / "run", overwrite=True)
-        found = pcm.evaluate(result.scene, truth=truth, site=site_file).metrics
-        surface, normals = found["surface_distance_mean_gsd"], found["normal_error_mean_deg"]
-        figures = f"{surface:.3f} | {normals:.2f} | {result.metrics['psnr_mean_db']:.1f} | {_codes(result)}"
-        rows.append(f"{read_site(site_file).views[0].gamma:.2f} | {figures}")
+        rows.append(
+            f"{read_site(site_file).views[0].gamma:.2f} | {accuracy_cells(result, truth, site_file)} | {_codes(result)}"
+        )
         if CODE not in _codes(result) or len(rows) == 2:
             return rows
         site_file = calibrate(site_file, options=CalibrationOptions(response=True)).site

@@ -20,15 +20,19 @@ from typing import Any
 import numpy as np
 import tyro
 
-METHODS = ("spc", "mvs", "splat", "splat-reflectance", "ngp")
+from photoclinometry.rivals.compare import METHODS
+from photoclinometry.rivals.table import COLUMNS as TABLE
+
 COLUMNS = ("phomo", *METHODS)
 PLACES, LIGHTINGS, SEEDS = ("ahuna", "cornelia", "ikapati"), ("moderate", "strong"), (1, 2)
 PAIRS = tuple(itertools.product(PLACES, LIGHTINGS))
 SIZE = ("--views", "12", "--image-size", "256", "--region-size", "64")
 LAMBERT = ("--reflectance", "lunar-lambert")
 HELD_OUT = ("--hold-out", "images/003.fits", "images/007.fits", "images/010.fits")
-TWO_SITES = {"cornelia, moderate light": ("--preset", "cornelia", "--seed", "1")}
-TWO_SITES["ahuna, strong light"] = ("--preset", "ahuna", "--lighting", "strong", "--seed", "2")
+TWO_SITES: dict[str, tuple[str, ...]] = {
+    "cornelia, moderate light": ("--preset", "cornelia", "--seed", "1"),
+    "ahuna, strong light": ("--preset", "ahuna", "--lighting", "strong", "--seed", "2"),
+}
 SETTINGS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("splat", ("--splat.iterations", "300")),
     ("splat", ()),
@@ -51,21 +55,22 @@ SETTINGS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("spc", ("--spc.poses", "fixed")),
 )
 """Settings that are varied, and no option for the default, of the six sites of seed 1."""
-FIGURES = (
-    ("PSNR, views used [dB]", "psnr_mean_db", 2, 1),
-    ("PSNR, held out [dB]", "psnr_held_out_mean_db", 2, 1),
-    ("SSIM, views used", "ssim_mean", 4, 1),
-    ("SSIM, held out", "ssim_held_out_mean", 4, 1),
-    ("photometric error, views used [%]", "view_error_mean_percent", 2, -1),
-    ("photometric error, held out [%]", "view_error_held_out_mean_percent", 2, -1),
-    ("distance to the surface [GSD]", "surface_distance_mean_gsd", 3, -1),
-    ("normals [°]", "normal_error_mean_deg", 2, -1),
-    ("albedo [%]", "albedo_error_mean_percent", 2, -1),
-    ("coverage [%]", "coverage_percent", 1, 0),
-    ("CPU time [s]", "cpu_s", 1, 0),
-    ("memory [GB]", "peak_memory_gb", 2, 0),
-)
-"""Name, key, decimals, and whether the greatest (1) or the least (-1) is the best."""
+FIGURES = {
+    "psnr_mean_db": ("PSNR, views used [dB]", 1),
+    "psnr_held_out_mean_db": ("PSNR, held out [dB]", 1),
+    "ssim_mean": ("SSIM, views used", 1),
+    "ssim_held_out_mean": ("SSIM, held out", 1),
+    "view_error_mean_percent": ("photometric error, views used [%]", -1),
+    "view_error_held_out_mean_percent": ("photometric error, held out [%]", -1),
+    "surface_distance_mean_gsd": ("distance to the surface [GSD]", -1),
+    "normal_error_mean_deg": ("normals [°]", -1),
+    "albedo_error_mean_percent": ("albedo [%]", -1),
+    "coverage_percent": ("coverage [%]", 0),
+    "cpu_s": ("CPU time [s]", 0),
+    "peak_memory_gb": ("memory [GB]", 0),
+}
+"""Name by key, and whether the greatest (1) or the least (-1) is the best; decimals are those of `phomo rivals`."""
+DIGITS = {key: digits for _, key, digits in TABLE}
 Figures = dict[str, dict[str, float | None]]
 
 
@@ -193,10 +198,10 @@ def _surface_table(sites: dict[tuple[str, str, int], Figures]) -> list[str]:
 
 def _all_figures(figures: Figures) -> list[str]:
     lines = _heads("", COLUMNS)
-    for name, key, digits, best in FIGURES:
+    for key, (name, best) in FIGURES.items():
         values = [figures[method].get(key) for method in COLUMNS]
         if any(value is not None for value in values):
-            lines.append(_row(name, values, digits, best))
+            lines.append(_row(name, values, DIGITS[key], best))
     return lines
 
 
@@ -204,9 +209,10 @@ def _vesta_table(found: dict[str, Figures]) -> list[str]:
     lines = _heads("", COLUMNS)
     for name, figures in found.items():
         lines.append(_row(f"`{name}`", [figures[method]["psnr_held_out_mean_db"] for method in COLUMNS], 2, 1))
-    for name, key, digits, best in FIGURES[:6]:
-        means = [float(np.mean([figures[method][key] for figures in found.values()])) for method in COLUMNS]
-        lines.append(_row(f"mean: {name}", means, digits, best))
+    for key, (name, best) in itertools.islice(FIGURES.items(), 6):
+        values = np.array([[figures[method][key] for figures in found.values()] for method in COLUMNS], float)
+        means = values.mean(axis=1).tolist()
+        lines.append(_row(f"mean: {name}", means, DIGITS[key], best))
     return lines
 
 

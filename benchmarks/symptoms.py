@@ -15,8 +15,8 @@ import numpy as np
 import tyro
 
 import photoclinometry as pcm
-from faults import SITES, write_spoiled
-from image_faults import Images, distortion, gamma, read_images
+from faults import SITES, region_of
+from image_faults import Images, blurred, distortion, gamma, read_images, write_spoiled
 from photoclinometry.io.site import read_site
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.scene import Scene
@@ -26,9 +26,12 @@ from photoclinometry.simulate.site import simulate_site
 
 SITE, VIEW = "moderate", 3
 """And the view that a fault of one image is put into."""
-GAMMA, CORNER_PX, BLUR_PX, SUN_OFF_DEG = 2.2, 10.0, 2.0, 10.0
+GAMMA, CORNER_PX, SUN_OFF_DEG = 2.2, 10.0, 10.0
+NAMES = ("sound", "spoilt")
 WIDTH, GAP, MARGIN = 2.1, (0.75, 0.2), (0.05, 0.65, 0.05, 0.3)
 """Of panels, between and around them [inches]."""
+DIFFERENCES = (-10.0, 10.0)
+"""Ends of the scale of differences [%]."""
 Panel = tuple[str, str, np.ndarray]
 """Title, unit (empty: grey without a bar), and values."""
 
@@ -48,15 +51,15 @@ def main(out: Path) -> None:
 
     def spoilt(fault: Callable[[Images], Images]) -> tuple[Scene, Images]:
         changed = fault(images)
-        return _mapped(write_spoiled(changed, images.site, out / "spoilt", sound), out), changed
+        return _mapped(write_spoiled(changed, images.site, out / "spoilt", region_of(sound)), out), changed
 
     encoded, _ = spoilt(lambda clean: gamma(clean, np.random.default_rng(0), GAMMA))
     _draw(out / "symptom-not-linear.png", [*_pair("relief", sound, encoded), *_pair("albedo", sound, encoded)])
     distorted, seen = spoilt(lambda clean: distortion(clean, np.random.default_rng(0), CORNER_PX))
     differences = _differences(name, (sound, images), (distorted, seen))
     _draw(out / "symptom-distorted.png", [*_pair("relief", sound, distorted), *differences])
-    blurred, seen = spoilt(lambda clean: clean.with_one(VIEW, _blurred))
-    _draw(out / "symptom-blurred.png", _differences(name, (sound, images), (blurred, seen)))
+    soft, seen = spoilt(lambda clean: clean.with_one(VIEW, blurred))
+    _draw(out / "symptom-blurred.png", _differences(name, (sound, images), (soft, seen)))
     turned, seen = spoilt(_with_wrong_sun)
     _draw(out / "symptom-wrong-sun.png", _differences(name, (sound, images), (turned, seen)))
     lit = [_lit(sound, azimuth) for azimuth in (315.0, 135.0)]
@@ -68,12 +71,6 @@ def main(out: Path) -> None:
 def _mapped(site_file: Path, out: Path) -> Scene:
     """The map of a site; all views take part."""
     return pcm.run(site_file, out / "run", check_views=False, overwrite=True).scene
-
-
-def _blurred(pixels: np.ndarray) -> np.ndarray:
-    from scipy.ndimage import gaussian_filter
-
-    return gaussian_filter(pixels, BLUR_PX, mode="nearest")
 
 
 def _with_wrong_sun(clean: Images) -> Images:
@@ -89,9 +86,6 @@ def _pair(layer: str, sound: Scene, spoilt: Scene) -> list[Panel]:
     return [
         (f"{layer}, {which}", " ", values / np.nanmedian(values)) for which, values in zip(NAMES, found, strict=True)
     ]
-
-
-NAMES = ("sound", "spoilt")
 
 
 def _lit(scene: Scene, azimuth_deg: float) -> np.ndarray:
@@ -114,14 +108,12 @@ def _differences(name: str, *maps: tuple[Scene, Images]) -> list[Panel]:
 
 
 def _draw(file: Path, content: Sequence[Panel]) -> None:
-    """Panels side by side; those of one unit have one scale, by the first of them for greys and by all for others."""
+    """Panels side by side; those of one unit have one scale."""
     with style():
         figure, axes = panels(1, len(content), WIDTH, 1.0, GAP, MARGIN)
         for panel, (title, unit, values) in zip(axes[0], content, strict=True):
             alike = np.concatenate([each.ravel() for _, other, each in content if other == unit])
-            clim = limits(alike)
-            if unit == "%":
-                clim = (-10.0, 10.0)
+            clim = DIFFERENCES if unit == "%" else limits(alike)
             shown: Any = bare(panel, title).imshow(
                 np.ma.masked_invalid(values),
                 cmap=colour_map("RdBu_r" if unit == "%" else "gray"),
