@@ -412,6 +412,7 @@ def keys() -> Iterator[Fault]:
 
 
 CONTROL = "point,view,x_px,y_px,x_m,y_m,z_m,sigma_m\n"
+SHOTS = "track,x_m,y_m,z_m,sigma_m,track_sigma_m\n"
 
 
 def options() -> Iterator[Fault]:
@@ -448,7 +449,7 @@ def options() -> Iterator[Fault]:
     yield row(
         "views of a body held out",
         f"{BODY} --run.hold-out images/1.fits",
-        "--run.hold-out and --run.control are of a place",
+        "--run.hold-out, --run.control and --run.altimetry are of a place",
     )
     yield row("of an export", f"{EXPORT} --unit-m 0", "--unit-m is 0; give above 0")
     yield row("of a plan", "plan priors --slope-deg 90", "--slope-deg is 90; give above 0, up to 35")
@@ -512,6 +513,26 @@ def options() -> Iterator[Fault]:
         table,
         "gcp.csv, line 2: y_px is 'nan', expected a number",
         put("gcp.csv", CONTROL + "a,images/0.fits,1,nan,0,0,0,1\n"),
+    )
+    shots = f"{RUN} --altimetry shots.csv"
+    yield row("no table of altimetry", shots, "shots.csv: there is no such table of altimetry; check the path")
+    yield row(
+        "a table of altimetry without shots",
+        shots,
+        "shots.csv: has no shot; write a line for each",
+        put("shots.csv", SHOTS),
+    )
+    yield row(
+        "a shot at NaN",
+        shots,
+        "shots.csv, line 2: z_m is 'nan', expected a number",
+        put("shots.csv", SHOTS + "a,0,0,nan,1,5\n"),
+    )
+    yield row(
+        "altimetry of a site without pose priors",
+        shots,
+        "shots.csv: shots need a map that is roughly in place, and the site has no pose priors; add cam_from_body",
+        put("shots.csv", SHOTS + "a,0,0,0,1,5\n"),
     )
     yield row("a misspelt command", "rnu site/site.toml", "there is no command 'rnu'; did you mean `phomo run`?")
     yield row(

@@ -18,6 +18,7 @@ from graphs import (
 )
 from jacobians import numerical_jacobian
 from photoclinometry.adjust.graph import factors
+from photoclinometry.adjust.graph.altimetry import Altimetry
 from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import Rows, Touch
 from photoclinometry.adjust.graph.graph import FactorGraph
@@ -199,6 +200,14 @@ def general_groups(scene):
             landmark=np.array([3, 5]), position=scene.landmarks.position[[3, 5]], sigma=rng.uniform(1, 5, (2, 3))
         ),
         ReflectancePrior(sigma=0.05),
+        Altimetry(
+            landmark=np.array([3, 5, 8]), track=np.array([0, 1, 1]), first=1, shift_sigma=np.r_[20.0, 7.0],
+            position=scene.landmarks.position[[3, 5, 8]] + rng.normal(0, 30, (3, 3)), sigma=rng.uniform(1, 5, 3),
+        ),
+        PosePriors(
+            body_from_cam=scene.views.body_from_cam, rotation_sigma=np.r_[1e-4, np.inf, 1e-3, 1e-4],
+            center_sigma=np.r_[10.0, np.inf, 20.0, np.inf], common_rotation_sigma=1e-3, common_center_sigma=50.0,
+        ),
         Ranges(np.array([1, 3]), np.array([2, 4]), np.array([5e5, 6e5]), 3.0),
     ]  # fmt: skip
 
@@ -233,24 +242,38 @@ class Ranges:
         return [Rows(residual, (Touch("view", self.view, by_view), Touch("landmark", self.landmark, by_landmark)))]
 
 
-@pytest.mark.parametrize("number", range(7))
+class EveryNumberTouched:
+    """Of the systematic errors; those that no factor touches are held by ones on the diagonal instead."""
+
+    name = "every number"
+
+    def rows(self, estimate):
+        slope = np.tile(1e-3 * np.eye(10), (3, 1, 1))
+        return [Rows(1e-3 * estimate.systematic, (Touch("systematic", np.arange(3), slope),))]
+
+
+@pytest.mark.parametrize("number", range(9))
 def test_general_groups_have_the_slopes_of_their_residuals(number):
     scene = synthetic_scene(size=6, views=4)
     group = general_groups(scene)[number]
     # rotations far from their prior are not linear in omega: see `pose_rows`
-    estimate = replace(perturbed(scene, size=0.3), parameters=np.linspace(-0.1, 0.1, 6))
+    estimate = replace(perturbed(scene, size=0.3), parameters=np.linspace(-0.1, 0.1, 6), systematic=systematic())
     for part, rows in enumerate(group.rows(estimate)):
         for touch in rows.touches:
             size = touch.jacobian.shape[2]
             for i in range(size):
                 step = {"view": np.zeros((4, 10)), "landmark": np.zeros((36, 6)), "parameter": np.zeros(6)}
-                h = {"view": [1e-6] * 3 + [1.0] * 3 + [1e-4] * 4, "landmark": [1.0] * 3 + [1e-4] * 3}.get(
-                    touch.variable, [1e-3] * size
-                )[i]
+                step["systematic"] = np.zeros((3, 10))
+                h = {
+                    "view": [1e-6] * 3 + [1.0] * 3 + [1e-4] * 4,
+                    "landmark": [1.0] * 3 + [1e-4] * 3,
+                    "systematic": [1e-6] * 3 + [1.0] * 3,
+                }.get(touch.variable, [1e-3] * size)[i]
                 step[touch.variable][..., i] = h
 
                 def moved(t, step=step, part=part):
-                    now = estimate.step(t * step["view"], t * step["landmark"], t * step["parameter"])
+                    views = np.concatenate([step["view"], step["systematic"]])
+                    now = estimate.step(t * views, t * step["landmark"], t * step["parameter"])
                     return group.rows(now)[part].residual
 
                 slope = (moved(1.0) - moved(-1.0)) / (2 * h)
@@ -261,23 +284,32 @@ def test_general_groups_have_the_slopes_of_their_residuals(number):
                 np.testing.assert_allclose(slope, touch.jacobian[:, :, i], atol=2e-3 * scale)
 
 
+def systematic():
+    """(3, 10) values of systematic errors: of all pose priors, and of two tracks."""
+    out = np.zeros((3, 10))
+    out[0, :6], out[1:, :3] = [1e-4, -2e-4, 1e-4, 5.0, -9.0, 20.0], [[3.0, -8.0, 2.0], [-4.0, 0.0, 1.0]]
+    return out
+
+
 def test_general_groups_add_to_gradient_blocks_and_products():
     """With them and without: H and g differ by J^T J and J^T r of their rows, those that touch two variables too."""
     scene = synthetic_scene(size=6, views=4, keypoint_noise_px=0.3, brightness_noise=0.01)
-    estimate = replace(perturbed(scene), parameters=np.zeros(6))
+    estimate = replace(perturbed(scene), parameters=np.zeros(6), systematic=systematic())
     others = general_groups(scene)
-    plain, more = (graph_of(scene, others=groups).graph.linearize(estimate) for groups in ((), others))
-    n = 40 + 216 + 6
+    plain, more = (
+        graph_of(scene, others=(EveryNumberTouched(), *groups)).graph.linearize(estimate) for groups in ((), others)
+    )
+    n = 40 + 30 + 216 + 6
     jacobian, residual = [], []
     for group in others:
         for rows in group.rows(estimate):
             for f in range(len(rows.residual)):
                 row = np.zeros((rows.residual.shape[1], n))
                 for touch in rows.touches:
-                    first = {"view": 0, "landmark": 40, "parameter": 256}[touch.variable]
-                    size = touch.jacobian.shape[2]
+                    first = {"view": 0, "systematic": 40, "landmark": 70, "parameter": 286}[touch.variable]
+                    size = {"view": 10, "systematic": 10, "landmark": 6, "parameter": 6}[touch.variable]
                     start = first + size * touch.index[f]
-                    row[:, start : start + size] += touch.jacobian[f]
+                    row[:, start : start + touch.jacobian.shape[2]] += touch.jacobian[f]
                 jacobian.append(row)
                 residual.append(rows.residual[f])
     jacobian, residual = np.vstack(jacobian), np.concatenate(residual)

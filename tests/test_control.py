@@ -12,6 +12,7 @@ from photoclinometry.model.geometry import Similarity, so3_exp
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.control import (
+    agreeing_points,
     control_metrics,
     control_table,
     ground_control,
@@ -76,6 +77,57 @@ def test_a_wrong_point_is_named(known, caplog):
     with caplog.at_level(logging.WARNING):
         warn_of_contradictions(control_table(points, found.control, found.scene.views))
     assert any("P1" in record.message for record in caplog.records)
+
+
+def drawn_points(rng, count, sigma=10.0, pixel=0.3):
+    """Points of the ground of a scene of six views, off by what they state."""
+    scene = synthetic_scene(size=16, views=6)
+    points = []
+    for n, j in enumerate(rng.choice(len(scene.landmarks), count, replace=False)):
+        position = scene.landmarks.position[j]
+        pixels = [
+            ControlPixel(view, *(scene.views.project(k, position[None])[0] + pixel * rng.normal(size=2)), pixel)
+            for k, view in enumerate(scene.views.name)
+        ]
+        known = position + sigma * rng.normal(size=3)
+        points.append(ControlPoint(name=f"P{n}", position=known, sigma=np.full(3, sigma), pixels=tuple(pixels)))
+    return scene, points
+
+
+def test_one_wrong_point_of_five_or_more_is_left_out():
+    """By 40 of its sigmas, in any direction; of four points none can be told, and none is left out."""
+    rng = np.random.default_rng(3)
+    for count in (4, 5, 6, 8):
+        scene, points = drawn_points(rng, count)
+        direction = rng.normal(size=3)
+        off = 400.0 * direction / np.linalg.norm(direction)
+        points[1] = replace(points[1], position=points[1].position + off)
+        left = {point.name for point in points} - {point.name for point in agreeing_points(points, scene.views)}
+        assert left == (set() if count == 4 else {"P1"}), count
+
+
+def test_sound_points_are_not_left_out():
+    """Of 60 tables of six points one at most loses a point: a thousandth is to."""
+    rng = np.random.default_rng(5)
+    lost = 0
+    for _ in range(60):
+        scene, points = drawn_points(rng, 6)
+        lost += len(agreeing_points(points, scene.views)) < 6
+    assert lost <= 1
+
+
+def test_a_point_that_is_left_out_is_in_the_table_and_named(caplog):
+    scene, points = drawn_points(np.random.default_rng(1), 6)
+    points[2] = replace(points[2], position=points[2].position + [0.0, 500.0, 0.0])
+    control = ground_control(agreeing_points(points, scene.views), scene.views)
+    found = adjust(start_of(scene), INDEPENDENT, control=control)
+    rows = control_table(points, found.control, found.scene.views)
+    assert [row["name"] for row in rows if not row["used"]] == ["P2"]
+    assert control_metrics(rows)["control_points_left_out"] == 1
+    with caplog.at_level(logging.WARNING):
+        warn_of_contradictions(rows)
+    assert "control point P2 is left out: it is" in caplog.text
+    assert all(row["off_sigmas"] < 3.0 for row in rows if row["used"])
 
 
 def test_too_few_points_and_points_on_a_line_do_not_place(known, caplog):

@@ -93,6 +93,8 @@ def same_site(a: Site, b: Site):
             np.testing.assert_array_equal(p.cam_from_body.translation, q.cam_from_body.translation)
             np.testing.assert_allclose(p.rotation_sigma_rad, q.rotation_sigma_rad, rtol=1e-14)
             assert p.translation_sigma == q.translation_sigma
+            np.testing.assert_allclose(p.common_rotation_sigma_rad, q.common_rotation_sigma_rad, rtol=1e-14)
+            assert p.common_translation_sigma == q.common_translation_sigma
 
 
 def variants(site):
@@ -101,7 +103,7 @@ def variants(site):
     for view in site.views:
         sun = rng.normal(size=3)
         pose = Rigid(so3_exp(rng.normal(size=3)), rng.normal(size=3))
-        prior = PosePrior(pose, 1e-4, 0.3)
+        prior = PosePrior(pose, 1e-4, 0.3, 2e-5, 700.0)
         views.append(replace(view, sun=sun / np.linalg.norm(sun), sun_sigma_rad=0.0123, pose_prior=prior))
     views[1] = replace(views[1], camera=Camera("SIMPLE_PINHOLE", 64, 64, (900 / 7, 32.0, 31.0)), pose_prior=None)
     yield site
@@ -179,6 +181,7 @@ def test_a_missing_key_is_never_told_to_be_another_one_that_is_right(path):
     prior = {"rotation_wxyz": [1, 0, 0, 0], "translation": [0, 0, 9e5], "sigma_deg": 0.1, "sigma": 1}
     masked = {"mask": "mask.png", "border_px": [0, 0, 0, 0]}
     document |= {"body_radius_m": 2.5e5, "linear": True, "sun_common_sigma_deg": 0.1}
+    document |= {"pose_common_sigma_deg": 0.01, "pose_common_sigma": 5.0}
     document["camera"] |= masked
     document["region"] |= {"stride": 2}
     document["views"][0] |= {"sun_sigma_deg": 0.1, "cam_from_body": prior, **masked}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from matched import OPTIONS, matched_problem
-from photoclinometry.adjust import adjust
+from photoclinometry.adjust import PosePriors, adjust
 from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.held_out import NAME, read_held_out
 from photoclinometry.io.scene_file import read_scene
@@ -131,6 +131,36 @@ def test_residuals_after_the_estimate_by_hand(scene, priors, caplog):
     assert record.getMessage().startswith(f"{scene.views.name[1]}: its pose prior contradicts the images")
     assert prior_table(off, priors, np.zeros(0, bool)) == []
     assert prior_metrics([]) == {}
+
+
+def test_an_error_that_all_priors_share_counts_with_each_ones_own(scene, priors):
+    """A camera 500 m from its prior of 300 m and 400 m in common is one sigma off along that axis."""
+    shared = {
+        name: replace(prior, translation_sigma=300.0, common_translation_sigma=400.0) for name, prior in priors.items()
+    }
+    moved = place_by_priors(scene, shared).scene
+    center = moved.views.body_from_cam.translation.copy()
+    center[0] += [0.0, 500.0, 0.0]
+    poses = Rigid(moved.views.body_from_cam.rotation, center)
+    off = replace(moved, views=replace(moved.views, body_from_cam=poses))
+    row = prior_table(off, shared, np.ones(len(center), bool))[0]
+    assert row["center_sigma_m"] == pytest.approx(500.0)
+    assert row["off_sigmas"] == pytest.approx(1.0 / np.sqrt(6.0), rel=1e-6)
+
+
+def test_the_place_of_a_map_is_no_better_known_than_the_error_that_its_priors_share():
+    """With independent errors of 10 m the mean of six is known to a few metres; a common one of 500 m stays, each axis,
+    and what images and priors say of attitude and scale does not change."""
+    scene = synthetic_scene(size=12, views=6, keypoint_noise_px=0.3, brightness_noise=0.01)
+    poses = scene.views.body_from_cam
+    own = PosePriors(body_from_cam=poses, rotation_sigma=np.full(6, 1e-5), center_sigma=np.full(6, 10.0))
+    alone, both = (
+        np.sqrt(np.diag(adjust(scene, OPTIONS, pose_priors=priors).frame_covariance))
+        for priors in (own, replace(own, common_center_sigma=500.0))
+    )
+    assert np.all(alone[3:6] < 30.0)
+    np.testing.assert_allclose(both[3:6], np.hypot(alone[3:6], 500.0), rtol=0.02)
+    np.testing.assert_allclose(both[[0, 1, 2, 6]], alone[[0, 1, 2, 6]], rtol=0.05)
 
 
 def test_the_key_of_a_stage_tells_priors_to_the_last_digit(priors):

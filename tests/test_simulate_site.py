@@ -121,6 +121,24 @@ def test_pose_priors_scatter_by_what_they_state():
     np.testing.assert_allclose(errors.mean(0), 0.0, atol=0.2)
 
 
+def test_an_error_that_all_pose_priors_have_in_common_is_one_for_all_views():
+    """A rotation of the cameras and a shift, which the priors state; their own errors stay what they are without it."""
+    views = draw_views(replace(SMALL, views=4), PRESETS["demo"])[1].body_from_cam
+    alone, both = (
+        pose_priors(replace(SMALL, views=4, pose_sigma=(0.01, 20.0), pose_common_sigma=common), views)
+        for common in (None, (0.05, 900.0))
+    )
+    own, off = ([prior.cam_from_body.inverse() for prior in priors] for priors in (alone, both))
+    turn = np.array([so3_log(a.rotation.T @ b.rotation) for a, b in zip(own, off, strict=True)])
+    shift = np.array([b.translation - a.translation for a, b in zip(own, off, strict=True)])
+    np.testing.assert_allclose(np.ptp(turn, axis=0), 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.ptp(shift, axis=0), 0.0, atol=1e-6)
+    assert 100.0 < np.linalg.norm(shift[0]) < 5.0 * 900.0
+    assert {(p.common_rotation_sigma_rad, p.common_translation_sigma) for p in both} == {(np.radians(0.05), 900.0)}
+    with pytest.raises(InputError, match="--pose-common-sigma goes with --pose-sigma"):
+        replace(SMALL, pose_common_sigma=(0.05, 900.0))
+
+
 def test_smear_blurs_the_images_and_leaves_the_truth(truth, tmp_path):
     quiet = replace(SMALL, detector=Detector(noise=False))
     moved = replace(SMALL, detector=Detector(noise=False, smear_px=5.0))

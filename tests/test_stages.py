@@ -46,6 +46,8 @@ def site(mapped):
     CHOICES["control"].write_text(
         f"point,view,x_px,y_px,x_m,y_m,z_m,sigma_m\nA,{views[0].name},9,9,1,2,3,4\n", encoding="utf-8"
     )
+    CHOICES["altimetry"] = mapped.site.with_name("shots.csv")
+    CHOICES["altimetry"].write_text("track,x_m,y_m,z_m,sigma_m,track_sigma_m\nA,1,2,3,4,5\n", encoding="utf-8")
     return path
 
 

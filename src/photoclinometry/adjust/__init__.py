@@ -7,9 +7,11 @@
     sigmas = marginals(linearized_graph(graph, solution.estimate))
 """
 
+from photoclinometry.adjust.altimeter_tracks import AltimetryFit
 from photoclinometry.adjust.covariance.linearized_graph import linearized_graph
 from photoclinometry.adjust.covariance.marginals import Marginals, marginals
 from photoclinometry.adjust.estimate import Adjustment, adjust
+from photoclinometry.adjust.graph.altimetry import Altimetry
 from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import FactorGroup, Rows, Touch
 from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
@@ -33,6 +35,8 @@ from photoclinometry.adjust.tie_points import GroundControl, TiePoints
 __all__ = [
     "AdjustOptions",
     "Adjustment",
+    "Altimetry",
+    "AltimetryFit",
     "Brightness",
     "ControlPoints",
     "Estimate",

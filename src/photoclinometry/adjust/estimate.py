@@ -13,13 +13,23 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from photoclinometry.adjust.altimeter_tracks import AltimetryFit
 from photoclinometry.adjust.brightness_weights import gate
-from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS
+from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, Stated
+from photoclinometry.adjust.frame import in_its_frame
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import ImageGradients
 from photoclinometry.adjust.graph.priors import KnownPoses, PosePriors
 from photoclinometry.adjust.graph.variables import Estimate
-from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
+from photoclinometry.adjust.groups import (
+    Setup,
+    altimetry_factors,
+    altimetry_fit,
+    factor_groups,
+    frame_factors,
+    setup_of,
+    smoothness_group,
+)
 from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
@@ -27,6 +37,7 @@ from photoclinometry.adjust.solve.solver import Iteration, minimize
 from photoclinometry.adjust.solver_order import in_solver_order
 from photoclinometry.adjust.stated_uncertainty import Fit, stated_uncertainty
 from photoclinometry.adjust.tie_points import GroundControl, TiePoints
+from photoclinometry.model.altimetry import AltimeterTracks
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.reflectance import Reflectance
@@ -64,8 +75,13 @@ class Adjustment:
     they are held."""
     pose_priors_used: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     """(K,) views whose pose prior was used; of none where there were no priors but the gauge's."""
+    frame_covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    """(7, 7) of the similarity by which the map is off its frame: rotation [rad], translation [units of B] and scale,
+    about its middle; empty of a map in a frame of its own, and where uncertainties are left out."""
     control: dict[str, np.ndarray] = field(default_factory=dict)
     """By name of ground control point, its (3,) estimated position in B."""
+    altimetry: AltimetryFit | None = None
+    """The altimeter's shots beside the map, whose landmarks they number; None without an altimeter."""
 
 
 def adjust(
@@ -76,6 +92,7 @@ def adjust(
     pose_priors: PosePriors | None = None,
     known_poses: KnownPoses | None = None,
     control: GroundControl | None = None,
+    altimetry: AltimeterTracks | None = None,
     reflectance: Reflectance | None = None,
     gradients: ImageGradients | None = None,
     noise: Noise | None = None,
@@ -86,12 +103,12 @@ def adjust(
 
     tie_points: sparse landmarks, from structure from motion, that help to hold the poses. pose_priors: of spacecraft
     navigation. known_poses: of a larger model, in the scene's frame. control: ground control points, in the scene's
-    frame. Without priors and control only the gauge is fixed, by the reference view's pose and one landmark;
-    uncertainties are then those after the best similarity of the map. reflectance: as it is known beforehand, of which
-    the scene's is an estimate; left out, the scene's own. gradients: of the images where the scene's brightness was
-    taken, so that it follows the landmarks (`factors.direct`), which then stay on their rays of the reference view,
-    while pose-only tie points hold the poses (`tie_points`); the adjusted scene has the brightness where its landmarks
-    project, by these gradients.
+    frame. altimetry: likewise, of a scene that priors or control have put roughly in place. Without priors and control
+    only the gauge is fixed, by the reference view's pose and one landmark; uncertainties are then those after the best
+    similarity of the map. reflectance: as it is known beforehand, of which the scene's is an estimate; left out, the
+    scene's own. gradients: of the images where the scene's brightness was taken, so that it follows the landmarks
+    (`factors.direct`), which then stay on their rays of the reference view, while pose-only tie points hold the poses
+    (`tie_points`); the adjusted scene has the brightness where its landmarks project, by these gradients.
     Gradients may have a `factor`: brightness is multiplied by it, and Suns, scales, biases and reflectance
     parameters are then not estimated from brightness. Uncertainties are those of an estimate without the factor.
     noise: as an estimate of nearly this scene has found it; reweighting starts from that. least_keypoint_factor:
@@ -117,19 +134,21 @@ def adjust(
         pose_priors=pose_priors,
         known_poses=known_poses,
         control=control,
+        altimetry=altimetry,
     )
-    start = Estimate(scene.views, given.scene.landmarks, np.median(scene.landmarks.position, axis=0))
+    pivot = np.median(scene.landmarks.position, axis=0)
+    start = Estimate(scene.views, given.scene.landmarks, pivot, systematic=setup.systematic)
     if scene.reflectance is not None and setup.estimates_reflectance:
         known = reflectance or scene.reflectance
         setup = replace(setup, reflectance=known)
         start = replace(start, parameters=known.relative_change(scene.reflectance))
     fit = _reweighted(setup, start, noise, on_step)
-    uncertainty, parameter_sigma = {}, None
+    found, parameter_sigma = Stated(), None
     if options.uncertainty:
         factor = max(fit.noise.keypoint_factor, least_keypoint_factor)
         stated = replace(fit, noise=replace(fit.noise, keypoint_factor=factor))
-        uncertainty, parameter_sigma = stated_uncertainty(setup, stated)
-    return _in_the_order_of(scene, given.order, given.picked, setup, fit, uncertainty, parameter_sigma)
+        found, parameter_sigma = stated_uncertainty(setup, stated)
+    return _in_the_order_of(scene, given.order, given.picked, setup, fit, found, parameter_sigma)
 
 
 def _reweighted(
@@ -144,7 +163,9 @@ def _reweighted(
     final, moves, graph, solution = options.max_reweightings == 1, None, None, None
     for number in range(1, options.max_reweightings + 1):
         graph = None  # its measurements are let go of before the next one's are made
-        graph = FactorGraph(factor_groups(setup, lit, noise, smoothness_group(setup, estimate.landmarks, noise)))
+        estimate = _framed(setup, estimate)
+        between = smoothness_group(setup, estimate.landmarks, noise), altimetry_factors(setup, estimate)
+        graph = FactorGraph(factor_groups(setup, lit, noise, *between))
         solver = options.solver if final else options.solver.roughly()
         solution = minimize(graph, estimate, solver, step_limit=limit, moves=moves, on_step=on_step)
         history.extend(solution.log)
@@ -160,7 +181,16 @@ def _reweighted(
         lit, noise = new_lit, new_noise
     assert graph is not None
     assert solution is not None
+    solution = replace(solution, estimate=_framed(setup, solution.estimate))
+    estimate = solution.estimate
     return Fit(_scene_at(setup, graph, estimate), graph.smoothness, solution, lit, noise, tuple(history))
+
+
+def _framed(setup: Setup, estimate: Estimate) -> Estimate:
+    """The estimate where the altimeter's shots, with priors and control points, put it as a whole."""
+    if setup.altimetry is None:
+        return estimate
+    return in_its_frame(estimate, lambda now: frame_factors(setup, now), setup.scene.spacing)
 
 
 def _scene_at(setup: Setup, graph: FactorGraph, estimate: Estimate) -> Scene:
@@ -180,7 +210,7 @@ def _in_the_order_of(
     picked: np.ndarray,
     setup: Setup,
     fit: Fit,
-    uncertainty: dict[str, np.ndarray],
+    stated: Stated,
     parameter_sigma: np.ndarray | None,
 ) -> Adjustment:
     """The adjusted scene with its landmarks and observations in the order of `scene`, without tie points."""
@@ -188,14 +218,14 @@ def _in_the_order_of(
     found, observed = fit.scene, len(picked)
     lit, brightness = np.empty(observed, bool), np.empty(observed)
     lit[picked], brightness[picked] = fit.lit[:observed], found.tracks.brightness[:observed]
-    uncertainty = {name: value[back] if name in OF_LANDMARKS else value for name, value in uncertainty.items()}
+    uncertainty = {name: value[back] if name in OF_LANDMARKS else value for name, value in stated.uncertainty.items()}
     adjusted = replace(scene, reflectance=found.reflectance, uncertainty=uncertainty)
     if setup.gradients is not None:
         if setup.gradients.factor is not None:
             brightness[picked] /= setup.gradients.factor[:observed]
         adjusted = replace(adjusted, tracks=replace(scene.tracks, brightness=brightness))
     priors, control = setup.pose_priors, setup.control
-    points = estimate.landmarks.position[setup.members.control]
+    points, shots = estimate.landmarks.position[setup.members.control], altimetry_fit(setup, estimate)
     adjusted = adjusted.with_estimate(estimate.views, estimate.landmarks[back])
     return Adjustment(
         scene=replace(adjusted, surroundings=carried_along(scene, adjusted)),
@@ -206,7 +236,9 @@ def _in_the_order_of(
         lit=lit,
         parameter_sigma=_unknown_sigma(setup) if parameter_sigma is None else parameter_sigma,
         pose_priors_used=np.zeros(0, bool) if priors is None else np.isfinite(priors.center_sigma),
+        frame_covariance=stated.frame,
         control={} if control is None else dict(zip(control.name, points, strict=True)),
+        altimetry=None if shots is None else replace(shots, landmark=order[shots.landmark]),
     )
 
 

@@ -8,6 +8,7 @@ control point keypoints   of ground control points
 brightness                of lit landmarks; follows direct ones by the image gradients
 smoothness                neighbours lie in the tangent plane
 Suns, control points      `graph.sun_directions`, `graph.control_points`
+laser altimetry           `graph.altimetry`: shots lie in the tangent planes of landmarks
 priors                    `graph.priors`: exposures, pose priors or gauge, known poses, landmarks, reflectance
 """
 
@@ -17,7 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from photoclinometry.adjust.altimeter_tracks import AltimetryFit, altimetry_at, altimetry_group
 from photoclinometry.adjust.brightness_weights import gate, relative_sigma
+from photoclinometry.adjust.graph.altimetry import Altimetry
 from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import FactorGroup
 from photoclinometry.adjust.graph.graph import Group
@@ -32,9 +35,11 @@ from photoclinometry.adjust.graph.priors import (
 )
 from photoclinometry.adjust.graph.smoothness import Neighbours, Smoothness, bend_between, build_neighbours
 from photoclinometry.adjust.graph.sun_directions import SunDirections
+from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, GroundControl, Members
+from photoclinometry.model.altimetry import AltimeterTracks
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Scene
 from photoclinometry.photometry.predict import BIAS_SIGMA, exposure_is_free
@@ -90,6 +95,7 @@ class Setup:
     known_poses: KnownPoses | None
     """In the frame of the start, which they do not define."""
     control: GroundControl | None
+    altimetry: AltimeterTracks | None
     scale_sigma: np.ndarray
     """(K,) as stated; infinite where free."""
     bias_sigma: np.ndarray
@@ -99,6 +105,17 @@ class Setup:
     relative_sigma: np.ndarray
     """(N,) factor on the standard deviation of brightness (`brightness_weights.relative_sigma`); ones where it does not
     follow landmarks."""
+
+    @property
+    def first_track(self) -> int:
+        """Index of the first altimeter track's shift among the systematic errors: after that of all pose priors."""
+        return int(self.pose_priors is not None and self.pose_priors.have_common_error)
+
+    @property
+    def systematic(self) -> np.ndarray:
+        """(M, 10) systematic errors at the start: none."""
+        tracks = 0 if self.altimetry is None else len(self.altimetry.name)
+        return np.zeros((self.first_track + tracks, VIEW_SIZE))
 
     def correlation(self, side_px: float) -> float:
         """Side of the square of landmarks that share an error, from that in reference pixels; at least 1."""
@@ -132,6 +149,7 @@ def setup_of(
     pose_priors: PosePriors | None = None,
     known_poses: KnownPoses | None = None,
     control: GroundControl | None = None,
+    altimetry: AltimeterTracks | None = None,
 ) -> Setup:
     """scene: at the start, with tie points (`tie_points.with_tie_points`), in the solver's order of landmarks."""
     if options.keypoint_sigma_px is not None:
@@ -153,6 +171,7 @@ def setup_of(
         pose_priors=pose_priors,
         known_poses=known_poses,
         control=control,
+        altimetry=altimetry,
         scale_sigma=scale_sigma,
         bias_sigma=bias_sigma,
         lit=lit,
@@ -160,8 +179,15 @@ def setup_of(
     )
 
 
-def factor_groups(setup: Setup, lit: np.ndarray, noise: Noise, smoothness: Smoothness | None) -> list[Group]:
-    """All groups. lit: (N,) brightness that counts; noise: as measured so far."""
+def factor_groups(
+    setup: Setup,
+    lit: np.ndarray,
+    noise: Noise,
+    smoothness: Smoothness | None,
+    altimetry: Altimetry | None = None,
+) -> list[Group]:
+    """All groups. lit: (N,) brightness that counts; noise: as measured so far; smoothness, altimetry: those between
+    landmarks, and of shots beside them, of an estimate."""
     lights: list[Group] = []
     if setup.reflectance is not None and lit.any():
         suns = SunDirections.of(setup.scene.views, noise.view_prior_factor)
@@ -171,7 +197,8 @@ def factor_groups(setup: Setup, lit: np.ndarray, noise: Noise, smoothness: Smoot
         bias_sigma=setup.bias_sigma / noise.view_prior_factor,
     )
     smooth: list[Group] = [smoothness] if smoothness is not None else []
-    return [*_keypoints(setup, noise), *lights, *smooth, exposures, *_priors(setup)]
+    shots: list[Group] = [altimetry] if altimetry is not None else []
+    return [*_keypoints(setup, noise), *lights, *smooth, *shots, exposures, *_priors(setup)]
 
 
 def _keypoints(setup: Setup, noise: Noise) -> list[Keypoints]:
@@ -229,12 +256,31 @@ def smoothness_group(setup: Setup, landmarks: Landmarks, noise: Noise) -> Smooth
     return Smoothness(pairs, options.smooth_sigma_rad * max(looser, least))
 
 
+def altimetry_fit(setup: Setup, estimate: Estimate) -> AltimetryFit | None:
+    """The altimeter's shots beside an estimate; None without an altimeter."""
+    if setup.altimetry is None:
+        return None
+    return altimetry_at(setup.altimetry, estimate, setup.members.count, setup.scene.spacing, setup.first_track)
+
+
+def altimetry_factors(setup: Setup, estimate: Estimate) -> Altimetry | None:
+    """The factors of the shots that lie beside an estimate; None where there are none."""
+    fit = altimetry_fit(setup, estimate)
+    return None if fit is None else altimetry_group(fit, setup.first_track)
+
+
 def neighbour_pairs(position: np.ndarray, mapped: int, count: int, nearest: float) -> Neighbours:
     """`count` neighbours of each of the map's landmarks, the first `mapped`, but for those nearer than `nearest`; tie
     points have none."""
     index, near = neighbours(position[:mapped], count, nearest)
     alone = ((0, len(position) - mapped), (0, 0))
     return build_neighbours(np.pad(index, alone), np.pad(near, alone))
+
+
+def frame_factors(setup: Setup, estimate: Estimate) -> list[FactorGroup]:
+    """What tells the frame of the map: priors, control points, and the altimeter's shots beside an estimate."""
+    shots = altimetry_factors(setup, estimate)
+    return [*_priors(setup), *([] if shots is None else [shots])]
 
 
 def _priors(setup: Setup) -> list[FactorGroup]:

@@ -24,7 +24,7 @@ from photoclinometry.adjust.graph.priors import PosePriors
 from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.sun_directions import unexplained_variance
 from photoclinometry.adjust.graph.variables import Estimate
-from photoclinometry.adjust.groups import Setup, factor_groups, setup_of, smoothness_group
+from photoclinometry.adjust.groups import Setup, altimetry_factors, factor_groups, setup_of, smoothness_group
 from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
 from photoclinometry.adjust.noise import Noise, local_noise, noise_is_measurable
 from photoclinometry.adjust.options import AdjustOptions
@@ -54,8 +54,8 @@ class Fit:
     history: tuple[Iteration, ...]
 
 
-def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
-    """`Scene.uncertainty` in the solver's order, and the standard deviations of the reflectance parameters.
+def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[Stated, np.ndarray | None]:
+    """The uncertainties in the solver's order, and the standard deviations of the reflectance parameters.
 
     Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
     fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Normals point away
@@ -83,7 +83,7 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[dict[str, np.ndarray], n
     if "sun" in found:
         more = unexplained_variance(estimate.views, np.trace(found["sun"], axis1=1, axis2=2) / 2.0)
         found["sun"] = found["sun"] + more[:, None, None] * np.eye(2)
-    return found, sigma
+    return replace(stated, uncertainty=found), sigma
 
 
 def _warn_of_unknown_noise(fit: Fit) -> None:
@@ -121,7 +121,7 @@ def uncertainty_at(
     )
     parameters = np.zeros(len(scene.reflectance.parameters) if scene.reflectance and setup.estimates_reflectance else 0)
     pivot = np.median(scene.landmarks.position, axis=0)
-    estimate = Estimate(scene.views, given.scene.landmarks, pivot, parameters)
+    estimate = Estimate(scene.views, given.scene.landmarks, pivot, parameters, setup.systematic)
     lit = setup.lit
     noise = noise or measured_noise(setup, given.scene, lit, starting_noise(setup, lit))
     smoothness = smoothness_group(setup, estimate.landmarks, noise)
@@ -155,7 +155,7 @@ def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[St
         brightness_correlation_px=noise.brightness_correlation_px * noise.view_prior_factor,
     )
     found = estimate_uncertainty(
-        FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness)),
+        FactorGraph(factor_groups(setup, fit.lit, stated, fit.smoothness, altimetry_factors(setup, estimate))),
         estimate,
         keypoint_correlation=setup.correlation(stated.keypoint_correlation_px),
         brightness_correlation=setup.correlation(stated.brightness_correlation_px),

@@ -44,8 +44,8 @@ class BodyOptions(Ranged):
 
     def __post_init__(self):
         super().__post_init__()
-        if self.run.hold_out or self.run.control is not None:
+        if self.run.hold_out or self.run.control is not None or self.run.altimetry is not None:
             raise InputError(
-                "--run.hold-out and --run.control are of a place: tiles share the poses of all views, which neither "
-                "may change. Leave views out of site.toml; control points go with `phomo run`"
+                "--run.hold-out, --run.control and --run.altimetry are of a place: tiles share the poses of all views, "
+                "which none may change. Leave views out of site.toml; the other two go with `phomo run`"
             )

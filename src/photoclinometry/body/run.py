@@ -202,7 +202,12 @@ def _model(folder: RunFolder, site: Site, inputs: Keyed[Inputs], options: BodyOp
 
 
 def _priors(site: Site, options: BodyOptions) -> dict[str, PosePrior]:
-    return site.pose_priors if options.run.pose_priors else {}
+    """By name of view, without what their errors have in common: that moves a body as a whole, which tiles do not
+    tell. To them it would be errors of each view by itself."""
+    if not options.run.pose_priors:
+        return {}
+    alone = {"common_rotation_sigma_rad": 0.0, "common_translation_sigma": 0.0}
+    return {name: replace(prior, **alone) for name, prior in site.pose_priors.items()}
 
 
 def _check_tiles(tiles: Sequence[Keyed[TileMap]]) -> None:

@@ -196,8 +196,11 @@ def _prior(geometry: Geometry | None, options: IngestOptions) -> PosePrior | Non
         return None
     pose = geometry.instrument_from_body
     distance = float(np.linalg.norm(pose.translation))
+    turned, shifted = options.pose_common_sigma or (0.0, 0.0)
     return PosePrior(
         pose,
         geometry.pointing_sigma_rad or float(np.deg2rad(options.pointing_sigma_deg)),
         geometry.position_sigma_m or options.position_sigma * distance,
+        float(np.deg2rad(turned)),
+        float(shifted),
     )

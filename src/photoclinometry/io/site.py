@@ -37,6 +37,9 @@ _OWN_SHARE = 0.05
 """Where a site does not tell which part of the Suns' errors its images share, each one's own is this part of what it
 states, or DEFAULT_SUN_SIGMA_RAD where that is more. Suns known worse than attitudes are have an error of one cause: an
 alignment, a shape or a frame. Star trackers know an attitude to some thousandths of a degree."""
+_POSE_COMMON = ("pose_common_sigma_deg", "pose_common_sigma")
+"""Keys of the standard deviations of errors that all pose priors have in common: a rotation of the cameras [degrees],
+and a shift [m]."""
 _UNIT_TOLERANCE = 1e-3
 """Vectors and quaternions written with three decimals are this near to unit length."""
 _ROUNDING = 1e-15
@@ -137,8 +140,8 @@ def read_site(path: Path | str) -> Site:
     """The site that a TOML file describes. Images are not opened. Raises SiteError."""
     path = Path(path)
     table = read_toml(path, "site.toml", SiteError).expect(
-        *("name", BODY, BODY_RADIUS, "brightness", "linear", "sun_common_sigma_deg", "camera", "cameras", "views"),
-        "region",
+        *("name", BODY, BODY_RADIUS, "brightness", "linear", "sun_common_sigma_deg", *_POSE_COMMON, "camera"),
+        *("cameras", "views", "region"),
     )
     name = table.text("name")
     body, radius = read_body(table)
@@ -146,7 +149,8 @@ def read_site(path: Path | str) -> Site:
     linear = table.boolean("linear", False)
     common = table.number_from_zero("sun_common_sigma_deg", None)
     default, cameras = read_cameras(table, path.parent)
-    views = tuple(_read_view(path, entry, default, cameras) for entry in table.tables("views"))
+    shared = tuple(float(table.number_from_zero(key, 0.0)) for key in _POSE_COMMON)
+    views = tuple(_read_view(path, entry, default, cameras, shared) for entry in table.tables("views"))
     if not views:
         _check_views(table, views)
     region = _read_region(table.table("region", None), views)
@@ -164,7 +168,10 @@ def write_site(path: Path | str, site: Site) -> None:
     write_text(path, tomli_w.dumps(site_document(site)))
 
 
-def _read_view(path: Path, table: Table, default: SiteCamera | None, cameras: dict[str, SiteCamera]) -> SiteView:
+def _read_view(
+    path: Path, table: Table, default: SiteCamera | None, cameras: dict[str, SiteCamera], shared: tuple[float, ...]
+) -> SiteView:
+    """shared: standard deviations of the errors that all pose priors have in common [degrees, m]."""
     table.expect("image", "camera", "sun", "sun_sigma_deg", "cam_from_body", MASK, BORDER)
     name = table.text("image")
     table.where += f" ({name})"
@@ -179,7 +186,7 @@ def _read_view(path: Path, table: Table, default: SiteCamera | None, cameras: di
     sun = _read_sun(table)
     sigma_deg = table.positive_number("sun_sigma_deg", None)
     sigma = DEFAULT_SUN_SIGMA_RAD if sigma_deg is None else float(np.deg2rad(sigma_deg))
-    prior = _read_prior(table.table("cam_from_body", None))
+    prior = _read_prior(table.table("cam_from_body", None), shared)
     table.finish()
     return SiteView(name, path.parent / name, camera.camera, sun, sigma, prior, masking, camera.lens, camera.gamma)
 
@@ -195,7 +202,7 @@ def _read_sun(table: Table) -> np.ndarray:
     return sun if abs(length - 1.0) < _ROUNDING else sun / length
 
 
-def _read_prior(table: Table | None) -> PosePrior | None:
+def _read_prior(table: Table | None, shared: tuple[float, ...]) -> PosePrior | None:
     if table is None:
         return None
     from scipy.spatial.transform import Rotation
@@ -210,7 +217,7 @@ def _read_prior(table: Table | None) -> PosePrior | None:
     sigma = float(table.positive_number("sigma"))
     table.finish()
     rotation = Rotation.from_quat(wxyz / length, scalar_first=True).as_matrix()
-    return PosePrior(Rigid(rotation, translation), rotation_sigma, sigma)
+    return PosePrior(Rigid(rotation, translation), rotation_sigma, sigma, math.radians(shared[0]), shared[1])
 
 
 def _read_region(table: Table | None, views: tuple[SiteView, ...]) -> RegionRequest | None:
@@ -281,6 +288,10 @@ def site_document(site: Site) -> dict[str, Any]:
         document["linear"] = True
     if site.sun_common_sigma_rad is not None:
         document["sun_common_sigma_deg"] = math.degrees(site.sun_common_sigma_rad)
+    priors = list(site.pose_priors.values())
+    if priors and any((priors[0].common_rotation_sigma_rad, priors[0].common_translation_sigma)):
+        shared = math.degrees(priors[0].common_rotation_sigma_rad), float(priors[0].common_translation_sigma)
+        document |= dict(zip(_POSE_COMMON, shared, strict=True))
     cameras, of_view = site.cameras
     entries = [camera.entry() for camera in cameras]
     if len(cameras) == 1:

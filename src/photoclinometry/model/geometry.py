@@ -123,26 +123,30 @@ def sphere_step(direction: np.ndarray, step: np.ndarray) -> np.ndarray:
     return unit(np.cos(angle) * direction + np.sinc(angle / np.pi) * move)
 
 
-def align_similarity(source: np.ndarray, target: np.ndarray) -> Similarity:
+def align_similarity(source: np.ndarray, target: np.ndarray, weight: np.ndarray | None = None) -> Similarity:
     """The least-squares target_from_source similarity between paired points (n, 3), n >= 3.
 
-    Raises ValueError for fewer points.
+    weight: (n,) of each pair's squared distance; equal ones by default. Raises ValueError for fewer points.
     """
     source, target = np.asarray(source, float), np.asarray(target, float)
     if len(source) < 3:
         raise ValueError(f"a similarity needs at least 3 point pairs, got {len(source)}")
-    scale, rotation, translation = similarities_of(source, target)
+    scale, rotation, translation = similarities_of(source, target, weight)
     return Similarity(float(scale), rotation, translation)
 
 
-def similarities_of(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def similarities_of(
+    source: np.ndarray, target: np.ndarray, weight: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Least-squares target_from_source similarities between paired points (..., n, 3), n >= 3: scales (...), rotations
-    (..., 3, 3) and translations (..., 3). Those of points at one place are NaN.
+    (..., 3, 3) and translations (..., 3). Those of points at one place are NaN. weight: (n,), equal ones by default.
 
     Umeyama (1991), IEEE PAMI 13(4), Eqs. 39-42.
     """
-    source_mean, target_mean = source.mean(-2), target.mean(-2)
-    a, b = source - source_mean[..., None, :], target - target_mean[..., None, :]
+    share = np.full(source.shape[-2], 1.0 / source.shape[-2]) if weight is None else weight / np.sum(weight)
+    source_mean, target_mean = share @ source, share @ target
+    root = np.sqrt(share)[:, None]
+    a, b = root * (source - source_mean[..., None, :]), root * (target - target_mean[..., None, :])
     u, singular, vt = np.linalg.svd(np.swapaxes(b, -1, -2) @ a)
     sign = np.ones(singular.shape)
     sign[..., 2] = np.sign(np.linalg.det(u @ vt))

@@ -163,6 +163,7 @@ def _stages(
             pose_priors=usable_priors(posed_site.site.pose_priors, scene) if options.pose_priors else {},
             known_views=posed_site.known_views,
             control=choices.control,
+            altimetry=choices.altimetry,
             holds_photometry=holds_photometry,
         ),
         posed=used,

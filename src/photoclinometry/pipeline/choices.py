@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.evaluate.held_out import held_out_mask
+from photoclinometry.io.altimetry_csv import read_altimetry
 from photoclinometry.io.control_points_csv import read_control_points
 from photoclinometry.io.site import MIN_VIEWS, Site
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.matching.registry import matcher_entry
+from photoclinometry.model.altimetry import AltimeterTracks
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.errors import InputError, PhotoclinometryError
 from photoclinometry.model.reflectance import Reflectance, has_published, models_for, published, starting_model
@@ -48,6 +50,8 @@ class Choices:
     """Relighting iterations at most."""
     control: tuple[ControlPoint, ...] = ()
     """Ground control points."""
+    altimetry: AltimeterTracks | None = None
+    """Laser altimetry, in the frame of pose priors or control points."""
 
 
 def choose(site: Site, options: RunOptions) -> Choices:
@@ -55,6 +59,12 @@ def choose(site: Site, options: RunOptions) -> Choices:
     reference = site.region.reference if site.region else None
     names = [view.name for view in site.views]
     control = read_control_points(options.control, names) if options.control else ()
+    altimetry = read_altimetry(options.altimetry) if options.altimetry else None
+    if altimetry is not None and not control and not (options.pose_priors and site.pose_priors):
+        raise InputError(
+            f"{options.altimetry}: shots need a map that is roughly in place, and the site has no pose priors; add "
+            "cam_from_body to the views of site.toml, or pass --control"
+        )
     reflectance = choose_reflectance(options.reflectance, site.body)
     name = options.matcher_name
     held_out = held_out_mask(names, options.hold_out, reference)
@@ -70,6 +80,7 @@ def choose(site: Site, options: RunOptions) -> Choices:
         held_out=held_out,
         max_iterations=0 if reflectance is None else options.max_iterations,
         control=control,
+        altimetry=altimetry,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from photoclinometry.adjust import (
     Adjustment,
     AdjustOptions,
+    GroundControl,
     ImageGradients,
     Iteration,
     Noise,
@@ -19,12 +20,14 @@ from photoclinometry.adjust import (
     adjust,
 )
 from photoclinometry.matching.triangulation import triangulate_tracks
+from photoclinometry.model.altimetry import AltimeterTracks
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import OWN, Scene, Views
-from photoclinometry.pipeline.control import ground_control, place_by_control
+from photoclinometry.model.scene import BODY_FIXED, OWN, Scene, Views
+from photoclinometry.pipeline.altimetry import on_shots, tracks_over
+from photoclinometry.pipeline.control import agreeing_points, ground_control, place_by_control
 from photoclinometry.pipeline.pose_priors import estimate_with_priors, place_by_priors
 from photoclinometry.pipeline.posed_site import KnownViews
 from photoclinometry.registration.alignment import align_views
@@ -93,6 +96,8 @@ class JointEstimate:
     """In the frame of the sparse stage, of which the map then is."""
     control: tuple[ControlPoint, ...] = ()
     """Ground control points, in the frame of the pose priors where there are such."""
+    altimetry: AltimeterTracks | None = None
+    """Laser altimetry, in the frame of the pose priors or control points."""
     holds_photometry: bool = False
     """Whether Suns, biases and reflectance parameters stay at what is known of them. What all of a map shares follows
     any error of its brightness, however small a share of the residuals that is; slopes then shrink or grow with it."""
@@ -144,6 +149,7 @@ class JointEstimate:
             options = replace(options, max_reweightings=min(reweighting, options.max_reweightings))
         if step.hold_geometry:
             options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
+        start, altimetry = self._on_altimetry(start)
         views = start.views
         if self.holds_photometry:
             start, options = _with_photometry_held(start, options)
@@ -160,7 +166,8 @@ class JointEstimate:
             tie_points=self._tie_points_for(start),
             pose_priors=priors,
             known_poses=self.known_views.of(start.views.name) if self.known_views and priors is None else None,
-            control=ground_control(self.control, start.views) if in_prior_frame(start) else None,
+            control=self._control_for(start),
+            altimetry=altimetry,
             reflectance=self.reflectance,
             gradients=step.gradients,
             noise=step.noise,
@@ -169,6 +176,19 @@ class JointEstimate:
         )
         stated = replace(found.scene.views, sun_sigma=views.sun_sigma, sun_common_sigma=views.sun_common_sigma)
         return replace(found, scene=replace(found.scene, views=stated))
+
+    def _control_for(self, scene: Scene) -> GroundControl | None:
+        """The control points that agree with each other, where the scene is in their frame."""
+        if not in_prior_frame(scene):
+            return None
+        return ground_control(agreeing_points(self.control, scene.views), scene.views)
+
+    def _on_altimetry(self, scene: Scene) -> tuple[Scene, AltimeterTracks | None]:
+        """The scene under the altimeter's shots, and the tracks over it, where it is in their frame."""
+        tracks = None
+        if self.altimetry is not None and scene.frame == BODY_FIXED:
+            tracks = tracks_over(scene, self.altimetry)
+        return (scene, None) if tracks is None else (on_shots(scene, tracks), tracks)
 
     def _tie_points_for(self, scene: Scene) -> TiePoints | None:
         """The tie points in the scene's frame, where its own poses see them."""

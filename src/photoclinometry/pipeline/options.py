@@ -60,6 +60,9 @@ class RunOptions(Ranged):
     control: Path | None = None
     """Table of ground control points (CSV): point,view,x_px,y_px,x_m,y_m,z_m,sigma_m. Three or more put the map into
     their frame where there are no pose priors; all of them take part in the estimate."""
+    altimetry: Path | None = None
+    """Table of laser altimetry (CSV): track,x_m,y_m,z_m,sigma_m,track_sigma_m, body-fixed. Shots over the map take part
+    in the estimate, once pose priors or control points have put it roughly in place."""
     check_views: bool = True
     """Leave out views whose Sun direction, or what they show, contradicts the brightness of the others, and views that
     are less sharp than the first map."""

@@ -109,13 +109,20 @@ def priors_of_views(names: Sequence[str], body_from_cam: Rigid, priors: Mapping[
         k, pose = names.index(name), prior.cam_from_body.inverse()
         rotation[k], center[k] = pose.rotation, pose.translation
         rotation_sigma[k], center_sigma[k] = prior.rotation_sigma_rad, prior.translation_sigma
-    return PosePriors(body_from_cam=Rigid(rotation, center), rotation_sigma=rotation_sigma, center_sigma=center_sigma)
+    return PosePriors(
+        body_from_cam=Rigid(rotation, center),
+        rotation_sigma=rotation_sigma,
+        center_sigma=center_sigma,
+        common_rotation_sigma=max((prior.common_rotation_sigma_rad for prior in priors.values()), default=0.0),
+        common_center_sigma=max((prior.common_translation_sigma for prior in priors.values()), default=0.0),
+    )
 
 
 def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray) -> list[dict[str, Any]]:
     """One row per view that has a prior: how far its estimate is from that, beside the prior's sigmas.
 
-    used: (K,) bool, views whose prior took part in the estimate. "off_sigmas" is the root mean square over the six.
+    used: (K,) bool, views whose prior took part in the estimate. Sigmas are of the view's own error and of that which
+    all have in common; "off_sigmas" is the root mean square over the six.
     """
     rows = []
     for k, name in enumerate(scene.views.name):
@@ -124,15 +131,17 @@ def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray)
         prior, pose = priors[name], scene.views.body_from_cam[k]
         known = prior.cam_from_body.inverse()
         moved, turned = pose.translation - known.translation, so3_log(pose.rotation @ known.rotation.T)
-        off = float(deviation(moved, turned, prior.translation_sigma, prior.rotation_sigma_rad))
+        center_sigma = float(np.hypot(prior.translation_sigma, prior.common_translation_sigma))
+        rotation_sigma = float(np.hypot(prior.rotation_sigma_rad, prior.common_rotation_sigma_rad))
+        off = float(deviation(moved, turned, center_sigma, rotation_sigma))
         rows.append(
             {
                 "name": name,
                 "used": bool(used[k]),
                 "center_off_m": float(np.linalg.norm(moved)),
-                "center_sigma_m": prior.translation_sigma,
+                "center_sigma_m": center_sigma,
                 "rotation_off_deg": float(np.degrees(np.linalg.norm(turned))),
-                "rotation_sigma_deg": float(np.degrees(prior.rotation_sigma_rad)),
+                "rotation_sigma_deg": float(np.degrees(rotation_sigma)),
                 "off_sigmas": off,
             }
         )

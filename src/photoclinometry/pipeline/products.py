@@ -16,6 +16,12 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline import result_display
+from photoclinometry.pipeline.altimetry import (
+    altimetry_metrics,
+    altimetry_table,
+    warn_of_altimetry,
+    write_shots,
+)
 from photoclinometry.pipeline.blurred_views import warn_of_blurred_views
 from photoclinometry.pipeline.control import control_metrics, control_table, warn_of_contradictions
 from photoclinometry.pipeline.moved_suns import warn_of_suns
@@ -84,6 +90,8 @@ class RunSummary:
     """Of views (by name), if the scene is in their frame."""
     control: Sequence[ControlPoint] = ()
     """Ground control points."""
+    altimetry: bool = False
+    """Whether the run was given laser altimetry."""
     relief: ReliefCheck | None = None
     """Of the map beside the parallax of the images; None where it was not looked at."""
     psf_sigma_px: float | None = None
@@ -94,12 +102,13 @@ class RunSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class _Tables:
-    """The figures of a run: all in all, per view, per pose prior, per control point."""
+    """The figures of a run: all in all, per view, per pose prior, per control point, per altimeter track."""
 
     metrics: dict[str, float]
     views: list[Row]
     pose_priors: list[Row]
     control: list[Row]
+    altimetry: list[Row]
     warnings: tuple[Warned, ...]
     """All of the run."""
     distrust: tuple[str, ...]
@@ -107,7 +116,7 @@ class _Tables:
 
 
 def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
-    """scene.h5, landmarks.ply, sparse/, metrics.json and the report."""
+    """scene.h5, landmarks.ply, sparse/, altimetry.csv of altimetry, metrics.json and the report."""
     from photoclinometry.io.meshes.ply import write_ply
     from photoclinometry.io.models.colmap import write_colmap
     from photoclinometry.io.scene_file import write_scene
@@ -117,6 +126,7 @@ def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
         write_scene(folder.path / "scene.h5", scene)
         write_ply(folder.path / "landmarks.ply", scene, mesh=True)
         write_colmap(folder.path / "sparse", scene)
+        write_shots(folder.path, adjustment.altimetry)
         tables = _tables(folder, summary)
     with folder.timed("report"):
         page = _write_report(folder, summary, tables)
@@ -134,6 +144,8 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     warn_of_outliers(of_priors)
     of_control = control_table(summary.control, adjustment.control, scene.views)
     warn_of_contradictions(of_control)
+    of_altimetry = altimetry_table(adjustment.altimetry)
+    warn_of_altimetry(of_altimetry, given=summary.altimetry)
     warn_of_suns(scene)
     warn_of_relief(summary.relief)
     warn_of_blurred_views(scene)
@@ -141,7 +153,9 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     warn_of_renderings(metrics)
     metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
     metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
-    metrics |= control_metrics(of_control)
+    metrics |= control_metrics(of_control) | _frame_metrics(adjustment.frame_covariance)
+    if adjustment.altimetry is not None:
+        metrics |= altimetry_metrics(adjustment.altimetry, scene, summary.pose_priors, adjustment.pose_priors_used)
     if summary.relief is not None:
         metrics |= summary.relief.metrics()
     if summary.psf_sigma_px is not None:
@@ -159,6 +173,7 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
         views=views,
         pose_priors=of_priors,
         control=of_control,
+        altimetry=of_altimetry,
         warnings=warnings,
         distrust=why_untrusted(adjustment, len(summary.left_out), warnings, summary.relief),
     )
@@ -176,6 +191,8 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         pose_priors=tables.pose_priors,
         known_poses=summary.pose_priors,
         control=tables.control,
+        altimetry=tables.altimetry,
+        shots=summary.adjustment.altimetry,
         convergence=cost_by_reweighting(summary.adjustment.log),
         options=summary.config,
         warnings=[warned.words for warned in tables.warnings],
@@ -200,10 +217,23 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
         "frame": summary.adjustment.scene.frame,
         "pose_priors": tables.pose_priors,
         "control_points": tables.control,
+        "altimetry": tables.altimetry,
         "stages": [asdict(cost) for cost in folder.costs],
         "message": summary.adjustment.message,
     }
     write_text(folder.path / "metrics.json", json.dumps(content, indent=2) + "\n")
+
+
+def _frame_metrics(covariance: np.ndarray) -> dict[str, float]:
+    """How well the map's place, attitude and scale in a known frame are known. covariance: (7, 7), or empty."""
+    if not covariance.size:
+        return {}
+    variance = np.diag(covariance)
+    return {
+        "frame_turn_sigma_deg": float(np.degrees(np.sqrt(variance[:3].sum()))),
+        "frame_offset_sigma_m": float(np.sqrt(variance[3:6].sum())),
+        "frame_scale_sigma_percent": 100.0 * float(np.sqrt(variance[6])),
+    }
 
 
 def _noise_metrics(adjustment: Adjustment) -> dict[str, float]:

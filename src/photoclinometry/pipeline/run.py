@@ -97,6 +97,7 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
         iterations=found.iterations,
         pose_priors=found.pose_priors,
         control=choices.control,
+        altimetry=choices.altimetry is not None,
         relief=found.relief,
         psf_sigma_px=found.finished.value.psf_sigma_px,
         response=found.response,

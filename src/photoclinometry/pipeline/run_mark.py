@@ -24,8 +24,8 @@ MARK = "run.json"
 
 PRODUCTS = frozenset(
     (
-        *("body.ply", "config.toml", "evaluation", "held_out.json", "landmarks.ply", "log", "metrics.json", "model"),
-        *("photometry", "report", "rivals", "scene.h5", "sparse", "stages", "tiles"),
+        *("altimetry.csv", "body.ply", "config.toml", "evaluation", "held_out.json", "landmarks.ply", "log"),
+        *("metrics.json", "model", "photometry", "report", "rivals", "scene.h5", "sparse", "stages", "tiles"),
     )
 )
 """Everything that `phomo run`, `body`, `refine`, `evaluate`, `photometry` and `rivals` write into their folder, beside

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -119,7 +119,7 @@ def _finite_priors(body_from_local: Rigid, used: list[SiteView]) -> dict[str, Po
         assert prior is not None
         if math.isfinite(prior.translation_sigma) and math.isfinite(prior.rotation_sigma_rad):
             pose = prior.cam_from_body @ body_from_local
-            found[view.name] = PosePrior(pose, prior.rotation_sigma_rad, prior.translation_sigma)
+            found[view.name] = replace(prior, cam_from_body=pose)
     return found
 
 

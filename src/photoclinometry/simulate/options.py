@@ -88,6 +88,11 @@ class SimulationOptions(Ranged):
     pose_sigma: Annotated[tuple[float, float] | None, Range(above=0)] = None
     """Write pose priors with these standard deviations: attitudes about each axis [degrees], camera centres along each
     axis [m]. By default there are no priors."""
+    pose_common_sigma: Annotated[tuple[float, float] | None, Range(least=0)] = None
+    """Besides, of one rotation of the cameras [degrees] and one shift [m] by which all pose priors are off alike."""
+    altimetry: Annotated[tuple[float, float] | None, Range(above=0)] = None
+    """Write altimetry.csv, eight tracks of a laser altimeter, with these standard deviations: of each shot's height,
+    and of the shift of each track along each axis [m]. By default there is none. Of places alone."""
     detector: Detector = field(default_factory=Detector)
     """The camera's optics and noise."""
 
@@ -104,6 +109,8 @@ class SimulationOptions(Ranged):
             _check_whole_body(self)
         elif self.surface is None and (self.gsd, self.surface_center) != (None, None):
             raise InputError("--gsd and --surface-center go with --surface; presets have theirs")
+        if self.pose_common_sigma is not None and self.pose_sigma is None:
+            raise InputError("--pose-common-sigma goes with --pose-sigma, of the pose priors that have it in common")
         camera = simulated_camera(self, preset)
         if not all(0 <= c <= size for c, size in zip(camera.principal_px, (camera.width, camera.height), strict=True)):
             raise InputError(
@@ -116,6 +123,8 @@ def _check_whole_body(options: SimulationOptions) -> None:
     """Raises InputError for options of places, which would be ignored."""
     if options.surface is not None:
         raise InputError("--surface is ground of a place; give --shape for a whole body, or another preset")
+    if options.altimetry is not None:
+        raise InputError("--altimetry is of places; leave it out for a whole body")
     if (options.surface_center, options.region_size) != (None, None):
         raise InputError("--surface-center and --region-size choose a place; images of a whole body have none")
     if options.lighting != SimulationOptions.lighting or options.max_emission_deg != SimulationOptions.max_emission_deg:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from photoclinometry.io.site import RegionRequest
+from photoclinometry.model.altimetry import AltimeterTracks
 from photoclinometry.model.scene import Views
 from photoclinometry.simulate.observe import RayTracer
 from photoclinometry.simulate.photometry import Photometry
@@ -26,6 +27,7 @@ class Place:
     write_truth: Callable[[Path, Views], None]
     """Writes truth files into a folder, for the views with their scales and biases."""
     region: RegionRequest | None = None
+    altimetry: AltimeterTracks | None = None
     body_radius_m: float | None = None
     shows_sky: bool = False
     """Whether images may reach beyond the surface."""

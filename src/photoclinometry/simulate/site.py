@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.io.altimetry_csv import write_altimetry
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.images import write_fits, write_png
 from photoclinometry.io.site import (
@@ -23,6 +24,7 @@ from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Camera, Views
 from photoclinometry.model.warning import warn
+from photoclinometry.simulate.altimetry import altimeter_tracks
 from photoclinometry.simulate.bodies.place import body_place
 from photoclinometry.simulate.camera_model import expose, hot_pixel_charge, pixel_average
 from photoclinometry.simulate.given import given_relief
@@ -52,7 +54,9 @@ def simulate_site(
     progress: Progress = no_progress,
     overwrite: bool = False,
 ) -> Path:
-    """Writes images/, site.toml, truth.h5, of a body truth.ply, and simulation.toml; returns the path of site.toml.
+    """Writes images/, site.toml, truth.h5, of a body truth.ply, with --altimetry altimetry.csv, and simulation.toml.
+
+    Returns the path of site.toml.
 
     The folder appears whole, at the end, or not at all. Raises InputError if it is not empty, unless it holds a
     simulated site and `overwrite` is set.
@@ -67,6 +71,8 @@ def simulate_site(
         views = _write_images(folder, place, options, progress)
         progress("truth", len(views), len(views))
         place.write_truth(folder, views)
+        if place.altimetry is not None:
+            write_altimetry(folder / "altimetry.csv", place.altimetry)
         write_site(folder / "site.toml", _site(folder, options, place, views))
         _write_options(folder / OPTIONS_FILE, options, place.settings)
     log.info("simulated %d views of %s in %s", len(views), place.name, out_folder)
@@ -119,6 +125,10 @@ def ground_place(options: SimulationOptions) -> Place:
         photometry=named_photometry(options.reflectance, preset.body),
     )
     size = options.region_size or min(preset.region_px, min(cameras[0].width, cameras[0].height) // 2)
+    gsd, altimetry = min(preset.gsd), None
+    if options.altimetry is not None:
+        rng = stream(options, Stream.ALTIMETRY)
+        altimetry = altimeter_tracks(surface, size * gsd, gsd, options.altimetry, rng)
     return Place(
         name=truth.name,
         body=truth.body,
@@ -127,6 +137,7 @@ def ground_place(options: SimulationOptions) -> Place:
         views=views,
         write_truth=lambda folder, views: write_truth(folder / "truth.h5", replace(truth, views=views)),
         region=RegionRequest(size_px=(size, size)),
+        altimetry=altimetry,
         settings={} if frame is None else {"body_from_surface_file": _similarity(frame)},
     )
 

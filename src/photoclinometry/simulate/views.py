@@ -28,6 +28,7 @@ class Stream(IntEnum):
     HOT_PIXELS = 6
     EXPOSURE = 7
     SMEAR = 8
+    ALTIMETRY = 9
 
 
 def stream(options: SimulationOptions, purpose: Stream, view: int | None = None) -> np.random.Generator:
@@ -97,6 +98,10 @@ def pose_priors(options: SimulationOptions, body_from_cam: Rigid) -> list[PosePr
     rng = stream(options, Stream.POSE_NOISE)
     turn = so3_exp(rotation * rng.standard_normal((count, 3)))
     shift = translation * rng.standard_normal((count, 3))
+    common = options.pose_common_sigma or (0.0, 0.0)
+    common_rotation, common_translation = float(np.radians(common[0])), float(common[1])
+    turn = turn @ so3_exp(common_rotation * rng.standard_normal(3))
+    shift += common_translation * rng.standard_normal(3)
     # The shift is that of the camera's centre, so that an error of the attitude does not move the camera.
     noisy = Rigid(body_from_cam.rotation @ turn, body_from_cam.translation + shift).inverse()
-    return [PosePrior(noisy[k], rotation, translation) for k in range(count)]
+    return [PosePrior(noisy[k], rotation, translation, common_rotation, common_translation) for k in range(count)]

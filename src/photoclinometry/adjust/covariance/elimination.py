@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 
 from photoclinometry.adjust.covariance.information import Patch
-from photoclinometry.adjust.covariance.linearized_graph import SIMILARITY, LinearizedGraph, landmark_moves
+from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph
 from photoclinometry.adjust.covariance.windows import hold
+from photoclinometry.adjust.graph.similarity import SIMILARITY
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 from photoclinometry.model.cholesky import factorize, solve_lower
 from photoclinometry.model.threads import in_threads, runs
@@ -24,6 +25,10 @@ class Eliminated:
 
     information: np.ndarray
     """(10 K + T, 10 K + T) S, of views and reflectance parameters."""
+    along_similarity: np.ndarray
+    """(10 K + T, 7) its product with a similarity of views (`LinearizedGraph.view_moves`), found of what alone tells
+    one. In S that is a small difference of large numbers, of which rounding and the ridge under landmarks leave less
+    than they add."""
     own: np.ndarray
     """(J, 2, 6, 6) of each landmark, by keypoints and by brightness."""
     frame_by_common: np.ndarray
@@ -33,11 +38,13 @@ class Eliminated:
 
 def eliminated(at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.ndarray | None) -> Eliminated:
     """The landmarks eliminated, patch (first, last) by patch; frame: (J,) bool, those that the similarity fits."""
-    own = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE))
+    own, by_view = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE)), at.view_moves()
 
-    def eliminate(some: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Of some of the patches, what is left (lower triangle), and how the similarity's fit follows from it."""
+    def eliminate(some: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of some of the patches: what is left (lower triangle), the product of that with a similarity of views, and
+        how the similarity's fit follows from it."""
         total, moved = np.zeros_like(at.common_prior), np.zeros((SIMILARITY, len(at.common_prior)))
+        pulled = np.zeros_like(by_view)
         for first, last in patches[some]:
             patch = at.patch(first, last)
             own[first:last] = patch.own
@@ -46,20 +53,25 @@ def eliminated(at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.nd
             index, half = coupling_of(at, patch)
             solve_lower(factor, half)
             _subtract(total, index, half.T @ half)
+            pull = at.landmark_pull(first, last, by_view)
+            if pull.any():
+                solve_lower(factor, pull)
+                pulled[index] -= half.T @ pull
             if frame is not None:
                 move = _frame_moves(at, frame, first, last)
                 solve_lower(factor, move)
                 moved[:, index] -= move.T @ half
-        return total, moved
+        return total, pulled, moved
 
     parts = in_threads(eliminate, runs(len(patches)))
-    total = at.common_prior + sum(part for part, _ in parts)
+    total = at.common_prior + sum(part for part, *_ in parts)
     total = np.tril(total) + np.tril(total, -1).T
-    moved = sum((part for _, part in parts), np.zeros((SIMILARITY, len(total))))
+    pulled = at.common_prior @ by_view + at.common_pull(by_view) + sum(part for _, part, _ in parts)
+    moved = sum((part for *_, part in parts), np.zeros((SIMILARITY, len(total))))
     if frame is None:
-        return Eliminated(total, own, moved)
-    move = landmark_moves(at, 0, len(at))[frame, :3].reshape(-1, SIMILARITY)
-    return Eliminated(total, own, np.linalg.solve(move.T @ move, moved))
+        return Eliminated(total, pulled, own, moved)
+    move = at.landmark_moves(0, len(at))[frame, :3].reshape(-1, SIMILARITY)
+    return Eliminated(total, pulled, own, np.linalg.solve(move.T @ move, moved))
 
 
 def _add_patch(total: np.ndarray, patch: Patch, of_views: int) -> None:
@@ -73,7 +85,7 @@ def _add_patch(total: np.ndarray, patch: Patch, of_views: int) -> None:
 
 def _frame_moves(at: LinearizedGraph, frame: np.ndarray, first: int, last: int) -> np.ndarray:
     """(6 n, 7) how the positions of landmarks first:last that the similarity fits move with it."""
-    move = landmark_moves(at, first, last)
+    move = at.landmark_moves(first, last)
     move[:, 3:] = 0.0
     move[~frame[first:last]] = 0.0
     return move.reshape(-1, SIMILARITY)

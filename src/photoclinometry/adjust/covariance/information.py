@@ -200,11 +200,12 @@ def observed_patch(
     pivot: np.ndarray,
     model: EstimatedReflectance,
     others: np.ndarray,
+    count_of_views: int,
 ) -> Patch:
-    """The patch of landmarks first:last. pivot: (3,) of `Estimate`; others: views that general factors couple with
-    these landmarks."""
+    """The patch of landmarks first:last. pivot: (3,) of `Estimate`; others: views and systematic errors, of
+    `count_of_views`, that general factors couple with these landmarks."""
     views = np.unique(np.concatenate([observed.seen_by[observed.start[first] : observed.start[last]], others]))
-    slot = np.zeros(len(view_state.scale), np.int64)
+    slot = np.zeros(count_of_views, np.int64)
     slot[views] = np.arange(len(views))
     n, m, count = last - first, len(views), len(model.scale)
     patch = Patch(

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from photoclinometry.adjust.covariance.elimination import coupling_of, eliminated, factor_of
-from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph, landmark_moves, view_moves
+from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph
 from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 from photoclinometry.model.threads import in_threads
@@ -91,6 +91,8 @@ class Marginals:
     """(J, 2) the parts of albedos' variances, and of these, that errors of views and reflectance parameters make."""
     of_frame: np.ndarray | None = None
     """(J, 6, 6) the part of these that errors of the frame make; None where the frame was not asked for."""
+    frame: np.ndarray | None = None
+    """(7, 7) of the similarity that the map is off by: rotation, translation and scale about the pivot. Likewise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,14 +128,17 @@ def marginals(
         [(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW, _BATCH)
     )
     reduced = eliminated(at, patches, frame)
-    common = _inverse(reduced.information)
-    of_frame = None
+    if frame is None or keeps_frame:
+        common = _inverse_with_frame(reduced.information, at.view_moves(), reduced.along_similarity)
+    else:
+        common = _inverse(reduced.information)
+    of_frame = similarity = None
     if frame is not None and keeps_frame:
         similarity = reduced.frame_by_common @ common @ reduced.frame_by_common.T
-        move = landmark_moves(at, 0, count)
+        move = at.landmark_moves(0, count)
         of_frame = move @ similarity @ np.swapaxes(move, 1, 2)
     elif frame is not None:
-        kept = np.eye(len(common)) - view_moves(at) @ reduced.frame_by_common
+        kept = np.eye(len(common)) - at.view_moves() @ reduced.frame_by_common
         common = kept @ common @ kept.T
     landmark = _given_views(at, reduced.own, errors, windows)
     if surface is not None:
@@ -150,6 +155,7 @@ def marginals(
         albedo_relative=np.where(np.isfinite(landmark[:, 5, 5]), relative, np.inf),
         albedo_by_common=by_common,
         of_frame=of_frame,
+        frame=similarity,
     )
 
 
@@ -165,6 +171,25 @@ def _inverse(information: np.ndarray) -> np.ndarray:
     np.fill_diagonal(scaled, 1.0)
     factor = cho_factor(scaled, lower=True, check_finite=False)
     return cho_solve(factor, np.eye(len(size)), check_finite=False) / np.outer(size, size)
+
+
+def _inverse_with_frame(information: np.ndarray, along: np.ndarray, product: np.ndarray) -> np.ndarray:
+    """Of S (n, n), whose product (n, 7) with the directions `along` (n, 7) is known better than S itself.
+
+    It is inverted in a basis of which these directions are the first seven.
+    """
+    size = np.sqrt(np.diag(information))
+    size = np.where(size > 0, size, 1.0)
+    basis, triangle = np.linalg.qr(along * size[:, None], mode="complete")
+    first, triangle = len(along.T), triangle[: len(along.T)]
+    scaled = information / np.outer(size, size)
+    np.einsum("aa->a", scaled)[:] = 1.0
+    turned = basis.T @ scaled @ basis
+    turned[:, :first] = basis.T @ np.linalg.solve(triangle.T, (product / size[:, None]).T).T
+    turned[:first, :first] = 0.5 * (turned[:first, :first] + turned[:first, :first].T)
+    turned[:first, first:] = turned[first:, :first].T
+    back = basis * size[:, None] ** -1
+    return back @ _inverse(turned) @ back.T
 
 
 def _given_views(

@@ -19,15 +19,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from photoclinometry.adjust.covariance.linearized_graph import (
-    SIMILARITY,
     LinearizedGraph,
     linearized_graph,
     loosely_held,
-    point_moves,
 )
 from photoclinometry.adjust.covariance.marginals import ErrorModel, Marginals, Surface, marginals
 from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
+from photoclinometry.adjust.graph.similarity import SIMILARITY, point_moves
 from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.adjust.tie_points import Members
@@ -62,6 +61,9 @@ class Stated:
     views and reflectance parameters make."""
     parameter_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
     """(T,) of the reflectance parameters that are estimated, in their local coordinates."""
+    frame: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    """(7, 7) covariance of the similarity that the map is off by: rotation [rad], translation [units of B] and scale,
+    about its middle; empty where the map has a frame of its own."""
 
 
 def estimate_uncertainty(
@@ -100,7 +102,10 @@ def estimate_uncertainty(
         in_common |= {"position": found.of_frame[mapped, :3, :3], "normal": found.of_frame[mapped, 3:5, 3:5]}
     parameter = np.diag(found.parameter).copy()
     return Stated(
-        uncertainty={name: uncertainty[name] for name in estimated}, in_common=in_common, parameter_variance=parameter
+        uncertainty={name: uncertainty[name] for name in estimated},
+        in_common=in_common,
+        parameter_variance=parameter,
+        frame=np.zeros((0, 0)) if found.frame is None else found.frame,
     )
 
 
@@ -219,7 +224,8 @@ def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped:
     albedos after the factor that all have in common (`albedo_relative`).
     """
     count = len(views)
-    blocks = found.views.reshape(count, VIEW_SIZE, count, VIEW_SIZE)[range(count), :, range(count), :]
+    of_views = found.views[: VIEW_SIZE * count, : VIEW_SIZE * count]
+    blocks = of_views.reshape(count, VIEW_SIZE, count, VIEW_SIZE)[range(count), :, range(count), :]
     to_cam = np.swapaxes(views.body_from_cam.rotation, 1, 2)
     to_center = point_moves(views.body_from_cam.translation, pivot)[:, :, :6]
     landmark = found.landmark[mapped]

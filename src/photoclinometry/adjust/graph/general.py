@@ -13,9 +13,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 
-Variable = Literal["view", "landmark", "parameter"]
+Variable = Literal["view", "landmark", "parameter", "systematic"]
 
 
 @dataclass(frozen=True)
@@ -24,17 +24,18 @@ class Touch:
 
     variable: Variable
     index: np.ndarray
-    """(n,) which view or landmark; of the reflectance parameters there is one set, 0."""
+    """(n,) which view, landmark or systematic error; of the reflectance parameters there is one set, 0."""
     jacobian: np.ndarray
-    """(n, r, 10) by view, (n, r, 6) by landmark, (n, r, T) by the parameters."""
+    """(n, r, 10) by view, (n, r, 6) by landmark, (n, r, T) by the parameters, (n, r, s) by the first s numbers of a
+    systematic error."""
 
 
 @dataclass(frozen=True)
 class Rows:
     """Whitened residuals of n factors and all that they touch.
 
-    A factor that touches several variables may touch views and landmarks, none of them twice; reflectance parameters
-    are touched alone.
+    A factor that touches several variables may touch views, systematic errors and landmarks, none of them twice;
+    reflectance parameters are touched alone.
     """
 
     residual: np.ndarray
@@ -85,8 +86,21 @@ class Sums:
             np.add.at(self.rest, touch.index, squares.astype(self.rest.dtype))
 
 
+def beside_views(rows: Rows, views: int) -> Rows:
+    """The same factors, with systematic errors as the solver has them: after the `views` views, of the same size."""
+    return Rows(rows.residual, tuple(_beside_views(touch, views) for touch in rows.touches))
+
+
+def _beside_views(touch: Touch, views: int) -> Touch:
+    if touch.variable != "systematic":
+        return touch
+    jacobian = np.zeros((*touch.jacobian.shape[:2], VIEW_SIZE))
+    jacobian[..., : touch.jacobian.shape[2]] = touch.jacobian
+    return Touch("view", touch.index + views, jacobian)
+
+
 def add_product(rows: Rows, parts: dict[Variable, np.ndarray], out: dict[Variable, np.ndarray]) -> None:
-    """out += J^T J x of factors that touch several variables; x and out by kind of variable, (K, 10) and (J, 6)."""
+    """out += J^T J x of factors that touch several variables; x and out by kind of variable, (K + M, 10) and (J, 6)."""
     along = sum(np.einsum("nri,ni->nr", t.jacobian, parts[t.variable][t.index]) for t in rows.touches)
     for touch in rows.touches:
         change = np.einsum("nri,nr->ni", touch.jacobian, along)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from photoclinometry.adjust.graph.general import FactorGroup, Rows, Sums, Variable, add_product
+from photoclinometry.adjust.graph.general import FactorGroup, Rows, Sums, Variable, add_product, beside_views
 from photoclinometry.adjust.graph.observations import Brightness, Keypoints, ObservationRows, Observations
 from photoclinometry.adjust.graph.reflectance_parameters import Border, add_border
 from photoclinometry.adjust.graph.smoothness import (
@@ -83,7 +83,7 @@ class FactorGraph:
         """The normal equations at an estimate."""
         observed, block, gradient = self.observations.linearize(estimate)
         smooth = self.smoothness.linearize(estimate)
-        rows = [group.rows(estimate) for group in self.general]
+        rows = self._general_rows(estimate)
         cost = np.array([*observed.cost, smooth.cost, *map(_cost, rows)])
         sums = self._sums(estimate, rows)
         block += sums["landmark"].block
@@ -93,9 +93,9 @@ class FactorGraph:
             smooth.neighbours, smooth.rows, smooth.residual, landmarks.block, landmarks.rest, landmarks.gradient
         )
         _make_invertible(landmarks)
-        views = sums["view"]
-        views.gradient += observed.view_gradient
-        views.block += observed.view_block
+        views, seen = sums["view"], len(estimate.views)
+        views.gradient[:seen] += observed.view_gradient
+        views.block[:seen] += observed.view_block
         _make_invertible(views)
         parameters, border = sums["parameter"], observed.border
         border = border._replace(
@@ -114,14 +114,19 @@ class FactorGraph:
 
     def general_part(self, estimate: Estimate) -> tuple[dict[Variable, Sums], tuple[Rows, ...]]:
         """Of the general groups alone: their sums, and the rows of factors that touch several variables."""
-        rows = [group.rows(estimate) for group in self.general]
+        rows = self._general_rows(estimate)
         return self._sums(estimate, rows), _touching_several(rows)
+
+    def _general_rows(self, estimate: Estimate) -> list[list[Rows]]:
+        """Of each general group."""
+        views = len(estimate.views)
+        return [[beside_views(rows, views) for rows in group.rows(estimate)] for group in self.general]
 
     @staticmethod
     def _sums(estimate: Estimate, rows: Sequence[Sequence[Rows]]) -> dict[Variable, Sums]:
         parameters = len(estimate.parameters)
         sums: dict[Variable, Sums] = {
-            "view": _no_sums(len(estimate.views), VIEW_SIZE, float),
+            "view": _no_sums(len(estimate.views) + len(estimate.systematic), VIEW_SIZE, float),
             "landmark": _no_sums(len(estimate.landmarks), LANDMARK_SIZE, np.float32),
             "parameter": _no_sums(1, parameters, float),
         }
@@ -134,7 +139,10 @@ class FactorGraph:
 
 @dataclass(frozen=True)
 class Linearization:
-    """H x = -g at one estimate: what `FactorGraph.linearize` makes. A vector has 10 K + 6 J + T numbers."""
+    """H x = -g at one estimate: what `FactorGraph.linearize` makes. A vector has 10 K + 6 J + T numbers.
+
+    K are the views, and after them the systematic errors, if there are any.
+    """
 
     cost: np.ndarray
     """(C,) by `FactorGraph.cost_names`."""
@@ -178,18 +186,19 @@ class Linearization:
         out, border = np.empty_like(vector), self.border
         view, landmark, parameter = self.split(vector)
         view_out, landmark_out, parameter_out = self.split(out)
-        view_out[:] = self.observed.multiply(view, landmark, landmark_out) + np.einsum(
-            "kij,kj->ki", self.views.rest, view
-        )
+        seen = len(self.observed.view_gradient)
+        of_views = np.einsum("kij,kj->ki", self.views.rest, view)
+        of_views[:seen] += self.observed.multiply(view[:seen], landmark, landmark_out)
+        view_out[:] = of_views
         add_smooth_product(self.neighbours, self.smooth.rows, self.landmarks.rest, landmark, landmark_out)
         for rows in self.several:
             add_product(rows, {"view": view, "landmark": landmark}, {"view": view_out, "landmark": landmark_out})
         if len(parameter):
-            view_out += border.by_view @ parameter
+            view_out[:seen] += border.by_view @ parameter
             by_landmarks = np.empty((numba.get_num_threads(), len(parameter)))
             add_border(border.by_landmark, landmark, parameter, landmark_out, by_landmarks)
             parameter_out[:] = border.block @ parameter + by_landmarks.sum(0)
-            parameter_out += np.einsum("ki,kit->t", view, border.by_view)
+            parameter_out += np.einsum("ki,kit->t", view[:seen], border.by_view)
         return out
 
     def decrease(self, moves: np.ndarray) -> float:

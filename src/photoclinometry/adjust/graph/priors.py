@@ -15,6 +15,9 @@ from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE, Est
 from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
 from photoclinometry.model.scene import Landmarks
 
+_HELD = 1e-12
+"""Standard deviation that holds the part of a common error which is known to be zero [rad, units of B]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PosePriors:
@@ -26,13 +29,34 @@ class PosePriors:
     """(K,) [rad], about each axis; infinite where nothing is known."""
     center_sigma: np.ndarray
     """(K,) in units of B, along each axis; infinite where nothing is known."""
+    common_rotation_sigma: float = 0.0
+    """[rad] of a rotation in C by which all attitudes are off alike, about each axis."""
+    common_center_sigma: float = 0.0
+    """In units of B, of a shift in B by which all centres are off alike, along each axis."""
     name: str = "pose prior"
+
+    @property
+    def have_common_error(self) -> bool:
+        """Whether all are off alike: by the first of the estimate's systematic errors, rotation 3 and shift 3."""
+        return self.common_rotation_sigma > 0.0 or self.common_center_sigma > 0.0
 
     def rows(self, estimate: Estimate) -> list[Rows]:
         known = np.isfinite(self.rotation_sigma) | np.isfinite(self.center_sigma)
         which = np.flatnonzero(known)
+        prior, sigma = self.body_from_cam[which], (self.rotation_sigma[which], self.center_sigma[which])
+        alone = pose_rows(estimate, which, prior, *sigma)
+        if not self.have_common_error:
+            return [alone]
+        by_common = np.zeros((len(which), 6, 6))
+        by_common[:, :3, :3] = -prior.rotation / sigma[0][:, None, None]
+        by_common[:, 3:, 3:] = -np.eye(3) / sigma[1][:, None, None]
+        common = estimate.systematic[0, :6]
+        sigmas = np.repeat([self.common_rotation_sigma, self.common_center_sigma], 3)
+        whiten = 1.0 / np.where(sigmas > 0.0, sigmas, _HELD)
+        first = np.zeros(len(which), int)
         return [
-            pose_rows(estimate, which, self.body_from_cam[which], self.rotation_sigma[which], self.center_sigma[which])
+            Rows(alone.residual + by_common @ common, (*alone.touches, Touch("systematic", first, by_common))),
+            Rows((whiten * common)[None], (Touch("systematic", first[:1], np.diag(whiten)[None]),)),
         ]
 
 

@@ -25,10 +25,17 @@ class Estimate:
     """(3,) the point in B about which cameras orbit; any point in the middle of the map."""
     parameters: np.ndarray = field(default_factory=lambda: np.zeros(0))
     """(T,) relative changes of the reflectance parameters that are estimated, from their start."""
+    systematic: np.ndarray = field(default_factory=lambda: np.zeros((0, VIEW_SIZE)))
+    """(M, 10) errors that many measurements share, such as the shift of an altimeter's track. A group of factors uses
+    as many of the ten numbers as its error has; the others stay zero."""
 
     def step(self, view: np.ndarray, landmark: np.ndarray, parameter: np.ndarray | float = 0.0) -> Estimate:
-        """Moved by local coordinates (K, 10) and (J, 6), as `factors` defines them, and (T,)."""
+        """Moved by local coordinates (K + M, 10) and (J, 6), as `factors` defines them, and (T,).
+
+        Systematic errors follow the views: the solver eliminates both last. They are added.
+        """
         views, landmarks = self.views, self.landmarks
+        view, systematic = view[: len(views)], view[len(views) :]
         pose = views.body_from_cam
         turn = so3_exp(view[:, :3])
         arm = np.einsum("kij,kj->ki", turn, pose.translation - self.pivot + view[:, 3:6])
@@ -49,4 +56,5 @@ class Estimate:
             ),
             self.pivot,
             self.parameters + parameter,
+            self.systematic + systematic,
         )

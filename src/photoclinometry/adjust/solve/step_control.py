@@ -113,6 +113,7 @@ def descend(
 def _global_share(view: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
     """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale and no
     reflectance parameter by more than MAX_GAIN: beyond, the linear model of a view's brightness is worth nothing."""
+    view = view[: len(estimate.views)]
     turn = max(np.linalg.norm(view[:, :3], axis=1).max(), np.linalg.norm(view[:, 6:8], axis=1).max())
     gain = np.max(np.abs(view[:, 8]) / np.abs(estimate.views.scale))
     return 1.0 / max(1.0, turn / MAX_GLOBAL_TURN, gain / MAX_GAIN, *np.abs(parameter) / MAX_GAIN)

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,12 +18,16 @@ from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.report import page
+from photoclinometry.output.report.altimetry import CAPTION, draw_tracks
 from photoclinometry.output.report.curves import CONVERGENCE, draw_convergence, draw_renderings
 from photoclinometry.output.report.first_screen import first_screen
 from photoclinometry.output.report.maps import draw_maps, draw_overview, draw_relit, draw_values
 from photoclinometry.output.report.overview import overview
 from photoclinometry.output.viewer import write_viewer
 from photoclinometry.output.viewer.page import NAME as VIEWER
+
+if TYPE_CHECKING:
+    from photoclinometry.adjust import AltimetryFit
 
 log = logging.getLogger(__name__)
 
@@ -50,6 +54,10 @@ class ReportContent:
     """The priors themselves, by name of view, for the viewer."""
     control: Sequence[Mapping[str, Any]] = ()
     """One row per ground control point."""
+    altimetry: Sequence[Mapping[str, Any]] = ()
+    """One row per track of a laser altimeter."""
+    shots: AltimetryFit | None = None
+    """These tracks' shots beside the scene, for the figure."""
     convergence: Sequence[Mapping[str, float]] = ()
     """One per iteration of the solver, the first before any step: cost by type of factor."""
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -81,7 +89,7 @@ def write_report(
         sections += _map_sections(work, scene, images, content)
         if scene.reflectance is not None:
             sections += _rendering_sections(work, scene, images, rows)
-        sections += _estimate_sections(work, content)
+        sections += _estimate_sections(work, scene, content)
         sections.append(("Views", "Residuals are RMS.", page.mapping_table(rows)))
         if content.stages:
             sections.append(("Time and memory", "", page.mapping_table(content.stages)))
@@ -138,8 +146,8 @@ def _rendering_sections(
     return sections
 
 
-def _estimate_sections(work: Path, content: ReportContent) -> list[Section]:
-    """How the estimate went: relighting iterations, pose priors, and the cost, drawn into `work`."""
+def _estimate_sections(work: Path, scene: Scene, content: ReportContent) -> list[Section]:
+    """How the estimate went: relighting iterations, what else was known, and the cost, drawn into `work`."""
     sections = []
     if content.iterations:
         note = "Each iteration renders the map under every view's Sun, matches that, and estimates again."
@@ -150,6 +158,11 @@ def _estimate_sections(work: Path, content: ReportContent) -> list[Section]:
     if content.control:
         note = "Distance of the estimate from the points' known positions and from their pixels (RMS over views)."
         sections.append(("Ground control points", note, page.mapping_table(content.control)))
+    if content.altimetry and content.shots is not None:
+        draw_tracks(work / "altimetry.png", scene, content.shots)
+        shown = page.figures([("altimetry.png", CAPTION)], "grid wide half")
+        note = "How far the shots on the map are off after each track was shifted as a whole (RMS), and by how much."
+        sections.append(("Laser altimetry", note, page.mapping_table(content.altimetry) + shown))
     if content.convergence:
         draw_convergence(work / "convergence.png", content.convergence)
         shown = page.figures([("convergence.png", CONVERGENCE)], "grid wide half")

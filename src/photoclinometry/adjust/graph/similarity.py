@@ -1,0 +1,38 @@
+"""How variables move where all of them turn, shift and grow together: what images alone leave open."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
+from photoclinometry.model.geometry import skew
+
+SIMILARITY = 7
+"""Numbers that images alone leave open: rotation 3, translation 3, scale 1."""
+
+
+def point_moves(points: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """(n, 3, 7): how points (n, 3) move by rotation, translation and scale about a point (3,)."""
+    arm = points - about
+    return np.concatenate([-skew(arm), np.broadcast_to(np.eye(3), (len(arm), 3, 3)), arm[:, :, None]], axis=2)
+
+
+def landmark_moves(position: np.ndarray, normal: np.ndarray, basis: np.ndarray, pivot: np.ndarray) -> np.ndarray:
+    """(n, 6, 7): local coordinates of landmarks by rotation, translation and scale about the pivot (3,).
+
+    position, normal: (n, 3); basis: (n, 3, 2), the normals' `tangent_basis`.
+    """
+    out = np.zeros((len(position), LANDMARK_SIZE, SIMILARITY))
+    out[:, :3] = point_moves(position, pivot)
+    out[:, 3:5, :3] = -np.einsum("jia,jib->jab", basis, skew(normal))
+    return out
+
+
+def view_moves(center: np.ndarray, sun: np.ndarray, basis: np.ndarray, pivot: np.ndarray) -> np.ndarray:
+    """(K, 10, 7): local coordinates of views likewise. center, sun: (K, 3); basis: (K, 3, 2), of the Suns."""
+    out = np.zeros((len(center), VIEW_SIZE, SIMILARITY))
+    out[:, range(3), range(3)] = 1.0
+    out[:, range(3, 6), range(3, 6)] = 1.0
+    out[:, 3:6, 6] = center - pivot
+    out[:, 6:8, :3] = -np.einsum("kia,kib->kab", basis, skew(sun))
+    return out

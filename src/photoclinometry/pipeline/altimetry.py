@@ -1,0 +1,188 @@
+"""Laser altimetry in a run: it takes part in the joint estimate, and is compared with it track by track."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from photoclinometry.adjust import AltimetryFit
+from photoclinometry.io.altimetry_csv import write_altimetry
+from photoclinometry.model.altimetry import AltimeterTracks
+from photoclinometry.model.geometry import Similarity, so3_log
+from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.scene import Scene
+from photoclinometry.model.warning import warn
+from photoclinometry.registration.alignment import camera_distance, transform_scene
+from photoclinometry.registration.altimetry import shift_onto
+from photoclinometry.registration.georeference import MIN_PRIORS, fit_to_priors
+
+log = logging.getLogger(__name__)
+
+FILE = "altimetry.csv"
+"""All shots on the map in the run folder: how far each is off, and whether it was used."""
+
+BEYOND = 0.75
+"""Shots this share of the map's width away from it may still come to lie on it, as its frame gets better: so far
+`registration.altimetry` looks for them."""
+
+CONTRADICTS = 5.0
+"""A track contradicts the map if its shift is more than this many sigmas, root mean square over the three axes."""
+
+SCATTERS = 3.0
+"""Likewise if its shots are further off the map than this many of their standard deviations (RMS): hundreds of shots
+that state theirs rightly are 1.0 off. A map in a wrong place shows so."""
+
+MOST_LEFT_OUT = 0.1
+"""Likewise if more than this share of its shots on the map lie too far off to be used: of good shots one in a million
+does, and ground that is steeper than the map's landmarks tell apart leaves a few in a hundred."""
+
+
+def tracks_over(scene: Scene, tracks: AltimeterTracks) -> AltimeterTracks | None:
+    """The shots over a scene in their frame, with their tracks alone; None where there are none."""
+    from scipy.spatial import KDTree
+
+    ground = scene.landmarks.position
+    width = float(np.max(np.ptp(ground, axis=0)))
+    near = np.isfinite(KDTree(ground).query(tracks.position, distance_upper_bound=BEYOND * width)[0])
+    if not near.any():
+        return None
+    kept, number = np.unique(tracks.track[near], return_inverse=True)
+    return AltimeterTracks(
+        name=tuple(tracks.name[n] for n in kept),
+        shift_sigma=tracks.shift_sigma[kept],
+        track=number,
+        position=tracks.position[near],
+        sigma=tracks.sigma[near],
+    )
+
+
+def on_shots(scene: Scene, tracks: AltimeterTracks) -> Scene:
+    """The scene shifted under the shots, where it is off by more than these are (`registration.altimetry`)."""
+    shift = shift_onto(scene, tracks)
+    if not shift.any():
+        return scene
+    moved = transform_scene(Similarity(1.0, np.eye(3), shift), scene)
+    return replace(moved, frame=scene.frame)
+
+
+def altimetry_table(fit: AltimetryFit | None) -> list[dict[str, Any]]:
+    """One row for each track with shots on the map: how many of these are used, how far they are off after the track
+    was shifted, and by how much it was. "off_sigmas" is over the sigmas that the table of shots and the ground between
+    landmarks state; "shift_off_sigmas" the root mean square over the axes."""
+    if fit is None:
+        return []
+    rows = []
+    for n, name in enumerate(fit.tracks.name):
+        met = fit.met & (fit.tracks.track == n)
+        used = fit.used & met
+        if not met.any():
+            continue
+        shift, sigma = fit.shift[n], float(fit.tracks.shift_sigma[n])
+        rows.append(
+            {
+                "name": name,
+                "shots": int(met.sum()),
+                "left_out": int(met.sum() - used.sum()),
+                "off_m": _rms(fit.off[used]),
+                "off_sigmas": _rms(fit.off[used] / fit.stated_sigma[used]),
+                "shift_m": float(np.linalg.norm(shift)),
+                "shift_sigma_m": sigma,
+                "shift_off_sigmas": float(np.sqrt(np.mean((shift / sigma) ** 2))),
+            }
+        )
+    return rows
+
+
+def altimetry_metrics(
+    fit: AltimetryFit, scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray
+) -> dict[str, float]:
+    """Figures of `altimetry_table`, and what the altimeter has changed: how far the middle of the map is moved, and how
+    it is turned and scaled, from where pose priors alone (those `used`, (K,) bool) would put it."""
+    shots, met = fit.used, int(fit.met.sum())
+    figures = {"altimetry_shots": float(met), "altimetry_left_out": float(met - int(shots.sum()))}
+    if shots.any():
+        figures |= {
+            "altimetry_off_rms_m": _rms(fit.off[shots]),
+            "altimetry_off_rms_sigmas": _rms(fit.off[shots] / fit.stated_sigma[shots]),
+        }
+    names = [name for name, own in zip(scene.views.name, used, strict=True) if own] if len(used) else []
+    if len(names) < MIN_PRIORS:
+        return figures
+    poses = scene.views.body_from_cam[[scene.views.name.index(name) for name in names]]
+    alone = fit_to_priors(poses, [priors[name] for name in names], camera_distance(scene), tuple(names)).similarity
+    middle = scene.landmarks.position.mean(0)
+    return figures | {
+        "altimetry_moved_m": float(np.linalg.norm(middle - alone(middle[None])[0])),
+        "altimetry_turned_deg": float(np.degrees(np.linalg.norm(so3_log(alone.rotation)))),
+        "altimetry_scaled_percent": 100.0 * (1.0 / alone.scale - 1.0),
+    }
+
+
+def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None:
+    """Names tracks that contradict the map, or says that there are none on it though altimetry was `given`."""
+    if given and not rows:
+        warn(
+            log,
+            "altimetry-unused",
+            "no shot of the laser altimeter lies over the map, which is as if there were none; check the frame and the "
+            "unit of the table",
+        )
+    _warn_of_scatter(rows)
+    for row in rows:
+        if row["shift_off_sigmas"] > CONTRADICTS:
+            warn(
+                log,
+                "altimetry-contradicts",
+                "altimeter track %s lies on the map only where it is shifted by %.4g m, %.3g sigmas; check its "
+                "track_sigma_m, and the pose priors",
+                *(row[key] for key in ("name", "shift_m", "shift_off_sigmas")),
+            )
+        if row["left_out"] > MOST_LEFT_OUT * row["shots"]:
+            warn(
+                log,
+                "altimetry-contradicts",
+                "%d of the %d shots of altimeter track %s lie too far off the map to be used; %s names them",
+                *(row[key] for key in ("left_out", "shots", "name")),
+                FILE,
+            )
+
+
+def _warn_of_scatter(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Names the tracks whose shots scatter about the map by far more than they state."""
+    far = [row for row in rows if row["off_sigmas"] > SCATTERS]
+    if far:
+        warn(
+            log,
+            "altimetry-contradicts",
+            "shots of altimeter track%s %s scatter about the map by %.3g standard deviations (RMS): either sigma_m is "
+            "too small, or the map does not lie where the pose priors put it",
+            "" if len(far) == 1 else "s",
+            ", ".join(str(row["name"]) for row in far),
+            max(row["off_sigmas"] for row in far),
+        )
+
+
+def write_shots(folder: Path, fit: AltimetryFit | None) -> None:
+    """All shots on the map into FILE: the table as given, with what is found of each. Removes an older file."""
+    if fit is None:
+        (folder / FILE).unlink(missing_ok=True)
+        return
+    met = fit.met
+    own = replace(
+        fit.tracks, track=fit.tracks.track[met], position=fit.tracks.position[met], sigma=fit.tracks.sigma[met]
+    )
+    found = {
+        "off_m": fit.off[met],
+        "off_sigmas": fit.off[met] / fit.stated_sigma[met],
+        "used": fit.used[met].astype(int),
+    }
+    write_altimetry(folder / FILE, own, found)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -1,0 +1,139 @@
+"""The shift that brings a map onto a laser altimeter's shots, where it is off by more than these are.
+
+Pose priors may put a map ten ground samples beside its place. The joint estimate compares each shot with the landmark
+nearest to it, and finds its way from a part of the length of the hills, not from further.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from photoclinometry.model.altimetry import AltimeterTracks
+from photoclinometry.model.robust import huber_weight, robust_sigma
+from photoclinometry.model.scene import Scene
+from photoclinometry.surface.relief import local_frame
+
+log = logging.getLogger(__name__)
+
+AGREES = 3.0
+"""Shots lie on the map if their heights scatter about it by no more than this many of their standard deviations."""
+
+BETTER = 0.5
+"""Another place is taken only if the shots scatter there by less than this share: places that are wrong alike differ by
+little."""
+
+REACH = 0.75
+"""Shifts are sought up to this share of the map's width to either side: beyond, few shots of a track are left on it."""
+
+STEPS = 24
+"""Steps of the search to either side: of a 32nd of the map's width, a part of the length of its hills."""
+
+FEWEST_SHOTS, COVERED = 20, 0.3
+"""Fewest shots on the map, and least share of the most that lie on it at any of the places that are tried: of few
+shots, one of so many places fits by chance."""
+
+MOST_SHOTS = 2000
+"""Shots that are used at most, for speed: three numbers are sought."""
+
+FLAT = 0.01
+"""A direction is not shifted along if the ground's normals have so little of it, as a share of what they have of the
+one that they have most of: level ground does not tell where along itself a shot fell."""
+
+_ITERATIONS = 30
+
+
+def shift_onto(scene: Scene, tracks: AltimeterTracks) -> np.ndarray:
+    """(3,) by which the scene has to be shifted, in its frame, to lie under the shots; zeros where that is less than a
+    landmark's distance from the next, or where too few shots tell.
+
+    Iterative closest points along the map's normals, from where the scene is, and where that does not end on the shots,
+    from the places around at which the heights of most of them fit best (MOST_SHOTS of them, evenly chosen).
+    """
+    ground = _Ground(scene)
+    every = max(1, len(tracks) // MOST_SHOTS)
+    shots = ground.to_local(tracks.position[::every])
+    sigma = np.hypot(tracks.sigma, tracks.shift_sigma[tracks.track])[::every]
+    found, scatter = _settled(ground, shots, sigma, np.zeros(3))
+    if scatter > AGREES:
+        other, least = _settled(ground, shots, sigma, _best_place(ground, shots))
+        if least < BETTER * scatter:
+            found, scatter = other, least
+    if np.linalg.norm(found) < scene.spacing:
+        return np.zeros(3)
+    log.info(
+        "the map is shifted by %.4g m onto the altimeter's shots, which scatter about it by %.3g of their standard "
+        "deviations",
+        np.linalg.norm(found),
+        scatter,
+    )
+    return ground.turned(found)
+
+
+class _Ground:
+    """A map as a height field over its mean plane."""
+
+    def __init__(self, scene: Scene):
+        from scipy.spatial import KDTree
+
+        frame = local_frame(scene)
+        self.to_local, self.turned = frame.inverse(), lambda shift: frame.rotation @ shift
+        self.position = self.to_local(scene.landmarks.position)
+        self.normal = scene.landmarks.normal @ frame.rotation
+        self.spacing, self.width = scene.spacing, float(np.max(np.ptp(self.position[:, :2], axis=0)))
+        self._tree = KDTree(self.position[:, :2])
+
+    def nearest(self, shots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The landmark (n,) below each shot, and whether there is one (n,)."""
+        distance, index = self._tree.query(shots[:, :2])
+        return np.asarray(index), np.asarray(distance) <= self.spacing
+
+    def height_above(self, shots: np.ndarray) -> np.ndarray:
+        """(n,) of shots (n, 3) above the tangent planes, along z; NaN off the map and over its steepest ground."""
+        index, below = self.nearest(shots)
+        normal, arm = self.normal[index], shots - self.position[index]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(below & (normal[:, 2] > 0.1), np.sum(normal * arm, axis=1) / normal[:, 2], np.nan)
+
+
+def _best_place(ground: _Ground, shots: np.ndarray) -> np.ndarray:
+    """(3,) the shift of the map, among STEPS to either side, at which the shots' heights above it scatter least; zeros
+    where too few lie on the map."""
+    steps = np.linspace(-REACH, REACH, 2 * STEPS + 1) * ground.width
+    places = []
+    for shift in np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2):
+        above = ground.height_above(shots - [*shift, 0.0])
+        known = above[np.isfinite(above)]
+        if len(known) >= FEWEST_SHOTS:
+            middle = float(np.median(known))
+            places.append((len(known), robust_sigma(known - middle), np.array([*shift, middle])))
+    enough = COVERED * max((count for count, *_ in places), default=0)
+    covered = [(scatter, place) for count, scatter, place in places if count >= enough]
+    return min(covered, key=lambda one: one[0], default=(0.0, np.zeros(3)))[1]
+
+
+def _settled(ground: _Ground, shots: np.ndarray, sigma: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, float]:
+    """A shift (3,) of the map made better by closest points, and how far shots then scatter, in their sigmas (n,).
+
+    Zeros, and infinitely far, where fewer than FEWEST_SHOTS lie on the map.
+    """
+    scatter = np.inf
+    for _ in range(_ITERATIONS):
+        moved = shots - shift
+        index, below = ground.nearest(moved)
+        if np.count_nonzero(below) < FEWEST_SHOTS:
+            return np.zeros(3), np.inf
+        normal = ground.normal[index][below]
+        off = np.sum(normal * (moved - ground.position[index])[below], axis=1)
+        scatter = robust_sigma(off / sigma[below])
+        weight = huber_weight(off / (sigma[below] * max(scatter, 1.0))) / sigma[below] ** 2
+        value, axis = np.linalg.eigh(np.einsum("n,ni,nj->ij", weight, normal, normal))
+        told = value > FLAT * value[-1]
+        step = axis @ (
+            np.where(told, axis.T @ np.einsum("n,ni,n->i", weight, normal, off), 0.0) / np.where(told, value, 1)
+        )
+        shift = shift + step
+        if np.linalg.norm(step) < 0.01 * ground.spacing:
+            break
+    return shift, scatter
