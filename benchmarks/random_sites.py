@@ -24,9 +24,13 @@ import tyro
 import photoclinometry as pcm
 from outcomes import keep_outcome, read_outcomes, warning_codes
 from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.pipeline.products import RunResult
+from photoclinometry.pipeline.relief_check import relief_by_parallax
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
+from photoclinometry.simulate.truth import truth_maps
+from photoclinometry.simulate.truth_file import read_truth
 
 SEED = 77_000
 """Of site 0; that of site i is i more."""
@@ -46,6 +50,8 @@ FIGURES = {
     "albedo_relative_sigma_within_68_percent": ("albedos in 68 %", 0),
     "height_sigma_nees": ("NEES of heights", 2),
     "normal_sigma_nees": ("of normals", 2),
+    "relief_error_percent": ("relief over parallax, error [%]", 2),
+    "relief_error_sigmas": ("in sigmas", 2),
     "psnr_mean_db": ("PSNR [dB]", 1),
 }
 """What is tabled, with heading and digits."""
@@ -150,7 +156,8 @@ def mapped(i: int, out: Path, keep: bool) -> Outcome:
         return Outcome(site=i, simulation=in_short(options), error=str(error))
     spent = time.process_time() - begin
     found = pcm.evaluate(folder / "run", truth=folder / "site" / "truth.h5").metrics
-    figures = {name: float(value) for name, value in {**found, **result.metrics}.items() if name in FIGURES}
+    found |= result.metrics | _relief(result, folder / "site" / "truth.h5")
+    figures = {name: float(value) for name, value in found.items() if name in FIGURES}
     if not keep:
         shutil.rmtree(folder)
     return Outcome(
@@ -161,6 +168,19 @@ def mapped(i: int, out: Path, keep: bool) -> Outcome:
         trusted=result.trusted,
         cpu_s=round(spent, 1),
     )
+
+
+def _relief(result: RunResult, truth_file: Path) -> dict[str, float]:
+    """By how much the relief over that of the parallax, as the run tells it, differs from that over the true ground."""
+    scene, truth = result.scene, read_truth(truth_file)
+    true = truth_maps(truth, scene.views.name[scene.reference], scene.region).position[scene.cells]
+    known = np.isfinite(true).all(1)
+    check = relief_by_parallax(scene, true[known], scene.landmarks.pixel[known])
+    stated = result.metrics.get("relief_over_parallax_sigma")
+    if check is None or stated is None:
+        return {}
+    error = result.metrics["relief_over_parallax"] - check.ratio
+    return {"relief_error_percent": 100.0 * error, "relief_error_sigmas": error / stated}
 
 
 def table(outcomes: list[Outcome]) -> str:
@@ -179,7 +199,10 @@ def table(outcomes: list[Outcome]) -> str:
         lines.append("| " + " | ".join([name, *_cells(figures), "", "", "", ""]) + " |")
     verdicts = [each.verdict for each in outcomes]
     counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in sorted(set(verdicts)))
-    return "\n".join(lines) + f"\n\n{len(outcomes)} sites: {counts}.\n"
+    name = "relief_error_sigmas"
+    off = np.abs([each.figures[name] for each in outcomes if name in each.figures] or [np.nan])
+    relief = f"right within its sigma in {np.mean(off <= 1):.0%}, within two in {np.mean(off <= 2):.0%}"
+    return "\n".join(lines) + f"\n\n{len(outcomes)} sites: {counts}. Relief over parallax is {relief}.\n"
 
 
 def _cells(figures: dict[str, float]) -> list[str]:
