@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba
 import numpy as np
 
-from photoclinometry.adjust.graph.general import information_of_views
+from photoclinometry.adjust.graph.general import Rows, information_of_views
 from photoclinometry.adjust.graph.graph import Linearization
 from photoclinometry.adjust.solve.blocks import invert_blocks
 from photoclinometry.adjust.solve.directions import add_combination, shares
@@ -35,7 +37,7 @@ class DampedSystem:
         at.split(share)[1][:] = of_landmarks[:, None]
         self.added = (share * diagonal).astype(np.float32)
         self.parameter_inverse = np.linalg.inv(border + damping * np.diag(np.diag(border)))
-        self.view_inverse = _inverse_of_views(at, damping)
+        self.view_inverse, self.coupled = _inverse_of_views(at, damping)
         self.landmark_inverse = np.empty(at.landmarks.block.shape, np.float32)
         invert_blocks(at.landmarks.block, of_landmarks, self.landmark_inverse)
         self.coarse, self.coarse_inverse = np.zeros((0, len(self.added)), np.float32), np.zeros((0, 0))
@@ -69,10 +71,10 @@ class DampedSystem:
         out = np.empty_like(vector)
         view, landmark, parameter = self.at.split(vector)
         view_out, landmark_out, parameter_out = self.at.split(out)
-        if self.view_inverse.ndim == 2:
-            view_out[:] = (self.view_inverse @ view.ravel()).reshape(view.shape)
-        else:
-            view_out[:] = np.einsum("kij,kj->ki", self.view_inverse, view)
+        view_out[:] = np.einsum("kij,kj->ki", self.view_inverse, view)
+        if self.coupled is not None:
+            which, inverse = self.coupled
+            view_out[which] = (inverse @ view[which].ravel()).reshape(-1, view.shape[1])
         rows, inverse = self.at.smooth.rows, self.landmark_inverse
         landmark_out[:] = solve_approximately(self.at.neighbours, rows, inverse, landmark, self.degree, self.low)
         parameter_out[:] = self.parameter_inverse @ parameter
@@ -83,23 +85,31 @@ class DampedSystem:
         return out
 
 
-def _inverse_of_views(at: Linearization, damping: float) -> np.ndarray:
-    """Of the views' damped blocks (K, 10, 10); of all together (10 K, 10 K) where factors couple views.
+def _inverse_of_views(at: Linearization, damping: float) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
+    """Of the views' damped blocks (K, 10, 10); and which views (n,) factors couple with each other, with the inverse
+    (10 n, 10 n) of all these together, None where there are none.
 
     What such factors say of all views at once may be far weaker than of each alone, and is then what is left to find.
     """
+    block = at.views.block.copy()
+    np.einsum("kii->ki", block)[:] *= 1.0 + damping
     coupling = [rows for rows in at.several if rows.couple_views]
     if not coupling:
-        block = at.views.block.copy()
-        np.einsum("kii->ki", block)[:] *= 1.0 + damping
-        return np.linalg.inv(block)
-    alone = at.views.block.copy()
-    for rows in coupling:
+        return np.linalg.inv(block), None
+    which = np.unique(np.concatenate([touch.index for rows in coupling for touch in rows.touches]))
+    place = np.zeros(len(block), int)
+    place[which] = np.arange(len(which))
+    among = [
+        Rows(rows.residual, tuple(replace(touch, index=place[touch.index]) for touch in rows.touches))
+        for rows in coupling
+    ]
+    alone = at.views.block[which]
+    for rows in among:
         for touch in rows.touches:
             np.subtract.at(alone, touch.index, np.einsum("nri,nrj->nij", touch.jacobian, touch.jacobian))
-    whole = information_of_views(alone, coupling)
+    whole = information_of_views(alone, among)
     np.einsum("ii->i", whole)[:] *= 1.0 + damping
-    return np.linalg.inv(whole)
+    return np.linalg.inv(block), (which, np.linalg.inv(whole))
 
 
 def parameter_moves(system: DampedSystem, before: np.ndarray | None) -> np.ndarray:
