@@ -195,7 +195,19 @@ def test_shots_elsewhere_are_said_to_be_unused(known, caplog):
         warn_of_altimetry([], given=False)
         assert not caplog.records
         warn_of_altimetry([], given=True)
-    assert "no shot of the laser altimeter lies over the map" in caplog.text
+    assert "no shot of the laser altimeter can be used" in caplog.text
+    assert tracks_over(scene, replace(tracks, position=tracks.position / 1000.0)) is None, "kilometres"
+
+
+def test_tracks_of_single_shots_are_warned_of(known, caplog):
+    """A table whose `track` counts shots."""
+    scene, tracks, _, loose = known
+    every = np.arange(len(tracks))
+    own = replace(tracks, name=tuple(map(str, every)), track=every, shift_sigma=np.full(len(tracks), TRACK_M))
+    found = adjust(start_of(scene), INDEPENDENT, pose_priors=loose, altimetry=own)
+    with caplog.at_level(logging.WARNING):
+        warn_of_altimetry(altimetry_table(found.altimetry), given=True)
+    assert "have a single shot" in caplog.text
 
 
 def test_only_tracks_over_a_map_are_its_own(known):

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 
 CODES: Mapping[str, str] = {
     "altimetry-contradicts": "shots of a laser altimeter do not lie on the map, within what is known of their track",
+    "altimetry-tracks": "most tracks of a laser altimeter have a single shot",
     "altimetry-unused": "no shot of the laser altimeter lies over the map",
     "body-unknown": "a body of which nothing is known here is left out of a site that was made of archive files",
     "brightness-impossible": "the brightness of a view cannot be that of sunlit ground, and the view is left out",

@@ -30,6 +30,12 @@ BEYOND = 0.75
 """Shots this share of the map's width away from it may still come to lie on it, as its frame gets better: so far
 `registration.altimetry` looks for them."""
 
+FEW_SHOTS = 3
+"""So many shots may lie within the distance between two landmarks."""
+
+SINGLE = 0.5
+"""A table that gives more than this share of its tracks one shot has most likely numbered its shots."""
+
 CONTRADICTS = 5.0
 """A track contradicts the map if its shift is more than this many sigmas, root mean square over the three axes."""
 
@@ -43,13 +49,18 @@ does, and ground that is steeper than the map's landmarks tell apart leaves a fe
 
 
 def tracks_over(scene: Scene, tracks: AltimeterTracks) -> AltimeterTracks | None:
-    """The shots over a scene in their frame, with their tracks alone; None where there are none."""
+    """The shots over a scene in their frame, with their tracks alone.
+
+    None where there are none, or where all lie on one landmark, as kilometres do that are called metres.
+    """
     from scipy.spatial import KDTree
 
     ground = scene.landmarks.position
     width = float(np.max(np.ptp(ground, axis=0)))
     near = np.isfinite(KDTree(ground).query(tracks.position, distance_upper_bound=BEYOND * width)[0])
     if not near.any():
+        return None
+    if np.count_nonzero(near) > FEW_SHOTS and np.max(np.ptp(tracks.position[near], axis=0)) < scene.spacing:
         return None
     kept, number = np.unique(tracks.track[near], return_inverse=True)
     return AltimeterTracks(
@@ -129,10 +140,20 @@ def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None
         warn(
             log,
             "altimetry-unused",
-            "no shot of the laser altimeter lies over the map, which is as if there were none; check the frame and the "
-            "unit of the table",
+            "no shot of the laser altimeter can be used, as none lies over the map, or all lie on one landmark; check "
+            "that x_m, y_m, z_m are metres in the frame of the pose priors",
         )
     _warn_of_scatter(rows)
+    single = sum(row["shots"] == 1 for row in rows)
+    if single > SINGLE * len(rows) and single > 1:
+        warn(
+            log,
+            "altimetry-tracks",
+            "%d of the %d altimeter tracks on the map have a single shot, so that each shot is shifted by itself; give "
+            "all shots of one orbit the same `track`",
+            single,
+            len(rows),
+        )
     for row in rows:
         if row["shift_off_sigmas"] > CONTRADICTS:
             warn(

@@ -128,7 +128,7 @@ def marginals(
         [(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW, _BATCH)
     )
     reduced = eliminated(at, patches, frame)
-    if frame is None or keeps_frame:
+    if frame is not None and keeps_frame:
         common = _inverse_with_frame(reduced.information, at.view_moves(), reduced.along_similarity)
     else:
         common = _inverse(reduced.information)

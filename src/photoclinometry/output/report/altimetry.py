@@ -40,7 +40,8 @@ def draw_tracks(path: Path, scene: Scene, fit: AltimetryFit) -> Path:
             order = np.argsort(along)
             axis.plot(along[order], mapped[order, 2], color=_MAP, lw=1.2, label="map")
             axis.plot(along[used], measured[used, 2], ".", color=_SHOTS, ms=3, label="shots")
-            axis.plot(along[~used], measured[~used, 2], "x", color=_LEFT_OUT, ms=5, label="not used")
+            if not used.all():
+                axis.plot(along[~used], measured[~used, 2], "x", color=_LEFT_OUT, ms=5, label="not used")
             axis.set_title(fit.tracks.name[n], loc="left")
             axis.set_ylabel("height [m]")
         axes[-1, 0].set_xlabel("distance along the track [m]")

@@ -126,7 +126,7 @@ def _map_sections(work: Path, scene: Scene, images: Sequence[Image], content: Re
     if found:
         note = "One standard deviation. Errors that all views share count as far as the images show them."
         if scene.frame == BODY_FIXED:
-            note += " Position and height include the uncertainty of the map's place on the body, from the pose priors."
+            note += " Position and height include the uncertainty of the map's place on the body."
         sections.append(("Uncertainty", note, page.figures(found)))
     return sections
 
@@ -161,7 +161,11 @@ def _estimate_sections(work: Path, scene: Scene, content: ReportContent) -> list
     if content.altimetry and content.shots is not None:
         draw_tracks(work / "altimetry.png", scene, content.shots)
         shown = page.figures([("altimetry.png", CAPTION)], "grid wide half")
-        note = "How far the shots on the map are off after each track was shifted as a whole (RMS), and by how much."
+        note = (
+            "How far the shots on the map are off after each track was shifted as a whole (RMS; 1 of their sigmas is "
+            "right, above 3 is named), and by how much: the length of the shift, its sigma along each axis, and its "
+            "size in sigmas (RMS over the axes)."
+        )
         sections.append(("Laser altimetry", note, page.mapping_table(content.altimetry) + shown))
     if content.convergence:
         draw_convergence(work / "convergence.png", content.convergence)
