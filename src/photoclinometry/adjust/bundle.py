@@ -42,8 +42,7 @@ def pose_covariances(sparse: SparseModel, views: Views, priors: PosePriors, sigm
     model is the adjusted one."""
     graph, estimate = _problem(sparse.points, tracks_of(sparse, sigma_px), views, priors)
     count = len(views)
-    own = slice(VIEW_SIZE * count)
-    whole = marginals(linearized_graph(graph, estimate)).views[own, own].reshape(count, VIEW_SIZE, count, VIEW_SIZE)
+    whole = marginals(linearized_graph(graph, estimate)).views.reshape(count, VIEW_SIZE, count, VIEW_SIZE)
     local = whole[range(count), :6, range(count), :6]
     pose = views.body_from_cam
     by_local = pose_along_axes(np.swapaxes(pose.rotation, -1, -2), pose.translation - estimate.pivot)

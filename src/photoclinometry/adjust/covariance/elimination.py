@@ -28,7 +28,7 @@ class Eliminated:
     along_similarity: np.ndarray
     """(10 K + T, 7) its product with a similarity of views (`LinearizedGraph.view_moves`), found of what alone tells
     one. In S that is a small difference of large numbers, of which rounding and the ridge under landmarks leave less
-    than they add."""
+    than they add. Zero without a frame that is kept."""
     own: np.ndarray
     """(J, 2, 6, 6) of each landmark, by keypoints and by brightness."""
     frame_by_common: np.ndarray
@@ -36,8 +36,11 @@ class Eliminated:
     parameters; zero without one."""
 
 
-def eliminated(at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.ndarray | None) -> Eliminated:
-    """The landmarks eliminated, patch (first, last) by patch; frame: (J,) bool, those that the similarity fits."""
+def eliminated(
+    at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.ndarray | None, *, keeps_frame: bool = False
+) -> Eliminated:
+    """The landmarks eliminated, patch (first, last) by patch; frame: (J,) bool, those that the similarity fits;
+    keeps_frame: whether it is that of priors, which alone tell it."""
     own, by_view = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE)), at.view_moves()
 
     def eliminate(some: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -53,8 +56,7 @@ def eliminated(at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.nd
             index, half = coupling_of(at, patch)
             solve_lower(factor, half)
             _subtract(total, index, half.T @ half)
-            pull = at.landmark_pull(first, last, by_view)
-            if pull.any():
+            if keeps_frame and (pull := at.landmark_pull(first, last, by_view)).any():
                 solve_lower(factor, pull)
                 pulled[index] -= half.T @ pull
             if frame is not None:
@@ -66,7 +68,9 @@ def eliminated(at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.nd
     parts = in_threads(eliminate, runs(len(patches)))
     total = at.common_prior + sum(part for part, *_ in parts)
     total = np.tril(total) + np.tril(total, -1).T
-    pulled = at.common_prior @ by_view + at.common_pull(by_view) + sum(part for _, part, _ in parts)
+    pulled = sum((part for _, part, _ in parts), np.zeros_like(by_view))
+    if keeps_frame:
+        pulled += at.common_prior @ by_view + at.common_pull(by_view)
     moved = sum((part for *_, part in parts), np.zeros((SIMILARITY, len(total))))
     if frame is None:
         return Eliminated(total, pulled, own, moved)

@@ -127,17 +127,17 @@ def marginals(
     patches, windows, batches = (
         [(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW, _BATCH)
     )
-    reduced = eliminated(at, patches, frame)
-    if frame is not None and keeps_frame:
-        common = _inverse_with_frame(reduced.information, at.view_moves(), reduced.along_similarity)
-    else:
-        common = _inverse(reduced.information)
+    reduced = eliminated(at, patches, frame, keeps_frame=keeps_frame)
     of_frame = similarity = None
-    if frame is not None and keeps_frame:
+    if frame is None:
+        common = _inverse(reduced.information)
+    elif keeps_frame:
+        common = _inverse_with_frame(reduced.information, at.view_moves(), reduced.along_similarity)
         similarity = reduced.frame_by_common @ common @ reduced.frame_by_common.T
         move = at.landmark_moves(0, count)
         of_frame = move @ similarity @ np.swapaxes(move, 1, 2)
-    elif frame is not None:
+    else:
+        common = _inverse(reduced.information)
         kept = np.eye(len(common)) - at.view_moves() @ reduced.frame_by_common
         common = kept @ common @ kept.T
     landmark = _given_views(at, reduced.own, errors, windows)
