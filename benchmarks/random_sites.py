@@ -23,7 +23,7 @@ import tyro
 
 import photoclinometry as pcm
 from outcomes import keep_outcome, read_outcomes, warning_codes
-from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.relief_check import relief_by_parallax
 from photoclinometry.simulate.camera_model import Detector
@@ -155,9 +155,7 @@ def mapped(i: int, out: Path, keep: bool) -> Outcome:
     except ReconstructionError as error:
         return Outcome(site=i, simulation=in_short(options), error=str(error))
     spent = time.process_time() - begin
-    found = pcm.evaluate(folder / "run", truth=folder / "site" / "truth.h5").metrics
-    found |= result.metrics | _relief(result, folder / "site" / "truth.h5")
-    figures = {name: float(value) for name, value in found.items() if name in FIGURES}
+    figures = _figures(result, folder)
     if not keep:
         shutil.rmtree(folder)
     return Outcome(
@@ -168,6 +166,17 @@ def mapped(i: int, out: Path, keep: bool) -> Outcome:
         trusted=result.trusted,
         cpu_s=round(spent, 1),
     )
+
+
+def _figures(result: RunResult, folder: Path) -> dict[str, float]:
+    """Those of FIGURES; none of a map that lies nowhere near the true ground."""
+    truth = folder / "site" / "truth.h5"
+    try:
+        found = pcm.evaluate(folder / "run", truth=truth).metrics
+    except InputError:
+        return {}
+    found |= result.metrics | _relief(result, truth)
+    return {name: float(value) for name, value in found.items() if name in FIGURES}
 
 
 def _relief(result: RunResult, truth_file: Path) -> dict[str, float]:

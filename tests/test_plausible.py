@@ -280,5 +280,5 @@ def test_a_view_in_another_unit_leaves_poses_of_the_others(tmp_path):
     inputs = read_inputs(folder, read_site(tmp_path / "site.toml"))
     sparse = folder.done(SparseReconstruction(inputs=inputs, options=OPTIONS))
     assert sparse.value.registered.tolist() == [True, True, False, True, True]
-    _, left_out = choose_views(folder, PosedImages(inputs=inputs, sparse=sparse), np.zeros(5, bool), None)
-    assert left_out == inputs.value.unusable
+    chosen = choose_views(folder, PosedImages(inputs=inputs, sparse=sparse), np.zeros(5, bool), None)
+    assert chosen.left_out == inputs.value.unusable

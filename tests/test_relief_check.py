@@ -92,7 +92,7 @@ def test_a_relief_is_wrong_where_parallax_says_so_and_not_where_it_says_little()
 def test_suns_that_move_alike_or_alone_are_named(scene):
     views = replace(scene.views, sun_sigma=np.full(5, 1e-3), sun_common_sigma=np.full(5, 1e-2))
 
-    def codes(moved):
+    def codes(moved, scene=scene):
         with collected_warnings() as warned:
             warn_of_suns(replace(scene, views=moved))
         return [(warning.code, warning.view) for warning in warned]
@@ -100,6 +100,8 @@ def test_suns_that_move_alike_or_alone_are_named(scene):
     assert codes(views) == []
     turned = replace(views, sun_measured=views.sun_measured @ so3_exp(np.array([0.08, 0.0, 0.0])).T)
     assert codes(turned) == [("suns-moved", "")]
+    uncertain = replace(scene, uncertainty={"sun": np.full((5, 2), 0.05)})
+    assert codes(turned, uncertain) == [], "4.6 degrees, and the estimate knows the Suns to 2.9"
     one = views.sun_measured.copy()
     one[2] = one[2] @ so3_exp(np.array([0.03, 0.0, 0.0])).T
     alone = replace(views, sun_measured=one, sun_common_sigma=np.zeros(5))

@@ -15,7 +15,7 @@ from photoclinometry.output.report.overview import UNCHECKED_RELIEF
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.pose_priors import prior_table
-from photoclinometry.pipeline.rendering_check import POOR_PSNR_DB, warn_of_renderings
+from photoclinometry.pipeline.rendering_check import OFF, POOR_FIT_PERCENT, POOR_PSNR_DB, warn_of_renderings
 from photoclinometry.pipeline.result_display import result_card
 from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.stage import Stage, Tools
@@ -84,7 +84,12 @@ def test_of_warnings_about_one_view_the_latest_counts():
 
 @pytest.mark.parametrize(
     ("metrics", "codes"),
-    [({"psnr_mean_db": POOR_PSNR_DB - 0.1}, ["renderings-differ"]), ({"psnr_mean_db": POOR_PSNR_DB}, []), ({}, [])],
+    [
+        ({"psnr_mean_db": POOR_PSNR_DB - 0.1}, ["renderings-differ"]),
+        ({"psnr_mean_db": POOR_PSNR_DB, OFF: POOR_FIT_PERCENT}, []),
+        ({"psnr_mean_db": POOR_PSNR_DB + 9.0, OFF: POOR_FIT_PERCENT + 0.1}, ["renderings-differ"]),
+        ({}, []),
+    ],
 )
 def test_renderings_that_differ_from_the_images_are_warned_of(metrics, codes):
     with collected_warnings() as warned:

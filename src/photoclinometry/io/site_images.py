@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import numpy as np
 from photoclinometry.io.dark_level import dark_levels, darkest_pixels, without_dark_level
 from photoclinometry.io.exposure import off_body_mask, why_it_shows_nothing
 from photoclinometry.io.images import read_image
+from photoclinometry.io.jpeg_blocks import shows_jpeg_blocks
 from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
@@ -39,6 +40,8 @@ class SiteImages:
     """Views without a valid pixel or without anything to be seen, by name, with the reason as a clause."""
     impossible: dict[str, str]
     """Other views, whose brightness as it is in their files cannot be that of ground; as `empty`."""
+    compressed: tuple[str, ...]
+    """Names of views whose images show the blocks of JPEG."""
 
 
 def load_images(site: Site, progress: Progress = no_progress) -> list[Image]:
@@ -48,11 +51,11 @@ def load_images(site: Site, progress: Progress = no_progress) -> list[Image]:
     progress: called with "images", images read and images in all after each. Raises ImageError for images that are
     missing, unreadable, of another size than their camera, empty, dark, or the same as another.
     """
-    images, levels, nothing = _read_images(site, progress)
+    found = _read_images(site, progress)
     for view in site.views:
-        if view.name in nothing:
-            raise ImageError(f"{view.image}: {nothing[view.name]}; remove this view")
-    return _less_dark_levels(images, levels)
+        if view.name in found.nothing:
+            raise ImageError(f"{view.image}: {found.nothing[view.name]}; remove this view")
+    return _less_dark_levels(found.images, found.levels)
 
 
 def load_plausible_images(site: Site, progress: Progress = no_progress) -> SiteImages:
@@ -60,20 +63,40 @@ def load_plausible_images(site: Site, progress: Progress = no_progress) -> SiteI
 
     Raises SiteError and ImageError, also where too few others remain (`plausible.impossible_views`).
     """
-    images, levels, nothing = _read_images(site, progress)
-    empty = {name: f"it {reason}; remove this view, or correct its image or mask" for name, reason in nothing.items()}
-    impossible = impossible_views(site, images, empty)
-    return SiteImages(images=_less_dark_levels(images, levels), empty=empty, impossible=impossible)
+    found = _read_images(site, progress)
+    remedy = "remove this view, or correct its image or mask"
+    empty = {name: f"it {reason}; {remedy}" for name, reason in found.nothing.items()}
+    return SiteImages(
+        images=_less_dark_levels(found.images, found.levels),
+        empty=empty,
+        impossible=impossible_views(site, found.images, empty),
+        compressed=found.compressed,
+    )
 
 
-def _read_images(site: Site, progress: Progress) -> tuple[list[Image], np.ndarray, dict[str, str]]:
-    """The images of all views as they are, their dark levels (K,), 0 for calibrated ones, and why some show nothing,
-    by name. Raises ImageError."""
+@dataclass(frozen=True, kw_only=True)
+class _Read:
+    """The images of all K views as they are."""
+
+    images: list[Image]
+    levels: np.ndarray
+    """(K,) dark levels, 0 of calibrated images."""
+    nothing: dict[str, str]
+    """Why some show nothing, by name."""
+    compressed: tuple[str, ...]
+    """Names of those with the blocks of JPEG."""
+
+
+def _read_images(site: Site, progress: Progress) -> _Read:
+    """Raises ImageError."""
     _check_existence(site)
-    images, nothing, darkest, seen = [], {}, {}, {}
+    images, nothing, darkest, seen, compressed = [], {}, {}, {}, []
     for number, view in enumerate(site.views, start=1):
-        whole = read_view_image(site, view)
+        of_file = _read_linear(site, view)
+        whole = undistorted(of_file, view)
         _check_size(view, whole)
+        if shows_jpeg_blocks(of_file):
+            compressed.append(view.name)
         image = Image(view.name, whole.brightness, whole.valid & ~off_body_mask(whole))
         reason = why_it_shows_nothing(whole) if image.valid.any() else _NO_PIXEL
         if reason:
@@ -87,16 +110,20 @@ def _read_images(site: Site, progress: Progress) -> tuple[list[Image], np.ndarra
     levels = np.zeros(len(images))
     if darkest:
         levels[list(darkest)] = dark_levels(list(darkest.values()), [site.views[k].camera for k in darkest])
-    return images, levels, nothing
+    return _Read(images=images, levels=levels, nothing=nothing, compressed=tuple(compressed))
+
+
+def first_of(names: Sequence[str]) -> str:
+    """The first few of many names."""
+    return ", ".join(names[:_LISTED]) + (", ..." if len(names) > _LISTED else "")
 
 
 def _check_existence(site: Site) -> None:
     """Raises ImageError if images are missing."""
     missing = [str(view.image) for view in site.views if not view.image.exists()]
     if missing:
-        listed = ", ".join(missing[:_LISTED]) + (", ..." if len(missing) > _LISTED else "")
         raise ImageError(
-            f"{site.path}: {len(missing)} of {len(site.views)} images do not exist: {listed}; "
+            f"{site.path}: {len(missing)} of {len(site.views)} images do not exist: {first_of(missing)}; "
             "image paths are relative to this file"
         )
 
@@ -125,13 +152,18 @@ def read_view_image(site: Site, view: SiteView) -> Image:
 
     Raises ImageError.
     """
+    return undistorted(_read_linear(site, view), view)
+
+
+def _read_linear(site: Site, view: SiteView) -> Image:
+    """The image of a view as of `read_view_image`, with the pixels of its file. Raises ImageError."""
     decoded = view.gamma != LINEAR
     image = read_image(view.image, linear=site.linear or decoded, remedy="write linear = true in site.toml")
     valid = image.valid & view.masking.usable(image.valid.shape)
     brightness = np.where(valid, image.brightness, np.float32(0))
     if decoded:
         brightness = raised(brightness, view.gamma, 1.0).astype(np.float32)
-    return undistorted(Image(image.name, brightness, valid), view)
+    return Image(image.name, brightness, valid)
 
 
 def undistorted(image: Image, view: SiteView) -> Image:

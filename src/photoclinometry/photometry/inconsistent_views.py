@@ -1,7 +1,9 @@
 """Which views to leave out, and why: those whose brightness contradicts all the others (`sun_check`).
 
 One view at a time is left out: the one without which the fewest contradictions remain. Its own contradiction must be
-larger than all uncertainties together, and must hold whichever single other view is left out (jackknife).
+larger than all uncertainties together, and must hold whichever single other view is left out (jackknife). Where that
+does not tell which view is wrong, those that stand out are doubtful: the dense map tells more of their Suns
+(`doubtful_suns`).
 """
 
 from __future__ import annotations
@@ -70,6 +72,18 @@ class InconsistentViews:
     """(K,) bool."""
     reason: np.ndarray
     """(K,) str; empty where the view is kept."""
+    doubtful: np.ndarray
+    """(K,) bool: kept, though the sparse points contradict their Suns."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contradictions:
+    """What the Sun checks of a `coarse_scene` come to; views by their index."""
+
+    left_out: tuple[tuple[int, str], ...] = ()
+    """To be left out, in this order, and why."""
+    doubtful: tuple[int, ...] = ()
+    """Those that stand out where the wrong ones cannot be told from the right ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,30 +114,32 @@ def find_inconsistent_views(
     None where there are fewer than MIN_POINTS sparse points. Raises InputError if in half of the views, or in one of
     few, the stated Sun lights nearly none of the bright ground.
     """
-    left_out, reason = np.zeros(len(views), bool), np.full(len(views), "", object)
-    kept, found = np.flatnonzero(sparse.registered), []
+    left_out, doubtful = np.zeros((2, len(views)), bool)
+    reason = np.full(len(views), "", object)
+    kept, found = np.flatnonzero(sparse.registered), Contradictions()
     if len(sparse.points) >= MIN_POINTS:
         scene = coarse_scene(sparse, images, views, reflectance, brightness)
         _check_horizons(scene)
         found = inconsistent_views(scene)
-    for k, why in found:
+    for k, why in found.left_out:
         left_out[kept[k]], reason[kept[k]] = True, why
-    return InconsistentViews(left_out=left_out, reason=reason.astype(str))
+    doubtful[kept[list(found.doubtful)]] = True
+    return InconsistentViews(left_out=left_out, reason=reason.astype(str), doubtful=doubtful)
 
 
-def inconsistent_views(scene: Scene) -> list[tuple[int, str]]:
-    """Views of a `coarse_scene` to leave out, in this order, and why.
+def inconsistent_views(scene: Scene) -> Contradictions:
+    """Views of a `coarse_scene` to leave out, and doubtful ones.
 
-    None if the remaining views still contradict each other far beyond the models' errors: then the wrong ones cannot be
-    told from the right ones, and a warning names them.
+    None is left out if the remaining views still contradict each other far beyond the models' errors: then the wrong
+    ones cannot be told from the right ones. Suns that are wrong as a whole are warned of.
     """
-    used, found = np.ones(len(scene.views), bool), []
+    used, found, doubtful = np.ones(len(scene.views), bool), [], ()
     while (used & (checks := _check_suns(scene, used)).inconsistent()).any():
         worst = _worst(scene, used, checks) if used.sum() > MIN_OTHER_VIEWS else None
         if worst is None:
-            _warn_undecided(scene, used, checks)
+            doubtful = _doubtful(scene, used, checks)
             if checks.typical_off(used) > SIGMAS * MODEL_RAD:
-                return []
+                return Contradictions(doubtful=doubtful)
             break
         used[worst[0]] = False
         found.append(worst)
@@ -131,7 +147,7 @@ def inconsistent_views(scene: Scene) -> list[tuple[int, str]]:
     for view, why in found:
         name = scene.views.name[view]
         warn(log, "view-left-out", "%s is left out: %s", name, why, view=name)
-    return found
+    return Contradictions(left_out=tuple(found), doubtful=doubtful)
 
 
 def _exposed_otherwise(scene: Scene, used: np.ndarray) -> list[tuple[int, str]]:
@@ -195,8 +211,11 @@ def _most_contradicting(scene: Scene, used: np.ndarray, checks: _SunChecks) -> t
     return k, sigma
 
 
-def _warn_undecided(scene: Scene, used: np.ndarray, checks: _SunChecks) -> None:
-    """Names the views that stand out, or all inconsistent ones where even the typical Sun is off.
+def _doubtful(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, ...]:
+    """The views that stand out, or all inconsistent ones where even the typical Sun is off.
+
+    None, and a warning, where the Suns as a whole are wrong, or a view looks like the ground under no Sun: the map
+    tells no more of these.
 
     Of few views those that stand out whichever single other one is left out: the ground from the two or three others
     is uncertain by itself, and says nothing of the Suns as a whole.
@@ -210,13 +229,24 @@ def _warn_undecided(scene: Scene, used: np.ndarray, checks: _SunChecks) -> None:
     out = used & ((checks.off > limit * sigma) | (checks.explained < MIN_EXPLAINED))
     if contradict:
         out |= used & checks.inconsistent()
-    if out.any():
-        named = ", ".join(scene.views.name[k] for k in np.flatnonzero(out))
-        warn(
-            log, "most-suns-contradict" if contradict and typical > AS_A_WHOLE_RAD else "sun-undecided",
-            "the Sun directions and the brightness of the views contradict each other (%s), and %d views do not tell "
-            "which is wrong; all of these are kept: check their `sun`", named, used.sum(),
-        )  # fmt: skip
+    found = tuple(np.flatnonzero(out).tolist())
+    as_a_whole = contradict and typical > AS_A_WHOLE_RAD
+    if as_a_whole or (checks.explained[out] < MIN_EXPLAINED).any():
+        warn_undecided([scene.views.name[k] for k in found], int(used.sum()), as_a_whole=as_a_whole)
+        return ()
+    return found
+
+
+def warn_undecided(names: Sequence[str], views: int, *, as_a_whole: bool = False) -> None:
+    """Warns of views whose Suns and brightness contradict each other, among so many views.
+
+    as_a_whole: whether that says that the Suns as a whole are wrong.
+    """
+    warn(
+        log, "most-suns-contradict" if as_a_whole else "sun-undecided",
+        "the Sun directions and the brightness of the views contradict each other (%s), and %d views do not tell which "
+        "is wrong; all of these are kept: check their `sun`", ", ".join(names), views,
+    )  # fmt: skip
 
 
 def _check_suns(scene: Scene, used: np.ndarray) -> _SunChecks:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -17,6 +17,7 @@ from photoclinometry.pipeline.blurred_views import views_to_leave_out, why_left_
 from photoclinometry.pipeline.choices import Choices
 from photoclinometry.pipeline.common_sun_error import CheckSuns
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
+from photoclinometry.pipeline.doubtful_suns import CheckDoubtfulSuns
 from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.map_stages import FinishedMap, Iterate, MapStages, Relit
 from photoclinometry.pipeline.model_choice import ChooseModel
@@ -26,7 +27,7 @@ from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_paralla
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.response_check import CheckResponse, ResponseCheck, models_that_tell
 from photoclinometry.pipeline.run_folder import RunFolder
-from photoclinometry.pipeline.sparse_stages import PosedImages
+from photoclinometry.pipeline.sparse_stages import ChosenViews, PosedImages
 from photoclinometry.pipeline.stage import Keyed, digest
 
 log = logging.getLogger(__name__)
@@ -52,13 +53,13 @@ class CheckedMap:
         return self.relief is not None and self.relief.is_off()
 
 
-def checked_map(folder: RunFolder, posed_site: PosedSite, used: PosedImages, dense: MatchDensely) -> CheckedMap:
+def checked_map(folder: RunFolder, posed_site: PosedSite, chosen: ChosenViews, dense: MatchDensely) -> CheckedMap:
     """All stages from dense matching to the finished map.
 
     A map whose relief contradicts the parallax is made a second time with Suns, biases and reflectance held at what is
-    known of them, and the one that is nearer to the parallax is returned. used: the views to map with.
+    known of them, and the one that is nearer to the parallax is returned. chosen: the views to map with.
     """
-    made = partial(_mapped, folder, posed_site, used, dense)
+    made = partial(_mapped, folder, posed_site, chosen, dense)
     found = made(holds_photometry=False)
     if posed_site.choices.reflectance is None or not found.contradicts_parallax:
         return found
@@ -77,9 +78,9 @@ def checked_map(folder: RunFolder, posed_site: PosedSite, used: PosedImages, den
 
 
 def _mapped(
-    folder: RunFolder, posed_site: PosedSite, used: PosedImages, dense: MatchDensely, *, holds_photometry: bool
+    folder: RunFolder, posed_site: PosedSite, chosen: ChosenViews, dense: MatchDensely, *, holds_photometry: bool
 ) -> CheckedMap:
-    choices = posed_site.choices
+    choices, used = posed_site.choices, chosen.used
     tracks = folder.done(dense)
     scene = folder.done(InitialScene(posed=used, place=dense.place, dense=tracks, reflectance=choices.reflectance))
     matched = tracks.value.position, tracks.value.pixel
@@ -95,7 +96,7 @@ def _mapped(
     model = _last_model(folder, choices, relit, holds_photometry=holds_photometry)
     response = None
     if model is not None and not holds_photometry:
-        relit, model, response = _with_photometry_checked(folder, posed_site, relit, model)
+        relit, model, response = _with_photometry_checked(folder, posed_site, relit, model, chosen.doubtful)
     finished = maps.last_estimate(relit, model)
     return CheckedMap(
         finished=finished,
@@ -108,9 +109,14 @@ def _mapped(
 
 
 def _with_photometry_checked(
-    folder: RunFolder, posed_site: PosedSite, relit: Relit, model: Reflectance
+    folder: RunFolder, posed_site: PosedSite, relit: Relit, model: Reflectance, doubtful: Sequence[str]
 ) -> tuple[Relit, Reflectance, ResponseCheck]:
-    """The start and the model of the last estimate, after a look for errors that all views have in common."""
+    """The start and the model of the last estimate, after a look at doubtful Suns, by name, and for errors that all
+    views have in common."""
+    if doubtful:
+        own = folder.done(CheckDoubtfulSuns(relit=relit.start, reflectance=model, doubtful=doubtful)).value
+        if own.wrong.any():
+            relit = _with_scene(relit, own.taken_into_account(relit.start.value.scene))
     suns = folder.done(CheckSuns(relit=relit.start, reflectance=model)).value
     if suns.is_clear:
         relit = _with_scene(relit, suns.taken_into_account(relit.start.value.scene))
@@ -124,8 +130,8 @@ def _with_photometry_checked(
 def _with_scene(relit: Relit, scene: Scene) -> Relit:
     """With another scene to start the last estimate from."""
     views = scene.views
-    start = Keyed(replace(relit.start.value, scene=scene), digest(relit.start, views.sun, views.sun_common_sigma))
-    return replace(relit, start=start)
+    key = digest(relit.start, views.sun, views.sun_sigma, views.sun_common_sigma)
+    return replace(relit, start=Keyed(replace(relit.start.value, scene=scene), key))
 
 
 def _last_model(

@@ -9,6 +9,7 @@ import numpy as np
 
 from photoclinometry.adjust.graph.sun_directions import sun_offsets
 from photoclinometry.model.scene import Scene
+from photoclinometry.model.sigma import sigma_of_length
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import MODEL_RAD
 
@@ -18,6 +19,9 @@ ALIKE, BY_ITSELF = 4.0, 6.0
 """Standard deviations beyond which all Suns together, and a single one, have moved too far. Those of 18 simulated maps,
 whose ground has another reflectance than the one inverted, move by 4.0 at most, 1.1 in the root mean square. With a
 model that has no parameters single ones move by 8, which are half a degree: MODEL_RAD of movement is always allowed."""
+TELLING = 2.0
+"""Standard deviations, by the estimate itself, within which Suns that moved together are where they were: where views
+contradict each other, it does not know the Suns better (sigmas of 2 degrees of Suns stated to 0.3)."""
 
 
 def warn_of_suns(scene: Scene) -> None:
@@ -28,7 +32,7 @@ def warn_of_suns(scene: Scene) -> None:
     own, common = sun_offsets(views)
     own_off, together = np.linalg.norm(own, axis=1), float(np.linalg.norm(common))
     turned = together * float(np.max(views.sun_common_sigma))
-    if together > ALIKE and turned > MODEL_RAD:
+    if together > ALIKE and turned > max(MODEL_RAD, TELLING * _estimated_sigma(scene)):
         warn(
             log, "suns-moved",
             "the estimate has turned all Suns alike by %.1f degrees, %.0f standard deviations of what is stated: check "
@@ -43,3 +47,9 @@ def warn_of_suns(scene: Scene) -> None:
             "is stated: check its `sun`, or state with `sun_common_sigma_deg` which part of the errors all Suns share",
             views.name[k], degrees, own_off[k], view=views.name[k],
         )  # fmt: skip
+
+
+def _estimated_sigma(scene: Scene) -> float:
+    """Median standard deviation of a Sun along each of two axes, by the estimate [rad]; 0 where it states none."""
+    stated = scene.uncertainty.get("sun")
+    return 0.0 if stated is None else float(np.median(sigma_of_length(stated, 2))) / math.sqrt(2.0)

@@ -24,14 +24,15 @@ from photoclinometry.pipeline.altimetry import (
 )
 from photoclinometry.pipeline.blurred_views import warn_of_blurred_views
 from photoclinometry.pipeline.control import control_metrics, control_table, warn_of_contradictions
+from photoclinometry.pipeline.dark_level_check import warn_of_dark_level
 from photoclinometry.pipeline.moved_suns import warn_of_suns
 from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
 from photoclinometry.pipeline.relief_check import ReliefCheck, warn_of_relief
 from photoclinometry.pipeline.relighting import IterationFigures
-from photoclinometry.pipeline.rendering_check import warn_of_renderings
+from photoclinometry.pipeline.rendering_check import OFF, warn_of_renderings
 from photoclinometry.pipeline.response_check import ResponseCheck
 from photoclinometry.pipeline.run_folder import RunFolder
-from photoclinometry.pipeline.trust import change_explained, why_untrusted
+from photoclinometry.pipeline.trust import brightness_off, change_explained, why_untrusted
 
 Row = dict[str, Any]
 """Of a table, by name of column."""
@@ -149,7 +150,11 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     warn_of_suns(scene)
     warn_of_relief(summary.relief)
     warn_of_blurred_views(scene)
+    warn_of_dark_level(scene, images)
     metrics = evaluate_scene(scene, images, per_view=used, held_out=aside)
+    if scene.reflectance is not None:
+        metrics["brightness_change_explained_percent"] = 100.0 * change_explained(scene)
+        metrics[OFF] = 100.0 * brightness_off(scene)
     warn_of_renderings(metrics)
     metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
     metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
@@ -162,8 +167,6 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
         metrics["psf_sigma_px"] = summary.psf_sigma_px
     if summary.response is not None:
         metrics |= summary.response.metrics()
-    if scene.reflectance is not None:
-        metrics["brightness_change_explained_percent"] = 100.0 * change_explained(scene)
     how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}
     views = [{"used": True, **row, **how.get(row["name"], {})} for row in used + aside]
     views += [{"name": name, "used": False, "left_out": reason} for name, reason in summary.left_out.items()]

@@ -75,8 +75,9 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
     """The stages after the sparse one, and what they leave. config: what shaped the map, for its report."""
     site, posed, choices, options = posed_site.site, posed_site.posed, posed_site.choices, posed_site.options
     checked_with = choices.reflectance if options.check_views else None
-    used, left_out = choose_views(folder, posed, choices.held_out, checked_with)
-    check_reference(site, left_out)
+    chosen = choose_views(folder, posed, choices.held_out, checked_with)
+    check_reference(site, chosen.left_out)
+    used = chosen.used
     dense = MatchDensely(
         posed=used,
         place=folder.done(ChooseRegion(posed=used, request=site.region, options=options.region)),
@@ -85,13 +86,13 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
         densify=options.densify,
         depth=posed_site.depth,
     )
-    found = checked_map(folder, posed_site, used, dense)
+    found = checked_map(folder, posed_site, chosen, dense)
     brought_in = posed.sparse.value.how_brought_in()
     summary = RunSummary(
         adjustment=found.finished.value.adjustment,
         images=posed.inputs.value.images,
         config=config,
-        left_out=left_out | dict(found.left_out),
+        left_out=chosen.left_out | dict(found.left_out),
         brought_in={posed.views.name[k]: how for k, how in brought_in.items()},
         held_out=_place_held_out(folder, found.finished, posed, choices),
         iterations=found.iterations,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from photoclinometry.io.site import RegionRequest, Site
-from photoclinometry.io.site_images import input_fingerprint, load_plausible_images
+from photoclinometry.io.site_images import first_of, input_fingerprint, load_plausible_images
 from photoclinometry.io.site_views import views_at
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
@@ -156,6 +156,13 @@ def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
         warn(log, "view-empty", "%s is left out: %s", name, reason, view=name)
     for name, reason in found.impossible.items():
         warn(log, "brightness-impossible", "%s is left out: %s", name, reason, view=name)
+    if found.compressed:
+        warn(
+            log, "image-compressed",
+            "%d of %d images show the blocks of JPEG (%s): compression takes the shading of single pixels, and "
+            "surfaces were up to four times as far from the truth. Get images that were compressed without loss",
+            len(found.compressed), len(found.images), first_of(found.compressed),
+        )  # fmt: skip
     unusable = found.empty | found.impossible
     return Keyed(Inputs(site=alone, images=found.images, unusable=unusable), input_fingerprint(alone))
 
@@ -165,10 +172,21 @@ def without_priors(site: Site) -> Site:
     return replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
 
 
+@dataclass(frozen=True, kw_only=True)
+class ChosenViews:
+    """The views that a map is made of, and what is to be said of others."""
+
+    used: PosedImages
+    left_out: dict[str, str]
+    """Names of the others but for those held out, with why they are left out."""
+    doubtful: tuple[str, ...] = ()
+    """Names of used ones whose Suns the sparse points contradict."""
+
+
 def choose_views(
     folder: RunFolder, posed: PosedImages, held_out: np.ndarray, reflectance: Reflectance | None
-) -> tuple[PosedImages, dict[str, str]]:
-    """The views that the map is made of, and names of the others but for those held out, with why they are left out.
+) -> ChosenViews:
+    """The views that the map is made of.
 
     Left out are views that did not register, or that contradict the others. held_out: (K,) bool. reflectance: None
     where views are not checked.
@@ -176,11 +194,14 @@ def choose_views(
     names = posed.views.name
     left_out = {names[k]: reason for k, reason in posed.sparse.value.why_unregistered().items()}
     used = posed.without(held_out)
-    if reflectance is not None:
-        found = folder.done(InconsistentViews(posed=used, reflectance=reflectance)).value
-        left_out |= {names[k]: str(found.reason[k]) for k in np.flatnonzero(found.left_out)}
-        used = posed.without(held_out | found.left_out)
-    return used, left_out
+    if reflectance is None:
+        return ChosenViews(used=used, left_out=left_out)
+    found = folder.done(InconsistentViews(posed=used, reflectance=reflectance)).value
+    return ChosenViews(
+        used=posed.without(held_out | found.left_out),
+        left_out=left_out | {names[k]: str(found.reason[k]) for k in np.flatnonzero(found.left_out)},
+        doubtful=tuple(names[k] for k in np.flatnonzero(found.doubtful)),
+    )
 
 
 def check_reference(site: Site, left_out: Mapping[str, str]) -> None:

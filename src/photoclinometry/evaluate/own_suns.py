@@ -1,0 +1,52 @@
+"""The Sun of each view by itself, as the brightness of some landmarks tells it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.evaluate.kept_out_views import jackknife_sigma, parts_of_views, photometry_by, sample_of
+from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Scene
+
+FREE_SUN_RAD = math.radians(10.0)
+"""Standard deviation of each Sun's own error, where it is to be found [rad]."""
+PARTS = 10
+"""Parts of the views, at most, each of which is left out once: every one costs an estimate."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnSuns:
+    """Suns of K views, each free by itself."""
+
+    sun: np.ndarray
+    """(K, 3) unit vectors towards the Sun, in B."""
+    off: np.ndarray
+    """(K,) angles from the measured ones [rad]."""
+    sigma: np.ndarray
+    """(K,) their standard deviations along each of two axes, by leaving parts of the other views out [rad]."""
+
+
+def own_suns(scene: Scene, reflectance: Reflectance, landmarks: int) -> OwnSuns:
+    """Suns as brightness tells them, each independent of the others and of what is stated.
+
+    Some landmarks, about so many, take part, at the scene's positions, without smoothness between neighbours; their
+    normals and albedos are estimated with the Suns. reflectance: as it is known beforehand. Raises InputError as
+    `rank_models` does.
+    """
+    sample = sample_of(scene, landmarks)
+    views, count = sample.views, len(sample.views)
+    free = replace(sample, views=replace(views, sun_sigma=np.full(count, FREE_SUN_RAD)))
+    sun = photometry_by(free, reflectance, np.arange(count)).views.sun
+    fold = parts_of_views(free, min(PARTS, count))
+    by_part = []
+    for part in range(fold.max() + 1):
+        others = np.flatnonzero(fold != part)
+        without = np.full((count, 3), np.nan)
+        without[others] = photometry_by(free, reflectance, others).views.sun
+        by_part.append(without)
+    spread = np.array([jackknife_sigma(own[np.isfinite(own).all(1)]) for own in np.swapaxes(by_part, 0, 1)])
+    return OwnSuns(sun=sun, off=angle_between(sun, views.sun), sigma=np.linalg.norm(spread, axis=1) / math.sqrt(2.0))

@@ -1,0 +1,87 @@
+"""Whether Suns are wrong that the sparse points contradict: as the brightness of some landmarks of the map tells it.
+
+Sparse ground is coarse: it contradicts sound Suns of steep ground, and does not tell which of several is wrong. The
+landmarks of the map are dense. A Sun that is wrong by itself holds its view's shading to what is not there.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from photoclinometry.evaluate.own_suns import own_suns
+from photoclinometry.model.errors import InputError
+from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.scene import Scene
+from photoclinometry.model.warning import warn
+from photoclinometry.photometry.inconsistent_views import MODEL_RAD, warn_undecided
+from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.model_choice import LANDMARKS
+from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
+
+log = logging.getLogger(__name__)
+
+SIGMAS = 3.0
+"""Standard deviations beyond which a doubtful site's Sun is wrong: by chance 1 % of the sound Suns are (Rayleigh), and
+the sparse points have contradicted one of them before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoubtfulSuns:
+    """What the map tells of the Suns of its K views."""
+
+    wrong: np.ndarray
+    """(K,) bool: those that are wrong by themselves."""
+    sun: np.ndarray
+    """(K, 3) unit vectors in B: where brightness has them; as they were where they are not wrong."""
+    off: np.ndarray
+    """(K,) by how much they are wrong [rad]; NaN where the map does not tell."""
+
+    def taken_into_account(self, scene: Scene) -> Scene:
+        """The scene with wrong Suns where the images have them, and as uncertain as they were wrong."""
+        views = scene.views
+        sigma = np.where(self.wrong, np.fmax(views.sun_sigma, self.off), views.sun_sigma)
+        return replace(scene, views=replace(views, sun=self.sun, sun_sigma=sigma))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckDoubtfulSuns(Stage[DoubtfulSuns]):
+    """Looks for Suns that are wrong by themselves, and warns of them."""
+
+    name = "doubtful_suns"
+    result = DoubtfulSuns
+    relit: Keyed[Iterate]
+    reflectance: Reflectance
+    """The model of the last estimate, as it is known beforehand."""
+    doubtful: Sequence[str]
+    """Names of the views whose Suns the sparse points contradict."""
+
+    def make(self, tools: Tools) -> DoubtfulSuns:
+        scene = self.relit.value.scene
+        views = scene.views
+        try:
+            found = own_suns(scene, self.reflectance, LANDMARKS)
+        except InputError as error:
+            log.info("doubtful Suns are not compared with the map: %s", error)
+            warn_undecided(self.doubtful, len(views))
+            nothing = np.full(len(views), np.nan)
+            return DoubtfulSuns(wrong=np.zeros(len(views), bool), sun=views.sun, off=nothing)
+        sigma = np.sqrt(found.sigma**2 + views.sun_sigma**2 + MODEL_RAD**2)
+        wrong = found.off > SIGMAS * sigma
+        for k in np.flatnonzero(wrong):
+            warn(
+                log, "suns-moved",
+                "%s: its Sun is off by %.1f degrees (+- %.1f), by the brightness of the map's landmarks. The map takes "
+                "that into account: check its `sun`",
+                views.name[k], math.degrees(found.off[k]), math.degrees(sigma[k]), view=views.name[k],
+            )  # fmt: skip
+        worst = int(np.argmax(found.off / sigma))
+        say_found(
+            f"{wrong.sum()} of {len(wrong)} wrong; {views.name[worst]} off by {math.degrees(found.off[worst]):.1f} +- "
+            f"{math.degrees(sigma[worst]):.1f} deg"
+        )
+        return DoubtfulSuns(wrong=wrong, sun=np.where(wrong[:, None], found.sun, views.sun), off=found.off)

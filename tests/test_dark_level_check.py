@@ -1,0 +1,34 @@
+"""An offset that may be left in uncalibrated images is warned of where it would halve the relief."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from photoclinometry.model.scene import Image
+from photoclinometry.model.warning import collected_warnings
+from photoclinometry.pipeline.dark_level_check import warn_of_dark_level
+from scenes import synthetic_scene
+
+
+def codes(brightness="dn", darkest=60.0, dark_level=0.0):
+    """Of a map from images of a median of 100 whose darkest pixels are given."""
+    scene = synthetic_scene(size=8, views=3)
+    views = replace(scene.views, dark_level=np.array([0.0, dark_level, 0.0]))
+    scene = replace(scene, brightness=brightness, views=views)
+    pixels = np.linspace(darkest, 200.0 - darkest, 10_001).reshape(1, -1).astype(np.float32)
+    valid = np.ones(pixels.shape, bool)
+    images = [Image(name, pixels, valid) for name in views.name] + [Image("another", 0.0 * pixels, valid)]
+    with collected_warnings() as warned:
+        warn_of_dark_level(scene, images)
+    return [each.code for each in warned]
+
+
+@pytest.mark.parametrize(("darkest", "said"), [(60.0, ["dark-level-unknown"]), (40.0, [])])
+def test_an_unknown_dark_level_is_warned_of_where_it_may_be_most_of_the_brightness(darkest, said):
+    assert codes(darkest=darkest) == said
+
+
+def test_calibrated_images_and_known_levels_are_not_warned_of():
+    assert codes(brightness="iof") == []
+    assert codes(dark_level=30.0) == []
