@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         simulate,
         write_scene,
     )
+    from photoclinometry.api.measurements import distance, height_difference, slope, volume
     from photoclinometry.api.pictures import figure, plot, plot_profile, plot_residuals, render
     from photoclinometry.evaluate.evaluation import Evaluation
     from photoclinometry.evaluate.model_ranking import ModelRanking, RankingOptions
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from photoclinometry.registration.view_choice import ViewChoice, ViewLimits
     from photoclinometry.rivals.compare import RivalComparison, RivalOptions, compare_rivals
     from photoclinometry.simulate.options import SimulationOptions
+    from photoclinometry.surface.measure import Measured
 
 __version__ = "0.1.0"
 
@@ -64,6 +66,7 @@ __all__ = [
     "FigureOptions",
     "Image",
     "InputError",
+    "Measured",
     "ModelRanking",
     "PhotoclinometryError",
     "Plan",
@@ -83,9 +86,11 @@ __all__ = [
     "adjust",
     "choose_views",
     "compare_rivals",
+    "distance",
     "evaluate",
     "export",
     "figure",
+    "height_difference",
     "plan",
     "plot",
     "plot_profile",
@@ -99,7 +104,9 @@ __all__ = [
     "render",
     "run",
     "simulate",
+    "slope",
     "view",
+    "volume",
     "write_scene",
 ]
 
@@ -112,6 +119,7 @@ _MODULE = {
     "FigureOptions": "output.figures.options",
     "Image": "model.scene",
     "InputError": "model.errors",
+    "Measured": "surface.measure",
     "ModelRanking": "evaluate.model_ranking",
     "PhotoclinometryError": "model.errors",
     "ReconstructionError": "model.errors",
@@ -129,13 +137,17 @@ _MODULE = {
     "ViewChoice": "registration.view_choice",
     "ViewLimits": "registration.view_choice",
     "compare_rivals": "rivals.compare",
+    "distance": "api.measurements",
     "figure": "api.pictures",
+    "height_difference": "api.measurements",
     "plot": "api.pictures",
     "plot_profile": "api.pictures",
     "plot_residuals": "api.pictures",
     "preset": "pipeline.presets",
     "render": "api.pictures",
+    "slope": "api.measurements",
     "view": "api.live_map",
+    "volume": "api.measurements",
 }
 """Where each public name is defined; those not listed are in `api.maps`."""
 

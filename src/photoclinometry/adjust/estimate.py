@@ -219,7 +219,9 @@ def _in_the_order_of(
     lit, brightness = np.empty(observed, bool), np.empty(observed)
     lit[picked], brightness[picked] = fit.lit[:observed], found.tracks.brightness[:observed]
     uncertainty = {name: value[back] if name in OF_LANDMARKS else value for name, value in stated.uncertainty.items()}
-    adjusted = replace(scene, reflectance=found.reflectance, uncertainty=uncertainty)
+    adjusted = replace(
+        scene, reflectance=found.reflectance, uncertainty=uncertainty, error_correlation=stated.correlation
+    )
     if setup.gradients is not None:
         if setup.gradients.factor is not None:
             brightness[picked] /= setup.gradients.factor[:observed]

@@ -161,6 +161,7 @@ def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[St
         brightness_correlation=setup.correlation(stated.brightness_correlation_px),
         members=setup.members,
         own_frame=not setup.fixes_frame,
+        stride=setup.scene.region.stride,
         surface=surface,
     )
     if len(found.parameter_variance):

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from photoclinometry import __version__
 from photoclinometry.io.hdf5 import check_hdf5, new_hdf5
+from photoclinometry.model.error_correlation import ErrorCorrelation
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import MODELS, Reflectance
@@ -72,6 +73,16 @@ _DEPTH = (
     "C",
     "depth in the reference camera of the ground around the map, at every `stride`-th pixel; NaN where unknown",
 )
+_CORRELATION = {
+    "length_px": ("px", "image", "lengths of exponentials of the distance between landmarks in the reference image"),
+    "share": ("1", "-", "shares of the variance of positions that these have; the rest is of each landmark alone"),
+    "frame": (
+        "rad, unit of length of B, 1",
+        "B",
+        "covariance of rotation, translation and scale of the frame about the pivot; empty where it is the map's own",
+    ),
+    "pivot": (_LENGTH, "B", "what the frame turns about"),
+}
 _UNCERTAINTY_UNITS = {
     "position": (_LENGTH, "B"),
     "translation": (_LENGTH, "B"),
@@ -118,6 +129,10 @@ def write_scene(path: Path | str, scene: Scene) -> None:
                 unit = f"{write.units.get(unit, unit)} squared"
             kind = "covariance" if np.ndim(sigma) == 3 else "standard deviation"
             write(name, sigma, (unit, frame, f"{kind} of {name}"))
+        if scene.error_correlation is not None:
+            write = _Writer(file.create_group("error_correlation"), scene)
+            for name, about in _CORRELATION.items():
+                write(name, getattr(scene.error_correlation, name), about)
 
 
 def read_scene(path: Path | str) -> Scene:
@@ -216,9 +231,17 @@ def _read(file: Any) -> Scene:
             **{name: int(value) for name, value in file["region"].attrs.items()}
         ),  # stride is missing in older files
         uncertainty={name: dataset[()] for name, dataset in file["uncertainty"].items()},
+        error_correlation=_read_correlation(file),
         surroundings=_read_surroundings(file),
         frame=str(file.attrs.get("frame", OWN)),  # missing in files written before pose priors were used
     )
+
+
+def _read_correlation(file: Any) -> ErrorCorrelation | None:
+    if "error_correlation" not in file:
+        return None  # also in older files
+    group = file["error_correlation"]
+    return ErrorCorrelation(**{name: group[name][()] for name in _CORRELATION})
 
 
 def _read_surroundings(file: Any) -> Surroundings | None:

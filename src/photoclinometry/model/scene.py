@@ -7,12 +7,14 @@ centre of the top-left pixel, so array index [row, col] is (col + 0.5, row + 0.5
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
 from photoclinometry.model import display
 from photoclinometry.model.compressed_rows import row_of_entry, row_starts
+from photoclinometry.model.error_correlation import ErrorCorrelation, variance_of
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.projection import pixel_from_cam
@@ -292,6 +294,8 @@ class Scene:
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
     """Standard deviations or covariances by name, first axis J or K; empty until computed.
     `evaluate/sigma_calibration.py` lists names and axes, `adjust/covariance/uncertainty.py` the frame."""
+    error_correlation: ErrorCorrelation | None = None
+    """Of the errors of positions; None where it was not found."""
     surroundings: Surroundings | None = None
     """Where they are known."""
     frame: str = OWN
@@ -365,6 +369,27 @@ class Scene:
     def without_observations(self) -> Scene:
         """The scene as if no view had seen its landmarks."""
         return replace(self, tracks=self.tracks.of_views(np.zeros(0, int)))
+
+    def sigma_of(self, landmarks: np.ndarray, gradient: np.ndarray) -> float:
+        """Standard deviation of a quantity of the positions of landmarks, to first order.
+
+        landmarks: (n,) indices; gradient: (n, 3) the quantity's derivatives by their positions in B. The unit is the
+        quantity's. It contains how errors of neighbours go together (`model.error_correlation`). `surface.measure` has
+        lengths, height differences, slopes and volumes. Infinite where one of the positions is not known. Raises
+        InputError where the scene states no uncertainties of positions, or not how they go together.
+        """
+        if "position" not in self.uncertainty or self.error_correlation is None:
+            raise InputError(
+                f"scene {self.name!r} does not state how errors of its positions go together; run the site again "
+                "(with --adjust.uncertainty)"
+            )
+        landmarks, gradient = np.atleast_1d(landmarks), np.atleast_2d(np.asarray(gradient, float))
+        covariance = self.uncertainty["position"][landmarks]
+        if not np.isfinite(covariance).all():
+            return math.inf
+        cell = np.stack(self.region.cells(self.landmarks.pixel[landmarks]), -1)
+        position, spacing = self.landmarks.position[landmarks], float(self.region.stride)
+        return math.sqrt(variance_of(self.error_correlation, covariance, position, cell, gradient, spacing))
 
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
         return replace(self, views=views, landmarks=landmarks)

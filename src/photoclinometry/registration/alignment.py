@@ -63,6 +63,7 @@ def transform_scene(similarity: Similarity, scene: Scene) -> Scene:
             position=similarity(landmarks.position),
             normal=landmarks.normal @ similarity.rotation.T,
         ),
+        error_correlation=scene.error_correlation and scene.error_correlation.transformed(similarity),
         surroundings=around and replace(around, depth=similarity.scale * around.depth),
     )
     return replace(moved, uncertainty=_transform_uncertainty(similarity, scene, moved))

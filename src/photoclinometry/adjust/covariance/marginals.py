@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from photoclinometry.adjust.covariance.elimination import coupling_of, eliminated, factor_of
+from photoclinometry.adjust.covariance.elimination import Eliminated, coupling_of, eliminated, factor_of
 from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph
 from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
@@ -53,7 +53,7 @@ TELLING = 32
 """Batches of landmarks at most, evenly chosen, that tell the relative error that all albedos have in common: thousands
 of landmarks. Their responses are computed twice."""
 
-_STEP = 1e-3
+STEP = 1e-3
 """Relative change of weights in the differences that tell apart what each kind of measurement contributes."""
 
 
@@ -83,6 +83,9 @@ class Marginals:
     """(10 K, 10 K) of all views together."""
     landmark: np.ndarray
     """(J, 6, 6)."""
+    common: np.ndarray
+    """(10 K + T, 10 K + T) of views and reflectance parameters, without errors of the frame where one was asked for;
+    nothing is infinite."""
     parameter: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """(T, T) of the reflectance parameters that are estimated along."""
     albedo_relative: np.ndarray
@@ -137,9 +140,8 @@ def marginals(
         move = at.landmark_moves(0, count)
         of_frame = move @ similarity @ np.swapaxes(move, 1, 2)
     else:
-        common = _inverse(reduced.information)
-        kept = np.eye(len(common)) - at.view_moves() @ reduced.frame_by_common
-        common = kept @ common @ kept.T
+        common = _without_frame(_inverse(reduced.information), at, reduced)
+    without_frame = _without_frame(common, at, reduced) if keeps_frame and frame is not None else common.copy()
     landmark = _given_views(at, reduced.own, errors, windows)
     if surface is not None:
         landmark[:, :3, :3] = _given_views(surface.at, reduced.own, surface.errors, windows)[:, :3, :3]
@@ -151,12 +153,19 @@ def marginals(
     return Marginals(
         views=common[:views, :views],
         landmark=landmark,
+        common=without_frame,
         parameter=common[views:, views:],
         albedo_relative=np.where(np.isfinite(landmark[:, 5, 5]), relative, np.inf),
         albedo_by_common=by_common,
         of_frame=of_frame,
         frame=similarity,
     )
+
+
+def _without_frame(common: np.ndarray, at: LinearizedGraph, reduced: Eliminated) -> np.ndarray:
+    """The covariance (10 K + T, 10 K + T) after the best similarity of the landmarks has been taken out."""
+    kept = np.eye(len(common)) - at.view_moves() @ reduced.frame_by_common
+    return kept @ common @ kept.T
 
 
 def _runs(count: int, size: int) -> list[tuple[int, int]]:
@@ -202,11 +211,11 @@ def _given_views(
         return covariance
     # A measurement contributes H^-1 J^T J H^-1: how much less uncertainty there is when it counts more.
     beyond = errors.keypoint * (1.0 - errors.keypoint_common) - errors.smoothness
-    information = information + _STEP * (beyond[:, None, None] * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
+    information = information + STEP * (beyond[:, None, None] * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
     beyond = errors.brightness * (1.0 - errors.brightness_common) - errors.smoothness
-    information += _STEP * beyond * own[:, 1]
+    information += STEP * beyond * own[:, 1]
     changed = covariances_given_views(information, at.links, windows)
-    return errors.smoothness * covariance + (covariance - changed) / _STEP
+    return errors.smoothness * covariance + (covariance - changed) / STEP
 
 
 def _add_common(
@@ -222,10 +231,10 @@ def _add_common(
     without the relative error that all have in common: that of their mean over every few batches; and the parts (J, 2)
     of both variances that errors of views and parameters make.
     """
-    stiffness = None if len(batches) == 1 else _stiffness(at.links, len(at))
+    stiffness = None if len(batches) == 1 else stiffness_of(at.links, len(at))
     factor, sampled = np.zeros(len(common)), 0
     for first, last in batches[:: -(-len(batches) // TELLING)]:
-        index, by_common, _ = _responses(at, errors, stiffness, first, last)
+        index, by_common, _ = responses(at, errors, stiffness, first, last)
         factor[index] += (by_common[ALBEDO::LANDMARK_SIZE] / at.points.albedo[first:last, None]).sum(0)
         sampled += last - first
     factor /= sampled
@@ -234,7 +243,7 @@ def _add_common(
 
     def add(batch: tuple[int, int]) -> None:
         first, last = batch
-        index, by_common, shared = _responses(at, errors, stiffness, first, last)
+        index, by_common, shared = responses(at, errors, stiffness, first, last)
         covariance = common[np.ix_(index, index)].astype(by_common.dtype)
         common_part = _products(by_common @ covariance, by_common)
         landmark[first:last] += common_part + _products(shared, shared)
@@ -250,13 +259,13 @@ def _add_common(
     return np.maximum(relative, 0.0), np.maximum(of_common, 0.0)
 
 
-def _responses(
+def responses(
     at: LinearizedGraph, errors: ErrorModel | None, stiffness: np.ndarray | None, first: int, last: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How landmarks first:last follow from views and parameters, and from errors that neighbours share.
 
-    stiffness: (J, 6, 6) as of `_stiffness`; None where all landmarks are treated together. Returns which coordinates of
-    views and parameters (c,), the response to these (6 n, c), and that to one standard deviation of shared errors
+    stiffness: (J, 6, 6) as of `stiffness_of`; None where all landmarks are treated together. Returns which coordinates
+    of views and parameters (c,), the response to these (6 n, c), and that to one standard deviation of shared errors
     (6 n, m).
     """
     patch = at.patch(first, last)
@@ -281,7 +290,7 @@ def _responses(
     return index, by_common, shared
 
 
-def _stiffness(links: Links, count: int) -> np.ndarray:
+def stiffness_of(links: Links, count: int) -> np.ndarray:
     """(J, 6, 6) smoothness where neighbours move alike, as they do when a view moves: it holds the normal alone."""
     turn = links.rows[:, 3:]
     out = np.zeros((count, LANDMARK_SIZE, LANDMARK_SIZE))

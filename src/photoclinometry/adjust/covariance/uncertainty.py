@@ -18,18 +18,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from photoclinometry.adjust.covariance.between_landmarks import LENGTHS, correlation_by_distance
 from photoclinometry.adjust.covariance.linearized_graph import (
     LinearizedGraph,
     linearized_graph,
     loosely_held,
 )
-from photoclinometry.adjust.covariance.marginals import ErrorModel, Marginals, Surface, marginals
+from photoclinometry.adjust.covariance.marginals import EXACT, ErrorModel, Marginals, Surface, marginals
 from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.similarity import SIMILARITY, point_moves
 from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.adjust.tie_points import Members
+from photoclinometry.model.error_correlation import ErrorCorrelation
 from photoclinometry.model.scene import Views
 from photoclinometry.model.warning import warn
 
@@ -64,6 +66,8 @@ class Stated:
     frame: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """(7, 7) covariance of the similarity that the map is off by: rotation [rad], translation [units of B] and scale,
     about its middle; empty where the map has a frame of its own."""
+    correlation: ErrorCorrelation | None = None
+    """Of the errors of positions."""
 
 
 def estimate_uncertainty(
@@ -74,13 +78,15 @@ def estimate_uncertainty(
     brightness_correlation: float,
     members: Members,
     own_frame: bool,
+    stride: int,
     surface: Smoothness | None = None,
 ) -> Stated:
     """The uncertainties of an estimate.
 
     keypoint_correlation, brightness_correlation: sides of the squares of landmarks that share an error; own_frame: only
-    the gauge is known of the frame. surface: smoothness that holds positions, where it is not the graph's. Empty, with
-    a warning, where the measurements do not determine the views.
+    the gauge is known of the frame; stride: between neighbouring landmarks [reference px]. surface: smoothness that
+    holds positions, where it is not the graph's. Empty, with a warning, where the measurements do not determine the
+    views.
     """
     at = linearized_graph(graph, estimate)
     photometric, mapped = graph.with_brightness, members.of_map
@@ -101,11 +107,18 @@ def estimate_uncertainty(
     if found.of_frame is not None:
         in_common |= {"position": found.of_frame[mapped, :3, :3], "normal": found.of_frame[mapped, 3:5, 3:5]}
     parameter = np.diag(found.parameter).copy()
+    frame = np.zeros((0, 0)) if found.frame is None else found.frame
+    cell = estimate.landmarks.pixel[: members.count] / stride
+    exact, shared_side = len(at) <= EXACT, keypoint_correlation
+    share = correlation_by_distance(at, errors, found.common, cell, exact=exact, shared_side=shared_side, surface=held)
     return Stated(
         uncertainty={name: uncertainty[name] for name in estimated},
         in_common=in_common,
         parameter_variance=parameter,
-        frame=np.zeros((0, 0)) if found.frame is None else found.frame,
+        frame=frame,
+        correlation=ErrorCorrelation(
+            length_px=stride * np.array(LENGTHS), share=share, frame=frame, pivot=estimate.pivot
+        ),
     )
 
 
