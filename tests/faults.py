@@ -949,6 +949,12 @@ def others() -> Iterator[Fault]:
     )
     yield row("no view for a Sun's arrow", f"{FIGURE} --view 7", "no view '7' in scene 'bumps'; nearest: images/00")
     yield row("a figure below a file", f"figure mapped/run --out {PHOTO}/a.pdf", f"{PHOTO}/a.pdf: cannot be written")
+    yield row("nothing to measure", "measure mapped/run", "nothing to measure; give two places (--line x y x y)")
+    yield row("a place beside the map", "measure mapped/run --line 0 0 9 9", "there is no landmark at pixel (0, 0) of")
+    yield row(
+        "half a corner", "measure mapped/run --outline 1 2 3 4 5", "--outline has 5 numbers; give x and y of each"
+    )
+    yield row("lengths of no run", "measure none --line 0 0 9 9", f"none: no such folder; {finished}")
     fixed = "scene 'bumps' cannot be exported as"
     yield row(
         "SUMFILEs without a frame",

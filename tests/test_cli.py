@@ -50,6 +50,7 @@ COMMANDS = (
     "photometry",
     "info",
     "view",
+    "measure",
     "figure",
     "export",
     "fetch",

@@ -33,6 +33,7 @@ COMMANDS = {
     "photometry": "Rank reflectance models by how well they predict images.",
     "info": "Show what a site or a run folder holds.",
     "view": "Open a map in the browser.",
+    "measure": "Measure distances, slopes and volumes of a map.",
     "figure": "Draw a figure for publication.",
     "export": "Export a map or a body as GeoTIFF, meshes, models, tables.",
     "fetch": "Fetch published sites from Hugging Face.",
