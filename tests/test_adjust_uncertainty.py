@@ -120,7 +120,11 @@ def test_poses_are_turned_into_the_camera_frame_and_its_centre(adjusted):
     mapped = np.ones(len(true.landmarks), bool)
     ones = np.ones(len(landmark))
     marginals = Marginals(
-        views=camera, landmark=landmark, albedo_relative=ones, albedo_by_common=np.stack([ones, ones], -1)
+        views=camera,
+        landmark=landmark,
+        common=camera,
+        albedo_relative=ones,
+        albedo_by_common=np.stack([ones, ones], -1),
     )
     found = scene_uncertainty(marginals, true.views, estimate.pivot, mapped)
     for k in range(count):

@@ -33,6 +33,7 @@ NAMES = {
     "first_estimate": "first estimate",
     "relighting": "relighting",
     "reflectance": "reflectance",
+    "doubtful_suns": "doubtful Suns",
     "suns": "suns",
     "reflectance_again": "reflectance",
     "response": "response",
