@@ -9,7 +9,7 @@ from photoclinometry.adjust import AdjustOptions
 from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.reflectance import published
-from photoclinometry.model.sampling import sample_gradient, sample_image
+from photoclinometry.model.sampling import sample_image, sample_with_gradient
 from photoclinometry.model.scene import Image
 from photoclinometry.pipeline import direct_refinement, joint_estimate
 from photoclinometry.pipeline.direct_refinement import (
@@ -99,7 +99,7 @@ def test_gradients_of_a_ramp_are_the_ramps():
     rows, cols = np.indices((30, 40))
     image = Image("ramp", (0.3 + 0.02 * cols - 0.005 * rows).astype(np.float32), np.ones((30, 40), bool))
     xy = np.random.default_rng(0).uniform(10, 20, (50, 2))
-    np.testing.assert_allclose(sample_gradient(image, xy), np.tile([0.02, -0.005], (50, 1)), atol=1e-6)
+    np.testing.assert_allclose(sample_with_gradient(image, xy)[1], np.tile([0.02, -0.005], (50, 1)), atol=1e-6)
 
 
 def test_gradients_beside_invalid_pixels_and_the_border_are_those_of_the_ground():
@@ -107,10 +107,10 @@ def test_gradients_beside_invalid_pixels_and_the_border_are_those_of_the_ground(
     brightness, valid = 0.3 + 0.02 * col - 0.005 * row, np.ones((30, 40), bool)
     valid[10:12, 20:22], brightness[10:12, 20:22] = False, 99.0
     image = Image("ramp", brightness, valid)
-    # A quarter of a pixel to the right of these, the pixels around are invalid, or beyond the border.
+    # Just right of these, the pixels around are invalid, or beyond the border.
     beside = np.array([[19.4, 11.0], [39.4, 15.0]])
-    assert sample_image(image, beside)[1].all()
-    found = sample_gradient(image, beside)
+    _, found, valid = sample_with_gradient(image, beside)
+    assert valid.all()
     assert ((found[:, 0] > 0.0) & (found[:, 0] < 0.02)).all()  # they count as their nearest neighbours
     np.testing.assert_allclose(found[:, 1], -0.005, atol=5e-4)
 

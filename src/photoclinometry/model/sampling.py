@@ -1,8 +1,8 @@
 """Values between pixels.
 
-Cubic splines (Thevenaz, Blu and Unser 2000, doi:10.1109/42.875199), by SciPy. OpenCV's `remap` rounds positions to 1/32
-px, and its cubic kernel (Keys 1981, with a = -0.75) errs by up to 0.04 px on a ramp. Matches of texture moved by 0.3 px
-err by 0.07 px at the median with it, and by 0.012 px with splines.
+By cubic splines (`splines`). OpenCV's `remap` rounds positions to 1/32 px, and its cubic kernel (Keys 1981, with
+a = -0.75) errs by up to 0.04 px on a ramp. Matches of texture moved by 0.3 px err by 0.07 px at the median with it, and
+by 0.012 px with splines.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from collections.abc import Callable
 import numpy as np
 
 from photoclinometry.model.scene import Image
+from photoclinometry.model.splines import Spline
 from photoclinometry.model.tiny import TINY
 
 COARSER = 1.2
 """A grid counts as coarser than an image if it has a point at every so many pixels or fewer points [px]."""
 
-GRADIENT_STEP_PX = 0.25
-"""Half the base of central differences: short against the pixel, over which the spline bends."""
+CUBIC = 3
+"""Order of the splines between pixels."""
 
 ALL_VALID = 0.99
 """Masks interpolated are above this where they are of valid pixels alone, but for rounding."""
@@ -38,46 +39,38 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     is from pixel centres, so that relief of a few pixels looks different in each view. Invalid pixels get their nearest
     valid neighbour's value. Where the mask is False the brightness is 0 and undefined.
     """
+    value, _, usable = sample_with_gradient(image, xy)
+    return value, usable
+
+
+def sample_with_gradient(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What `sample_image` gives, and between the two the gradient (n, 2) along x and y [brightness per px], 0 where
+    that is not valid."""
     xy = np.asarray(xy, float)
-    usable, value = _inside(image, xy), np.zeros(len(xy))
+    usable, value, gradient = _inside(image, xy), np.zeros(len(xy)), np.zeros((len(xy), 2))
     if not usable.any():
-        return value, usable
+        return value, gradient, usable
     part, first = _part_around(xy[usable])
     if not image.valid[part].all():
         usable[usable] = _in_valid(image.valid[part], xy[usable] - first)
     if usable.any():
-        value[usable] = sample(filled_from_nearest(image.brightness[part], image.valid[part]), xy[usable] - first)
-    return value, usable
-
-
-def sample_gradient(image: Image, xy: np.ndarray) -> np.ndarray:
-    """Image gradient (n, 2) along x and y [brightness per px] at pixel positions (n, 2), by central differences.
-
-    Of the spline of `sample_image`, and undefined where its mask is False.
-    """
-    xy = np.asarray(xy, float)
-    inside, gradient = _inside(image, xy), np.zeros((len(xy), 2))
-    if not inside.any():
-        return gradient
-    part, first = _part_around(xy[inside])
-    if image.valid[part].any():
-        ground = filled_from_nearest(image.brightness[part], image.valid[part])
-        step = GRADIENT_STEP_PX * np.eye(2)[:, None]
-        before, after = sample(ground, xy[inside] - first + np.stack([-step, step]))
-        gradient[inside] = (after - before).T / (2 * GRADIENT_STEP_PX)
-    return gradient
+        spline = Spline.through(filled_from_nearest(image.brightness[part], image.valid[part]))
+        value[usable], gradient[usable] = spline.value_and_gradient(xy[usable] - first)
+    return value, gradient, usable
 
 
 def _inside(image: Image, xy: np.ndarray) -> np.ndarray:
     """(n,) bool: positions (n, 2) are among the centres of the image's pixels."""
-    return np.all((xy >= 0.5) & (xy <= np.array(image.brightness.shape[::-1]) - 0.5), axis=-1)
+    (x, y), (height, width) = xy.T, image.brightness.shape
+    return (x >= 0.5) & (x <= width - 0.5) & (y >= 0.5) & (y <= height - 0.5)
 
 
 def _part_around(xy: np.ndarray) -> tuple[tuple[slice, slice], np.ndarray]:
     """The part of an image that its spline at positions (n, 2) inside depends on, and the x and y (2,) of its first
     pixel."""
-    first = np.maximum(np.floor(xy.min(0)).astype(int) - _MARGIN_PX, 0)
-    last = np.floor(xy.max(0)).astype(int) + _MARGIN_PX
+    x, y = xy.T
+    first = np.maximum(np.floor([x.min(), y.min()]).astype(int) - _MARGIN_PX, 0)
+    last = np.floor([x.max(), y.max()]).astype(int) + _MARGIN_PX
     return np.s_[first[1] : last[1] + 1, first[0] : last[0] + 1], first
 
 
@@ -146,16 +139,20 @@ def as_coarse(image: Image, spacing_px: float) -> Image:
     return blurred(image, sigma_px) if sigma_px else image
 
 
-def sample(values: np.ndarray, xy: np.ndarray, *, order: int = 3) -> np.ndarray:
+def sample(values: np.ndarray, xy: np.ndarray, *, order: int = CUBIC) -> np.ndarray:
     """Values (h, w, ...) of pixels at positions (..., 2) [px], (0.5, 0.5) the first pixel's centre; edges repeat.
 
     order: of the spline; 1 is linear. Positions that are not finite get the first pixel's value.
     """
     from scipy.ndimage import map_coordinates
 
-    row_col = np.moveaxis(np.where(np.isfinite(xy), xy, 0.0)[..., ::-1] - 0.5, -1, 0)
+    at = np.where(np.isfinite(xy), xy, 0.0).reshape(-1, 2)
     layers = np.moveaxis(values.reshape(*values.shape[:2], -1), -1, 0)
-    found = [map_coordinates(layer, row_col, np.float64, order=order, mode="nearest") for layer in layers]
+    if order == CUBIC:
+        found = [Spline.through(layer).value(at) for layer in layers]
+    else:
+        row_col = at[:, ::-1].T - 0.5
+        found = [map_coordinates(layer, row_col, np.float64, order=order, mode="nearest") for layer in layers]
     return np.stack(found, axis=-1).reshape(*xy.shape[:-1], *values.shape[2:])
 
 

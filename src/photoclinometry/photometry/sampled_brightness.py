@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from photoclinometry.model.sampling import as_coarse, sample_image
+from photoclinometry.model.sampling import as_coarse, sample_with_gradient
 from photoclinometry.model.scene import Image, Views
 from photoclinometry.model.threads import in_threads
 
@@ -30,18 +30,32 @@ def sample_brightness(
     `shadow_fraction` of the median over the view's own keypoints. Where a pixel is invalid the brightness is 0 and
     undefined.
     """
+    brightness, _, lit = brightness_with_gradient(images, view, keypoint, shadow_fraction, spacing_px)
+    return brightness, lit
+
+
+def brightness_with_gradient(
+    images: list[Image],
+    view: np.ndarray,
+    keypoint: np.ndarray,
+    shadow_fraction: float = SHADOW_SHARE,
+    spacing_px: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What `sample_brightness` gives, and between the two the images' gradients (N, 2) float32 [brightness per px],
+    0 where a pixel is invalid."""
     brightness, lit = np.zeros(len(view)), np.zeros(len(view), bool)
+    gradient = np.zeros((len(view), 2), np.float32)
 
     def of_view(k: int) -> None:
         at = np.flatnonzero(view == k)
         image = images[k] if spacing_px is None else as_coarse(images[k], float(spacing_px[k]))
-        value, valid = sample_image(image, keypoint[at])
+        value, slope, valid = sample_with_gradient(image, keypoint[at])
         if valid.any():
-            brightness[at] = value
+            brightness[at], gradient[at] = value, slope
             lit[at] = valid & (value > shadow_fraction * np.median(value[valid]))
 
     in_threads(of_view, np.unique(view))
-    return brightness, lit
+    return brightness, gradient, lit
 
 
 def landmark_spacing_px(views: Views, position: np.ndarray, reference: int) -> np.ndarray:

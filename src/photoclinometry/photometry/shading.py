@@ -23,7 +23,7 @@ from photoclinometry.model.scene import Image, Scene
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.render import as_resolved, averaging_sigma, landmark_brightness
-from photoclinometry.photometry.sampled_brightness import landmark_spacing_px, sample_brightness
+from photoclinometry.photometry.sampled_brightness import brightness_with_gradient, landmark_spacing_px
 from photoclinometry.surface.map_rays import MapRays
 
 NORMAL_SIGMA_RAD, ALBEDO_SIGMA = 0.1, 0.1
@@ -50,17 +50,33 @@ def brightness_on_surface(scene: Scene, images: Sequence[Image]) -> Scene:
     images: of the scene's views, in their order. Not lit: shadows and invalid pixels (`sample_brightness`), and
     landmarks that the map's own ground hides from the Sun or from the camera.
     """
+    return seen_on_surface(scene, images).scene
+
+
+class SeenOnSurface(NamedTuple):
+    """What images show where the landmarks of a scene project."""
+
+    scene: Scene
+    """With that brightness, as `brightness_on_surface` gives it."""
+    xy: np.ndarray
+    """(N, 2) where the landmark of each observation projects [px]."""
+    gradient: np.ndarray
+    """(N, 2) float32 of the images there along x and y [brightness per px]."""
+
+
+def seen_on_surface(scene: Scene, images: Sequence[Image]) -> SeenOnSurface:
+    """As `brightness_on_surface`, with the images' gradients."""
     tracks = scene.tracks
     xy = projected_keypoints(scene)
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
-    brightness, lit = sample_brightness(list(images), tracks.view, xy, spacing_px=spacing)
+    brightness, gradient, lit = brightness_with_gradient(list(images), tracks.view, xy, spacing_px=spacing)
     landmark, rays = tracks.landmark, MapRays(scene)
     for k in range(len(scene.views)):
         seen = np.flatnonzero(tracks.view == k)
         free = rays.free_towards(scene.views.sun[k]) & rays.free_up_to(scene.views.body_from_cam.translation[k])
         lit[seen] &= free[landmark[seen]]
         brightness[seen] += detail_beyond(scene, k)[landmark[seen]]
-    return replace(scene, tracks=replace(tracks, brightness=brightness, lit=lit))
+    return SeenOnSurface(replace(scene, tracks=replace(tracks, brightness=brightness, lit=lit)), xy, gradient)
 
 
 def detail_beyond(scene: Scene, view: int) -> np.ndarray:

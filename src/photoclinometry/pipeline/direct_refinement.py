@@ -16,14 +16,11 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.adjust import Adjustment, ImageGradients, Noise
-from photoclinometry.model.projection import keypoint_residuals, projected_keypoints
+from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.row_medians import row_medians
-from photoclinometry.model.sampling import as_coarse, sample_gradient
 from photoclinometry.model.scene import Image, Scene
-from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.albedo import fitted_albedo
-from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
-from photoclinometry.photometry.shading import brightness_on_surface
+from photoclinometry.photometry.shading import seen_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline.joint_estimate import Step, by_relit_matches
 from photoclinometry.pipeline.widened_sigmas import widened
@@ -128,22 +125,13 @@ def image_gradients(
     images: of the scene's views, in their order. Gradients are zero where it is not lit, and of landmarks that are lit
     in fewer than MIN_LIT views or not `among` those chosen (J,).
     """
-    tracks = scene.tracks
-    xy = projected_keypoints(scene)
-    spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
-    gradient = np.zeros((len(tracks), 2), np.float32)
-
-    def of_view(k: int) -> None:
-        seen = np.flatnonzero(tracks.view == k)
-        gradient[seen] = sample_gradient(as_coarse(images[k], float(spacing[k])), xy[seen])
-
-    in_threads(of_view, range(len(images)))
-    measured = brightness_on_surface(scene, images)
-    lit = measured.tracks.lit
-    direct = np.bincount(tracks.landmark[lit], minlength=len(scene.landmarks)) >= MIN_LIT
+    measured, xy, gradient = seen_on_surface(scene, images)
+    tracks = measured.tracks
+    direct = np.bincount(tracks.landmark[tracks.lit], minlength=len(scene.landmarks)) >= MIN_LIT
     if among is not None:
         direct &= among
-    return measured, ImageGradients(xy, np.where((lit & direct[tracks.landmark])[:, None], gradient, np.float32(0.0)))
+    used = tracks.lit & direct[tracks.landmark]
+    return measured, ImageGradients(xy, np.where(used[:, None], gradient, np.float32(0.0)))
 
 
 def has_strayed(scene: Scene) -> np.ndarray:
