@@ -1,6 +1,6 @@
 """Maps clean sites with faults put into them, and tables which faults spoil a map, and whether it says so.
 
-    python benchmarks/faults.py --out faults                              twelve faults on six simulated sites
+    python benchmarks/faults.py --out faults                              thirteen faults on six simulated sites
     python benchmarks/faults.py --out faults --vesta SITE_FOLDER --draws 3    and on a site of real images
 
 A fault is silent where the relief of the map is more than OFF beside that of the clean map, and no warning was given
@@ -60,6 +60,9 @@ class Outcome:
     """Mean distance of the surface from the truth [GSD]; None without truth."""
     normals_deg: float | None = None
     psnr_db: float | None = None
+    heights_nees: float | None = None
+    normals_nees: float | None = None
+    """Mean squares of the errors over those stated, 1 where sigmas hold; None without truth."""
     warnings: tuple[str, ...] = ()
     """Their codes, and after a colon the view's name."""
     trusted: bool = False
@@ -130,6 +133,8 @@ def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Ou
         surface_gsd=figures.get("surface_distance_mean_gsd"),
         normals_deg=figures.get("normal_error_mean_deg"),
         psnr_db=result.metrics["psnr_mean_db"],
+        heights_nees=figures.get("height_sigma_nees"),
+        normals_nees=figures.get("normal_sigma_nees"),
         warnings=warning_codes(result),
         trusted=result.trusted,
     )
@@ -142,7 +147,8 @@ def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Ou
 def table(outcomes: list[Outcome]) -> str:
     """Markdown, a row per map."""
     known = {outcome.key: outcome for outcome in outcomes}
-    head = ["site", "fault", "relief", "surface [GSD]", "normals [deg]", "PSNR [dB]", "warnings", "verdict"]
+    head = ["site", "fault", "relief", "surface [GSD]", "normals [deg]", "PSNR [dB]"]
+    head += ["NEES of heights", "of normals", "warnings", "verdict"]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     return "\n".join([*lines, *(_row(outcome, known) for outcome in outcomes)]) + "\n"
 
@@ -171,6 +177,8 @@ def _row(outcome: Outcome, known: dict[tuple[str, str, int], Outcome]) -> str:
             (outcome.surface_gsd, 3),
             (outcome.normals_deg, 2),
             (outcome.psnr_db, 1),
+            (outcome.heights_nees, 2),
+            (outcome.normals_nees, 2),
         )
     ]
     cells.append(", ".join(outcome.warnings) + ("" if outcome.trusted or outcome.error else "; not trusted"))

@@ -25,6 +25,8 @@ HITS = 200
 FOCAL = 1.005
 BLUR_PX = 2.0
 """Standard deviation of the blur of one image."""
+OPTICS_PX, WIDER = 0.5, 1.2
+"""Width of the point-spread function of simulated images, and how many times wider it is made [px, -]."""
 SUN_OFF_DEG = 3.0
 STRAY, FLAT_FIELD, GRADIENT = 0.02, 0.01, 0.05
 """Of the mean brightness; standard deviation of the gain; half the change of gain from side to side of one image."""
@@ -141,6 +143,14 @@ def blurred(pixels: np.ndarray) -> np.ndarray:
     return gaussian_filter(pixels, BLUR_PX, mode="nearest")
 
 
+def wide_optics(clean: Images, rng: np.random.Generator) -> Images:
+    """All images are less sharp than the optics are said to be."""
+    from scipy.ndimage import gaussian_filter
+
+    more = OPTICS_PX * np.sqrt(WIDER**2 - 1.0)
+    return clean.changed(lambda pixels: gaussian_filter(pixels, more, mode="nearest"))
+
+
 def one_sun(clean: Images, rng: np.random.Generator) -> Images:
     """One Sun in a wrong direction."""
     wrong, off = _any_view(clean, rng), rng.uniform(0.0, 2.0 * np.pi)
@@ -194,6 +204,7 @@ FAULTS: dict[str, Fault] = {
     "hits": hits,
     "focal": focal,
     "blur": blur,
+    "wide-optics": wide_optics,
     "one-sun": one_sun,
     "all-suns": all_suns,
     "stray-light": stray_light,
