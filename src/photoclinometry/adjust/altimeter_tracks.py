@@ -14,16 +14,12 @@ from photoclinometry.adjust.graph.altimetry import Altimetry
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.altimetry import AltimeterTracks
 from photoclinometry.model.geometry import tangent_basis, unit
-from photoclinometry.model.robust import robust_sigma
+from photoclinometry.model.robust import SIGNIFICANT, robust_sigma
 from photoclinometry.model.scene import Landmarks
 
 BESIDE = 0.9
 """A shot meets no landmark if the nearest is further than this to the side, in distances between landmarks: the corners
 of a map's squares lie 0.71 from the nearest, more where the reference view looks obliquely."""
-
-OUTLIER = 5.0
-"""Shots further off than this many standard deviations, stated ones or those found, whichever are larger, do not
-count: of a thousand good ones none is."""
 
 NEARER = 0.25
 """Departure of the ground from a tangent plane anywhere within the square around a landmark, over that at the eight
@@ -77,7 +73,7 @@ def altimetry_at(tracks: AltimeterTracks, estimate: Estimate, mapped: int, spaci
         around = np.asarray(tree.query(landmarks.position[nearest[met]] @ from_above, k=_AROUND + 1)[1])[:, 1:]
         sigma = np.hypot(sigma, departure_from_planes(landmarks, nearest[met], around))
         inflation = max(1.0, robust_sigma(off[met] / sigma[met]))
-        used &= np.abs(off) <= OUTLIER * inflation * sigma
+        used &= np.abs(off) <= SIGNIFICANT * inflation * sigma
     return AltimetryFit(
         tracks=tracks,
         met=met,

@@ -15,11 +15,9 @@ from photoclinometry.adjust.graph.priors import Exposure, LandmarkPriors, PosePr
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.adjust.solve.solver import SolverOptions, minimize
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.robust import HUBER_LIMIT
 from photoclinometry.model.scene import Landmarks, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
-
-LOSS = 3.0
-"""Huber's loss of keypoints turns linear beyond so many standard deviations."""
 
 TO_THE_MINIMUM = SolverOptions(relative_decrease=1e-9, absolute_decrease=1e-3, settled=0.0, final_truncation=1e-6)
 """Poses are to be right to a small part of their covariances, and steps are cheap here."""
@@ -75,7 +73,7 @@ def _problem(points: np.ndarray, tracks: Tracks, views: Views, *known: FactorGro
         table=ObservationTable(tracks, len(views)),
         landmarks=np.ones(len(points), bool),
         sigma=tracks.keypoint_sigma,
-        limit=LOSS,
+        limit=HUBER_LIMIT,
     )
     held = Exposure(scale_sigma=np.ones(len(views)), bias_sigma=np.ones(len(views)))  # nothing else touches these
     start = Estimate(views, _landmarks_at(points), np.median(points, axis=0))

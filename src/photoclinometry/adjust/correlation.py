@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
 
-from photoclinometry.model.robust import robust_sigma
+from photoclinometry.model.robust import FEWEST_FOR_SIGMA, HUBER_LIMIT, robust_sigma
 
 _MAX_VIEWS = 8
 """Views from which the correlation is measured, evenly chosen."""
@@ -23,12 +23,6 @@ MIN_PAIRS = 0.1
 
 _CUT = 0.05
 """Correlation below which lags are left out: beyond, there is mostly the noise of the correlation itself."""
-
-_FEWEST = 100
-"""Residuals of a view from which on they tell a correlation: it is known to a tenth then."""
-
-_CLIPPED = 3.0
-"""Residuals are cut at so many standard deviations: single wrong ones have no neighbours that share them."""
 
 
 def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stride: int = 1) -> float:
@@ -46,7 +40,7 @@ def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stri
         mine = np.flatnonzero(view == k)
         row, col = ((pixel[mine] - pixel[mine].min(0)) // stride).T
         middle = _in_the_middle(row) & _in_the_middle(col)
-        if np.count_nonzero(middle) >= _FEWEST:
+        if np.count_nonzero(middle) >= FEWEST_FOR_SIGMA:
             shared.append(_shared(values[mine[middle]].reshape(middle.sum(), -1), row[middle], col[middle]))
     return stride * float(np.sqrt(max(1.0, *np.median(shared, axis=0)))) if shared else float(stride)
 
@@ -73,7 +67,7 @@ def _shared(values: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
         middle = np.median(column)
         spread = robust_sigma(column - middle)
         if spread > 0.0:
-            there[row, col] = np.clip((column - middle) / spread, -_CLIPPED, _CLIPPED)
+            there[row, col] = np.clip((column - middle) / spread, -HUBER_LIMIT, HUBER_LIMIT)
             products = _autocorrelation(there)
             found[c] = _sum_of_correlation(np.bincount(ring, products[enough]), count, products[0, 0] / len(values))
     return found

@@ -15,12 +15,11 @@ import numpy as np
 from photoclinometry.adjust.graph.general import FactorGroup, Rows, Touch
 from photoclinometry.adjust.graph.similarity import SIMILARITY, landmark_moves, view_moves
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
+from photoclinometry.model.gauss_newton import MOST_ITERATIONS
 from photoclinometry.model.geometry import tangent_basis
 
-_ITERATIONS = 30
-"""Of Gauss-Newton at most; shots of an altimeter meet other landmarks after each."""
 STILL = 1e-3
-"""They end where no landmark moves by more than this share of the distance between landmarks."""
+"""Gauss-Newton ends where no landmark moves by more than this share of the distance between landmarks."""
 
 
 def in_its_frame(estimate: Estimate, groups: Callable[[Estimate], Sequence[FactorGroup]], spacing: float) -> Estimate:
@@ -29,7 +28,7 @@ def in_its_frame(estimate: Estimate, groups: Callable[[Estimate], Sequence[Facto
     groups: those that tell the frame, at an estimate; spacing: of landmarks. What they do not determine stays.
     """
     every = np.arange(len(estimate.landmarks))
-    for _ in range(_ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         equations, by_view = _Equations.none(len(estimate.systematic)), _view_moves(estimate)
         for group in groups(estimate):
             for rows in group.rows(estimate):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.model.geometry import angle_between, unit
+from photoclinometry.model.robust import FEWEST_FOR_SIGMA
 
 FACING = 0.5
 """Least cosine between the normals of landmarks of the same ground: thin necks have two sides."""
@@ -15,8 +16,6 @@ NEIGHBOURS = 9
 """Landmarks of other tiles are sought among so many nearest ones: two tiles have about as many in reach."""
 MOST_SHARED = 0.95
 """Tiles that share more of their images than this tell nothing of each other's errors."""
-FEWEST_PAIRS = 100
-"""Fewer pairs of landmarks do not show how far sigmas are to be trusted."""
 _MEDIAN_SQUARE = {"height": 0.455, "normal": 0.693, "albedo": 0.455}
 """Medians of squared errors over their expectations: of one Gaussian number, and of a vector of two."""
 
@@ -108,7 +107,7 @@ def sigma_factors(
         both = sigmas[first, column] ** 2 + sigmas[second, column] ** 2
         usable = np.isfinite(difference) & np.isfinite(both) & (both > 0) & (correlation < MOST_SHARED)
         variance = (1.0 - correlation[usable]) * both[usable]
-        if usable.sum() >= FEWEST_PAIRS:
+        if usable.sum() >= FEWEST_FOR_SIGMA:
             square = float(np.median(difference[usable] ** 2 / variance))
             found[column] = max(1.0, np.sqrt(square / _MEDIAN_SQUARE[name]))
     return found

@@ -21,8 +21,6 @@ from photoclinometry.model.sampling import ALL_VALID, sample, smoothing_px
 from photoclinometry.model.scene import Image
 from photoclinometry.model.tiny import TINY
 
-MIN_SHARE = 1e-3
-"""Share of valid pixels in a window below which its mean is not trusted; it guards a division."""
 MIN_CONTRAST = 0.2
 """Local contrast is taken to be at least this share of its median."""
 GRADIENT_WEIGHT = 10.0
@@ -134,7 +132,7 @@ def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.nd
         return cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT)
 
     mask = valid.astype(np.float32)
-    share = np.maximum(blur(mask), MIN_SHARE)
+    share = np.maximum(blur(mask), TINY)
     value = np.where(valid, brightness, 0.0).astype(np.float32)
     centred = np.where(valid, value - blur(value) / share, 0.0).astype(np.float32)
     spread = np.sqrt(np.maximum(blur(centred**2) / share, 0.0))

@@ -13,6 +13,9 @@ import numpy as np
 
 State = TypeVar("State")
 
+MOST_ITERATIONS = 30
+"""Of Gauss-Newton, and of its kin: fits of a few numbers take 3 to 10 where they converge."""
+
 SETTLED = 1e-10
 """A step settles the estimate if its square in standard deviations is below this: 1e-5 sigma."""
 
@@ -33,7 +36,7 @@ def gauss_newton(
     linearize: Callable[[State], tuple[np.ndarray, np.ndarray]],
     move: Callable[[State, np.ndarray], State],
     *,
-    iterations: int,
+    iterations: int = MOST_ITERATIONS,
     longest: float | np.ndarray = np.inf,
 ) -> Solution[State]:
     """The state of least cost near `start`, by at most `iterations` steps -information^-1 gradient.

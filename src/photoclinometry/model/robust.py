@@ -12,6 +12,14 @@ SIGMA_PER_MEDIAN = 1.4826
 REWEIGHTINGS = 6
 """Iterations of reweighted least squares from equal weights: the weights then change in the third digit."""
 
+SIGNIFICANT = 5.0
+"""Standard deviations beyond which a difference is not taken for chance. They are known roughly: with errors twice as
+large as stated it still leaves 2.5, by chance one in a hundred. What decides by it says in how far its own need
+differs."""
+
+FEWEST_FOR_SIGMA = 100
+"""Values that tell a standard deviation: to 7 per cent, 1 / sqrt(2 n)."""
+
 HUBER_LIMIT = 3.0
 """Residuals beyond this many standard deviations count linearly: few of normal errors (0.3 %) do."""
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance, photometric_angles
+from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.model.warning import warn
@@ -25,10 +26,6 @@ from photoclinometry.photometry.sun_check import MIN_POINTS, coarse_scene, gains
 from photoclinometry.photometry.sun_fit import MIN_LIT_SHARE, SunFit
 
 log = logging.getLogger(__name__)
-
-SIGMAS = 5.0
-"""A Sun is wrong if it is off by more than so many standard deviations of all uncertainties together: high, since these
-are known roughly, and a view fewer or a slightly wrong Sun costs little."""
 
 MODEL_RAD = math.radians(1.0)
 """Error of a fitted Sun because the reflectance model is not the ground's: 0.5 to 1.5 degrees at the median of
@@ -46,7 +43,7 @@ MIN_OTHER_VIEWS = 4
 (with three others, a sound view was left out)."""
 
 FEW_SIGMAS = 8.0
-"""As SIGMAS, where fewer are in use, of the jackknife's standard deviation. This has two degrees of freedom then:
+"""As SIGNIFICANT, where fewer are in use, of the jackknife's standard deviation. This has two degrees of freedom then:
 Student's t exceeds 8 in 1.5 % of cases. Of four simulated views one that is off by 30 degrees is named in 83 to 89 %,
 by 60 in 94 %; sound ones are named in 17 to 33 %, with 5 in 67 %."""
 
@@ -99,7 +96,7 @@ class _SunChecks:
 
     def inconsistent(self) -> np.ndarray:
         """(K,) bool: the contradiction is beyond noise, the stated sigma and the model's error."""
-        return (self.off > SIGMAS * self.sigma) | (self.explained < MIN_EXPLAINED)
+        return (self.off > SIGNIFICANT * self.sigma) | (self.explained < MIN_EXPLAINED)
 
     def typical_off(self, used: np.ndarray) -> float:
         """Standard deviation per axis [rad] of how far the Suns of views `used` (K,) are off, from their median."""
@@ -138,7 +135,7 @@ def inconsistent_views(scene: Scene) -> Contradictions:
         worst = _worst(scene, used, checks) if used.sum() > MIN_OTHER_VIEWS else None
         if worst is None:
             doubtful = _doubtful(scene, used, checks)
-            if checks.typical_off(used) > SIGMAS * MODEL_RAD:
+            if checks.typical_off(used) > SIGNIFICANT * MODEL_RAD:
                 return Contradictions(doubtful=doubtful)
             break
         used[worst[0]] = False
@@ -182,7 +179,7 @@ def _worst(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, str
             f"its brightness is not that of the ground under any Sun (correlation {checks.explained[k]:.2f}): "
             "it shows another place, or its exposure is spoilt"
         )
-    if off > SIGMAS * sigma and off > SIGMAS * math.hypot(sigma, _jackknife_sigma(scene, used, k)):
+    if off > SIGNIFICANT * sigma and off > SIGNIFICANT * math.hypot(sigma, _jackknife_sigma(scene, used, k)):
         return k, (
             f"its Sun is {math.degrees(off):.0f} degrees off that which its own brightness shows "
             f"(uncertain by {math.degrees(sigma):.1f}); {CONVENTION}"
@@ -221,11 +218,11 @@ def _doubtful(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, 
     is uncertain by itself, and says nothing of the Suns as a whole.
     """
     few, typical = used.sum() <= MIN_OTHER_VIEWS, checks.typical_off(used)
-    contradict = not few and typical > SIGMAS * MODEL_RAD
+    contradict = not few and typical > SIGNIFICANT * MODEL_RAD
     doubt = [_jackknife_sigma(scene, used, int(k)) for k in np.flatnonzero(used)] if few else typical
     sigma = checks.sigma.copy()
     sigma[used] = np.hypot(sigma[used], doubt)
-    limit = FEW_SIGMAS if few else SIGMAS
+    limit = FEW_SIGMAS if few else SIGNIFICANT
     out = used & ((checks.off > limit * sigma) | (checks.explained < MIN_EXPLAINED))
     if contradict:
         out |= used & checks.inconsistent()

@@ -40,6 +40,9 @@ LONGEST_STEP = 0.2
 SETTLED = 1e-5
 """Shorter steps end the iterations: far below the normals' errors."""
 
+ITERATIONS = 6
+"""Steps of a landmark's fit at most: it settles in 3 to 5 from the joint estimate's normals."""
+
 SIGMA_PASSES = 2
 """The residuals' standard deviation is taken from the scene as given, then from the first fit."""
 
@@ -91,7 +94,7 @@ def detail_beyond(scene: Scene, view: int) -> np.ndarray:
     return brightness - as_resolved(scene, view, brightness)
 
 
-def normals_from_shading(scene: Scene, iterations: int = 6) -> Scene:
+def normals_from_shading(scene: Scene, iterations: int = ITERATIONS) -> Scene:
     """The scene with normals and albedos fitted to the lit brightness of its tracks; all else is held.
 
     Each landmark by itself minimises
@@ -112,7 +115,9 @@ def normals_from_shading(scene: Scene, iterations: int = 6) -> Scene:
     return fitted
 
 
-def fitted_to_brightness(scene: Scene, sigma: float, iterations: int = 6, *, start: Scene | None = None) -> Scene:
+def fitted_to_brightness(
+    scene: Scene, sigma: float, iterations: int = ITERATIONS, *, start: Scene | None = None
+) -> Scene:
     """The scene with normals and albedos fitted as by `normals_from_shading`, to brightness of a given sigma.
 
     The scene's own normals and albedos are the prior's; the iterations start from them, or from those of `start`.

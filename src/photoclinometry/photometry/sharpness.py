@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.robust import FEWEST_FOR_SIGMA
 from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.threads import in_threads
@@ -32,9 +33,6 @@ SIDE = 128
 
 INSIDE = 0.9
 """Share of the weight within two landmarks that must be known where a landmark counts: edges of shadows do not."""
-
-FEWEST = 200
-"""Landmarks below which nothing is said of a view."""
 
 
 def blur_px(scene: Scene) -> np.ndarray:
@@ -60,7 +58,7 @@ def blur_px(scene: Scene) -> np.ndarray:
 def _width_of_blur(measured: np.ndarray, predicted: np.ndarray) -> float:
     """Standard deviation [landmarks]; NaN with too little of both (h, w), which are NaN where not known."""
     inside = np.isfinite(measured) & (masked_filter(measured, gaussian(2.0))[1] > INSIDE)
-    if np.count_nonzero(inside) < FEWEST:
+    if np.count_nonzero(inside) < FEWEST_FOR_SIGMA:
         return np.nan
     own = _bands(measured, inside)
     ratio = [_contrast_ratio(own, _bands(_blurred(predicted, width), inside)) for width in WIDTHS]

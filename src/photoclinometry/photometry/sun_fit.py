@@ -39,9 +39,6 @@ PATCHES = 5
 """The ground is cut into PATCHES x PATCHES patches. Residuals are correlated over relief and albedo features; sums over
 patches are taken for independent, and 25 of them give the covariance to about 30 %."""
 
-_ITERATIONS = 30
-"""Of Gauss-Newton, at most."""
-
 _LEAST_SIGMA = 1e-6
 """Least standard deviation of the residuals, relative to the median brightness: exact brightness has none."""
 
@@ -164,7 +161,7 @@ def _refine(
 
     start = _Light(sun, _median_gain(brightness, ground.radiance(sun[None], reflectance)[0]), 0.0)
     longest = np.array([LONGEST_STEP, LONGEST_STEP, LONGEST_STEP, np.inf])
-    light = gauss_newton(start, linearize, _Light.moved, iterations=_ITERATIONS, longest=longest).state
+    light = gauss_newton(start, linearize, _Light.moved, longest=longest).state
     gradient, information = _linearized(ground, brightness, reflectance, light)
     patches, spread = _by_patch(ground.position, gradient), np.linalg.inv(information + prior)
     return light.sun, spread @ (patches.T @ patches * len(patches) / max(len(patches) - 1, 1)) @ spread

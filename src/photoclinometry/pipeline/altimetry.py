@@ -15,6 +15,7 @@ from photoclinometry.io.altimetry_csv import write_altimetry
 from photoclinometry.model.altimetry import AltimeterTracks
 from photoclinometry.model.geometry import Similarity, so3_log
 from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.registration.alignment import camera_distance, transform_scene
@@ -36,12 +37,10 @@ FEW_SHOTS = 3
 SINGLE = 0.5
 """A table that gives more than this share of its tracks one shot has most likely numbered its shots."""
 
-CONTRADICTS = 5.0
-"""A track contradicts the map if its shift is more than this many sigmas, root mean square over the three axes."""
-
 SCATTERS = 3.0
-"""Likewise if its shots are further off the map than this many of their standard deviations (RMS): hundreds of shots
-that state theirs rightly are 1.0 off. A map in a wrong place shows so."""
+"""A track contradicts the map if its shift is SIGNIFICANT, root mean square over the three axes, or if its shots are
+further off the map than this many of their standard deviations (RMS): hundreds of shots that state theirs rightly are
+1.0 off. A map in a wrong place shows so."""
 
 MOST_LEFT_OUT = 0.1
 """Likewise if more than this share of its shots on the map lie too far off to be used: of good shots one in a million
@@ -155,7 +154,7 @@ def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None
             len(rows),
         )
     for row in rows:
-        if row["shift_off_sigmas"] > CONTRADICTS:
+        if row["shift_off_sigmas"] > SIGNIFICANT:
             warn(
                 log,
                 "altimetry-contradicts",

@@ -16,6 +16,7 @@ from photoclinometry.evaluate.common_sun import common_sun_turn
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene, Views
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.map_stages import Iterate
@@ -26,8 +27,6 @@ log = logging.getLogger(__name__)
 
 NOTICEABLE_RAD = math.radians(0.5)
 """Turns below this are left to what is stated: models that are not the ground's turn Suns by tenths of a degree."""
-SIGNIFICANT = 5.0
-"""Standard deviations, found by leaving out parts of the views, from which on a turn about an axis is not chance."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,7 @@ from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.geometry import align_similarity
+from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import BODY_FIXED, Scene, Tracks, Views
 from photoclinometry.model.tiny import TINY
 from photoclinometry.model.warning import warn
@@ -27,9 +28,6 @@ MIN_POINTS = 3
 
 MIN_WIDTH = 1e-3
 """Points lie on a line if their extent across it is less than this share of that along it."""
-
-CONTRADICTS = 5.0
-"""A control point contradicts the others if the estimate is more than this many sigmas from its position or pixels."""
 
 FRAME_NUMBERS, FEWEST_FREE = 7, 5
 """Numbers of a similarity; and the fewest measurements that the others must have beyond them before one point is told
@@ -66,7 +64,7 @@ def agreeing_points(points: Sequence[ControlPoint], views: Views) -> tuple[Contr
 
     Points are triangulated from their pixels, and a similarity is fitted from there to where they are known. A point is
     left out if the others then fit better by far more than chance makes it (an F test of its three residuals), and if
-    it is more than CONTRADICTS of its sigmas from where these put it. The worst goes first. The measure is the scatter
+    it is more than SIGNIFICANT of its sigmas from where these put it. The worst goes first. The measure is the scatter
     of the others, so that neither the errors of pixels nor those of the poses need be known. Of fewer than five points
     none can be told.
     """
@@ -95,7 +93,7 @@ def _worst(found: np.ndarray, known: np.ndarray, sigma: np.ndarray, used: np.nda
         others = used & (np.arange(len(used)) != n)
         left, off = _misfit(found, known, sigma, others, n)
         by_chance = float(fdtrc(3, freedom, (whole - left) / 3.0 / max(left / freedom, TINY))) * np.count_nonzero(used)
-        if off > CONTRADICTS and by_chance < likelihood:
+        if off > SIGNIFICANT and by_chance < likelihood:
             worst, likelihood = n, by_chance
     return worst
 
@@ -196,7 +194,7 @@ def warn_of_contradictions(rows: Sequence[Mapping[str, Any]]) -> None:
                 "put it; check its pixels and its position",
                 *(row[key] for key in ("name", "off_m", "off_sigmas")),
             )
-        elif max(row["off_sigmas"], row["pixels_off_sigmas"]) > CONTRADICTS:
+        elif max(row["off_sigmas"], row["pixels_off_sigmas"]) > SIGNIFICANT:
             warn(
                 log,
                 "control-contradicts",

@@ -14,9 +14,10 @@ from photoclinometry.evaluate.metrics import spread
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, so3_log
 from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
-from photoclinometry.registration.georeference import MIN_PRIORS, OUTLIER, agreement, deviation, georeferenced
+from photoclinometry.registration.georeference import MIN_PRIORS, agreement, deviation, georeferenced
 
 log = logging.getLogger(__name__)
 
@@ -151,7 +152,7 @@ def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray)
 def warn_of_outliers(rows: Sequence[Mapping[str, Any]]) -> None:
     """Names in the log the priors of `prior_table` that were left out, and those that were used though far off."""
     for row in rows:
-        if row["used"] and row["off_sigmas"] <= OUTLIER:
+        if row["used"] and row["off_sigmas"] <= SIGNIFICANT:
             continue
         what = "is used, but is far off; check its sigmas" if row["used"] else "contradicts the images and is left out"
         warn(

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.model.geometry import align_similarity, tangent_basis, unit
+from photoclinometry.model.robust import FEWEST_FOR_SIGMA
 from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
@@ -50,9 +51,6 @@ that of the first matches; residuals of a map that brightness made are of others
 _MOST_EXPONENT = 700.0
 """Its exponential is still finite."""
 
-FEWEST = 100
-"""Landmarks that must be shared for any statement."""
-
 
 @dataclass(frozen=True)
 class ReliefCheck:
@@ -87,7 +85,7 @@ def relief_by_parallax(
     where too few points are in the map, too. correlation_px: side of the square of pixels whose matches err alike.
     """
     mine, others = _shared(scene, pixel)
-    if len(mine) < FEWEST:
+    if len(mine) < FEWEST_FOR_SIGMA:
         return None
     found, matched = scene.landmarks.position[mine], position[others]
     matched = align_similarity(matched, found)(matched)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.gauss_newton import MOST_ITERATIONS
 from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, tangent_basis
 from photoclinometry.model.scene import OWN, Scene, Views
 
@@ -28,9 +29,6 @@ ONE_SIGMA_SHARE = 0.6827
 
 OUTLIER_SIGMAS = 3.0
 """Points whose distance differs from the median by more than this many robust standard deviations are dropped."""
-
-ICP_ITERATIONS = 30
-"""At most."""
 
 ICP_POINTS = 20_000
 """At most so many points determine the similarity: seven numbers need no more."""
@@ -165,7 +163,7 @@ def refine_on_surface(
     closest: Closest,
     initial: Similarity,
     *,
-    iterations: int = ICP_ITERATIONS,
+    iterations: int = MOST_ITERATIONS,
     sample: int = ICP_POINTS,
 ) -> IcpResult:
     """The similarity that brings points closest to a surface: ICP, point to plane, with scale.

@@ -11,6 +11,7 @@ import logging
 import numpy as np
 
 from photoclinometry.model.altimetry import AltimeterTracks
+from photoclinometry.model.gauss_newton import MOST_ITERATIONS
 from photoclinometry.model.robust import huber_weight, robust_sigma
 from photoclinometry.model.scene import Scene
 from photoclinometry.surface.relief import local_frame
@@ -40,8 +41,6 @@ MOST_SHOTS = 2000
 FLAT = 0.01
 """A direction is not shifted along if the ground's normals have so little of it, as a share of what they have of the
 one that they have most of: level ground does not tell where along itself a shot fell."""
-
-_ITERATIONS = 30
 
 
 def shift_onto(scene: Scene, tracks: AltimeterTracks) -> np.ndarray:
@@ -119,7 +118,7 @@ def _settled(ground: _Ground, shots: np.ndarray, sigma: np.ndarray, shift: np.nd
     Zeros, and infinitely far, where fewer than FEWEST_SHOTS lie on the map.
     """
     scatter = np.inf
-    for _ in range(_ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         moved = shots - shift
         index, below = ground.nearest(moved)
         if np.count_nonzero(below) < FEWEST_SHOTS:

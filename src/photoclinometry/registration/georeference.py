@@ -17,7 +17,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.gauss_newton import gauss_newton
 from photoclinometry.model.geometry import Rigid, Similarity, skew, so3_exp, so3_log
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.robust import huber_weight
+from photoclinometry.model.robust import SIGNIFICANT, huber_weight
 from photoclinometry.model.scene import BODY_FIXED, OWN, Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.registration.alignment import align_poses, camera_distance, transform_poses, transform_scene
@@ -27,18 +27,14 @@ log = logging.getLogger(__name__)
 
 MIN_PRIORS = 3
 """Fewer that agree do not determine a frame: of two, a wrong one cannot be told from a right one."""
-OUTLIER = 5.0
-"""Sigmas off its prior from which an estimate is far off. An attitude's prior is then left out, if off by
-FAR_RAD, too."""
 FAR_RAD = np.radians(5.0)
-"""Images determine attitudes far better than this [rad]."""
+"""Images determine attitudes far better than this [rad]: an attitude's prior is left out if it is off by more, and
+SIGNIFICANT."""
 CONTRADICTS = 2.5
 """A prior is left out if it disagrees with images and other priors by so many sigmas, root mean square over its six,
 and by so many times the median: by 6 sigmas in one of the six directions. Sound ones disagree by 2 at most (0008)."""
 RESIDUALS = 6
 """Of each prior: three of position, three of attitude."""
-_ITERATIONS = 50
-"""Of Gauss-Newton, and of leaving out outliers, at most."""
 _SMALL_RAD = 1e-6
 """Below this angle the series of the inverse left Jacobian is cut, since its closed form divides zero by zero."""
 
@@ -122,8 +118,8 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
 
     A prior is left out if it disagrees with what the images and the other priors say of its view (`disagreement`) by
     more than CONTRADICTS sigmas and more than CONTRADICTS times the median, since images err by more than is known of
-    them; or if its attitude is off by more than OUTLIER sigmas and FAR_RAD. The worst goes first: a wrong prior makes
-    sound ones look wrong. Fewer than MIN_PRIORS may be left in `used`. Raises InputError where fewer are given.
+    them; or if its attitude is off by more than SIGNIFICANT sigmas and FAR_RAD. The worst goes first: a wrong prior
+    makes sound ones look wrong. Fewer than MIN_PRIORS may be left in `used`. Raises InputError where fewer are given.
     """
     seen = [k for k, name in enumerate(scene.views.name) if name in priors]
     if len(seen) < MIN_PRIORS:
@@ -156,7 +152,7 @@ def _agree(fit: Georeference) -> np.ndarray:
     """(n,) bool: priors within the bounds of `agreement`."""
     near = fit.disagreement <= CONTRADICTS * max(1.0, float(np.median(fit.disagreement[fit.used])))
     turned = np.linalg.norm(fit.rotation_residual, axis=-1)
-    return near & (turned <= np.maximum(FAR_RAD, OUTLIER * fit.rotation_sigma))
+    return near & (turned <= np.maximum(FAR_RAD, SIGNIFICANT * fit.rotation_sigma))
 
 
 def describe(fit: Georeference, k: int) -> str:
@@ -195,7 +191,7 @@ def fit_to_priors(
         return _moved(similarity, _middle(similarity, body_from_cam), step)
 
     start = align_poses(body_from_cam[used], known[used], distance)
-    fit = gauss_newton(start, linearize, move, iterations=_ITERATIONS)
+    fit = gauss_newton(start, linearize, move)
     moved = transform_poses(fit.state, body_from_cam)
     return Georeference(
         similarity=fit.state,

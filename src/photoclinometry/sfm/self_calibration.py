@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from photoclinometry.model.compressed_rows import row_starts
+from photoclinometry.model.gauss_newton import MOST_ITERATIONS
 from photoclinometry.model.geometry import skew, so3_exp
 from photoclinometry.model.lens import Lens, displacement_terms
 from photoclinometry.model.projection import project
-from photoclinometry.model.robust import HUBER_LIMIT, SIGMA_PER_MEDIAN, huber_weight
+from photoclinometry.model.robust import HUBER_LIMIT, SIGMA_PER_MEDIAN, SIGNIFICANT, huber_weight
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 
@@ -48,12 +49,6 @@ LEAST_NOISE_PX = 1e-3
 NOTICEABLE_PX = 0.5
 """Largest displacement of a keypoint from which on images count as distorted [px]. Below it maps are as good as
 without: 2 px at the corner take 3 per cent of the relief (decision 0046)."""
-SIGNIFICANT = 5.0
-"""Standard deviations from which on a displacement is not taken for errors of the keypoints: where light changes most,
-these amount to 4.4 (decision 0063)."""
-
-_STEPS = 30
-"""Most steps of the adjustment; from a model without distortion it takes 3 to 10."""
 _SETTLED = 0.01
 """The adjustment ends when a step lowers the cost, a sum of squares in units of the noise, by less than this."""
 _GAUGE = 1e-9
@@ -83,7 +78,8 @@ class LensEstimate:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the displacement is worth a correction and more than errors of keypoints make."""
+        """Whether the displacement is worth a correction and more than errors of keypoints make, which amount to 4.4
+        sigmas where light changes most (decision 0063)."""
         return self.shift_px > max(NOTICEABLE_PX, SIGNIFICANT * self.shift_sigma_px)
 
 
@@ -280,7 +276,7 @@ class _Adjustment:
     def _adjusted(self) -> _State:
         """The state of least cost, by Levenberg-Marquardt."""
         state, cost, damping = self.start, self._cost(self.start), _FIRST_DAMPING
-        for _ in range(_STEPS):
+        for _ in range(MOST_ITERATIONS):
             normal = self._normal(state, self._residuals(state))
             while damping < _MOST_DAMPING:
                 moved = self._moved(state, *normal.step(damping))

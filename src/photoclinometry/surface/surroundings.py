@@ -14,7 +14,7 @@ from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Camera, Scene, Surroundings
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.surface.depth_fit import SurfaceModel, fit_depth
+from photoclinometry.surface.depth_fit import MIN_POINTS, SurfaceModel, fit_depth
 from photoclinometry.surface.relief import reference_depth
 
 FINEST, NODES = 4, 160
@@ -30,9 +30,6 @@ GROUND = SurfaceModel(noise_gsd=NOISE_GSD, curvature_per_px=0.1)
 
 REACH_PX = 32.0
 """The surface is used up to this distance from a point [reference pixels]."""
-
-MIN_POINTS = 12
-"""Fewer points beside the map do not determine a surface."""
 
 FACING = 0.5
 """Least cosine between the directions from which a point was seen and from which the reference would see it. A point
