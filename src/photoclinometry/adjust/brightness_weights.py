@@ -17,7 +17,7 @@ from photoclinometry.adjust.graph.observations import ImageGradients
 from photoclinometry.adjust.noise import MIN_BRIGHTNESS_SHARE
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.model.reflectance.angles import GRAZING
-from photoclinometry.model.robust import FEWEST_FOR_SIGMA, REWEIGHTINGS, robust_sigma
+from photoclinometry.model.robust import REWEIGHTINGS, robust_sigma
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import brightness_by_slope, brightness_residuals, reflectance_of, shading
 from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
@@ -30,6 +30,10 @@ SAMPLE = 200_000
 GRADIENT_CELLS, SLOPE_CELLS = 12, 6
 """Parts of equal number into which observations are divided by the image's gradient and, within each, by the response
 to slope. The variance of each cell is a median's, which outliers do not move."""
+
+FEWEST_IN_CELL = 50
+"""Observations whose median tells a variance to a quarter or so: enough beside dozens of other cells, and maps of some
+thousand observations have no more."""
 
 LEAST_SIGMA = 0.25
 """Least standard deviation over the median one: errors alike everywhere may be too small to be found beside others."""
@@ -118,7 +122,7 @@ def variance_components(residual: np.ndarray, gradient: np.ndarray, by_slope: np
     rows, variance, count = [], [], []
     for steep in _parts(gradient, np.arange(len(residual)), GRADIENT_CELLS):
         for cell in _parts(by_slope, steep, SLOPE_CELLS):
-            if len(cell) >= FEWEST_FOR_SIGMA:
+            if len(cell) >= FEWEST_IN_CELL:
                 rows.append([1.0, np.mean(gradient[cell] ** 2), np.mean(by_slope[cell] ** 2)])
                 variance.append(robust_sigma(residual[cell]) ** 2)
                 count.append(len(cell))
