@@ -136,19 +136,17 @@ def blur(clean: Images, rng: np.random.Generator) -> Images:
     return clean.with_one(_any_view(clean, rng), blurred)
 
 
-def blurred(pixels: np.ndarray) -> np.ndarray:
+def blurred(pixels: np.ndarray, sigma_px: float = BLUR_PX) -> np.ndarray:
     """Pixels as an image out of focus has them."""
     from scipy.ndimage import gaussian_filter
 
-    return gaussian_filter(pixels, BLUR_PX, mode="nearest")
+    return gaussian_filter(pixels, sigma_px, mode="nearest")
 
 
 def wide_optics(clean: Images, rng: np.random.Generator) -> Images:
     """All images are less sharp than the optics are said to be."""
-    from scipy.ndimage import gaussian_filter
-
     more = OPTICS_PX * np.sqrt(WIDER**2 - 1.0)
-    return clean.changed(lambda pixels: gaussian_filter(pixels, more, mode="nearest"))
+    return clean.changed(lambda pixels: blurred(pixels, more))
 
 
 def one_sun(clean: Images, rng: np.random.Generator) -> Images:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photoclinometry.model.geometry import Similarity, skew
+from photoclinometry.model.geometry import Similarity, point_moves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +59,7 @@ def variance_of(
     """
     of_frame = 0.0
     if correlation.frame.size:
-        arm = position - correlation.pivot
-        moves = np.concatenate([-skew(arm), np.broadcast_to(np.eye(3), (len(arm), 3, 3)), arm[:, :, None]], axis=2)
+        moves = point_moves(position, correlation.pivot)
         covariance = covariance - moves @ correlation.frame @ np.swapaxes(moves, 1, 2)
         along = np.einsum("ni,nia->a", gradient, moves)
         of_frame = float(along @ correlation.frame @ along)

@@ -14,7 +14,7 @@ import numpy as np
 State = TypeVar("State")
 
 MOST_ITERATIONS = 30
-"""Of Gauss-Newton, and of its kin: fits of a few numbers take 3 to 10 where they converge."""
+"""Of fits of a few numbers, at most: the adjustment of a camera's lens, the largest of them, takes 3 to 10."""
 
 SETTLED = 1e-10
 """A step settles the estimate if its square in standard deviations is below this: 1e-5 sigma."""

@@ -84,6 +84,12 @@ def skew(v: np.ndarray) -> np.ndarray:
     return np.stack(rows, -2)
 
 
+def point_moves(points: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """(n, 3, 7): how points (n, 3) move by rotation, translation and scale about a point (3,)."""
+    arm = points - about
+    return np.concatenate([-skew(arm), np.broadcast_to(np.eye(3), (len(arm), 3, 3)), arm[:, :, None]], axis=2)
+
+
 def so3_exp(omega: np.ndarray) -> np.ndarray:
     """Rotation (..., 3, 3) by the rotation vector omega (..., 3) [rad] (Rodrigues)."""
     omega = np.asarray(omega, float)

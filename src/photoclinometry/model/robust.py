@@ -14,8 +14,7 @@ REWEIGHTINGS = 6
 
 SIGNIFICANT = 5.0
 """Standard deviations beyond which a difference is not taken for chance. They are known roughly: with errors twice as
-large as stated it still leaves 2.5, by chance one in a hundred. What decides by it says in how far its own need
-differs."""
+large as stated it still leaves 2.5, by chance one in a hundred."""
 
 FEWEST_FOR_SIGMA = 100
 """Values that tell a standard deviation: to 7 per cent, 1 / sqrt(2 n)."""

@@ -41,7 +41,7 @@ SETTLED = 1e-5
 """Shorter steps end the iterations: far below the normals' errors."""
 
 ITERATIONS = 6
-"""Steps of a landmark's fit at most: it settles in 3 to 5 from the joint estimate's normals."""
+"""Steps of a landmark's fit at most; SETTLED ends it sooner."""
 
 SIGMA_PASSES = 2
 """The residuals' standard deviation is taken from the scene as given, then from the first fit."""

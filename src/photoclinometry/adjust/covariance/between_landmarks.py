@@ -48,12 +48,14 @@ def correlation_by_distance(
     run = min(RUN, count)
     firsts = np.unique(np.linspace(0, count - run, RUNS).astype(int))
     stiffness = None if exact else stiffness_of(at.links, len(at))
+    held = surface or Surface(at=at, errors=errors)
+    value, vector = np.linalg.eigh(common)
+    root = vector * np.sqrt(np.maximum(value, 0.0))
     parts, by_common, shared, cells = [], [], [], []
     for first in firsts.tolist():
         last = first + run
-        held = surface or Surface(at=at, errors=errors)
         parts.append(_given_views(held, first, last))
-        of_views, alike = _of_common(at, errors, stiffness, common, first, last)
+        of_views, alike = _of_common(at, errors, stiffness, root, first, last)
         by_common.append(of_views)
         shared.append(alike)
         cells.append(cell[first:last])
@@ -129,12 +131,11 @@ def _inverse(at: LinearizedGraph, patch: Patch, prior: np.ndarray, first: int, l
 
 
 def _of_common(
-    at: LinearizedGraph, errors: ErrorModel, stiffness: np.ndarray | None, common: np.ndarray, first: int, last: int
+    at: LinearizedGraph, errors: ErrorModel, stiffness: np.ndarray | None, root: np.ndarray, first: int, last: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3, c) how positions of landmarks first:last follow from one standard deviation of errors of views and
-    parameters, and (n, 3, 3 K) of errors that neighbours share."""
-    value, vector = np.linalg.eigh(common)
-    root = vector * np.sqrt(np.maximum(value, 0.0))
+    parameters, and (n, 3, 3 K) of errors that neighbours share. root: (10 K + T, c), root @ root.T is the covariance of
+    views and parameters."""
     index, by_common, shared = responses(at, errors, stiffness, first, last)
     shape = (last - first, LANDMARK_SIZE, -1)
     of_views = (by_common @ root[index].astype(by_common.dtype)).reshape(shape)[:, :3]

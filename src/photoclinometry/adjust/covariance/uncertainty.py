@@ -27,11 +27,12 @@ from photoclinometry.adjust.covariance.linearized_graph import (
 from photoclinometry.adjust.covariance.marginals import EXACT, ErrorModel, Marginals, Surface, marginals
 from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
-from photoclinometry.adjust.graph.similarity import SIMILARITY, point_moves
+from photoclinometry.adjust.graph.similarity import SIMILARITY
 from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.adjust.tie_points import Members
 from photoclinometry.model.error_correlation import ErrorCorrelation
+from photoclinometry.model.geometry import point_moves
 from photoclinometry.model.scene import Views
 from photoclinometry.model.warning import warn
 

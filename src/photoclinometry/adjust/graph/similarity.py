@@ -5,16 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
-from photoclinometry.model.geometry import skew
+from photoclinometry.model.geometry import point_moves, skew
 
 SIMILARITY = 7
 """Numbers that images alone leave open: rotation 3, translation 3, scale 1."""
-
-
-def point_moves(points: np.ndarray, about: np.ndarray) -> np.ndarray:
-    """(n, 3, 7): how points (n, 3) move by rotation, translation and scale about a point (3,)."""
-    arm = points - about
-    return np.concatenate([-skew(arm), np.broadcast_to(np.eye(3), (len(arm), 3, 3)), arm[:, :, None]], axis=2)
 
 
 def landmark_moves(position: np.ndarray, normal: np.ndarray, basis: np.ndarray, pivot: np.ndarray) -> np.ndarray:
