@@ -16,5 +16,10 @@ def test_a_third_of_gross_errors_moves_the_robust_sigma_to_less_than_twice():
     assert robust_sigma(sample) < 2.0
 
 
+def test_huber_weights_of_residuals_of_either_sign_are_alike():
+    residual = np.array([-10.0, -2.0, 0.0, 2.0, 10.0])
+    np.testing.assert_allclose(huber_weight(residual), [0.3, 1.0, 1.0, 1.0, 0.3])
+
+
 def test_huber_weights_are_one_inside_the_limit_and_its_share_outside():
     np.testing.assert_allclose(huber_weight(np.array([0.0, 3.0, 6.0]), 3.0), [1.0, 1.0, 0.5])

@@ -28,6 +28,7 @@ def robust_sigma(residual: np.ndarray) -> float:
     return SIGMA_PER_MEDIAN * float(np.median(np.abs(residual)))
 
 
-def huber_weight(size: np.ndarray, limit: float | np.ndarray = HUBER_LIMIT) -> np.ndarray:
-    """Weights (...,) of reweighted least squares for Huber's loss: 1 up to `limit`, then limit / size (sizes >= 0)."""
-    return np.minimum(1.0, limit / np.maximum(size, TINY))
+def huber_weight(residual: np.ndarray, limit: float | np.ndarray = HUBER_LIMIT) -> np.ndarray:
+    """Weights (...,) of reweighted least squares for Huber's loss, of residuals of either sign (...,) in units of their
+    standard deviation: 1 up to a size of `limit`, then limit / size."""
+    return np.minimum(1.0, limit / np.maximum(np.abs(residual), TINY))

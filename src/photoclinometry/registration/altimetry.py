@@ -51,7 +51,7 @@ def shift_onto(scene: Scene, tracks: AltimeterTracks) -> np.ndarray:
     from the places around at which the heights of most of them fit best (MOST_SHOTS of them, evenly chosen).
     """
     ground = _Ground(scene)
-    every = max(1, len(tracks) // MOST_SHOTS)
+    every = max(1, -(-len(tracks) // MOST_SHOTS))
     shots = ground.to_local(tracks.position[::every])
     sigma = np.hypot(tracks.sigma, tracks.shift_sigma[tracks.track])[::every]
     found, scatter = _settled(ground, shots, sigma, np.zeros(3))
