@@ -12,7 +12,7 @@ import pytest
 
 from commands import phomo
 from photoclinometry.io.images import read_image
-from photoclinometry.model.errors import ImageError, NotConvergedError, ReconstructionError
+from photoclinometry.model.errors import ImageError, ReconstructionError
 from photoclinometry.pipeline import run as pipeline
 from runs import draw_no_figures
 from sites import write_small_site
@@ -90,7 +90,6 @@ def test_help_of_run_explains_options(capsys):
     [
         (ImageError("images/2.fits: is dark; remove this view"), 2),
         (ReconstructionError("2 of 9 views registered; add views"), 1),
-        (NotConvergedError("stopped after 60 iterations"), 1),
     ],
 )
 def test_an_error_is_one_line_and_an_exit_code(site, tmp_path, capsys, fails, error, code):

@@ -116,7 +116,7 @@ def adjust(
     are met.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or 10 landmarks are
-    left to estimate.
+    left to estimate, and InputError where residuals of the start are no numbers.
     """
     options = options or AdjustOptions()
     if len(scene.views) < FEWEST_VIEWS or len(scene.landmarks) < FEWEST_LANDMARKS:

@@ -32,10 +32,6 @@ class ReconstructionError(PhotoclinometryError, RuntimeError):
     """The images do not determine what was asked (the command ends with exit code 1)."""
 
 
-class NotConvergedError(PhotoclinometryError, RuntimeError):
-    """An estimate was asked to converge (`throw=True`) and did not."""
-
-
 class FetchError(PhotoclinometryError, OSError):
     """Published data cannot be fetched, or arrived damaged (the command ends with exit code 1)."""
 

@@ -57,7 +57,7 @@ def why_untrusted(
     if scene.reflectance is None:
         return tuple(reasons)
     off, explained = brightness_off(scene), change_explained(scene)
-    if off > INCONSISTENT_SHARE and explained < LEAST_EXPLAINED:
+    if not (off <= INCONSISTENT_SHARE or explained >= LEAST_EXPLAINED):  # NaN is no evidence
         reasons.append(
             f"the brightness is {100 * off:.0f} % off what the map predicts, {_times(explained)} what one albedo for "
             "each landmark and one exposure for each image leave: check the Sun directions and what the brightness is"

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -29,7 +29,7 @@ from photoclinometry.adjust.solve.damped import SINGLE, DampedSystem, parameter_
 from photoclinometry.adjust.solve.krylov import Krylov, conjugate_gradients
 from photoclinometry.adjust.solve.preconditioner import chebyshev_degree, lowest_eigenvalue
 from photoclinometry.adjust.solve.step_control import Trial, descend
-from photoclinometry.model.errors import NotConvergedError
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.ranges import Range, Ranged
 
 log = logging.getLogger(__name__)
@@ -172,18 +172,18 @@ def minimize(
     step_limit: float | np.ndarray = np.inf,
     moves: np.ndarray | None = None,
     on_step: Callable[[Iteration], None] | None = None,
-    throw: bool = False,
 ) -> Solution:
     """The estimate of least cost near `start`.
 
     step_limit: longest step of a landmark, or (J,) of each, against what all do, in units of B. moves: the
     `parameter_moves` of an earlier solution with other weights. on_step is called after every step; what it raises
-    ends the solve. throw: raise NotConvergedError instead of returning a status.
+    ends the solve. Raises InputError where the cost of the start is no number.
     """
     options = options or SolverOptions()
     state = _State(start, graph.linearize(start), options.initial_damping, np.zeros(len(start.landmarks)))
-    polynomial = _polynomial(state.at, options)
     history = [Iteration(_by_group(graph, state.at.cost), state.damping, 0, True, 0.0, 0.0, 0.0)]
+    _require_finite(history[0].cost)
+    polynomial = _polynomial(state.at, options)
     estimated = len(start.parameters) > 0
     stale = estimated and moves is None
     message = f"no convergence within {options.max_steps} steps"
@@ -218,10 +218,17 @@ def minimize(
         if state.damping > MAX_DAMPING:
             message, state.small = "converged: no step lowers the cost", 2
             break
-    converged = state.small == 2
-    if throw and not converged:
-        raise NotConvergedError(message)
-    return Solution(state.estimate, converged, message, tuple(history), moves)
+    return Solution(state.estimate, state.small == 2, message, tuple(history), moves)
+
+
+def _require_finite(cost: Mapping[str, float]) -> None:
+    """Raises InputError that names the groups whose cost is no number."""
+    wrong = [name for name, value in cost.items() if not np.isfinite(value)]
+    if wrong:
+        raise InputError(
+            f"the residuals of {' and '.join(wrong)} are no numbers at the start of the estimate: a measurement, a "
+            "pose, a Sun, a landmark or a reflectance parameter is NaN, infinite, or outside of its bounds"
+        )
 
 
 def _solve(system: DampedSystem, options: SolverOptions, *, fast: bool) -> Krylov:
