@@ -1,10 +1,19 @@
 """The width of the point-spread function from images of rough ground."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from photoclinometry.model.scene import Image
-from photoclinometry.photometry.point_spread import SMOOTH_GROUND_PX, USUAL_PX, WIDEST_PX, psf_sigma_px
+from photoclinometry.photometry.point_spread import (
+    SMOOTH_GROUND_PX,
+    USUAL_PX,
+    WIDEST_PX,
+    psf_sigma_px,
+    reference_psf_sigma_px,
+)
+from scenes import synthetic_scene
 
 FINE = 4
 """Samples a pixel, along each side."""
@@ -46,6 +55,17 @@ def test_smooth_ground_is_not_taken_for_a_blurred_camera():
     about = dict(exponent=2.0, sigma_px=USUAL_PX, noise=2e-5)
     assert psf_sigma_px(images(ground_sigma_px=SMOOTH_GROUND_PX, **about)) == pytest.approx(USUAL_PX, abs=0.05)
     assert psf_sigma_px(images(ground_sigma_px=1.2, **about)) == WIDEST_PX
+
+
+def test_only_images_of_the_reference_views_camera_tell_its_width():
+    scene = synthetic_scene(size=6, views=6)
+    other = replace(scene.views.cameras[0], params=(5000.0, 5000.0, 80.0, 80.0))
+    cameras = (*scene.views.cameras[:3], other, other, other)
+    scene = replace(scene, views=replace(scene.views, cameras=cameras), reference=0)
+    sharp = images(exponent=2.0, sigma_px=0.6, noise=2e-5)
+    blurred = images(exponent=2.0, sigma_px=1.0, noise=2e-5)
+    assert reference_psf_sigma_px(scene, [*sharp, *blurred]) == psf_sigma_px(sharp)
+    assert reference_psf_sigma_px(replace(scene, reference=4), [*sharp, *blurred]) == psf_sigma_px(blurred)
 
 
 def test_noise_hides_the_shortest_waves_and_not_the_width():

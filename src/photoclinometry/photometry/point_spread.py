@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from photoclinometry.model.scene import Image
+from photoclinometry.model.scene import Image, Scene
 from photoclinometry.model.tiny import TINY
 
 log = logging.getLogger(__name__)
@@ -89,6 +89,14 @@ def psf_sigma_px(images: Sequence[Image]) -> float:
         misfit,
     )
     return sigma_px
+
+
+def reference_psf_sigma_px(scene: Scene, images: Sequence[Image]) -> float:
+    """That of the reference view's camera [px], by those of the images, one for each view, that it took."""
+    cameras = scene.views.cameras
+    return psf_sigma_px(
+        [image for image, camera in zip(images, cameras, strict=True) if camera == cameras[scene.reference]]
+    )
 
 
 def _windows(images: Sequence[Image]) -> Iterator[np.ndarray]:

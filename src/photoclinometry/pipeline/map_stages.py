@@ -16,7 +16,7 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.cast_shadows import surroundings_by_shadows
-from photoclinometry.photometry.point_spread import psf_sigma_px
+from photoclinometry.photometry.point_spread import reference_psf_sigma_px
 from photoclinometry.pipeline.direct_refinement import refine_directly
 from photoclinometry.pipeline.first_estimate import first_estimate
 from photoclinometry.pipeline.joint_estimate import JointEstimate, Step, by_relit_matches, in_prior_frame
@@ -147,7 +147,7 @@ class LastEstimate(Stage[FinishedMap]):
         if scene.reflectance is not None and model is not None and model.name != scene.reflectance.name:
             scene = with_model(scene, model)
         if self.direct:
-            psf = psf_sigma_px(images) if self.psf_sigma_px is None else self.psf_sigma_px
+            psf = reference_psf_sigma_px(scene, images) if self.psf_sigma_px is None else self.psf_sigma_px
             known = self.estimate.known_views is not None
             found = refine_directly(scene, images, estimate, start.noise, poses_are_known=known)
             found = replace(found, scene=with_fine_relief(found.scene, psf))
