@@ -8,6 +8,7 @@ by 0.012 px with splines.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -110,7 +111,7 @@ def blurred(image: Image, sigma_px: float) -> Image:
 
     share = cv2.GaussianBlur(image.valid.astype(np.float32), (0, 0), sigma_px)
     total = cv2.GaussianBlur(np.where(image.valid, image.brightness, 0.0).astype(np.float32), (0, 0), sigma_px)
-    return Image(image.name, total / np.maximum(share, TINY), image.valid & (share > 0.5))
+    return replace(image, brightness=total / np.maximum(share, TINY), valid=image.valid & (share > 0.5))
 
 
 def masked_filter(values: np.ndarray, smooth: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 """Sparse structure from motion: images and intrinsics -> poses and sparse points, from nothing.
 
-`reconstruct.py` is the entry. Only this package uses pycolmap.
+`reconstruct.py` is the entry. Structure from motion is pycolmap's.
 """
 
 from photoclinometry.sfm.options import SfmOptions

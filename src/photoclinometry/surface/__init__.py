@@ -1,1 +1,1 @@
-"""The ground as a surface: depth, relief, rays, drawn triangles, sampled images."""
+"""The ground as a surface: depth, relief, rays, drawn triangles."""
