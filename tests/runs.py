@@ -12,13 +12,15 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numba
 import pytest
 
 from photoclinometry.cli.stage_lines import StageLines
+from photoclinometry.io.site import read_site, write_site
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.simulate.options import SimulationOptions
@@ -52,6 +54,14 @@ class Mapped:
     def copy(self, folder: Path) -> Path:
         """The run folder again, to spoil."""
         return Path(shutil.copytree(self.run, folder))
+
+    def changed_site(self, folder: Path, **changes: Any) -> Path:
+        """A site.toml in a folder of its own, with the same images and something else changed in the site."""
+        folder.mkdir()
+        (folder / "images").symlink_to(self.site.parent / "images", target_is_directory=True)
+        path = folder / "site.toml"
+        write_site(path, replace(read_site(self.site), **changes))
+        return path
 
 
 def small_run(folder: Path) -> Mapped:

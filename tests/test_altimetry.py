@@ -301,7 +301,7 @@ def test_a_run_with_altimetry_is_in_place(mapped, tmp_path):
     width = scene.region.width * 60.0
     tracks = altimeter_tracks(truth.surface, width, 60.0, (2.0, 10.0), rng)
     write_altimetry(tmp_path / "shots.csv", tracks)
-    site = with_priors(mapped, shared)
+    site = with_priors(mapped, shared, tmp_path / "site")
     found = pipeline.run(site, mapped.copy(tmp_path / "run"), pipeline.RunOptions(altimetry=tmp_path / "shots.csv"))
     assert not [warned for warned in found.warnings if warned.code.startswith("altimetry")]
     metrics = found.metrics | evaluate_against_truth(found.scene, truth).metrics

@@ -11,7 +11,7 @@ from photoclinometry.adjust import PosePriors, adjust
 from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.held_out import NAME, read_held_out
 from photoclinometry.io.scene_file import read_scene
-from photoclinometry.io.site import read_site, write_site
+from photoclinometry.io.site import read_site
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, so3_log
 from photoclinometry.model.pose_prior import PosePrior
@@ -200,12 +200,10 @@ def known(mapped):
     return found | {names[-1]: turned(found[names[-1]], 1.0)}
 
 
-def with_priors(mapped, priors):
-    """The small site with priors, as a file beside the first."""
-    site, path = read_site(mapped.site), mapped.site.with_name("priors.toml")
-    views = tuple(replace(view, pose_prior=priors.get(view.name)) for view in site.views)
-    write_site(path, replace(site, views=views))
-    return path
+def with_priors(mapped, priors, folder):
+    """The small site with priors, in a folder of its own."""
+    views = tuple(replace(view, pose_prior=priors.get(view.name)) for view in read_site(mapped.site).views)
+    return mapped.changed_site(folder, views=views)
 
 
 @pytest.mark.usefixtures("no_figures", "no_ranking")
@@ -213,7 +211,7 @@ def test_a_run_comes_out_in_the_frame_of_the_truth_and_names_a_wrong_prior(mappe
     """Of six priors of 0.01 degrees and 100 m one is wrong by a degree. The poses of so small a site by itself are
     off by up to 0.3 degrees, so that only the estimate with all of them tells."""
     folder = mapped.copy(tmp_path / "run")
-    site, bad = with_priors(mapped, known), sorted(known)[-1]
+    site, bad = with_priors(mapped, known, tmp_path / "site"), sorted(known)[-1]
     result = run(site, folder, RunOptions())
     summary = json.loads((folder / "metrics.json").read_text())
     assert [s["stage"] for s in summary["stages"] if s["resumed"]] == BEFORE
@@ -249,8 +247,8 @@ def test_priors_that_are_not_used_change_nothing(mapped, known, tmp_path):
     """Switched off, all is read back from the run without priors: the keys of every stage are the same."""
     folder = mapped.copy(tmp_path / "run")
     for site, options in (
-        (with_priors(mapped, known), RunOptions(pose_priors=False)),
-        (with_priors(mapped, dict(list(known.items())[:2])), RunOptions()),
+        (with_priors(mapped, known, tmp_path / "six"), RunOptions(pose_priors=False)),
+        (with_priors(mapped, dict(list(known.items())[:2]), tmp_path / "two"), RunOptions()),
     ):
         result = run(site, folder, options)
         summary = json.loads((folder / "metrics.json").read_text())
@@ -266,7 +264,7 @@ def test_a_view_held_out_is_placed_in_the_frame_of_the_priors(mapped, known, tmp
     loose = {n: replace(p, rotation_sigma_rad=2e-3, translation_sigma=1e3) for n, p in known.items()}
     folder, aside, few = mapped.copy(tmp_path / "run"), sorted(known)[1], DensifyOptions(min_views=4)
     run(
-        with_priors(mapped, loose),
+        with_priors(mapped, loose, tmp_path / "site"),
         folder,
         RunOptions(hold_out=(aside,), matcher="flow", densify=few),
     )
