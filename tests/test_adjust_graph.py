@@ -20,7 +20,7 @@ from jacobians import numerical_jacobian
 from photoclinometry.adjust.graph import factors
 from photoclinometry.adjust.graph.altimetry import Altimetry
 from photoclinometry.adjust.graph.control_points import ControlPoints
-from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.general import JacobianBlock, Rows
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import Brightness, Keypoints, ObservationTable
 from photoclinometry.adjust.graph.priors import (
@@ -239,7 +239,8 @@ class Ranges:
         by_view[:, 0, 3:6] = -along
         by_landmark[:, 0, :3] = along
         residual = ((distance - self.distance) / self.sigma)[:, None]
-        return [Rows(residual, (Touch("view", self.view, by_view), Touch("landmark", self.landmark, by_landmark)))]
+        blocks = JacobianBlock("view", self.view, by_view), JacobianBlock("landmark", self.landmark, by_landmark)
+        return [Rows(residual, blocks)]
 
 
 class EveryNumberTouched:
@@ -249,7 +250,7 @@ class EveryNumberTouched:
 
     def rows(self, estimate):
         slope = np.tile(1e-3 * np.eye(10), (3, 1, 1))
-        return [Rows(1e-3 * estimate.systematic, (Touch("systematic", np.arange(3), slope),))]
+        return [Rows(1e-3 * estimate.systematic, (JacobianBlock("systematic", np.arange(3), slope),))]
 
 
 @pytest.mark.parametrize("number", range(9))

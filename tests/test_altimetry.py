@@ -27,7 +27,7 @@ from photoclinometry.pipeline.altimetry import (
     write_shots,
 )
 from photoclinometry.registration.alignment import transform_scene
-from photoclinometry.registration.altimetry import shift_onto
+from photoclinometry.registration.altimetry import shift_to_altimetry
 from photoclinometry.simulate.altimetry import altimeter_tracks
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import ground_place
@@ -223,7 +223,7 @@ def test_a_map_far_beside_its_place_is_shifted_onto_the_shots(known):
     """By six ground samples, a quarter of the map and a half of its waves; from where it belongs it stays."""
     scene = known[0]
     surface = tracks_on(bumpy_surface(), 14 * GSD, np.random.default_rng(1), track=3.0)[0]
-    np.testing.assert_array_equal(shift_onto(scene, surface), 0.0)
+    np.testing.assert_array_equal(shift_to_altimetry(scene, surface), 0.0)
     off = np.array([4.5 * GSD, -4.0 * GSD, 500.0])
     moved = replace(transform_scene(Similarity(1.0, np.eye(3), off), scene), frame=BODY_FIXED)
     found = on_shots(moved, surface)
@@ -264,7 +264,7 @@ def test_level_ground_is_not_shifted_along_itself(known):
     up = np.tile([0.0, 0.0, 1.0], (len(level), 1))
     flat = replace(scene, landmarks=replace(scene.landmarks, position=level, normal=up))
     shots = replace(tracks, position=tracks.position * [1.0, 1.0, 0.0] + [0.0, 0.0, 300.0])
-    np.testing.assert_allclose(shift_onto(flat, shots), [0.0, 0.0, 300.0], atol=1e-6)
+    np.testing.assert_allclose(shift_to_altimetry(flat, shots), [0.0, 0.0, 300.0], atol=1e-6)
 
 
 def test_simulated_shots_lie_on_the_true_ground():

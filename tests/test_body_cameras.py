@@ -8,7 +8,7 @@ import pytest
 from photoclinometry.adjust import Estimate, KnownPoses, PosePriors
 from photoclinometry.adjust.bundle import bundle_adjusted, landmarks_of, pose_covariances, reprojection_px
 from photoclinometry.body.cameras import ShareCameras, in_shared_frame
-from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap
+from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints
 from photoclinometry.io.site import Site, SiteView
 from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, angle_between, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
@@ -190,7 +190,7 @@ def tile_of(true, middle, own_from_body, bend=0.0, count=800, number=0):
             weight=np.ones(count),
             pixel=pixel,
         ),
-        ties=TiePoints(landmark=ties, start=start, view=view, keypoint=keypoint),
+        ties=TileTiePoints(landmark=ties, start=start, view=view, keypoint=keypoint),
         gsd=1.0,
     ), position
 
@@ -228,7 +228,7 @@ def test_normals_follow_the_displacement_of_a_tile():
             weight=one,
             pixel=np.stack([-z, y], -1),
         ),
-        ties=TiePoints(landmark=ties, start=start, view=view, keypoint=keypoint),
+        ties=TileTiePoints(landmark=ties, start=start, view=view, keypoint=keypoint),
         gsd=0.1,
     )
     moved = in_shared_frame(tile, views_from(site_of(true), sparse_of(flat, true, true)))

@@ -11,7 +11,7 @@ from photoclinometry.body import model_choice
 from photoclinometry.body import tile as tiles
 from photoclinometry.body.model_choice import TRIED, ChooseBodyModel, chooses_reflectance, most_telling
 from photoclinometry.body.options import BodyOptions
-from photoclinometry.body.plan import Plan, Tile
+from photoclinometry.body.plan import Tile, TilePlan
 from photoclinometry.body.tile import BodyModel, MapTile
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import ReconstructionError
@@ -34,7 +34,7 @@ TILES = (tile(5, 9.0), tile(8, 3.0), tile(8, 4.0), tile(6, 9.0), tile(4, 9.0))
 def stage(tmp_path):
     """Of a body of which only the site and the plan are asked."""
     site = read_site(write_small_site(tmp_path))
-    plan = Plan(tiles=TILES, area={}, views_of_face=np.zeros(0, int), tile_of_face=np.zeros(0, int))
+    plan = TilePlan(tiles=TILES, area={}, views_of_face=np.zeros(0, int), tile_of_face=np.zeros(0, int))
     nothing = Keyed(None, "")
     model = BodyModel(
         site=site, posed=nothing, known=nothing, shape=nothing, plan=Keyed(plan, "plan"), options=BodyOptions()

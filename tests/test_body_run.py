@@ -9,7 +9,7 @@ import pytest
 
 from photoclinometry.api.maps import read_scene
 from photoclinometry.body import run as library
-from photoclinometry.body.options import BodyOptions, PlanOptions
+from photoclinometry.body.options import BodyOptions, TilePlanOptions
 from photoclinometry.body.run import map_body, map_one_tile, owner_of_body, plan_body
 from photoclinometry.cli import main
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
@@ -33,7 +33,7 @@ from test_viewer import data_of
 
 pytest.importorskip("embreex")
 
-OPTIONS = BodyOptions(plan=PlanOptions(tile_px=64))
+OPTIONS = BodyOptions(plan=TilePlanOptions(tile_px=64))
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import pytest
 
 from photoclinometry.body.coarse_shape import ClosedMesh, oriented
 from photoclinometry.body.merge import Cloud, merged
-from photoclinometry.body.options import PlanOptions
+from photoclinometry.body.options import TilePlanOptions
 from photoclinometry.body.overlap import Overlap, overlap_of, shared_images, sigma_factors
 from photoclinometry.body.plan import planned
-from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap
+from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera, Views
@@ -167,7 +167,7 @@ def test_most_diverse_takes_the_first_then_the_least_alike():
 def plan_of_ball(ball):
     rings = [ring(12, latitude) for latitude in (-55.0, 0.0, 55.0)]
     views = views_from(*(np.concatenate(part) for part in zip(*rings, strict=True)))
-    options = PlanOptions(tile_px=40, min_views=4)
+    options = TilePlanOptions(tile_px=40, min_views=4)
     return planned(ball, views, 100 + np.arange(len(views)), options), views, options
 
 
@@ -185,7 +185,7 @@ def test_images_narrower_than_the_body_are_planned_to_their_borders_and_on(ball)
     """Ground in an image's margin is mapped by no region of it; another view's is taken there."""
     directions = refine(*icosahedron(), 0.22, unit)[0]
     views = views_from(directions, directions, focal=4000.0)
-    plan = planned(ball, views, np.arange(len(views)), PlanOptions(tile_px=128, overlap=0.25, max_incidence=90.0))
+    plan = planned(ball, views, np.arange(len(views)), TilePlanOptions(tile_px=128, overlap=0.25, max_incidence=90.0))
     assert plan.area["planned"] > 0.93 * plan.area["seen"]
 
 
@@ -207,7 +207,7 @@ def test_a_face_projects_into_the_region_of_its_tile_less_margins(plan_of_ball, 
 def test_ground_that_no_sun_lights_is_named_dark(ball):
     directions, _ = ring(12, 0.0)
     views = views_from(directions, np.tile([1.0, 0.0, 0.0], (12, 1)))
-    plan = planned(ball, views, np.arange(12), PlanOptions(tile_px=40))
+    plan = planned(ball, views, np.arange(12), TilePlanOptions(tile_px=40))
     assert plan.area["dark"] > 0.25
     middle = ball.vertices[ball.faces].mean(1)
     assert (middle[plan.tile_of_face >= 0, 0] > 0).all()
@@ -230,7 +230,7 @@ def patch(direction, angle_deg, offset=0.0, albedo=0.1, spacing=0.25, sigma=0.02
             weight=np.ones(count),
             pixel=np.zeros((count, 2), int),
         ),
-        ties=TiePoints.none(),
+        ties=TileTiePoints.none(),
         gsd=spacing,
     )
 
@@ -378,7 +378,7 @@ def test_a_thin_wall_keeps_its_two_sides():
             weight=np.ones(count),
             pixel=np.zeros((count, 2), int),
         )
-        tiles.append(TileMap(landmarks=side, ties=TiePoints.none(), gsd=0.25))
+        tiles.append(TileMap(landmarks=side, ties=TileTiePoints.none(), gsd=0.25))
     flat = np.array([[0.0, 0.0, 0.2], [1.0, 0.0, 0.2], [0.0, 1.0, 0.2]])
     found = merged(Cloud.of(tiles), flat, np.array([[0, 1, 2]]))
     assert found.vertices[:, 2] == pytest.approx(0.1)

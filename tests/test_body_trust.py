@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from photoclinometry.body import products
-from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap
+from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints
 from photoclinometry.body.trust import why_untrusted
 from photoclinometry.model.warning import Warned
 
-SOUND = TileMap(landmarks=TileLandmarks.none(), ties=TiePoints.none(), gsd=1.0)
+SOUND = TileMap(landmarks=TileLandmarks.none(), ties=TileTiePoints.none(), gsd=1.0)
 FAILED = replace(SOUND, failure="no landmark is seen by enough views")
 WRONG = replace(SOUND, distrust=("the joint estimate has not converged: it ran out of steps",))
 WELL = np.array([0.9, 0.8, np.nan, 0.95])

@@ -91,9 +91,9 @@ def test_a_run_warns_of_distortion_that_the_site_lacks(distorted, tmp_path, whic
     site = read_site(distorted[0]) if which == "distorted" else distorted[1]
     folder = open_run(tmp_path / "run")
     inputs = read_inputs(folder, site)
-    sparse = folder.done(SparseReconstruction(inputs=inputs, options=ONE_THREAD))
+    sparse = folder.result_of(SparseReconstruction(inputs=inputs, options=ONE_THREAD))
     with collected_warnings() as warnings:
-        found = folder.done(CheckCameras(inputs=inputs, sparse=sparse)).value
+        found = folder.result_of(CheckCameras(inputs=inputs, sparse=sparse)).value
     assert [warning.code for warning in warnings] == ["camera-distorted"] * warned
     assert len(found.shift_px) == 1
     assert (found.shift_px[0] > 0.5) == warned

@@ -107,7 +107,7 @@ def test_a_ray_meets_the_ground_around_where_its_node_says_so(flat, seed):
     sun = sun_from_the_right(flat.views.body_from_cam[0], rng.uniform(0.1, 0.5))
     high = 40 * GSD
     decided = MapRays(flat, around).decided(sun, high)
-    assert MapRays(flat).free_towards(sun).all()
+    assert MapRays(flat).unoccluded_towards(sun).all()
     np.testing.assert_array_equal(decided.below > 0.0, ~in_sunlight(flat, sun, around))
     j = rng.choice(np.flatnonzero(decided.node >= 0))
     for factor, meets in ((0.999, True), (1.001, False)):

@@ -13,7 +13,7 @@ from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline.common_sun_error import CheckSuns, CommonSunError
-from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
 
@@ -30,7 +30,7 @@ def scene_with_suns_off(turn=TURN, views=8):
 
 
 def checked(scene, tmp_path):
-    stage = CheckSuns(relit=Keyed(Iterate(scene=scene), "a"), reflectance=MODEL)
+    stage = CheckSuns(relit=Keyed(IntermediateMap(scene=scene), "a"), reflectance=MODEL)
     with collected_warnings() as warnings:
         found = stage.make(Tools(progress=no_progress, scratch=tmp_path))
     return found, [warning.code for warning in warnings]

@@ -17,10 +17,10 @@ from photoclinometry.pipeline.direct_refinement import (
     ROUGH_PASSES,
     has_strayed,
     image_gradients,
-    put_back,
     refine_directly,
+    reset_landmarks,
 )
-from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
+from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate
 from photoclinometry.registration.alignment import transform_scene
 from scenes import synthetic_images, synthetic_scene, thinned
 
@@ -61,7 +61,7 @@ def true():
 def test_images_correct_a_map_that_its_matches_confirm(true):
     """Relief off by 0.2 GSD: by matches it stays so, by images two thirds and more of the error go."""
     start, images = confirmed(true), synthetic_images(true)
-    matched = estimate(start, Step()).scene
+    matched = estimate(start, EstimateSettings()).scene
     found = refine_directly(start, images, estimate).scene
     assert height_error(start, true) == pytest.approx(0.2, rel=0.1)
     assert height_error(matched, true) > 0.15
@@ -72,7 +72,7 @@ def test_images_correct_a_map_that_its_matches_confirm(true):
 def test_landmarks_stay_on_their_rays_and_brightness_goes_with_them(true):
     images = synthetic_images(true)
     start, gradients = image_gradients(confirmed(true), images)
-    found = estimate(start, Step(gradients=gradients)).scene
+    found = estimate(start, EstimateSettings(gradients=gradients)).scene
     off = np.linalg.norm(keypoint_residuals(found), axis=-1)
     own = found.tracks.view == found.reference
     assert off[own].max() < 0.01
@@ -128,7 +128,7 @@ def test_landmarks_in_few_lit_views_are_left_to_their_matches(true):
     lit = np.bincount(start.tracks.landmark[start.tracks.lit], minlength=len(true.landmarks))
     assert 0.4 < np.mean(lit < MIN_LIT) < 0.7
     np.testing.assert_array_equal(gradients.of_landmarks(start.tracks), lit >= MIN_LIT)
-    found = estimate(start, Step(gradients=gradients)).scene
+    found = estimate(start, EstimateSettings(gradients=gradients)).scene
     off = np.linalg.norm(keypoint_residuals(found), axis=-1)
     assert np.median(off[(lit < MIN_LIT)[found.tracks.landmark]]) < 0.02
 
@@ -143,7 +143,7 @@ def test_with_too_few_views_the_last_estimate_is_of_matches():
 
     found = refine_directly(confirmed(few), synthetic_images(few), record)
     refine_directly(confirmed(few), synthetic_images(few), record, found.noise)
-    assert asked == [Step(), Step(least_keypoint_factor=found.noise.keypoint_factor)]
+    assert asked == [EstimateSettings(), EstimateSettings(least_keypoint_factor=found.noise.keypoint_factor)]
 
 
 def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_the_smooth_errors(true):
@@ -166,7 +166,7 @@ def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_t
         assert step.all_steps
         assert step.gradients.factor is None
     assert [step.noise for step in (*rough, last)] == [None, *noise[:ROUGH_PASSES]]
-    assert photometry == Step(rough=True, hold_geometry=True)
+    assert photometry == EstimateSettings(rough=True, hold_geometry=True)
     assert not last.rough
     assert 0.001 < np.std(last.gradients.factor) < 0.1
 
@@ -179,7 +179,7 @@ def test_rough_estimates_by_the_images_weigh_as_matches_do_while_poses_are_free(
         asked.append(step.reweighting)
         return estimate(start, step)
 
-    noise = estimate(true, Step()).noise
+    noise = estimate(true, EstimateSettings()).noise
     refine_directly(true, synthetic_images(true), record, noise, poses_are_known=poses_are_known)
     assert asked[:ROUGH_PASSES] == [reweighting] * ROUGH_PASSES
 
@@ -193,7 +193,7 @@ def test_a_rough_estimate_may_end_with_all_steps(true, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(joint_estimate, "adjust", recorded)
-    for step in (Step(), Step(rough=True), Step(rough=True, all_steps=True)):
+    for step in (EstimateSettings(), EstimateSettings(rough=True), EstimateSettings(rough=True, all_steps=True)):
         with pytest.raises(KeyboardInterrupt):
             JointEstimate(options=QUICK)(true, step)
     whole, short, long = solvers
@@ -241,7 +241,7 @@ def test_landmarks_that_stray_in_a_pass_are_put_back_and_left_to_their_matches(t
 def test_what_was_put_back_looks_as_it_did_to_the_reference_in_any_frame(true):
     other = Similarity(0.01, so3_exp(np.array([0.3, -0.2, 0.9])), np.array([5.0, 6.0, 7.0]))
     moved, which = transform_scene(other, true), np.arange(1024) < 100
-    found = put_back(pushed(moved, which, 0.5), true, which)
+    found = reset_landmarks(pushed(moved, which, 0.5), true, which)
     np.testing.assert_allclose(found.landmarks.position, moved.landmarks.position, atol=2e-3 * moved.gsd)
     np.testing.assert_allclose(found.landmarks.normal, moved.landmarks.normal, atol=1e-12)
 

@@ -13,7 +13,7 @@ from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline.doubtful_suns import CheckDoubtfulSuns
-from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
 
@@ -33,7 +33,7 @@ def scene_with_one_sun_off(degrees, views=8):
 
 
 def checked(scene, tmp_path):
-    stage = CheckDoubtfulSuns(relit=Keyed(Iterate(scene=scene), "a"), reflectance=MODEL, doubtful=("a", "b"))
+    stage = CheckDoubtfulSuns(relit=Keyed(IntermediateMap(scene=scene), "a"), reflectance=MODEL, doubtful=("a", "b"))
     with collected_warnings() as warned:
         found = stage.make(Tools(progress=no_progress, scratch=tmp_path))
     return found, warned

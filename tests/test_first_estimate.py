@@ -8,7 +8,7 @@ import pytest
 from adjustments import not_adjusted
 from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
 from photoclinometry.pipeline import first_estimate as module
-from photoclinometry.pipeline.first_estimate import carried, first_estimate
+from photoclinometry.pipeline.first_estimate import first_estimate, interpolated_estimate
 from photoclinometry.registration.alignment import transform_scene
 from scenes import synthetic_scene, with_landmarks
 
@@ -78,7 +78,8 @@ def test_they_follow_into_the_frame_that_the_estimate_is_in(true):
     start = rough(true)
     part = start.of_every(2)
     here, there = (
-        carried(found, part, start) for found in (true.of_every(2), transform_scene(OTHER, true.of_every(2)))
+        interpolated_estimate(found, part, start)
+        for found in (true.of_every(2), transform_scene(OTHER, true.of_every(2)))
     )
     expected = transform_scene(OTHER, here)
     np.testing.assert_allclose(there.landmarks.position, expected.landmarks.position, atol=1e-6 * expected.gsd)

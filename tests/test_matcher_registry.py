@@ -8,7 +8,7 @@ import pytest
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.site import read_site
-from photoclinometry.matching.flow import FlowMatcher, FlowOptions, crop, follow, normalise, resample
+from photoclinometry.matching.flow import FlowMatcher, FlowOptions, crop, normalise, resample, warp_by_flow
 from photoclinometry.matching.interface import region_matches
 from photoclinometry.matching.registry import MATCHERS, MatcherEntry, matcher_entry
 from photoclinometry.matching.roma import RomaOptions
@@ -38,7 +38,7 @@ class ToyMatcher:
         flow = cv2.calcOpticalFlowFarneback(a, b, np.zeros((*a.shape, 2)), 0.5, 3, self.window_px, 5, 7, 1.5, 0)
         valid = pictures[0][1] & pictures[1][1]
         ones = np.ones(a.shape)
-        return region_matches(request, follow(request.prediction, flow, order=1), ones, 0.2 * ones, valid)
+        return region_matches(request, warp_by_flow(request.prediction, flow, order=1), ones, 0.2 * ones, valid)
 
 
 TOY = MatcherEntry(options=15, make=ToyMatcher, precision="not measured")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.matching import MatchRequest
-from photoclinometry.matching.flow import FlowMatcher, as_coarse_as, in_target, normalise, resample
+from photoclinometry.matching.flow import FlowMatcher, in_target, normalise, resample, smoothed_to_target_resolution
 from photoclinometry.matching.interface import MatchSetup, padded_region
 from photoclinometry.matching.prewarp import (
     predict_pixels,
@@ -86,7 +86,7 @@ def test_a_target_of_half_the_resolution_meets_a_reference_as_coarse():
     coarse = gaussian_filter(fine, np.sqrt(0.75)).reshape(100, 2, 100, 2).mean((1, 3))
     prediction = PADDED.pixel_centers() / 2.0
     picture = fine[PADDED.slices]
-    smoothed, valid = as_coarse_as(prediction, picture, np.ones(picture.shape, bool))
+    smoothed, valid = smoothed_to_target_resolution(prediction, picture, np.ones(picture.shape, bool))
     seen = resample(Image("b", coarse, np.ones(coarse.shape, bool)), prediction)[0]
     assert valid.all()
     assert np.std(smoothed - seen) < 0.35 * np.std(picture - seen)
@@ -140,7 +140,7 @@ def test_sigmas_of_an_oblique_view_are_the_rms_of_both_axes():
 
 def test_a_target_as_fine_leaves_the_reference_as_it_is():
     picture = texture((148, 148))
-    found, _ = as_coarse_as(PADDED.pixel_centers(), picture, np.ones(picture.shape, bool))
+    found, _ = smoothed_to_target_resolution(PADDED.pixel_centers(), picture, np.ones(picture.shape, bool))
     assert found is picture
 
 

@@ -18,7 +18,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
-from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import ChooseModel
 from photoclinometry.pipeline.run_mark import PRODUCTS
 from photoclinometry.pipeline.stage import Keyed, Tools
@@ -171,7 +171,7 @@ def test_of_calibrated_images_only_models_that_predict_their_brightness_compare(
 
 
 def chosen(scene, known, candidates, tmp_path):
-    stage = ChooseModel(relit=Keyed(Iterate(scene=scene), "k"), known=known, candidates=candidates)
+    stage = ChooseModel(relit=Keyed(IntermediateMap(scene=scene), "k"), known=known, candidates=candidates)
     return stage.make(Tools(progress=no_progress, scratch=tmp_path)).reflectance
 
 

@@ -278,7 +278,7 @@ def test_a_view_in_another_unit_leaves_poses_of_the_others(tmp_path):
     write_site(tmp_path / "site.toml", Site("a", None, "iof", tuple(views), None, tmp_path / "site.toml"))
     folder = open_run(tmp_path / "run")
     inputs = read_inputs(folder, read_site(tmp_path / "site.toml"))
-    sparse = folder.done(SparseReconstruction(inputs=inputs, options=OPTIONS))
+    sparse = folder.result_of(SparseReconstruction(inputs=inputs, options=OPTIONS))
     assert sparse.value.registered.tolist() == [True, True, False, True, True]
     chosen = choose_views(folder, PosedImages(inputs=inputs, sparse=sparse), np.zeros(5, bool), None)
     assert chosen.left_out == inputs.value.unusable

@@ -13,7 +13,7 @@ from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline import checked_map, relief_check
 from photoclinometry.pipeline import run as pipeline
-from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
+from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate
 from photoclinometry.pipeline.moved_suns import warn_of_suns
 from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax, warn_of_relief
 from scenes import synthetic_scene
@@ -145,7 +145,7 @@ def test_held_photometry_stays_where_it_is_stated(scene):
 
     model = scene.reflectance
     free, held = (
-        JointEstimate(options=options, reflectance=model, holds_photometry=holds)(start, Step()).scene
+        JointEstimate(options=options, reflectance=model, holds_photometry=holds)(start, EstimateSettings()).scene
         for holds in (False, True)
     )
     assert turned(held) < 0.2 < 1.0 < turned(free)

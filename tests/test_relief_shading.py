@@ -141,12 +141,12 @@ def wrong(site, tmp_path_factory):
     kept = []
 
     def keeping(model, *rest):
-        found = reversal.right_way_round(model, *rest)
+        found = reversal.resolve_depth_reversal(model, *rest)
         kept.append(reversal.reversed_model(found.model))
         return found
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mapping, "right_way_round", keeping)
+        patch.setattr(mapping, "resolve_depth_reversal", keeping)
         reconstruct_sparse(site[0], CAMERAS, tmp_path_factory.mktemp("wrong"), OPTIONS)
     return kept[-1]
 
@@ -158,7 +158,7 @@ def test_shading_sees_a_reverse_that_keypoints_do_not_show_before_they_are_adjus
     def shading_of(model):
         return relief_shading(mapping.from_colmap(model, 5), site[0], CAMERAS, site[1])
 
-    found = reversal.right_way_round(copy.deepcopy(wrong), RobustAdjustment(2), shading_of if is_lit else None)
+    found = reversal.resolve_depth_reversal(copy.deepcopy(wrong), RobustAdjustment(2), shading_of if is_lit else None)
     off = rotation_errors_deg(mapping.from_colmap(found.model, 5).body_from_cam, site[2]).max()
     assert (off < 0.5) == is_lit
     assert (found.shading is not None) == is_lit
@@ -168,12 +168,12 @@ def test_shading_sees_a_reverse_that_keypoints_do_not_show_before_they_are_adjus
 def test_shading_decides_only_where_keypoints_hardly_do(wrong, site, doubtful, kept_right, monkeypatch):
     """Keypoints have the last word where the errors of the two differ: here against Suns that are wrong."""
     monkeypatch.setattr(reversal, "DOUBTFUL", doubtful)
-    monkeypatch.setattr(reversal, "with_views_turned_round", lambda model, _adjustment: model)
+    monkeypatch.setattr(reversal, "resolve_pose_reversals", lambda model, _adjustment: model)
 
     def by_wrong_suns(model):
         return relief_shading(mapping.from_colmap(model, 5), site[0], CAMERAS, site[1] * MIRRORED)
 
     right = reversal.reversed_model(wrong)
-    found = reversal.right_way_round(right, RobustAdjustment(2), by_wrong_suns)
+    found = reversal.resolve_depth_reversal(right, RobustAdjustment(2), by_wrong_suns)
     off = rotation_errors_deg(mapping.from_colmap(found.model, 5).body_from_cam, site[2]).max()
     assert (off < 0.5) == kept_right

@@ -11,11 +11,11 @@ from photoclinometry.io.images import write_png
 from photoclinometry.io.site import read_site, write_site
 from photoclinometry.io.site_images import input_fingerprint, read_view_image
 from photoclinometry.model.errors import SiteError
-from photoclinometry.model.gamma import raised
+from photoclinometry.model.gamma import gamma_corrected
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
-from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.response_check import CheckResponse, is_clear, models_that_tell, remedy
 from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
@@ -28,18 +28,20 @@ def encoded_scene(gamma, views=8, model=HAPKE):
     scene = replace(synthetic_scene(size=16, views=views, reflectance=model, brightness_noise=0.003), body="vesta")
     tracks = scene.tracks
     top = float(tracks.brightness.max())
-    return replace(scene, tracks=replace(tracks, brightness=raised(tracks.brightness, 1.0 / gamma, top)))
+    return replace(scene, tracks=replace(tracks, brightness=gamma_corrected(tracks.brightness, 1.0 / gamma, top)))
 
 
 def checked(scene, tmp_path):
-    stage = CheckResponse(relit=Keyed(Iterate(scene=scene), "a"), models=(HAPKE,), stated=(1.0,))
+    stage = CheckResponse(relit=Keyed(IntermediateMap(scene=scene), "a"), models=(HAPKE,), stated=(1.0,))
     with collected_warnings() as warnings:
         found = stage.make(Tools(progress=no_progress, scratch=tmp_path))
     return found, warnings
 
 
 def test_a_power_keeps_the_sign_and_one_value():
-    np.testing.assert_allclose(raised(np.array([-4.0, 0.0, 1.0, 4.0, 9.0]), 0.5, 4.0), [-4.0, 0.0, 2.0, 4.0, 6.0])
+    np.testing.assert_allclose(
+        gamma_corrected(np.array([-4.0, 0.0, 1.0, 4.0, 9.0]), 0.5, 4.0), [-4.0, 0.0, 2.0, 4.0, 6.0]
+    )
 
 
 @pytest.mark.parametrize("gamma", [0.6, 1.0, 2.2])

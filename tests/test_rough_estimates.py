@@ -7,7 +7,7 @@ import pytest
 from adjustments import not_adjusted
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.pipeline import joint_estimate
-from photoclinometry.pipeline.joint_estimate import ROUGH_REWEIGHTING, JointEstimate, Step
+from photoclinometry.pipeline.joint_estimate import ROUGH_REWEIGHTING, EstimateSettings, JointEstimate
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.pipeline.run_folder import adopt_stages
@@ -46,6 +46,6 @@ def test_the_noise_of_each_map_is_what_the_next_one_is_relit_with(mapped, tmp_pa
 @pytest.mark.parametrize("allowed", [1, 4])
 def test_rough_estimates_reweight_twice_or_as_often_as_is_allowed(calls, allowed):
     estimate = JointEstimate(options=replace(AdjustOptions(), max_reweightings=allowed))
-    estimate(synthetic_scene(size=4, views=3), Step(rough=True))
-    estimate(synthetic_scene(size=4, views=3), Step())
+    estimate(synthetic_scene(size=4, views=3), EstimateSettings(rough=True))
+    estimate(synthetic_scene(size=4, views=3), EstimateSettings())
     assert [options.max_reweightings for options, *_ in calls] == [min(ROUGH_REWEIGHTING, allowed), allowed]

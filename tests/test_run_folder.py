@@ -94,24 +94,24 @@ def folder(tmp_path):
 
 
 def test_a_stage_comes_back_as_it_was_made(folder):
-    made = folder.done(Sparse()).value
+    made = folder.result_of(Sparse()).value
     again = open_run(folder.path)
     assert_equal(made, result())
-    assert_equal(made, again.done(Never()).value)
+    assert_equal(made, again.result_of(Never()).value)
     assert [cost.resumed for cost in folder.costs + again.costs] == [False, True]
 
 
 def test_another_key_makes_the_stage_again(folder):
-    folder.done(Sparse())
-    assert_equal(result(1), folder.done(Sparse(seed=1)).value)
-    assert_equal(result(1), folder.done(Never(seed=1)).value)
+    folder.result_of(Sparse())
+    assert_equal(result(1), folder.result_of(Sparse(seed=1)).value)
+    assert_equal(result(1), folder.result_of(Never(seed=1)).value)
 
 
 def test_a_changed_program_makes_the_stage_again(folder, monkeypatch):
-    folder.done(Sparse())
+    folder.result_of(Sparse())
     monkeypatch.setattr("photoclinometry.pipeline.stage.program_digest", lambda: "another")
     with pytest.raises(AssertionError, match="made again"):
-        folder.done(Never())
+        folder.result_of(Never())
 
 
 def test_the_program_is_its_sources_and_without_these_its_version(tmp_path, monkeypatch):
@@ -136,14 +136,14 @@ def test_the_program_is_its_sources_and_without_these_its_version(tmp_path, monk
 
 def test_a_stage_that_fails_leaves_nothing(folder):
     with pytest.raises(AssertionError):
-        folder.done(Never())
+        folder.result_of(Never())
     assert not folder.costs
     assert not list((folder.path / "stages").glob("*"))
 
 
 def test_damage_anywhere_in_a_stage_file_is_warned_of_and_made_good(folder, caplog):
     """Cut short or with a byte changed: never a crash, never other values than were written."""
-    folder.done(Sparse())
+    folder.result_of(Sparse())
     file = folder.path / "stages" / "sparse.npz"
     content = file.read_bytes()
     rng = np.random.default_rng(0)
@@ -152,7 +152,7 @@ def test_damage_anywhere_in_a_stage_file_is_warned_of_and_made_good(folder, capl
         damaged.append(content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :])
     for data in damaged:
         file.write_bytes(data)
-        assert_equal(result(), folder.done(Sparse()).value)
+        assert_equal(result(), folder.result_of(Sparse()).value)
     warnings = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
     assert len(warnings) >= 60
     assert all(w.startswith(f"{file}: damaged") for w in warnings)

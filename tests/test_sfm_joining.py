@@ -10,9 +10,9 @@ from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, so3_log
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, transformed
 from photoclinometry.sfm import SfmOptions
-from photoclinometry.sfm.completion import epipolar_px, fitting_matches, located
-from photoclinometry.sfm.database import Matches
-from photoclinometry.sfm.joining import find_join, joined_models, lifted, together
+from photoclinometry.sfm.completion import epipolar_inliers, epipolar_px, with_resected_views
+from photoclinometry.sfm.database import DescriptorMatches
+from photoclinometry.sfm.joining import joined_models, locate_keypoints, merged_model, ransac_similarity
 from scenes import from_zenith, look_at_origin
 
 FOCAL_PX = 3000.0
@@ -79,12 +79,12 @@ def matches_of(poses, pairs, right, seed=1, part=0.6):
         wrong = rng.permutation(np.arange(right, KEYPOINTS))
         index = np.column_stack([np.arange(KEYPOINTS), np.concatenate([np.arange(right), wrong])])
         found[pair] = index
-    return Matches(keypoints=keypoints, pairs=found)
+    return DescriptorMatches(keypoints=keypoints, pairs=found)
 
 
 def test_keypoints_lie_on_the_ground_between_a_models_points(models, poses):
     matches = matches_of(poses, [], 0)
-    points = lifted(models[0], matches, CAMERAS).points[1]
+    points = locate_keypoints(models[0], matches, CAMERAS).points[1]
     known = np.isfinite(points[:, 0])
     assert known.mean() > 0.8
     assert np.median(np.abs(points[known, 2] - heights(points[known, :2]))) < 1.5
@@ -93,8 +93,8 @@ def test_keypoints_lie_on_the_ground_between_a_models_points(models, poses):
 @pytest.mark.parametrize("pairs", [[(3, 0)], [(0, 3)], [(3, 0), (4, 2), (5, 1)]])
 def test_matches_of_few_pairs_give_the_similarity_of_two_models(models, poses, pairs):
     matches = matches_of(poses, pairs, 14)
-    parts = [lifted(model, matches, CAMERAS) for model in models]
-    join = find_join(*parts, matches, CAMERAS, np.random.default_rng(0))
+    parts = [locate_keypoints(model, matches, CAMERAS) for model in models]
+    join = ransac_similarity(*parts, matches, CAMERAS, np.random.default_rng(0))
     assert join.is_certain
     assert join.agreeing >= 0.7 * 14 * len(pairs)
     found = join.first_from_second
@@ -111,8 +111,8 @@ def test_the_sigma_of_a_join_is_as_large_as_its_errors(models, poses, part):
     off = []
     for seed in range(8):
         matches = matches_of(poses, [(3, 0), (4, 2)], 12, seed, part)
-        parts = [lifted(model, matches, CAMERAS) for model in models]
-        join = find_join(*parts, matches, CAMERAS, np.random.default_rng(0))
+        parts = [locate_keypoints(model, matches, CAMERAS) for model in models]
+        join = ransac_similarity(*parts, matches, CAMERAS, np.random.default_rng(0))
         turned = so3_log(join.first_from_second.rotation @ OTHER_FRAME.rotation.T)
         off.append(np.linalg.norm(turned) / join.turn_sigma_rad)
     assert 0.4 < np.median(off) < 2.0
@@ -123,7 +123,9 @@ def test_the_sigma_of_a_join_is_as_large_as_its_errors(models, poses, part):
 def test_matches_of_a_small_patch_do_not_join(models, poses, part):
     """They agree, and leave open how the second model is turned: a bent body would result."""
     matches = matches_of(poses, [(3, 0), (4, 2)], 12, part=part)
-    join = find_join(*(lifted(model, matches, CAMERAS) for model in models), matches, CAMERAS, np.random.default_rng(0))
+    join = ransac_similarity(
+        *(locate_keypoints(model, matches, CAMERAS) for model in models), matches, CAMERAS, np.random.default_rng(0)
+    )
     assert join.agreeing >= 12
     assert join.turn_sigma_rad > np.radians(4.0)
     assert not join.is_certain
@@ -133,7 +135,9 @@ def test_matches_of_a_small_patch_do_not_join(models, poses, part):
 @pytest.mark.parametrize("seed", range(5))
 def test_matches_by_chance_join_nothing(models, poses, seed):
     matches = matches_of(poses, [(a, b) for a in (3, 4, 5) for b in (0, 1, 2)], 0, seed)
-    join = find_join(*(lifted(model, matches, CAMERAS) for model in models), matches, CAMERAS, np.random.default_rng(0))
+    join = ransac_similarity(
+        *(locate_keypoints(model, matches, CAMERAS) for model in models), matches, CAMERAS, np.random.default_rng(0)
+    )
     assert not join.is_certain  # of 360, up to 10 agree, and 8 with another similarity
     assert len(joined_models(models, matches, CAMERAS, 0)) == 2
 
@@ -184,7 +188,7 @@ def test_two_couples_of_models_become_two_models(models, poses, order):
     one = matches_of(poses, [(3, 0), (4, 2), (5, 1)], 14)
     few = {pair: one.pairs[pair] for pair in ((3, 0), (4, 2))}  # so that the second body is joined first
     pairs = few | {(a + 7, b + 7): index for (a, b), index in one.pairs.items()}
-    both = Matches(keypoints=one.keypoints * 2, pairs=pairs)
+    both = DescriptorMatches(keypoints=one.keypoints * 2, pairs=pairs)
     four = [padded(models[0]), padded(models[1]), shifted(models[0]), shifted(models[1])]
     found = joined_models([four[k] for k in order], both, CAMERAS * 2, 0)
     assert [len(model.points) for model in found] == [2 * GROUND] * 2
@@ -195,7 +199,7 @@ def test_two_couples_of_models_become_two_models(models, poses, order):
 def test_a_view_in_both_has_the_pose_of_the_model_that_has_more_points_of_it(models, poses):
     elsewhere = Rigid(poses.rotation[::-1], poses.translation[::-1])
     few = replace(model_of(poses, [2, 3, 4], models[0].points[:20]), body_from_cam=elsewhere)
-    both = together(models[0], few)
+    both = merged_model(models[0], few)
     assert both.registered.tolist() == [True] * 5 + [False] * 2
     np.testing.assert_array_equal(both.body_from_cam.rotation[2], poses.rotation[2])
     np.testing.assert_array_equal(both.body_from_cam.rotation[3], elsewhere.rotation[3])
@@ -220,7 +224,7 @@ def test_distances_from_epipolar_lines(poses):
 
 def test_matches_that_fit_known_poses_are_kept(models, poses):
     matches = matches_of(poses, [(1, 0), (2, 1), (6, 0)], 25)
-    found = fitting_matches(models[0], matches, CAMERAS, 1.5)
+    found = epipolar_inliers(models[0], matches, CAMERAS, 1.5)
     assert set(found) == {(1, 0), (2, 1)}  # view 6 has no pose
     for index in found.values():
         assert np.count_nonzero(index[:, 0] == index[:, 1]) == 25
@@ -229,11 +233,13 @@ def test_matches_that_fit_known_poses_are_kept(models, poses):
 
 def test_a_view_is_located_by_matches_with_ground(models, poses):
     matches = matches_of(poses, [(6, 0), (6, 2)], 14)
-    found = located(models[0], matches, CAMERAS, SfmOptions())
+    found = with_resected_views(models[0], matches, CAMERAS, SfmOptions())
     assert found.registered.tolist() == [True] * 3 + [False] * 3 + [True]
     assert np.degrees(np.linalg.norm(so3_log(found.body_from_cam.rotation[6] @ poses.rotation[6].T))) < 3.0
 
 
 def test_no_view_is_located_by_chance(models, poses):
     matches = matches_of(poses, [(6, 0), (6, 1), (6, 2)], 0)
-    np.testing.assert_array_equal(located(models[0], matches, CAMERAS, SfmOptions()).registered, models[0].registered)
+    np.testing.assert_array_equal(
+        with_resected_views(models[0], matches, CAMERAS, SfmOptions()).registered, models[0].registered
+    )

@@ -13,50 +13,50 @@ from photoclinometry.sfm.pairs import (
     PREVIEWED,
     RICH,
     all_pairs,
-    likeness_of,
+    pair_similarities,
     pairs_between,
-    promising_pairs,
+    select_pairs,
 )
 from photoclinometry.sfm.pictures import brightness_picture
 from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site
 from test_sfm_relief import site as lit_site
 
-LIKENESS = np.array([[0, 9, 8, 1], [9, 0, 2, 7], [8, 2, 0, 0], [1, 7, 0, 0]])
+SIMILARITY = np.array([[0, 9, 8, 1], [9, 0, 2, 7], [8, 2, 0, 0], [1, 7, 0, 0]])
 
 
 def test_each_view_is_matched_with_those_most_like_it():
     """With one partner each: 0 and 1 choose each other, 2 chooses 0, 3 chooses 1."""
-    assert promising_pairs(LIKENESS, 1) == [(1, 0), (2, 0), (3, 1)]
-    assert promising_pairs(LIKENESS + 99 * np.eye(4, dtype=int), 1) == [(1, 0), (2, 0), (3, 1)]
+    assert select_pairs(SIMILARITY, 1) == [(1, 0), (2, 0), (3, 1)]
+    assert select_pairs(SIMILARITY + 99 * np.eye(4, dtype=int), 1) == [(1, 0), (2, 0), (3, 1)]
 
 
 def test_few_views_are_all_matched():
-    assert promising_pairs(LIKENESS, 3) == promising_pairs(LIKENESS, 20) == all_pairs(4)
+    assert select_pairs(SIMILARITY, 3) == select_pairs(SIMILARITY, 20) == all_pairs(4)
     assert len(all_pairs(4)) == 6
 
 
 @pytest.mark.parametrize(("eighth", "partners"), [(RICH, FEW_PARTNERS), (RICH - 1, 10)])
 def test_eight_partners_are_enough_for_a_view_that_matches_them_well(eighth, partners):
     """View 0 is chosen by none of the others, and chooses eight where its eighth best match is good, else ten."""
-    likeness = np.full((12, 12), RICH - 1)
-    likeness[1:, 0] = -1
-    likeness[0, 1:FEW_PARTNERS] = RICH + 5
-    likeness[0, FEW_PARTNERS] = eighth
-    pairs = promising_pairs(likeness, 10)
+    similarity = np.full((12, 12), RICH - 1)
+    similarity[1:, 0] = -1
+    similarity[0, 1:FEW_PARTNERS] = RICH + 5
+    similarity[0, FEW_PARTNERS] = eighth
+    pairs = select_pairs(similarity, 10)
     assert sum(0 in pair for pair in pairs) == partners
     assert [pair for pair in pairs if 0 not in pair] == [pair for pair in all_pairs(12) if 0 not in pair]
 
 
 def test_models_are_paired_by_their_most_similar_views_and_lone_views_with_all():
     """Models of views 0, 1 and of 2, 3; 4 is in none. Of the other model 2 is most like 0, 3 most like 1."""
-    likeness = np.zeros((5, 5), int)
-    likeness[:4, :4] = LIKENESS
+    similarity = np.zeros((5, 5), int)
+    similarity[:4, :4] = SIMILARITY
     places = [np.array([0, 1]), np.array([2, 3])]
     lone = [(4, 0), (4, 1), (4, 2), (4, 3)]
-    assert pairs_between(places, likeness, 1) == [(2, 0), (3, 1), *lone]
-    assert pairs_between(places, likeness, 2) == [(2, 0), (2, 1), (3, 0), (3, 1), *lone]
-    assert pairs_between([np.arange(4)], likeness, 1) == lone
-    assert pairs_between([np.arange(5)], likeness, 1) == []
+    assert pairs_between(places, similarity, 1) == [(2, 0), (3, 1), *lone]
+    assert pairs_between(places, similarity, 2) == [(2, 0), (2, 1), (3, 0), (3, 1), *lone]
+    assert pairs_between([np.arange(4)], similarity, 1) == lone
+    assert pairs_between([np.arange(5)], similarity, 1) == []
 
 
 def test_likeness_counts_matching_descriptors():
@@ -69,8 +69,8 @@ def test_likeness_counts_matching_descriptors():
     own = rng.integers(0, 90, (80, 128), np.uint8)
     other = np.concatenate([rng.integers(0, 90, (50, 128), np.uint8), own[:30]])
     nothing = np.zeros((0, 128), np.uint8)
-    likeness = likeness_of([view(own), view(other), view(nothing)], 0.8)
-    np.testing.assert_array_equal(likeness, [[0, 30, 0], [30, 0, 0], [0, 0, 0]])
+    similarity = pair_similarities([view(own), view(other), view(nothing)], 0.8)
+    np.testing.assert_array_equal(similarity, [[0, 30, 0], [30, 0, 0], [0, 0, 0]])
 
 
 def test_only_the_largest_keypoints_are_compared():
@@ -78,7 +78,7 @@ def test_only_the_largest_keypoints_are_compared():
     descriptors = rng.integers(0, 90, (PREVIEWED + 40, 128), np.uint8)
     keypoints = np.zeros((len(descriptors), 4), np.float32)
     keypoints[40:, 2] = 3.0
-    assert likeness_of([(keypoints, descriptors)] * 2, 0.8)[0, 1] == PREVIEWED
+    assert pair_similarities([(keypoints, descriptors)] * 2, 0.8)[0, 1] == PREVIEWED
 
 
 @pytest.fixture(scope="module")
@@ -87,10 +87,10 @@ def two_places():
 
 
 def test_views_of_one_place_look_more_alike_than_those_of_two(two_places):
-    likeness = likeness_of([sift_keypoints(brightness_picture(i), i.valid, 1500) for i in two_places], 0.8)
+    similarity = pair_similarities([sift_keypoints(brightness_picture(i), i.valid, 1500) for i in two_places], 0.8)
     same = np.equal.outer(np.arange(8) < 5, np.arange(8) < 5) & ~np.eye(8, dtype=bool)
-    other = likeness[np.arange(8) < 5][:, 5:]
-    assert likeness[same].min() > 5 * max(other.max(), 1)
+    other = similarity[np.arange(8) < 5][:, 5:]
+    assert similarity[same].min() > 5 * max(other.max(), 1)
 
 
 def test_few_partners_lose_no_view(tmp_path, caplog):

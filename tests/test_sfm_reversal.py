@@ -36,12 +36,12 @@ def models(one_site, tmp_path_factory):
 
     def from_the_wrong_side(model, adjustment, shading_of):
         wrong = reversal.reversed_model(model)
-        found = reversal.right_way_round(wrong, adjustment, shading_of)
+        found = reversal.resolve_depth_reversal(wrong, adjustment, shading_of)
         kept.extend([model, wrong, found.model])
         return found
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mapping, "right_way_round", from_the_wrong_side)
+        patch.setattr(mapping, "resolve_depth_reversal", from_the_wrong_side)
         sparse = reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path_factory.mktemp("reversed"), OPTIONS)
     return (*kept, sparse)
 
@@ -170,7 +170,7 @@ def test_only_the_model_that_is_kept_is_warned_of(undecided, overruled, codes, o
 
 
 def test_the_errors_of_a_model_and_its_reverse_are_stated(models):
-    found = reversal.right_way_round(copy.deepcopy(models[1]), ADJUSTMENT)
+    found = reversal.resolve_depth_reversal(copy.deepcopy(models[1]), ADJUSTMENT)
     assert found.error_px == pytest.approx(found.model.compute_mean_reprojection_error(), rel=1e-3)
     assert found.error_px < 0.3 < found.reverse_px
     assert not found.is_doubtful
@@ -275,14 +275,14 @@ def test_a_view_that_adjustment_leaves_reversed_is_turned_round(models, one_site
     wrong = with_reversed_views(models[2], *views)
     ADJUSTMENT.of_model(wrong)
     assert worst_rotation_deg(wrong, one_site) > 5.0
-    found = reversal.with_views_turned_round(wrong, ADJUSTMENT)
+    found = reversal.resolve_pose_reversals(wrong, ADJUSTMENT)
     assert worst_rotation_deg(found, one_site) < 0.3
 
 
 def test_where_no_view_is_reversed_the_model_stays_as_it_is(models):
     model = copy.deepcopy(models[2])
     before = from_colmap(model, 5)
-    assert reversal.with_views_turned_round(model, ADJUSTMENT) is model
+    assert reversal.resolve_pose_reversals(model, ADJUSTMENT) is model
     after = from_colmap(model, 5)
     np.testing.assert_array_equal(after.points, before.points)
     np.testing.assert_array_equal(after.body_from_cam.rotation, before.body_from_cam.rotation)

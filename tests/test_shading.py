@@ -10,7 +10,7 @@ from photoclinometry.model.reflectance import published
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.render import render_view
-from photoclinometry.photometry.shading import brightness_on_surface, detail_beyond, normals_from_shading
+from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading, unresolved_detail
 from photoclinometry.surface.map_rays import in_sunlight
 from scenes import LUNAR_LAMBERT, from_zenith, synthetic_images, synthetic_scene
 
@@ -115,10 +115,10 @@ def test_a_view_coarser_than_the_map_agrees_with_it_about_detail():
     predicted = observation_brightness(scene)
     assert mine.sum() > 1000
     assert np.std((tracks.brightness / predicted - 1.0)[mine]) < 0.04
-    unaided = tracks.brightness - detail_beyond(scene, 3)[tracks.landmark]
+    unaided = tracks.brightness - unresolved_detail(scene, 3)[tracks.landmark]
     assert np.std((unaided / predicted - 1.0)[mine]) > 0.15
 
 
 def test_geometry_alone_has_no_detail_to_add():
     scene = synthetic_scene(size=12, views=3, reflectance=None)
-    np.testing.assert_array_equal(detail_beyond(scene, 1), np.zeros(144))
+    np.testing.assert_array_equal(unresolved_detail(scene, 1), np.zeros(144))

@@ -143,7 +143,7 @@ def recording(options, reads, now, prefix=""):
 def recorded(site, mapped, tell_options, tmp_path_factory):
     """A run of BASE: the results of its stages, their keys, and the names of the options that each one read."""
     results, keys, reads, now = {}, {}, {}, []
-    timed, done = RunFolder.timed, RunFolder.done
+    timed, done = RunFolder.timed, RunFolder.result_of
 
     @contextmanager
     def timed_and_watched(self, name):
@@ -160,7 +160,7 @@ def recorded(site, mapped, tell_options, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "write_products", lambda *_: None)
         patch.setattr(RunFolder, "timed", timed_and_watched)
-        patch.setattr(RunFolder, "done", done_and_noted)
+        patch.setattr(RunFolder, "result_of", done_and_noted)
         run(site, tmp_path_factory.mktemp("recorded"), recording(BASE, reads, now))
     return results, keys, reads
 
@@ -179,7 +179,7 @@ def keys_of(site, tmp_path, monkeypatch, recorded):
             return Keyed(results[stage.file_name], stage.key)
 
         with monkeypatch.context() as patch:
-            patch.setattr(RunFolder, "done", done)
+            patch.setattr(RunFolder, "result_of", done)
             run(site, tmp_path / "run", options)
         return keys
 

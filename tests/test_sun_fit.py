@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.geometry import angle_between, so3_exp
-from photoclinometry.photometry.sun_fit import Ground, fit_sun
+from photoclinometry.photometry.sun_fit import SeenGround, fit_sun
 from scenes import synthetic_scene
 
 
@@ -12,7 +12,7 @@ def seen(view, **options):
     """Ground, exact brightness, the true Sun and the model of one view of the synthetic scene."""
     scene = synthetic_scene(**options)
     marks, tracks = scene.landmarks, scene.tracks
-    ground = Ground(
+    ground = SeenGround(
         position=marks.position,
         normal=marks.normal,
         albedo=marks.albedo,

@@ -119,8 +119,8 @@ class Doubtful(Stage[Nothing]):
 def test_a_stage_that_is_read_back_warns_again(tmp_path):
     made, again = open_run(tmp_path), open_run(tmp_path)
     with collected_warnings() as made.warned:
-        made.done(Doubtful())
-    again.done(Doubtful())
+        made.result_of(Doubtful())
+    again.result_of(Doubtful())
     assert again.costs[0].resumed
     assert made.warnings == again.warnings == (Warned("view-left-out", "a is left out", "a"),)
 

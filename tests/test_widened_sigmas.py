@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.geometry import sphere_step
-from photoclinometry.pipeline.widened_sigmas import moves, widened
+from photoclinometry.pipeline.widened_sigmas import normalized_changes, with_inflated_uncertainties
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.surface.relief import local_frame
 from scenes import synthetic_scene
@@ -61,7 +61,7 @@ def before(scene, signs, times):
 def test_moves_of_two_sigmas_make_variances_five_times_larger(scene, signs):
     """But for what a similarity and a common factor of albedos take of the moves."""
     everywhere = np.ones(len(scene.landmarks), bool)
-    found = widened(scene, before(scene, signs, 2.0), everywhere).uncertainty
+    found = with_inflated_uncertainties(scene, before(scene, signs, 2.0), everywhere).uncertainty
     for name, stated in scene.uncertainty.items():
         factor = np.sqrt(5.0) if stated.ndim == 1 else 5.0
         np.testing.assert_allclose(found[name], factor * stated, rtol=0.05, err_msg=name)
@@ -69,7 +69,7 @@ def test_moves_of_two_sigmas_make_variances_five_times_larger(scene, signs):
 
 def test_estimates_that_agree_change_nothing_in_whatever_frame(scene, signs):
     everywhere = np.ones(len(scene.landmarks), bool)
-    same = widened(scene, transform_scene(OTHER, scene), everywhere).uncertainty
+    same = with_inflated_uncertainties(scene, transform_scene(OTHER, scene), everywhere).uncertainty
     for name, stated in scene.uncertainty.items():
         np.testing.assert_allclose(same[name], stated, rtol=1e-6, err_msg=name)
 
@@ -81,11 +81,14 @@ def test_landmarks_that_do_not_tell_are_widened_by_what_the_others_say(scene, si
     position = other.landmarks.position.copy()
     position[[6, 7]] += 100.0 * scene.gsd * local_frame(scene).rotation[:, 2]
     astray = replace(other, landmarks=replace(other.landmarks, position=position))
-    assert moves(scene, astray, sound)["normal"] == pytest.approx(1.0, rel=0.05)
+    assert normalized_changes(scene, astray, sound)["normal"] == pytest.approx(1.0, rel=0.05)
     far = replace(other, landmarks=replace(other.landmarks, albedo=np.where(sound, other.landmarks.albedo, 9.0)))
-    assert moves(scene, far, sound)["albedo"] == pytest.approx(1.0, rel=0.05)
+    assert normalized_changes(scene, far, sound)["albedo"] == pytest.approx(1.0, rel=0.05)
 
 
 def test_what_states_nothing_stays_as_it_is(scene, signs):
     silent = replace(scene, uncertainty={})
-    assert widened(silent, before(scene, signs, 1.0), np.ones(len(scene.landmarks), bool)).uncertainty == {}
+    assert (
+        with_inflated_uncertainties(silent, before(scene, signs, 1.0), np.ones(len(scene.landmarks), bool)).uncertainty
+        == {}
+    )

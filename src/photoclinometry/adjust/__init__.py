@@ -13,7 +13,7 @@ from photoclinometry.adjust.covariance.marginals import Marginals, marginals
 from photoclinometry.adjust.estimate import Adjustment, adjust
 from photoclinometry.adjust.graph.altimetry import Altimetry
 from photoclinometry.adjust.graph.control_points import ControlPoints
-from photoclinometry.adjust.graph.general import FactorGroup, Rows, Touch
+from photoclinometry.adjust.graph.general import FactorGroup, JacobianBlock, Rows
 from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
 from photoclinometry.adjust.graph.observations import Brightness, ImageGradients, Keypoints, ObservationTable
 from photoclinometry.adjust.graph.priors import (
@@ -47,6 +47,7 @@ __all__ = [
     "GroundControl",
     "ImageGradients",
     "Iteration",
+    "JacobianBlock",
     "Keypoints",
     "KnownPoses",
     "LandmarkPriors",
@@ -62,7 +63,6 @@ __all__ = [
     "SolverOptions",
     "SunDirections",
     "TiePoints",
-    "Touch",
     "adjust",
     "linearized_graph",
     "marginals",

@@ -55,7 +55,7 @@ class VarianceComponents(NamedTuple):
         return np.sqrt(self.noise**2 + (self.place_px * gradient) ** 2 + (self.slope_rad * by_slope) ** 2)
 
 
-def gate(scene: Scene, options: AdjustOptions) -> np.ndarray:
+def usable_brightness(scene: Scene, options: AdjustOptions) -> np.ndarray:
     """Observations (N,) whose brightness counts: lit in the image, and neither Sun nor camera too low."""
     if scene.reflectance is None:
         return np.zeros(len(scene.tracks), bool)
@@ -72,7 +72,7 @@ def footprint_of(scene: Scene, mapped: int) -> np.ndarray:
     A pixel shows the mean of the n landmarks that it covers: more of them where a view is coarser than the map, and
     where it sees the ground obliquely. They share what it measures, which counts once, as noise of square root of n
     times the standard deviation in each of them does. How they differ it does not show; of coarse views that is taken
-    from the map itself (`shading.detail_beyond`), so that they speak for the map as it is.
+    from the map itself (`shading.unresolved_detail`), so that they speak for the map as it is.
     """
     tracks, views, points = scene.tracks, scene.views, scene.landmarks
     spacing = landmark_spacing_px(views, points.position[:mapped], scene.reference)

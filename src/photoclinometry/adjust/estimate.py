@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from photoclinometry.adjust.altimeter_tracks import AltimetryFit
-from photoclinometry.adjust.brightness_weights import gate
+from photoclinometry.adjust.brightness_weights import usable_brightness
 from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, Stated
 from photoclinometry.adjust.frame import in_its_frame
 from photoclinometry.adjust.graph.graph import FactorGraph
@@ -174,7 +174,7 @@ def _reweighted(
         if final:
             break
         scene = _scene_at(setup, graph, estimate)
-        new_lit = gate(scene, options)
+        new_lit = usable_brightness(scene, options)
         new_noise = measured_noise(setup, scene, new_lit, noise)
         alike = np.mean(new_lit != lit) < CHANGED_GATES and new_noise.close_to(noise)
         final = bool(alike) or number == options.max_reweightings - 1

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.adjust.graph.general import FactorGroup, Rows, Touch
+from photoclinometry.adjust.graph.general import FactorGroup, JacobianBlock, Rows
 from photoclinometry.adjust.graph.similarity import SIMILARITY, landmark_moves, view_moves
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.model.gauss_newton import MOST_ITERATIONS
@@ -96,7 +96,7 @@ def _landmark_moves(estimate: Estimate, which: np.ndarray) -> np.ndarray:
 def _add(rows: Rows, estimate: Estimate, by_view: np.ndarray, equations: _Equations) -> None:
     """Adds the factors of `rows` to the equations."""
     by_frame = np.zeros((*rows.residual.shape, SIMILARITY))
-    shared: Touch | None = None
+    shared: JacobianBlock | None = None
     for touch in rows.touches:
         if touch.variable == "view":
             by_frame += touch.jacobian @ by_view[touch.index]

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.adjust.altimeter_tracks import AltimetryFit, altimetry_at, altimetry_group
-from photoclinometry.adjust.brightness_weights import gate, relative_sigma
+from photoclinometry.adjust.brightness_weights import relative_sigma, usable_brightness
 from photoclinometry.adjust.graph.altimetry import Altimetry
 from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import FactorGroup
@@ -101,7 +101,7 @@ class Setup:
     bias_sigma: np.ndarray
     """(K,) as stated."""
     lit: np.ndarray
-    """(N,) brightness that counts at the start (`brightness_weights.gate`)."""
+    """(N,) brightness that counts at the start (`brightness_weights.usable_brightness`)."""
     relative_sigma: np.ndarray
     """(N,) factor on the standard deviation of brightness (`brightness_weights.relative_sigma`); ones where it does not
     follow landmarks."""
@@ -158,7 +158,7 @@ def setup_of(
         sigma = np.where(dense[tracks.landmark], options.keypoint_sigma_px, tracks.keypoint_sigma)
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
     scale_sigma, bias_sigma = exposure_sigmas(scene, options)
-    lit, relative = gate(scene, options), np.ones(len(scene.tracks))
+    lit, relative = usable_brightness(scene, options), np.ones(len(scene.tracks))
     if gradients is not None and reflectance is not None:
         relative = relative_sigma(scene, gradients, lit, members.count)
     return Setup(

@@ -12,7 +12,7 @@ from photoclinometry.sfm import SfmOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanOptions(Ranged):
+class TilePlanOptions(Ranged):
     """Which regions of which images are mapped, from which views."""
 
     tile_px: Annotated[int, Range(least=32, most=4096)] = 128
@@ -38,7 +38,7 @@ class BodyOptions(Ranged):
     """Everything that shapes the map of a body."""
 
     sfm: SfmOptions = field(default_factory=lambda: SfmOptions(min_pair_matches=10))
-    plan: PlanOptions = field(default_factory=PlanOptions)
+    plan: TilePlanOptions = field(default_factory=TilePlanOptions)
     run: RunOptions = field(default_factory=_tile_options)
     """How each tile is mapped."""
 

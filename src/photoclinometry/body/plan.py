@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.body.coarse_shape import ClosedMesh
-from photoclinometry.body.options import PlanOptions
+from photoclinometry.body.options import TilePlanOptions
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between, unit
 from photoclinometry.model.region import Region
@@ -59,7 +59,7 @@ class Tile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class TilePlan:
     """All tiles, and how much of the body they map."""
 
     tiles: tuple[Tile, ...]
@@ -82,7 +82,7 @@ class Cost:
     """Of each worker, at most."""
 
 
-def cost_of(plan: Plan, stride: int = 1) -> Cost:
+def cost_of(plan: TilePlan, stride: int = 1) -> Cost:
     """What a plan takes, by what maps of 4,000 to 160,000 landmarks in 10 to 29 views took.
 
     stride: a landmark at every so many pixels, down and across.
@@ -97,16 +97,16 @@ def cost_of(plan: Plan, stride: int = 1) -> Cost:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanTiles(Stage[Plan]):
+class PlanTiles(Stage[TilePlan]):
     """The tiles, from the coarse shape and the poses."""
 
     name = "plan"
-    result = Plan
+    result = TilePlan
     posed: PosedImages
     shape: Keyed[ClosedMesh]
-    options: PlanOptions
+    options: TilePlanOptions
 
-    def make(self, tools: Tools) -> Plan:
+    def make(self, tools: Tools) -> TilePlan:
         registered = np.flatnonzero(self.posed.sparse.value.registered)
         plan = planned(self.shape.value, self.posed.views[registered], registered, self.options)
         if not plan.tiles:
@@ -137,7 +137,7 @@ class _Sights:
     """(F,)."""
 
 
-def planned(shape: ClosedMesh, views: Views, number: np.ndarray, options: PlanOptions) -> Plan:
+def planned(shape: ClosedMesh, views: Views, number: np.ndarray, options: TilePlanOptions) -> TilePlan:
     """Tiles one after another, each where it covers most of what no other covers yet.
 
     views: (K,) registered ones; number: (K,) what these are among all.
@@ -178,10 +178,10 @@ def planned(shape: ClosedMesh, views: Views, number: np.ndarray, options: PlanOp
         "dark": float(share[dark].sum()),
         "unseen": float(share[~wanted & ~dark].sum()),
     }
-    return Plan(tiles=tuple(tiles), area=area, views_of_face=often, tile_of_face=owner)
+    return TilePlan(tiles=tuple(tiles), area=area, views_of_face=often, tile_of_face=owner)
 
 
-def _sights(shape: ClosedMesh, views: Views, options: PlanOptions) -> _Sights:
+def _sights(shape: ClosedMesh, views: Views, options: TilePlanOptions) -> _Sights:
     corner = shape.vertices[shape.faces]
     area = area_vectors(shape.vertices, shape.faces)
     rays = MeshRays(shape.vertices, shape.faces, shape.spacing)
@@ -197,7 +197,7 @@ def _sights(shape: ClosedMesh, views: Views, options: PlanOptions) -> _Sights:
     )
 
 
-def _usable(view: SeenByView, options: PlanOptions) -> np.ndarray:
+def _usable(view: SeenByView, options: TilePlanOptions) -> np.ndarray:
     low = view.emission <= np.radians(options.max_emission)
     return view.seen & view.lit & low & (view.incidence <= np.radians(options.max_incidence))
 
@@ -210,7 +210,7 @@ def _resolution_of(sights: _Sights, enough: int) -> np.ndarray:
 
 
 def _best_region(
-    sights: _Sights, fine: np.ndarray, left: np.ndarray, views: Views, options: PlanOptions
+    sights: _Sights, fine: np.ndarray, left: np.ndarray, views: Views, options: TilePlanOptions
 ) -> tuple[int, Region, np.ndarray] | None:
     """View, region, and the faces (F,) bool that it maps inside its margins: most of the area that is left."""
     best, most = None, 0.0
@@ -250,7 +250,9 @@ def _inside(pixel: np.ndarray, region: Region, margin: int) -> np.ndarray:
     return np.all((pixel >= low) & (pixel <= high), axis=-1)
 
 
-def _views_of(sights: _Sights, views: Views, reference: int, mapped: np.ndarray, options: PlanOptions) -> np.ndarray:
+def _views_of(
+    sights: _Sights, views: Views, reference: int, mapped: np.ndarray, options: TilePlanOptions
+) -> np.ndarray:
     """(n,) ascending: the reference and those that see enough of a tile, most different in light and line of sight."""
     area = sights.area[mapped]
     share = (sights.usable[:, mapped] * area).sum(1) / area.sum()

@@ -102,14 +102,14 @@ def map_body(
         _have_model_chosen(folder, model, run_tasks, site_file)
         stages = _tile_stages(folder, model)
         run_tasks(map_one_tile, [(site_file.resolve(), out, options, n) for n in _missing(folder, stages)], progress)
-        tiles = tuple(folder.done(stage) for stage in stages)
+        tiles = tuple(folder.result_of(stage) for stage in stages)
         _check_tiles(tiles)
         posed, priors = model.posed, _priors(site, options)
-        cameras = folder.done(ShareCameras(tiles=tiles, posed=posed, priors=priors))
-        merged = folder.done(MergeTiles(tiles=tiles, cameras=cameras, posed=posed, shape=model.shape))
+        cameras = folder.result_of(ShareCameras(tiles=tiles, posed=posed, priors=priors))
+        merged = folder.result_of(MergeTiles(tiles=tiles, cameras=cameras, posed=posed, shape=model.shape))
         surface = FinishedSurface(merged=merged, tiles=tiles)
-        placed = folder.done(PlaceLeftOut(posed=posed, cameras=cameras, surface=surface, priors=priors))
-        renderings = folder.done(CompareRenderings(posed=posed, placed=placed, surface=surface))
+        placed = folder.result_of(PlaceLeftOut(posed=posed, cameras=cameras, surface=surface, priors=priors))
+        renderings = folder.result_of(CompareRenderings(posed=posed, placed=placed, surface=surface))
         made = BodyParts(
             tiles=tiles,
             cameras=cameras.value,
@@ -130,13 +130,13 @@ def map_one_tile(site_file: Path, out: Path, options: BodyOptions, number: int) 
     count = len(model.plan.value.tiles)
     if not 0 <= number < count:
         raise InputError(f"there is no tile {number}: the plan has {count}, from 0 to {count - 1}")
-    folder.done(_tile_stages(folder, model)[number])
+    folder.result_of(_tile_stages(folder, model)[number])
 
 
 def choose_model(site_file: Path, out: Path, options: BodyOptions) -> None:
     """Chooses the reflectance model of a body whose plan is made, as `map_one_tile` maps a tile. Raises as that."""
     folder, model = _joined(site_file, out, options, PLANNED)
-    folder.done(_model_choice(folder, model))
+    folder.result_of(_model_choice(folder, model))
 
 
 def _joined(
@@ -169,7 +169,7 @@ def _tile_stages(folder: RunFolder, model: BodyModel) -> list[MapTile]:
     """The stages that map the tiles of a plan, all with one reflectance model."""
     body = _body(folder)
     if chooses_reflectance(model):
-        model = replace(model, reflectance=folder.done(_model_choice(folder, model)))
+        model = replace(model, reflectance=folder.result_of(_model_choice(folder, model)))
     return [MapTile(number=n, model=model, body=body) for n in range(len(model.plan.value.tiles))]
 
 
@@ -181,7 +181,7 @@ def _missing(folder: RunFolder, stages: Sequence[MapTile]) -> list[int]:
 def _prepared(folder: RunFolder, site_file: Path, site: Site, options: BodyOptions) -> BodyModel:
     folder.write_config(_config(site_file, options))
     model = _model(folder, site, read_inputs(folder, site), options)
-    folder.done(CheckCameras(inputs=model.posed.inputs, sparse=model.posed.sparse))
+    folder.result_of(CheckCameras(inputs=model.posed.inputs, sparse=model.posed.sparse))
     return model
 
 
@@ -192,12 +192,12 @@ def _config(site_file: Path, options: BodyOptions) -> dict[str, Any]:
 def _model(folder: RunFolder, site: Site, inputs: Keyed[Inputs], options: BodyOptions) -> BodyModel:
     """Sparse model, coarse shape and plan."""
     priors = _priors(site, options)
-    sparse = folder.done(BodySparse(inputs=inputs, priors=priors, options=options.sfm))
+    sparse = folder.result_of(BodySparse(inputs=inputs, priors=priors, options=options.sfm))
     frame = BODY_FIXED if len(priors) >= MIN_PRIORS else SHARED
     posed = PosedImages(inputs=inputs, sparse=sparse, frame=frame)
-    known = folder.done(PoseUncertainty(posed=posed, priors=priors))
-    shape = folder.done(CoarseShape(sparse=sparse))
-    plan = folder.done(PlanTiles(posed=posed, shape=shape, options=options.plan))
+    known = folder.result_of(PoseUncertainty(posed=posed, priors=priors))
+    shape = folder.result_of(CoarseShape(sparse=sparse))
+    plan = folder.result_of(PlanTiles(posed=posed, shape=shape, options=options.plan))
     return BodyModel(site=site, posed=posed, known=known, shape=shape, plan=plan, options=options)
 
 

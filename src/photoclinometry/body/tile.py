@@ -11,9 +11,9 @@ import numpy as np
 
 from photoclinometry.body.coarse_shape import ClosedMesh
 from photoclinometry.body.options import BodyOptions
-from photoclinometry.body.plan import Plan, Tile
+from photoclinometry.body.plan import Tile, TilePlan
 from photoclinometry.body.sparse import PoseCovariances
-from photoclinometry.body.tile_map import TiePoints, TileLandmarks, TileMap, tile_map
+from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints, tile_map
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
@@ -51,7 +51,7 @@ class BodyModel:
     posed: PosedImages
     known: Keyed[PoseCovariances]
     shape: Keyed[ClosedMesh]
-    plan: Keyed[Plan]
+    plan: Keyed[TilePlan]
     options: BodyOptions
     reflectance: Keyed[ChosenModel] | None = None
     """What all tiles finish with; None where that is given, or each tile is to choose."""
@@ -110,7 +110,7 @@ class MapTile(Stage[TileMap]):
             found = map_tile(self.body.value, self.model, self.number, tools.progress)
         except ReconstructionError as error:
             warn(log, "tile-failed", "tile %d is not mapped: %s", self.number, error)
-            return TileMap(landmarks=TileLandmarks.none(), ties=TiePoints.none(), gsd=tile.gsd, failure=str(error))
+            return TileMap(landmarks=TileLandmarks.none(), ties=TileTiePoints.none(), gsd=tile.gsd, failure=str(error))
         except Exception as error:
             error.add_note(f"while tile {self.number} was mapped, in {tile_folder(self.body.value, self.number)}")
             raise

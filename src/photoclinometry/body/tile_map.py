@@ -17,7 +17,7 @@ TIE_STEP_PX = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class TiePoints:
+class TileTiePoints:
     """Some landmarks of a tile with their keypoints (compressed rows), by which all tiles share their cameras."""
 
     landmark: np.ndarray
@@ -30,7 +30,7 @@ class TiePoints:
     """(N, 2) [px] where the tile's own poses see the landmarks."""
 
     @classmethod
-    def none(cls) -> TiePoints:
+    def none(cls) -> TileTiePoints:
         """No points."""
         return cls(
             landmark=np.empty(0, int),
@@ -96,7 +96,7 @@ class TileMap:
     """What the body takes from a tile."""
 
     landmarks: TileLandmarks
-    ties: TiePoints
+    ties: TileTiePoints
     gsd: float
     """[units of B]."""
     reflectance: Reflectance | None = None
@@ -145,13 +145,15 @@ def tile_map(scene: Scene, number: np.ndarray, distrust: tuple[str, ...]) -> Til
     )
 
 
-def _ties(scene: Scene, number: np.ndarray) -> TiePoints:
+def _ties(scene: Scene, number: np.ndarray) -> TileTiePoints:
     step = max(1, TIE_STEP_PX // scene.region.stride)
     row, col = scene.cells
     chosen = np.flatnonzero((row % step == step // 2) & (col % step == step // 2))
     tracks, picked = scene.tracks.of_landmarks(chosen)
     keypoint = projected_keypoints(scene)[picked]
-    return TiePoints(landmark=chosen, start=tracks.start, view=number[tracks.view].astype(np.int32), keypoint=keypoint)
+    return TileTiePoints(
+        landmark=chosen, start=tracks.start, view=number[tracks.view].astype(np.int32), keypoint=keypoint
+    )
 
 
 def _root(variance: np.ndarray) -> np.ndarray:

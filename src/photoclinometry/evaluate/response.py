@@ -22,7 +22,7 @@ from photoclinometry.evaluate.kept_out_views import (
     predictions_by_others,
     sample_of,
 )
-from photoclinometry.model.gamma import raised
+from photoclinometry.model.gamma import gamma_corrected
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.tiny import TINY
@@ -125,12 +125,12 @@ def _log_errors(scene: Scene, reflectance: Reflectance, part: np.ndarray, steps:
     """(K,) logarithms of the RMS residuals of views, in the images' own numbers, predicted after raising these."""
     tracks, views, gamma = scene.tracks, len(scene.views), math.exp(steps * STEP)
     level = float(np.median(tracks.brightness[tracks.lit]))
-    decoded = replace(scene, tracks=replace(tracks, brightness=raised(tracks.brightness, gamma, level)))
+    decoded = replace(scene, tracks=replace(tracks, brightness=gamma_corrected(tracks.brightness, gamma, level)))
     found, _ = predictions_by_others(decoded, reflectance, part)
     encoded = replace(
         found,
-        measured=raised(found.measured, 1.0 / gamma, level),
-        predicted=raised(found.predicted, 1.0 / gamma, level),
+        measured=gamma_corrected(found.measured, 1.0 / gamma, level),
+        predicted=gamma_corrected(found.predicted, 1.0 / gamma, level),
     )
     residual = encoded.residual(views, free_bias=scene.brightness == "dn")
     number = np.bincount(found.view, minlength=views)

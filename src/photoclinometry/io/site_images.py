@@ -17,7 +17,7 @@ from photoclinometry.io.jpeg_blocks import shows_jpeg_blocks
 from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
-from photoclinometry.model.gamma import LINEAR, raised
+from photoclinometry.model.gamma import LINEAR, gamma_corrected
 from photoclinometry.model.lens import NEGLIGIBLE_PX, NO_DISTORTION, observed_pixels
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.sampling import resampled
@@ -162,7 +162,7 @@ def _read_linear(site: Site, view: SiteView) -> Image:
     valid = image.valid & view.masking.usable(image.valid.shape)
     brightness = np.where(valid, image.brightness, np.float32(0))
     if decoded:
-        brightness = raised(brightness, view.gamma, 1.0).astype(np.float32)
+        brightness = gamma_corrected(brightness, view.gamma, 1.0).astype(np.float32)
     return Image(image.name, brightness, valid)
 
 

@@ -64,16 +64,16 @@ class FlowMatcher:
 
     def match(self, request: MatchRequest) -> Matches:
         options = self.options
-        reference = as_coarse_as(request.prediction, *crop(request.reference, request.padded))
+        reference = smoothed_to_target_resolution(request.prediction, *crop(request.reference, request.padded))
         warped = resample(request.target, request.prediction)
         a = normalise(*reference, options.contrast_window_px)
         b = normalise(*warped, options.contrast_window_px)
-        forward, backward = search(a, b, options), search(b, a, options)
-        round_trip = np.linalg.norm(forward + follow(backward, forward, order=1), axis=-1)
+        forward, backward = dense_inverse_search(a, b, options), dense_inverse_search(b, a, options)
+        round_trip = np.linalg.norm(forward + warp_by_flow(backward, forward, order=1), axis=-1)
         correlation, sigma = fit_quality(a, b, forward)
-        inside = reference[1] & (follow(warped[1].astype(np.float32), forward, order=1) > ALL_VALID)
+        inside = reference[1] & (warp_by_flow(warped[1].astype(np.float32), forward, order=1) > ALL_VALID)
         valid = inside & (round_trip < options.max_round_trip_px) & (correlation > options.min_correlation)
-        position = follow(request.prediction, forward, order=1)
+        position = warp_by_flow(request.prediction, forward, order=1)
         valid &= np.isfinite(position).all(-1)
         sigma = in_target(np.sqrt(options.sigma_floor_px**2 + sigma**2 + round_trip**2), request.prediction)
         certainty = correlation.clip(0, 1) * np.exp(-0.5 * (round_trip / options.max_round_trip_px) ** 2)
@@ -85,7 +85,9 @@ def crop(image: Image, region: Region) -> tuple[np.ndarray, np.ndarray]:
     return image.brightness[region.slices].astype(np.float32), image.valid[region.slices]
 
 
-def as_coarse_as(xy: np.ndarray, brightness: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def smoothed_to_target_resolution(
+    xy: np.ndarray, brightness: np.ndarray, valid: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """A picture (h, w) of the reference and its validity, smoothed where the target resolves less of the ground.
 
     xy: (h, w, 2) target pixels of its pixels. Detail that only one of two pictures shows has no counterpart to match.
@@ -140,7 +142,7 @@ def normalise(brightness: np.ndarray, valid: np.ndarray, window: float) -> np.nd
     return np.clip(centred / np.maximum(spread, max(floor, TINY)), -MOST_CONTRAST, MOST_CONTRAST)
 
 
-def search(a: np.ndarray, b: np.ndarray, options: FlowOptions) -> np.ndarray:
+def dense_inverse_search(a: np.ndarray, b: np.ndarray, options: FlowOptions) -> np.ndarray:
     """(h, w, 2) float32 displacement d with a(x) = b(x + d), by dense inverse search on normalised pictures.
 
     Only gradients are compared in the refinement, not grey values: under another Sun slopes keep their edges,
@@ -172,7 +174,7 @@ def fit_quality(a: np.ndarray, b: np.ndarray, flow: np.ndarray, window: float = 
     def blur(values: np.ndarray) -> np.ndarray:
         return cv2.GaussianBlur(values, (0, 0), window, borderType=cv2.BORDER_REFLECT)
 
-    moved = follow(b, flow)
+    moved = warp_by_flow(b, flow)
     mean_a, mean_b = blur(a), blur(moved)
     var_a, var_b = blur(a * a) - mean_a**2, blur(moved * moved) - mean_b**2
     covariance = blur(a * moved) - mean_a * mean_b
@@ -185,7 +187,7 @@ def fit_quality(a: np.ndarray, b: np.ndarray, flow: np.ndarray, window: float = 
     return correlation, np.sqrt(noise / np.maximum(smaller, MIN_STRUCTURE) / independent)
 
 
-def follow(values: np.ndarray, flow: np.ndarray, *, order: int = 3) -> np.ndarray:
+def warp_by_flow(values: np.ndarray, flow: np.ndarray, *, order: int = 3) -> np.ndarray:
     """Values (h, w, ...) at x + flow(x), of their own type, by splines of an order; edges repeat.
 
     Order 1 for masks and for what is not a picture: exact on ramps, and a pixel without a value spoils no others.

@@ -118,7 +118,7 @@ class RelitReference:
     def _modelled(self, view: int) -> np.ndarray:
         """Modelled radiance (J,) of the landmarks in a view; NaN in shadow and at the edge of one."""
         radiance = landmark_brightness(self.scene, view, with_scale_and_bias=False)
-        lit = self._rays.free_towards(self.scene.views.sun[view])
+        lit = self._rays.unoccluded_towards(self.scene.views.sun[view])
         return np.where(_in_light(radiance, sunlit_share(self.scene, lit)), radiance, np.nan)
 
 

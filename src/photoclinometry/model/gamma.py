@@ -12,6 +12,6 @@ LINEAR = 1.0
 """The exponent of images that are linear in radiance."""
 
 
-def raised(values: np.ndarray, gamma: float, fixed: float) -> np.ndarray:
+def gamma_corrected(values: np.ndarray, gamma: float, fixed: float) -> np.ndarray:
     """Values to the power gamma, each with its sign; `fixed` (above 0) is the value that stays as it is."""
     return np.sign(values) * fixed * np.abs(values / fixed) ** gamma

@@ -114,7 +114,7 @@ def _seen(scene: Scene, view: int, image: Image, chosen: np.ndarray, rays: MapRa
     at = views.cameras[view].pixel_from_cam(pose.inverse()(scene.landmarks.position[chosen]))
     brightness, there = sample_image(image, at)
     there &= rays.of(chosen).free_up_to(pose.translation)
-    there &= sunlit_share(scene, rays.free_towards(sun))[chosen] >= 1.0 - FAINT
+    there &= sunlit_share(scene, rays.unoccluded_towards(sun))[chosen] >= 1.0 - FAINT
     there &= expected > FAINT * np.median(expected)
     shaded = (brightness - views.bias[view]) / views.scale[view] < SHADED * expected
     return _Seen(sun=sun, landmark=chosen[there], shaded=shaded[there])

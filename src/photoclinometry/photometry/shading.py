@@ -76,13 +76,13 @@ def seen_on_surface(scene: Scene, images: Sequence[Image]) -> SeenOnSurface:
     landmark, rays = tracks.landmark, MapRays(scene)
     for k in range(len(scene.views)):
         seen = np.flatnonzero(tracks.view == k)
-        free = rays.free_towards(scene.views.sun[k]) & rays.free_up_to(scene.views.body_from_cam.translation[k])
+        free = rays.unoccluded_towards(scene.views.sun[k]) & rays.free_up_to(scene.views.body_from_cam.translation[k])
         lit[seen] &= free[landmark[seen]]
-        brightness[seen] += detail_beyond(scene, k)[landmark[seen]]
+        brightness[seen] += unresolved_detail(scene, k)[landmark[seen]]
     return SeenOnSurface(replace(scene, tracks=replace(tracks, brightness=brightness, lit=lit)), xy, gradient)
 
 
-def detail_beyond(scene: Scene, view: int) -> np.ndarray:
+def unresolved_detail(scene: Scene, view: int) -> np.ndarray:
     """(J,) the modelled brightness at the landmarks minus its average over a pixel of the view.
 
     A view coarser than the map does not resolve relief between its pixels. Adding this to its brightness removes that

@@ -24,7 +24,7 @@ from photoclinometry.photometry.predict import BIAS_SIGMA
 from photoclinometry.photometry.sampled_brightness import sample_brightness
 from photoclinometry.photometry.shading import normals_from_shading
 from photoclinometry.photometry.sparse_planes import as_blurred, sparse_planes
-from photoclinometry.photometry.sun_fit import Ground, SunFit, fit_sun
+from photoclinometry.photometry.sun_fit import SeenGround, SunFit, fit_sun
 
 log = logging.getLogger(__name__)
 
@@ -86,7 +86,7 @@ def sun_from_other_views(scene: Scene, used: np.ndarray, view: int) -> SunFit | 
     if len(own) < MIN_POINTS or scene.reflectance is None:
         return None
     at = tracks.landmark[own]
-    ground = Ground(
+    ground = SeenGround(
         position=landmarks.position[at],
         normal=landmarks.normal[at],
         albedo=landmarks.albedo[at],

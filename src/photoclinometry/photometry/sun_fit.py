@@ -48,7 +48,7 @@ deviation of 3e4 rad, so that it has no effect elsewhere."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ground:
+class SeenGround:
     """n points as one camera sees them."""
 
     position: np.ndarray
@@ -60,8 +60,8 @@ class Ground:
     camera_center: np.ndarray
     """(3,) in B."""
 
-    def __getitem__(self, index: slice) -> Ground:
-        return Ground(
+    def __getitem__(self, index: slice) -> SeenGround:
+        return SeenGround(
             position=self.position[index],
             normal=self.normal[index],
             albedo=self.albedo[index],
@@ -112,7 +112,7 @@ class _Light(NamedTuple):
 
 
 def fit_sun(
-    ground: Ground, brightness: np.ndarray, stated: np.ndarray, reflectance: Reflectance, bias_sigma: float
+    ground: SeenGround, brightness: np.ndarray, stated: np.ndarray, reflectance: Reflectance, bias_sigma: float
 ) -> SunFit:
     """The Sun direction, gain and bias that minimise
 
@@ -135,7 +135,7 @@ def fit_sun(
     )
 
 
-def _best_start(ground: Ground, brightness: np.ndarray, stated: np.ndarray, reflectance: Reflectance) -> np.ndarray:
+def _best_start(ground: SeenGround, brightness: np.ndarray, stated: np.ndarray, reflectance: Reflectance) -> np.ndarray:
     """The Sun (3,) of least cost among the stated one and those all over the sky, at some of the points."""
     candidates = np.concatenate([stated[None], _sky(unit(ground.normal.mean(0)))])
     thin = slice(None, None, max(1, len(brightness) // STARTS_POINTS))
@@ -146,7 +146,7 @@ def _best_start(ground: Ground, brightness: np.ndarray, stated: np.ndarray, refl
 
 
 def _refine(
-    ground: Ground, brightness: np.ndarray, sun: np.ndarray, reflectance: Reflectance, bias_sigma: float
+    ground: SeenGround, brightness: np.ndarray, sun: np.ndarray, reflectance: Reflectance, bias_sigma: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The Sun (3,) by Gauss-Newton steps from a start, and the covariance (4, 4) of Sun, log gain and bias.
 
@@ -168,7 +168,7 @@ def _refine(
 
 
 def _linearized(
-    ground: Ground, brightness: np.ndarray, reflectance: Reflectance, light: _Light
+    ground: SeenGround, brightness: np.ndarray, reflectance: Reflectance, light: _Light
 ) -> tuple[np.ndarray, np.ndarray]:
     """Each point's gradient (n, 4) and the information (4, 4) of half the cost, without the prior.
 

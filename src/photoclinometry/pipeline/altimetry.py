@@ -19,7 +19,7 @@ from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.registration.alignment import camera_distance, transform_scene
-from photoclinometry.registration.altimetry import shift_onto
+from photoclinometry.registration.altimetry import shift_to_altimetry
 from photoclinometry.registration.georeference import MIN_PRIORS, fit_to_priors
 
 log = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ def tracks_over(scene: Scene, tracks: AltimeterTracks) -> AltimeterTracks | None
 
 def on_shots(scene: Scene, tracks: AltimeterTracks) -> Scene:
     """The scene shifted under the shots, where it is off by more than these are (`registration.altimetry`)."""
-    shift = shift_onto(scene, tracks)
+    shift = shift_to_altimetry(scene, tracks)
     if not shift.any():
         return scene
     moved = transform_scene(Similarity(1.0, np.eye(3), shift), scene)

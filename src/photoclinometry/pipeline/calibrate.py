@@ -123,7 +123,7 @@ def _estimates(
     with TemporaryDirectory() as scratch:
         folder = open_run(Path(scratch) / "run", progress)
         inputs = read_inputs(folder, _with_cameras(site, cameras, of_view))
-        sparse = folder.done(SparseReconstruction(inputs=inputs, options=options)).value
+        sparse = folder.result_of(SparseReconstruction(inputs=inputs, options=options)).value
     estimates = estimate_lenses(sparse, [camera.camera for camera in cameras], of_view)
     if not estimates:
         raise ReconstructionError(

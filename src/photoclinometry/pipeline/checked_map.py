@@ -19,7 +19,7 @@ from photoclinometry.pipeline.common_sun_error import CheckSuns
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.doubtful_suns import CheckDoubtfulSuns
 from photoclinometry.pipeline.joint_estimate import JointEstimate
-from photoclinometry.pipeline.map_stages import FinishedMap, Iterate, MapStages, Relit
+from photoclinometry.pipeline.map_stages import FinishedMap, IntermediateMap, MapStages, Relit
 from photoclinometry.pipeline.model_choice import ChooseModel
 from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.posed_site import PosedSite
@@ -81,8 +81,8 @@ def _mapped(
     folder: RunFolder, posed_site: PosedSite, chosen: ChosenViews, dense: MatchDensely, *, holds_photometry: bool
 ) -> CheckedMap:
     choices, used = posed_site.choices, chosen.used
-    tracks = folder.done(dense)
-    scene = folder.done(InitialScene(posed=used, place=dense.place, dense=tracks, reflectance=choices.reflectance))
+    tracks = folder.result_of(dense)
+    scene = folder.result_of(InitialScene(posed=used, place=dense.place, dense=tracks, reflectance=choices.reflectance))
     matched = tracks.value.position, tracks.value.pixel
     maps = _stages(folder, posed_site, used, dense, scene.value, holds_photometry=holds_photometry)
     first = maps.first_map(scene)
@@ -114,16 +114,16 @@ def _with_photometry_checked(
     """The start and the model of the last estimate, after a look at doubtful Suns, by name, and for errors that all
     views have in common."""
     if doubtful:
-        own = folder.done(CheckDoubtfulSuns(relit=relit.start, reflectance=model, doubtful=doubtful)).value
+        own = folder.result_of(CheckDoubtfulSuns(relit=relit.start, reflectance=model, doubtful=doubtful)).value
         if own.wrong.any():
             relit = _with_scene(relit, own.taken_into_account(relit.start.value.scene))
-    suns = folder.done(CheckSuns(relit=relit.start, reflectance=model)).value
+    suns = folder.result_of(CheckSuns(relit=relit.start, reflectance=model)).value
     if suns.is_clear:
         relit = _with_scene(relit, suns.taken_into_account(relit.start.value.scene))
         model = _last_model(folder, posed_site.choices, relit, holds_photometry=False, again=True) or model
     models = models_that_tell(relit.start.value.scene, model)
     stated = tuple(sorted({view.gamma for view in posed_site.site.views}))
-    response = folder.done(CheckResponse(relit=relit.start, models=models, stated=stated)).value
+    response = folder.result_of(CheckResponse(relit=relit.start, models=models, stated=stated)).value
     return relit, model, response
 
 
@@ -145,7 +145,7 @@ def _last_model(
     if known is None or not choices.candidates or holds_photometry:
         return choices.last_reflectance or known
     stage = ChooseModel(relit=relit.start, known=known, candidates=choices.candidates, again=again)
-    return folder.done(stage).value.reflectance
+    return folder.result_of(stage).value.reflectance
 
 
 def _stages(
@@ -180,7 +180,7 @@ def _stages(
     )
 
 
-def _blurred(first: Iterate, posed_site: PosedSite) -> dict[str, str]:
+def _blurred(first: IntermediateMap, posed_site: PosedSite) -> dict[str, str]:
     """Views that blur the first map, by name, with the reason; a warning of each."""
     if first.is_start_of_last or not posed_site.options.check_views:
         return {}
@@ -191,7 +191,9 @@ def _blurred(first: Iterate, posed_site: PosedSite) -> dict[str, str]:
     return reasons
 
 
-def _without(used: PosedImages, first: Keyed[Iterate], names: Mapping[str, str]) -> tuple[PosedImages, Keyed[Iterate]]:
+def _without(
+    used: PosedImages, first: Keyed[IntermediateMap], names: Mapping[str, str]
+) -> tuple[PosedImages, Keyed[IntermediateMap]]:
     """Images and first map without some of the views."""
     left_out = np.array([name in names for name in used.views.name])
     scene = first.value.scene

@@ -19,7 +19,7 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene, Views
 from photoclinometry.model.warning import warn
-from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import LANDMARKS
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
@@ -59,7 +59,7 @@ class CheckSuns(Stage[CommonSunError]):
 
     name = "suns"
     result = CommonSunError
-    relit: Keyed[Iterate]
+    relit: Keyed[IntermediateMap]
     reflectance: Reflectance
     """The model of the last estimate, as it is known beforehand."""
 

@@ -22,8 +22,8 @@ from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.albedo import fitted_albedo
 from photoclinometry.photometry.shading import seen_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
-from photoclinometry.pipeline.joint_estimate import Step, by_relit_matches
-from photoclinometry.pipeline.widened_sigmas import widened
+from photoclinometry.pipeline.joint_estimate import EstimateSettings, by_relit_matches
+from photoclinometry.pipeline.widened_sigmas import with_inflated_uncertainties
 
 log = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ so far [px]: an image's gradient is good for about a pixel, and that of a shadow
 def refine_directly(
     scene: Scene,
     images: Sequence[Image],
-    estimate: Callable[[Scene, Step], Adjustment],
+    estimate: Callable[[Scene, EstimateSettings], Adjustment],
     noise: Noise | None = None,
     *,
     poses_are_known: bool = False,
@@ -75,21 +75,23 @@ def refine_directly(
     strayed, before = np.zeros(len(scene.landmarks), bool), None
     for _ in range(ROUGH_PASSES):
         reweighting = None if noise is None or poses_are_known else 1
-        step = Step(rough=True, all_steps=True, gradients=gradients, noise=noise, reweighting=reweighting)
-        before = estimate(start, step)
+        settings = EstimateSettings(
+            rough=True, all_steps=True, gradients=gradients, noise=noise, reweighting=reweighting
+        )
+        before = estimate(start, settings)
         noise, strayed = before.noise, strayed | has_strayed(before.scene)
-        start, gradients = image_gradients(put_back(before.scene, scene, strayed), images, ~strayed)
+        start, gradients = image_gradients(reset_landmarks(before.scene, scene, strayed), images, ~strayed)
     assert before is not None
     direct = gradients.of_landmarks(start.tracks)
     log.info("%d of %d landmarks are left to their matches", np.sum(~direct), len(strayed))
     if before.converged:
         start, gradients = without_smooth_errors(start, gradients, estimate)
-    found = estimate(start, Step(gradients=gradients, noise=noise, reweighting=LAST_REWEIGHTING))
-    return replace(found, scene=widened(found.scene, before.scene, direct))
+    found = estimate(start, EstimateSettings(gradients=gradients, noise=noise, reweighting=LAST_REWEIGHTING))
+    return replace(found, scene=with_inflated_uncertainties(found.scene, before.scene, direct))
 
 
 def without_smooth_errors(
-    scene: Scene, gradients: ImageGradients, estimate: Callable[[Scene, Step], Adjustment]
+    scene: Scene, gradients: ImageGradients, estimate: Callable[[Scene, EstimateSettings], Adjustment]
 ) -> tuple[Scene, ImageGradients]:
     """The scene and gradients of the last estimate.
 
@@ -103,7 +105,7 @@ def without_smooth_errors(
         return scene, gradients
     turned = replace(scene, landmarks=replace(scene.landmarks, normal=along.normal))
     step = max(1, int(np.sqrt(len(scene.landmarks) / PHOTOMETRY_LANDMARKS)))
-    found = estimate(turned.of_every(step), Step(rough=True, hold_geometry=True)).scene
+    found = estimate(turned.of_every(step), EstimateSettings(rough=True, hold_geometry=True)).scene
     told = replace(turned, views=found.views, reflectance=found.reflectance)
     albedo, used = fitted_albedo(told)
     kept = replace(told, landmarks=replace(turned.landmarks, albedo=albedo))
@@ -140,7 +142,7 @@ def has_strayed(scene: Scene) -> np.ndarray:
     return middle > max(STRAYED * np.median(middle), STRAYED_PX)
 
 
-def put_back(scene: Scene, before: Scene, which: np.ndarray) -> Scene:
+def reset_landmarks(scene: Scene, before: Scene, which: np.ndarray) -> Scene:
     """The scene with landmarks `which` (J,) as they were before, to the reference view: frames may differ."""
     now, then = (one.views.body_from_cam[one.reference] for one in (scene, before))
     landmarks, old = scene.landmarks, before.landmarks

@@ -19,7 +19,7 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import MODEL_RAD, warn_undecided
-from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import LANDMARKS
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
@@ -54,7 +54,7 @@ class CheckDoubtfulSuns(Stage[DoubtfulSuns]):
 
     name = "doubtful_suns"
     result = DoubtfulSuns
-    relit: Keyed[Iterate]
+    relit: Keyed[IntermediateMap]
     reflectance: Reflectance
     """The model of the last estimate, as it is known beforehand."""
     doubtful: Sequence[str]

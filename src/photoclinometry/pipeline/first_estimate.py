@@ -29,15 +29,15 @@ _WHOLE = 1.0 - 1e-6
 
 
 def first_estimate(start: Scene, estimate: Callable[[Scene], Adjustment]) -> Adjustment:
-    """The scene estimated from `start`; of a large map some landmarks are, and carried to all (`carried`)."""
+    """The scene estimated from `start`; of a large map some landmarks are, and the others between them."""
     if len(start.landmarks) < LARGE:
         return estimate(start)
     part = start.of_every(STEP)
     found = estimate(part)
-    return replace(found, scene=carried(found.scene, part, start))
+    return replace(found, scene=interpolated_estimate(found.scene, part, start))
 
 
-def carried(found: Scene, before: Scene, scene: Scene) -> Scene:
+def interpolated_estimate(found: Scene, before: Scene, scene: Scene) -> Scene:
     """The scene at its start, all landmarks as the estimate has some: found, at whose start they were `before`.
 
     Depths in the reference view, normals and albedos are those between the landmarks that were estimated, by cubic

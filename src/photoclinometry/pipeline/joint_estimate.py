@@ -46,7 +46,7 @@ ROUGH_REWEIGHTING = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Step:
+class EstimateSettings:
     """How one of several estimates of the same views differs from the others."""
 
     keypoint_sigma_factor: float = 1.0
@@ -69,14 +69,14 @@ class Step:
     """Whether positions and normals stay what they are at the start: the photometry alone is estimated."""
 
 
-def by_relit_matches(noise: Noise | None) -> Step:
+def by_relit_matches(noise: Noise | None) -> EstimateSettings:
     """The last estimate of a map by matches with its own relit reference.
 
     Such matches repeat the map's errors, and agree with it the better, the fewer views there are: 0.003 px where they
     are off by 0.08 px. noise: as the loose estimates of the iterations before have found it; keypoints are stated to be
     no better.
     """
-    return Step() if noise is None else Step(least_keypoint_factor=noise.keypoint_factor)
+    return EstimateSettings() if noise is None else EstimateSettings(least_keypoint_factor=noise.keypoint_factor)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,52 +102,56 @@ class JointEstimate:
     """Whether Suns, biases and reflectance parameters stay at what is known of them. What all of a map shares follows
     any error of its brightness, however small a share of the residuals that is; slopes then shrink or grow with it."""
 
-    def __call__(self, start: Scene, step: Step, progress: Progress = no_progress) -> Adjustment:
+    def __call__(self, start: Scene, settings: EstimateSettings, progress: Progress = no_progress) -> Adjustment:
         """The scene estimated from `start`: with pose priors and control points once it is in their frame, without
         them before.
 
-        Without them it is estimated in its own frame. The result of a rough step is then placed in the known frame, and
-        the result of a last step is estimated once more there. Where priors or points turn out not to determine a
+        Without them it is estimated in its own frame. The result of a rough estimate is then placed in the known frame,
+        and the result of the last one is estimated once more there. Where priors or points turn out not to determine a
         frame, the log names the reason, and the scene stays as it is.
         """
-        if step.hold_geometry:
-            return self._adjusted(start, step, progress)
+        if settings.hold_geometry:
+            return self._adjusted(start, settings, progress)
         if not self.pose_priors:
-            return self._with_control(start, step, progress)
+            return self._with_control(start, settings, progress)
 
         def with_priors(scene: Scene, priors: PosePriors) -> Adjustment:
-            return self._adjusted(scene, step, progress, priors)
+            return self._adjusted(scene, settings, progress, priors)
 
         if in_prior_frame(start):
-            return estimate_with_priors(start, self.pose_priors, with_priors) or self._adjusted(start, step, progress)
-        alone = self._adjusted(start, step, progress)
-        if not step.rough:
+            return estimate_with_priors(start, self.pose_priors, with_priors) or self._adjusted(
+                start, settings, progress
+            )
+        alone = self._adjusted(start, settings, progress)
+        if not settings.rough:
             return estimate_with_priors(alone.scene, self.pose_priors, with_priors) or alone
         placed = place_by_priors(alone.scene, self.pose_priors)
         return alone if placed is None else replace(alone, scene=placed.scene)
 
-    def _with_control(self, start: Scene, step: Step, progress: Progress) -> Adjustment:
+    def _with_control(self, start: Scene, settings: EstimateSettings, progress: Progress) -> Adjustment:
         """The estimate without pose priors, placed by the control points if there are any."""
-        found = self._adjusted(start, step, progress)
+        found = self._adjusted(start, settings, progress)
         if not self.control or in_prior_frame(start):
             return found
         placed = place_by_control(found.scene, self.control)
         if placed is None:
             return found
-        return replace(found, scene=placed) if step.rough else self._adjusted(placed, step, progress)
+        return replace(found, scene=placed) if settings.rough else self._adjusted(placed, settings, progress)
 
-    def _adjusted(self, start: Scene, step: Step, progress: Progress, priors: PosePriors | None = None) -> Adjustment:
+    def _adjusted(
+        self, start: Scene, settings: EstimateSettings, progress: Progress, priors: PosePriors | None = None
+    ) -> Adjustment:
         """The one call of `adjust`, with its iterations reported."""
-        factor = step.keypoint_sigma_factor * self.options.keypoint_sigma_factor
+        factor = settings.keypoint_sigma_factor * self.options.keypoint_sigma_factor
         options = replace(self.options, keypoint_sigma_factor=factor)
-        reweighting = step.reweighting
-        if step.rough:
-            solver = options.solver.roughly(all_steps=step.all_steps)
+        reweighting = settings.reweighting
+        if settings.rough:
+            solver = options.solver.roughly(all_steps=settings.all_steps)
             options = replace(options, uncertainty=False, solver=solver)
             reweighting = reweighting or ROUGH_REWEIGHTING
         if reweighting is not None:
             options = replace(options, max_reweightings=min(reweighting, options.max_reweightings))
-        if step.hold_geometry:
+        if settings.hold_geometry:
             options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
         start, altimetry = self._on_altimetry(start)
         views = start.views
@@ -169,9 +173,9 @@ class JointEstimate:
             control=self._control_for(start),
             altimetry=altimetry,
             reflectance=self.reflectance,
-            gradients=step.gradients,
-            noise=step.noise,
-            least_keypoint_factor=step.least_keypoint_factor,
+            gradients=settings.gradients,
+            noise=settings.noise,
+            least_keypoint_factor=settings.least_keypoint_factor,
             on_step=report,
         )
         stated = replace(found.scene.views, sun_sigma=views.sun_sigma, sun_common_sigma=views.sun_common_sigma)

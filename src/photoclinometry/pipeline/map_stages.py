@@ -19,7 +19,7 @@ from photoclinometry.photometry.cast_shadows import surroundings_by_shadows
 from photoclinometry.photometry.point_spread import reference_psf_sigma_px
 from photoclinometry.pipeline.direct_refinement import refine_directly
 from photoclinometry.pipeline.first_estimate import first_estimate
-from photoclinometry.pipeline.joint_estimate import JointEstimate, Step, by_relit_matches, in_prior_frame
+from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate, by_relit_matches, in_prior_frame
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.relighting import (
     IterationFigures,
@@ -38,7 +38,7 @@ from photoclinometry.surface.fine_relief import with_fine_relief
 
 
 @dataclass(frozen=True, kw_only=True)
-class Iterate:
+class IntermediateMap:
     """A map on the way to the last one."""
 
     scene: Scene
@@ -64,11 +64,11 @@ class FinishedMap:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FirstEstimate(Stage[Iterate]):
+class FirstEstimate(Stage[IntermediateMap]):
     """A rough estimate, good enough to be relit."""
 
     name = "first_estimate"
-    result = Iterate
+    result = IntermediateMap
     estimate: JointEstimate
     start: Keyed[Scene]
 
@@ -76,21 +76,23 @@ class FirstEstimate(Stage[Iterate]):
     def file_name(self) -> str:
         return f"{self.name}{_suffix(self.estimate)}"
 
-    def make(self, tools: Tools) -> Iterate:
-        found = first_estimate(self.start.value, partial(self.estimate, step=Step(rough=True), progress=tools.progress))
+    def make(self, tools: Tools) -> IntermediateMap:
+        found = first_estimate(
+            self.start.value, partial(self.estimate, settings=EstimateSettings(rough=True), progress=tools.progress)
+        )
         figures = first_map_figures(found.scene)
         say_found(_quality(figures))
-        return Iterate(scene=found.scene, figures=figures, noise=found.noise)
+        return IntermediateMap(scene=found.scene, figures=figures, noise=found.noise)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RelightingIteration(Stage[Iterate]):
+class RelightingIteration(Stage[IntermediateMap]):
     """The map matched again with the relit reference and, unless that settles it, roughly estimated again."""
 
     name = "relighting"
-    result = Iterate
+    result = IntermediateMap
     number: int
-    before: Keyed[Iterate]
+    before: Keyed[IntermediateMap]
     estimate: JointEstimate
     posed: PosedImages
     """Of which the scene has the registered views."""
@@ -105,19 +107,23 @@ class RelightingIteration(Stage[Iterate]):
     def file_name(self) -> str:
         return f"{self.name}_{self.number}{_suffix(self.estimate)}"
 
-    def make(self, tools: Tools) -> Iterate:
+    def make(self, tools: Tools) -> IntermediateMap:
         number, before, noise, report = self.number, self.before.value.scene, self.before.value.noise, tools.progress
         matcher, images = self.matcher.value, self.posed.registered_images
         matched = rematch(before, images, matcher, self.densify, report, f"relight {number}")
         moved = keypoints_moved(before, matched)
         say_found(f"matches moved {moved:.2f} px")
         if self.must_end or is_settled(number, moved, self.settled_px):
-            return Iterate(scene=matched, number=number, is_start_of_last=True, keypoints_moved_px=moved, noise=noise)
-        step = Step(keypoint_sigma_factor=self.keypoint_sigma_factor, rough=True, noise=noise)
-        found = self.estimate(matched, step, report)
+            return IntermediateMap(
+                scene=matched, number=number, is_start_of_last=True, keypoints_moved_px=moved, noise=noise
+            )
+        settings = EstimateSettings(keypoint_sigma_factor=self.keypoint_sigma_factor, rough=True, noise=noise)
+        found = self.estimate(matched, settings, report)
         figures = iteration_figures(number, found.scene, before, moved)
         say_found(_quality(figures))
-        return Iterate(scene=found.scene, number=number, keypoints_moved_px=moved, figures=figures, noise=found.noise)
+        return IntermediateMap(
+            scene=found.scene, number=number, keypoints_moved_px=moved, figures=figures, noise=found.noise
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,8 +134,8 @@ class LastEstimate(Stage[FinishedMap]):
     result = FinishedMap
     estimate: JointEstimate
     """Its reflectance may be another one than that of `start`."""
-    start: Keyed[Iterate]
-    before: Keyed[Iterate] | None
+    start: Keyed[IntermediateMap]
+    before: Keyed[IntermediateMap] | None
     """The map that `start` was matched with, without observations; None of the first."""
     posed: PosedImages
     """Of which the scene has the registered views."""
@@ -207,9 +213,9 @@ class PlaceHeldOutViews(Stage[Resected]):
 class Relit:
     """Where relighting iterations end."""
 
-    start: Keyed[Iterate]
+    start: Keyed[IntermediateMap]
     """Of the last estimate."""
-    before: Keyed[Iterate] | None = None
+    before: Keyed[IntermediateMap] | None = None
     """The map that it was matched with, without observations; None where there were no iterations."""
     figures: tuple[IterationFigures, ...] = ()
     """Of all maps before the last estimate."""
@@ -228,20 +234,20 @@ class MapStages:
     options: RelightOptions
     max_iterations: int
 
-    def first_map(self, scene: Keyed[Scene]) -> Keyed[Iterate]:
+    def first_map(self, scene: Keyed[Scene]) -> Keyed[IntermediateMap]:
         """A rough estimate, to be relit; the scene as it is, where it is not."""
         if not self.max_iterations:
-            return Keyed(Iterate(scene=scene.value, is_start_of_last=True), scene.key)
-        return self.folder.done(FirstEstimate(estimate=self.estimate, start=scene))
+            return Keyed(IntermediateMap(scene=scene.value, is_start_of_last=True), scene.key)
+        return self.folder.result_of(FirstEstimate(estimate=self.estimate, start=scene))
 
-    def relight(self, first: Keyed[Iterate]) -> Relit:
+    def relight(self, first: Keyed[IntermediateMap]) -> Relit:
         """Relighting iterations, until the matches stay where they are."""
         before, latest, figures = None, first, []
         del first  # of all maps, the latest two are held in memory
         while not latest.value.is_start_of_last:
             figures.append(latest.value.figures)
             before = latest
-            latest = self.folder.done(self._iteration_after(before))
+            latest = self.folder.result_of(self._iteration_after(before))
         if before is not None:  # the last estimate compares with its normals alone
             before = Keyed(replace(before.value, scene=before.value.scene.without_observations()), before.key)
         return Relit(start=latest, before=before, figures=tuple(figures))
@@ -257,9 +263,9 @@ class MapStages:
             direct=direct,
             psf_sigma_px=self.options.psf_sigma_px,
         )
-        return self.folder.done(stage)
+        return self.folder.result_of(stage)
 
-    def _iteration_after(self, before: Keyed[Iterate]) -> RelightingIteration:
+    def _iteration_after(self, before: Keyed[IntermediateMap]) -> RelightingIteration:
         number = before.value.number + 1
         return RelightingIteration(
             number=number,

@@ -10,7 +10,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance, starting_model
 from photoclinometry.model.scene import Scene
-from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
@@ -41,7 +41,7 @@ class ChooseModel(Stage[ChosenModel]):
 
     name = "reflectance"
     result = ChosenModel
-    relit: Keyed[Iterate]
+    relit: Keyed[IntermediateMap]
     known: Reflectance
     """The model of the map, as it is known beforehand."""
     candidates: tuple[str, ...]

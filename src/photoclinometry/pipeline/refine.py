@@ -21,7 +21,7 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline.choices import choose_reflectance
-from photoclinometry.pipeline.joint_estimate import JointEstimate, Step
+from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
 from photoclinometry.pipeline.run_folder import claimed_run
 from photoclinometry.pipeline.run_owner import owner_of_model
@@ -88,7 +88,7 @@ class RefineModel(Stage[Adjustment]):
     options: AdjustOptions
 
     def make(self, tools: Tools) -> Adjustment:
-        return JointEstimate(options=self.options)(self.start.value, Step(), tools.progress)
+        return JointEstimate(options=self.options)(self.start.value, EstimateSettings(), tools.progress)
 
 
 def read_start(folder: Path, options: RefineOptions | None = None) -> Start:
@@ -135,7 +135,7 @@ def refine(
         config = {"model": str(start.source.resolve()), **asdict(options)}
         folder.write_config(config)
         scene = Keyed(start.model.scene, digest(model_fingerprint(start.source), options))
-        adjustment = folder.done(RefineModel(start=scene, options=options.adjust)).value
+        adjustment = folder.result_of(RefineModel(start=scene, options=options.adjust)).value
         with folder.timed("model"):
             write_text_model(
                 folder.path / "model",

@@ -12,7 +12,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance, starting_model
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
-from photoclinometry.pipeline.map_stages import Iterate
+from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
@@ -53,7 +53,7 @@ class CheckResponse(Stage[ResponseCheck]):
 
     name = "response"
     result = ResponseCheck
-    relit: Keyed[Iterate]
+    relit: Keyed[IntermediateMap]
     models: tuple[Reflectance, ...]
     """As they are known beforehand; see `models_that_tell`."""
     stated: tuple[float, ...]

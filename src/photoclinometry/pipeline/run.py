@@ -65,8 +65,8 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
     check_reference(site, inputs.value.unusable)
     usable = np.array([image.name not in inputs.value.unusable for image in inputs.value.images])
     check_enough_views(site, usable & ~choices.held_out, options.densify, ReconstructionError)
-    sparse = folder.done(SparseReconstruction(inputs=inputs, options=options.sfm))
-    folder.done(CheckCameras(inputs=inputs, sparse=sparse))
+    sparse = folder.result_of(SparseReconstruction(inputs=inputs, options=options.sfm))
+    folder.result_of(CheckCameras(inputs=inputs, sparse=sparse))
     posed = PosedImages(inputs=inputs, sparse=sparse)
     return map_posed(folder, PosedSite(site=site, posed=posed, choices=choices, options=options), config)
 
@@ -80,7 +80,7 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
     used = chosen.used
     dense = MatchDensely(
         posed=used,
-        place=folder.done(ChooseRegion(posed=used, request=site.region, options=options.region)),
+        place=folder.result_of(ChooseRegion(posed=used, request=site.region, options=options.region)),
         matcher=choices.matcher,
         passes=options.matching_passes,
         densify=options.densify,
@@ -116,6 +116,6 @@ def _place_held_out(
         file.unlink(missing_ok=True)
         return None
     stage = PlaceHeldOutViews(finished=finished, posed=posed, held_out=registered, matcher=choices.relit_matcher)
-    views = held_out_views(posed.views, folder.done(stage).value)
+    views = held_out_views(posed.views, folder.result_of(stage).value)
     held_out_file.write_held_out(file, views)
     return views

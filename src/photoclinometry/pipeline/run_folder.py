@@ -79,7 +79,7 @@ class RunFolder:
         """What was warned of so far, each once."""
         return distinct(self.warned)
 
-    def done(self, stage: Stage[T]) -> Keyed[T]:
+    def result_of(self, stage: Stage[T]) -> Keyed[T]:
         """The stage's result: from disk if its key is there, else made and, where the stage says so, kept.
 
         What is made is read back, too: a run in one go and one in pieces are then the same to the last bit.

@@ -17,8 +17,7 @@ from photoclinometry.model.region import Region
 from photoclinometry.model.scene import OWN, Camera, Image, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
 from photoclinometry.model.warning import warn
-from photoclinometry.photometry.inconsistent_views import InconsistentViews as Inconsistent
-from photoclinometry.photometry.inconsistent_views import find_inconsistent_views
+from photoclinometry.photometry.inconsistent_views import InconsistentViews, find_inconsistent_views
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, say_found
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
@@ -107,15 +106,15 @@ class SparseReconstruction(Stage[SparseModel]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class InconsistentViews(Stage[Inconsistent]):
+class ViewCheck(Stage[InconsistentViews]):
     """Views whose Sun, or what they show, contradicts the brightness of the others."""
 
     name = "inconsistent_views"
-    result = Inconsistent
+    result = InconsistentViews
     posed: PosedImages
     reflectance: Reflectance
 
-    def make(self, tools: Tools) -> Inconsistent:
+    def make(self, tools: Tools) -> InconsistentViews:
         inputs, sparse = self.posed.inputs.value, self.posed.sparse.value
         found = find_inconsistent_views(
             sparse, inputs.images, self.posed.views, self.reflectance, inputs.site.brightness
@@ -196,7 +195,7 @@ def choose_views(
     used = posed.without(held_out)
     if reflectance is None:
         return ChosenViews(used=used, left_out=left_out)
-    found = folder.done(InconsistentViews(posed=used, reflectance=reflectance)).value
+    found = folder.result_of(ViewCheck(posed=used, reflectance=reflectance)).value
     return ChosenViews(
         used=posed.without(held_out | found.left_out),
         left_out=left_out | {names[k]: str(found.reason[k]) for k in np.flatnonzero(found.left_out)},

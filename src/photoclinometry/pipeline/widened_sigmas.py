@@ -22,7 +22,7 @@ from photoclinometry.surface.relief import local_frame
 log = logging.getLogger(__name__)
 
 
-def widened(scene: Scene, before: Scene, sound: np.ndarray) -> Scene:
+def with_inflated_uncertainties(scene: Scene, before: Scene, sound: np.ndarray) -> Scene:
     """The scene, its uncertainties of each kind as many times larger as it moved beyond its noise.
 
     before: an earlier estimate of the same views and landmarks, by similar measurements. Each variance is multiplied by
@@ -30,7 +30,7 @@ def widened(scene: Scene, before: Scene, sound: np.ndarray) -> Scene:
     Positions count by their heights, since their sigmas sideways are those of the reference view's rays. sound: (J,)
     bool, landmarks that tell. A scene that states nothing stays as it is.
     """
-    moved = moves(scene, before, sound)
+    moved = normalized_changes(scene, before, sound)
     log.info("moved beyond noise (mean squares): %s", ", ".join(f"{name} {m:.2f}" for name, m in moved.items()))
     stated = dict(scene.uncertainty)
     for name, square in moved.items():
@@ -39,7 +39,7 @@ def widened(scene: Scene, before: Scene, sound: np.ndarray) -> Scene:
     return replace(scene, uncertainty=stated)
 
 
-def moves(scene: Scene, before: Scene, sound: np.ndarray) -> dict[str, float]:
+def normalized_changes(scene: Scene, before: Scene, sound: np.ndarray) -> dict[str, float]:
     """Mean squares of the differences between two estimates over the variances that the first one states, by name."""
     if not scene.uncertainty:
         return {}

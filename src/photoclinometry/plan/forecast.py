@@ -61,7 +61,7 @@ an image is some hundredths of its width."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ground:
+class AssumedGround:
     """The assumed ground and what looks at it."""
 
     tracer: Raycaster
@@ -88,7 +88,7 @@ class Forecast:
 
     adjustment: Adjustment
     """As a run would have made it, with the uncertainties that it would state: in a frame of its own."""
-    ground: Ground
+    ground: AssumedGround
     images: tuple[Image, ...]
     run: RunOptions
     reflectance: Reflectance
@@ -258,7 +258,7 @@ def _ground(
     body: str | None,
     brightness: str,
     options: PlanOptions,
-) -> Ground:
+) -> AssumedGround:
     finest = min(s.gsd_m for s in planned.seen)
     extent = ground_half_extent(views, half_side)
     surface = representative_ground(extent, planned.gsd_m, finest, options.slope_deg, options.albedo, options.seed)
@@ -271,10 +271,10 @@ def _ground(
         brightness=brightness,
         photometry=photometry,
     )
-    return Ground(tracer=Raycaster(surface), truth=truth, options=options)
+    return AssumedGround(tracer=Raycaster(surface), truth=truth, options=options)
 
 
-def _images(ground: Ground, views: Views, progress: Progress) -> list[Image]:
+def _images(ground: AssumedGround, views: Views, progress: Progress) -> list[Image]:
     images = []
     for k in range(len(views)):
         progress("images", k, len(views))
@@ -284,7 +284,7 @@ def _images(ground: Ground, views: Views, progress: Progress) -> list[Image]:
 
 
 def _scene_at_truth(
-    ground: Ground, views: Views, reference: int, reflectance: Reflectance, options: PlanOptions
+    ground: AssumedGround, views: Views, reference: int, reflectance: Reflectance, options: PlanOptions
 ) -> Scene:
     """The map as it is, every landmark projected into every image that has it."""
     side = options.patch_px

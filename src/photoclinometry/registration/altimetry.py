@@ -43,7 +43,7 @@ FLAT = 0.01
 one that they have most of: level ground does not tell where along itself a shot fell."""
 
 
-def shift_onto(scene: Scene, tracks: AltimeterTracks) -> np.ndarray:
+def shift_to_altimetry(scene: Scene, tracks: AltimeterTracks) -> np.ndarray:
     """(3,) by which the scene has to be shifted, in its frame, to lie under the shots; zeros where that is less than a
     landmark's distance from the next, or where too few shots tell.
 

@@ -17,8 +17,8 @@ import numpy as np
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, without_views
-from photoclinometry.sfm.database import Matches, to_colmap, write_verified_matches
-from photoclinometry.sfm.joining import AGREE_PX, FEWEST_OF_VIEW, lifted
+from photoclinometry.sfm.database import DescriptorMatches, to_colmap, write_verified_matches
+from photoclinometry.sfm.joining import AGREE_PX, FEWEST_OF_VIEW, locate_keypoints
 from photoclinometry.sfm.known_poses import VerifiedMatches
 from photoclinometry.sfm.options import SfmOptions
 
@@ -32,8 +32,8 @@ FEWEST_TO_LOCATE = 10
 more by chance."""
 
 
-def completed(
-    model: SparseModel, matches: Matches, cameras: list[Camera], work_dir: Path, options: SfmOptions
+def complete_model(
+    model: SparseModel, matches: DescriptorMatches, cameras: list[Camera], work_dir: Path, options: SfmOptions
 ) -> SparseModel:
     """The model after views were located, matches verified by its poses, and all were adjusted.
 
@@ -41,8 +41,8 @@ def completed(
     fewer points than a pair needs matches, or than FEWEST_OF_VIEW, are left out.
     """
     for gate in (AGREE_PX, options.max_reprojection_px):
-        model = located(model, matches, cameras, options)
-        write_verified_matches(work_dir, fitting_matches(model, matches, cameras, gate))
+        model = with_resected_views(model, matches, cameras, options)
+        write_verified_matches(work_dir, epipolar_inliers(model, matches, cameras, gate))
         verified = VerifiedMatches(work_dir, replace(options, min_pair_matches=FEWEST_OF_PAIR))
         model = verified.adjusted(cameras, model.body_from_cam, model.registered, gate)
         seen = np.bincount(model.point_view, minlength=len(cameras))
@@ -55,8 +55,8 @@ def completed(
     return model
 
 
-def fitting_matches(
-    model: SparseModel, matches: Matches, cameras: Sequence[Camera], gate_px: float
+def epipolar_inliers(
+    model: SparseModel, matches: DescriptorMatches, cameras: Sequence[Camera], gate_px: float
 ) -> dict[tuple[int, int], np.ndarray]:
     """By registered views (a, b), the matches (m, 2) that lie within `gate_px` of their epipolar lines."""
     found = {}
@@ -96,9 +96,11 @@ def epipolar_px(
     return np.maximum(*off)
 
 
-def located(model: SparseModel, matches: Matches, cameras: Sequence[Camera], options: SfmOptions) -> SparseModel:
+def with_resected_views(
+    model: SparseModel, matches: DescriptorMatches, cameras: Sequence[Camera], options: SfmOptions
+) -> SparseModel:
     """The model with poses of further views, by their matches with ground whose depth it knows."""
-    ground = lifted(model, matches, cameras).points
+    ground = locate_keypoints(model, matches, cameras).points
     registered, rotation, center = (
         each.copy() for each in (model.registered, model.body_from_cam.rotation, model.body_from_cam.translation)
     )

@@ -132,7 +132,7 @@ def _write_view(database: Any, view: int, camera_and_rig: tuple[Any, Any]) -> in
 
 
 @dataclass(frozen=True, kw_only=True)
-class Matches:
+class DescriptorMatches:
     """The keypoints of K views, and which of them match by their descriptors, right or wrong."""
 
     keypoints: list[np.ndarray]
@@ -147,7 +147,7 @@ class Matches:
             yield b, a, index[:, ::-1]
 
 
-def read_matches(count: int, work_dir: Path) -> Matches:
+def read_matches(count: int, work_dir: Path) -> DescriptorMatches:
     """All matches of `count` views."""
     import pycolmap
 
@@ -159,7 +159,7 @@ def read_matches(count: int, work_dir: Path) -> Matches:
         for pair_id, index in zip(*database.read_all_matches(), strict=True):
             a, b = pycolmap.pair_id_to_image_pair(pair_id)
             pairs[view[a], view[b]] = np.asarray(index)
-    return Matches(keypoints=keypoints, pairs=pairs)
+    return DescriptorMatches(keypoints=keypoints, pairs=pairs)
 
 
 def write_matches(work_dir: Path, pairs: Mapping[tuple[int, int], np.ndarray]) -> None:

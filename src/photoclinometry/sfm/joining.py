@@ -21,7 +21,7 @@ from photoclinometry.model.geometry import Rigid, Similarity, similarities_of, s
 from photoclinometry.model.projection import pixel_from_cam
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, transformed, without_views
-from photoclinometry.sfm.database import Matches
+from photoclinometry.sfm.database import DescriptorMatches
 
 log = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ SCALES = 0.05, 20.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lifted:
+class LocatedKeypoints:
     """A model, and the keypoints of its views in three dimensions."""
 
     model: SparseModel
@@ -86,7 +86,7 @@ class Join:
 
 
 def joined_models(
-    models: Sequence[SparseModel], matches: Matches, cameras: Sequence[Camera], seed: int
+    models: Sequence[SparseModel], matches: DescriptorMatches, cameras: Sequence[Camera], seed: int
 ) -> list[SparseModel]:
     """Models of the same K views, those joined that matches show to be one; the largest first.
 
@@ -95,11 +95,15 @@ def joined_models(
     """
     rng = np.random.default_rng(seed)
     numbers = count()
-    parts = {next(numbers): lifted(model, matches, cameras) for model in models}
+    parts = {next(numbers): locate_keypoints(model, matches, cameras) for model in models}
     tried: dict[tuple[int, int], Join | None] = {}
     while True:
         pairs = list(combinations(sorted(parts), 2))
-        tried |= {(a, b): find_join(parts[a], parts[b], matches, cameras, rng) for a, b in pairs if (a, b) not in tried}
+        tried |= {
+            (a, b): ransac_similarity(parts[a], parts[b], matches, cameras, rng)
+            for a, b in pairs
+            if (a, b) not in tried
+        }
         certain = {pair: join for pair in pairs if (join := tried[pair]) is not None and join.is_certain}
         if not certain:
             found = [part.model for part in parts.values()]
@@ -112,11 +116,11 @@ def joined_models(
             first.registered.sum(), second.registered.sum(), best.agreeing, best.runner_up,
             np.degrees(best.turn_sigma_rad),
         )  # fmt: skip
-        both = together(first, transformed(second, best.first_from_second))
-        parts[next(numbers)] = lifted(both, matches, cameras)
+        both = merged_model(first, transformed(second, best.first_from_second))
+        parts[next(numbers)] = locate_keypoints(both, matches, cameras)
 
 
-def together(first: SparseModel, second: SparseModel) -> SparseModel:
+def merged_model(first: SparseModel, second: SparseModel) -> SparseModel:
     """Two models of the same K views in one frame as one, as of `joined_models`."""
     views = len(first.registered)
     number = [np.bincount(each.point_view, minlength=views) for each in (first, second)]
@@ -139,10 +143,10 @@ def together(first: SparseModel, second: SparseModel) -> SparseModel:
     )
 
 
-def lifted(model: SparseModel, matches: Matches, cameras: Sequence[Camera]) -> Lifted:
+def locate_keypoints(model: SparseModel, matches: DescriptorMatches, cameras: Sequence[Camera]) -> LocatedKeypoints:
     """The keypoints of a model's views, at depths between those of its points."""
     views = [int(k) for k in np.flatnonzero(model.registered)]
-    return Lifted(model=model, points={k: _lifted(model, k, matches.keypoints[k], cameras[k]) for k in views})
+    return LocatedKeypoints(model=model, points={k: _lifted(model, k, matches.keypoints[k], cameras[k]) for k in views})
 
 
 def _lifted(model: SparseModel, view: int, keypoints: np.ndarray, camera: Camera) -> np.ndarray:
@@ -294,8 +298,12 @@ def _only(similarity: Similarity) -> _Similarities:
     )
 
 
-def find_join(
-    first: Lifted, second: Lifted, matches: Matches, cameras: Sequence[Camera], rng: np.random.Generator
+def ransac_similarity(
+    first: LocatedKeypoints,
+    second: LocatedKeypoints,
+    matches: DescriptorMatches,
+    cameras: Sequence[Camera],
+    rng: np.random.Generator,
 ) -> Join | None:
     """The similarity between two models that most matches agree with; None where no three agree with one."""
     matching = _between(first, second, matches, cameras)
@@ -329,7 +337,7 @@ def _apart(one: Similarity, other: Similarity) -> bool:
 
 
 def _between(
-    first: Lifted, second: Lifted, matches: Matches, cameras: Sequence[Camera]
+    first: LocatedKeypoints, second: LocatedKeypoints, matches: DescriptorMatches, cameras: Sequence[Camera]
 ) -> tuple[_Between, list[np.ndarray]] | None:
     """The matches between two models whose depths are known, and the rows of each pair of views with three or more.
 
@@ -352,7 +360,12 @@ def _between(
     return _Between(first=sides[0], second=sides[1]), np.split(np.arange(ends[-1]), ends[:-1])
 
 
-def _side(part: Lifted, cameras: Sequence[Camera], matches: Matches, chosen: Sequence[tuple[int, np.ndarray]]) -> _Side:
+def _side(
+    part: LocatedKeypoints,
+    cameras: Sequence[Camera],
+    matches: DescriptorMatches,
+    chosen: Sequence[tuple[int, np.ndarray]],
+) -> _Side:
     """chosen: views, each with the indices of keypoints."""
     view = np.concatenate([np.full(len(index), k) for k, index in chosen])
     return _Side(

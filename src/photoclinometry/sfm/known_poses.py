@@ -15,7 +15,7 @@ from photoclinometry.sfm.adjustment import RobustAdjustment
 from photoclinometry.sfm.database import DATABASE
 from photoclinometry.sfm.mapping import from_colmap, tune_triangulation
 from photoclinometry.sfm.options import SfmOptions
-from photoclinometry.sfm.reversal import with_views_turned_round
+from photoclinometry.sfm.reversal import resolve_pose_reversals
 
 MIN_RATIO, MAX_RATIO = 0.5, 2.0
 """Pairs of views by priors: bounds of the ratio of their resolutions; SIFT bridges a factor of two safely."""
@@ -68,7 +68,7 @@ class VerifiedMatches:
         model = self._posed(body_from_cam, used)
         self._triangulate(model, cameras, gate_px)
         adjustment.of_model(model)
-        model = with_views_turned_round(model, adjustment)
+        model = resolve_pose_reversals(model, adjustment)
         return _only_seeing(from_colmap(model, len(cameras)), used)
 
     def _posed(self, body_from_cam: Rigid, used: np.ndarray) -> Any:

@@ -21,7 +21,7 @@ from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm.adjustment import RobustAdjustment
 from photoclinometry.sfm.database import DATABASE, first_pairs
 from photoclinometry.sfm.options import SfmOptions
-from photoclinometry.sfm.reversal import ALIKE, Oriented, right_way_round
+from photoclinometry.sfm.reversal import ALIKE, Oriented, resolve_depth_reversal
 
 GROWTH = 1.4
 """Global bundle adjustments are repeated when the model has grown by this factor. With one local and two global
@@ -155,7 +155,7 @@ def _mapped(
     progress("mapping", len(cameras), len(cameras))  # views that match nothing are not counted above
     adjustment = RobustAdjustment(options.threads)
     by_images = None if shading_of is None else lambda model: shading_of(from_colmap(model, len(cameras)))
-    found = [right_way_round(model, adjustment, by_images) for model in models.values() if model.num_points3D()]
+    found = [resolve_depth_reversal(model, adjustment, by_images) for model in models.values() if model.num_points3D()]
     return sorted(found, key=lambda each: size(each.model), reverse=True)
 
 

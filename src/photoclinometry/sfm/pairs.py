@@ -28,52 +28,52 @@ def all_pairs(count: int) -> list[tuple[int, int]]:
     return [(a, b) for a in range(count) for b in range(a)]
 
 
-def promising_pairs(likeness: np.ndarray, partners: int) -> list[tuple[int, int]]:
+def select_pairs(similarity: np.ndarray, partners: int) -> list[tuple[int, int]]:
     """Pairs of views of which one is among the `partners` most similar ones of the other; all pairs of fewer views.
 
-    FEW_PARTNERS are enough for a view that matches all of them well (RICH). likeness: (K, K), as of `likeness_of`; its
-    diagonal is ignored.
+    FEW_PARTNERS are enough for a view that matches all of them well (RICH). similarity: (K, K), as of
+    `pair_similarities`; its diagonal is ignored.
     """
-    count = len(likeness)
-    likeness = np.where(np.eye(count, dtype=bool), -1, likeness)
-    chosen = _most_alike(likeness, partners)
+    count = len(similarity)
+    similarity = np.where(np.eye(count, dtype=bool), -1, similarity)
+    chosen = _most_alike(similarity, partners)
     if count > FEW_PARTNERS:
-        rich = np.sort(likeness, axis=1)[:, -FEW_PARTNERS] >= RICH
-        chosen[rich] &= _most_alike(likeness, FEW_PARTNERS)[rich]
+        rich = np.sort(similarity, axis=1)[:, -FEW_PARTNERS] >= RICH
+        chosen[rich] &= _most_alike(similarity, FEW_PARTNERS)[rich]
     return [(a, b) for a, b in all_pairs(count) if chosen[a, b] or chosen[b, a]]
 
 
-def pairs_between(places: Sequence[np.ndarray], likeness: np.ndarray, partners: int) -> list[tuple[int, int]]:
+def pairs_between(places: Sequence[np.ndarray], similarity: np.ndarray, partners: int) -> list[tuple[int, int]]:
     """Pairs (a, b), b < a, that may join several models, and views that are in none.
 
-    places: the views of each model; likeness: (K, K), as of `likeness_of`. Views in none are paired with all others,
-    views of a model with the `partners` most similar ones of which no model has both.
+    places: the views of each model; similarity: (K, K), as of `pair_similarities`. Views in none are paired with all
+    others, views of a model with the `partners` most similar ones of which no model has both.
     """
-    count = len(likeness)
+    count = len(similarity)
     together = np.zeros((count, count), bool)
     for views in places:
         together[np.ix_(views, views)] = True
-    chosen = _most_alike(np.where(together, -1, likeness), partners) | ~np.diag(together)[:, None]
+    chosen = _most_alike(np.where(together, -1, similarity), partners) | ~np.diag(together)[:, None]
     return [(a, b) for a, b in all_pairs(count) if (chosen[a, b] or chosen[b, a]) and not together[a, b]]
 
 
-def _most_alike(likeness: np.ndarray, partners: int) -> np.ndarray:
+def _most_alike(similarity: np.ndarray, partners: int) -> np.ndarray:
     """(K, K) bool: the `partners` most similar views of each, in its row."""
-    chosen = np.zeros(likeness.shape, bool)
-    np.put_along_axis(chosen, np.argsort(-likeness, axis=1, kind="stable")[:, :partners], True, axis=1)
+    chosen = np.zeros(similarity.shape, bool)
+    np.put_along_axis(chosen, np.argsort(-similarity, axis=1, kind="stable")[:, :partners], True, axis=1)
     return chosen
 
 
-def likeness_of(keypoints: list[tuple[np.ndarray, np.ndarray]], max_ratio: float) -> np.ndarray:
+def pair_similarities(keypoints: list[tuple[np.ndarray, np.ndarray]], max_ratio: float) -> np.ndarray:
     """(K, K) number of matches between the largest keypoints of two views: mutual nearest, by Lowe's ratio test.
 
     keypoints: for each view, keypoints (n, 4) and descriptors (n, 128), as of `sift_keypoints`.
     """
     previews = [_preview(*view) for view in keypoints]
-    likeness = np.zeros((len(previews),) * 2, int)
+    similarity = np.zeros((len(previews),) * 2, int)
     for a, b in all_pairs(len(previews)):
-        likeness[a, b] = likeness[b, a] = _matches(previews[a], previews[b], max_ratio)
-    return likeness
+        similarity[a, b] = similarity[b, a] = _matches(previews[a], previews[b], max_ratio)
+    return similarity
 
 
 def _preview(keypoints: np.ndarray, descriptors: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel, connected_groups, normalised
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.relief_shading import ReliefShading, relief_shading
-from photoclinometry.sfm.completion import completed
+from photoclinometry.sfm.completion import complete_model
 from photoclinometry.sfm.database import (
     add_relief_keypoints,
     disk_errors,
@@ -33,7 +33,7 @@ from photoclinometry.sfm.joining import joined_models
 from photoclinometry.sfm.mapping import from_colmap, map_views, quiet_pycolmap
 from photoclinometry.sfm.matching import match_guided, match_views
 from photoclinometry.sfm.options import SfmOptions
-from photoclinometry.sfm.pairs import all_pairs, likeness_of, pairs_between, promising_pairs
+from photoclinometry.sfm.pairs import all_pairs, pair_similarities, pairs_between, select_pairs
 
 log = logging.getLogger(__name__)
 
@@ -173,14 +173,14 @@ def _matched_and_mapped(given: _Given, stage: str) -> _Attempt:
     joined. stage: name for progress reports.
     """
     count, options = len(given.cameras), given.options
-    pairs, likeness = all_pairs(count), None
+    pairs, similarity = all_pairs(count), None
     if count - 1 > options.partners:
-        likeness = likeness_of(read_keypoints(count, given.work_dir), options.max_ratio)
-        pairs = promising_pairs(likeness, options.partners)
+        similarity = pair_similarities(read_keypoints(count, given.work_dir), options.max_ratio)
+        pairs = select_pairs(similarity, options.partners)
     found = _mapped(given, pairs, pairs, stage)
-    if likeness is not None:
+    if similarity is not None:
         places = [np.flatnonzero(model.registered) for model in found.models]
-        more = sorted({*pairs_between(places, likeness, options.partners)} - {*pairs})
+        more = sorted({*pairs_between(places, similarity, options.partners)} - {*pairs})
         if more:
             log.info("%d models; %d more pairs of views are matched", len(places), len(more))
             found = _mapped(given, pairs + more, more, stage)
@@ -204,7 +204,7 @@ def _joined(models: list[SparseModel], given: _Given) -> list[SparseModel]:
         return models
     matches = read_matches(len(given.cameras), given.work_dir)
     first, *others = joined_models(models, matches, given.cameras, given.options.seed)
-    whole = completed(first, matches, given.cameras, given.work_dir, given.options)
+    whole = complete_model(first, matches, given.cameras, given.work_dir, given.options)
     was_joined = len(others) + 1 < len(models)
     if was_joined or whole.registered.sum() > first.registered.sum():
         first = normalised(whole, given.cameras)
@@ -266,8 +266,8 @@ def _guided_too(given: _Given, before: _Attempt) -> _Attempt:
     for model in before.models:
         together |= np.outer(model.registered, model.registered)
     options, work_dir = given.options, given.work_dir
-    likeness = np.where(together, -1, numbers_of_matches(len(together), work_dir))
-    pairs = [pair for pair in promising_pairs(likeness, options.partners) if not together[pair]]
+    similarity = np.where(together, -1, numbers_of_matches(len(together), work_dir))
+    pairs = [pair for pair in select_pairs(similarity, options.partners) if not together[pair]]
     inliers = match_guided(given.cameras, pairs, work_dir, options, "guided matches", given.progress)
     if not (_matching(inliers, options) & ~_matching(before.inliers, options)).any():
         return before

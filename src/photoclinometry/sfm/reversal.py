@@ -89,7 +89,7 @@ class Oriented:
         return self.error_px, self.reverse_px
 
 
-def right_way_round(
+def resolve_depth_reversal(
     model: Any, adjustment: RobustAdjustment, shading_of: Callable[[Any], ReliefShading] | None = None
 ) -> Oriented:
     """The pycolmap reconstruction, adjusted in place, or its reverse where that explains the images better.
@@ -99,7 +99,7 @@ def right_way_round(
     """
     found = _better_of_both(model, adjustment, shading_of)
     for _ in range(model.num_reg_images()):
-        turned = with_views_turned_round(found.model, adjustment)
+        turned = resolve_pose_reversals(found.model, adjustment)
         if turned is found.model:
             break
         found = _better_of_both(turned, adjustment, shading_of)
@@ -129,7 +129,7 @@ def _better_of_both(
     return Oriented(other, reverse, error, shading_of(other) if shading_of else None)
 
 
-def with_views_turned_round(model: Any, adjustment: RobustAdjustment) -> Any:
+def resolve_pose_reversals(model: Any, adjustment: RobustAdjustment) -> Any:
     """The model, adjusted anew with each view turned round whose reversed pose explains its points better.
 
     One view that is turned may show that of others, so that all are looked at again until none is turned, or the mean

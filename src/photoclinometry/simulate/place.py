@@ -15,7 +15,7 @@ from photoclinometry.simulate.photometry import Photometry
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class SimulatedPlace:
     """A surface and the views of it, without noise."""
 
     name: str

@@ -31,7 +31,7 @@ from photoclinometry.simulate.given import given_relief
 from photoclinometry.simulate.observe import radiance
 from photoclinometry.simulate.options import SimulationOptions, body_preset, chosen_preset
 from photoclinometry.simulate.photometry import named_photometry
-from photoclinometry.simulate.place import Place
+from photoclinometry.simulate.place import SimulatedPlace
 from photoclinometry.simulate.presets import BODY_RADIUS, Preset, build_surface, surface_of_relief
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.surface import Surface
@@ -79,7 +79,7 @@ def simulate_site(
     return out_folder / "site.toml"
 
 
-def _write_images(folder: Path, place: Place, options: SimulationOptions, report: Progress) -> Views:
+def _write_images(folder: Path, place: SimulatedPlace, options: SimulationOptions, report: Progress) -> Views:
     """Writes all images; returns the views with the scales and biases of their brightness."""
     views, camera = place.views, place.views.cameras[0]
     hot = hot_pixel_charge((camera.height, camera.width), options.detector, stream(options, Stream.HOT_PIXELS))
@@ -110,7 +110,7 @@ def check_output_folder(folder: Path, overwrite: bool) -> None:
         raise InputError(f"{folder}: holds a simulated site already; pass --overwrite, or choose another folder")
 
 
-def ground_place(options: SimulationOptions) -> Place:
+def ground_place(options: SimulationOptions) -> SimulatedPlace:
     """The place of a preset, or of ground from a file, and the views of it. Raises InputError."""
     preset = chosen_preset(options)
     cameras, views = draw_views(options, preset)
@@ -129,7 +129,7 @@ def ground_place(options: SimulationOptions) -> Place:
     if options.altimetry is not None:
         rng = stream(options, Stream.ALTIMETRY)
         altimetry = altimeter_tracks(surface, size * gsd, gsd, options.altimetry, rng)
-    return Place(
+    return SimulatedPlace(
         name=truth.name,
         body=truth.body,
         tracer=Raycaster(surface),
@@ -152,7 +152,7 @@ def _surface(options: SimulationOptions, preset: Preset, camera: Camera) -> tupl
     return surface_of_relief(given.height, given.albedo, grid, preset.mean_albedo, options.seed), given.body_from_file
 
 
-def _radiance_image(place: Place, k: int, options: SimulationOptions) -> np.ndarray:
+def _radiance_image(place: SimulatedPlace, k: int, options: SimulationOptions) -> np.ndarray:
     """(h, w) I/F of view k behind optics and pixels, without noise."""
     margin, views = options.detector.margin_px, place.views
     fine, complete = radiance(
@@ -172,7 +172,7 @@ def _radiance_image(place: Place, k: int, options: SimulationOptions) -> np.ndar
     return pixel_average(fine, options.supersampling, margin, options.detector.psf_sigma_px, smear)
 
 
-def _site(folder: Path, options: SimulationOptions, place: Place, views: Views) -> Site:
+def _site(folder: Path, options: SimulationOptions, place: SimulatedPlace, views: Views) -> Site:
     priors = pose_priors(options, views.body_from_cam)
     return Site(
         name=place.name,

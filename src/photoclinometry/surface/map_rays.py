@@ -60,7 +60,7 @@ class MapRays:
         some._point = self._point[chosen]
         return some
 
-    def free_towards(self, direction: np.ndarray) -> np.ndarray:
+    def unoccluded_towards(self, direction: np.ndarray) -> np.ndarray:
         """(J,) bool: no ground stands in the way from the landmarks into a direction (3,) of B, of any length."""
         return self._free((direction @ self._cam_from_body.rotation.T)[None])
 
@@ -93,7 +93,7 @@ def in_sunlight(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None
 
     In attached shadow (incidence above 90 degrees) the reflectance model is zero by itself.
     """
-    return MapRays(scene, surroundings).free_towards(sun)
+    return MapRays(scene, surroundings).unoccluded_towards(sun)
 
 
 class _DepthGrid(NamedTuple):

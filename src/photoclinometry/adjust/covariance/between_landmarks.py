@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 from photoclinometry.adjust.covariance.elimination import factor_of
 from photoclinometry.adjust.covariance.information import Patch
 from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph
-from photoclinometry.adjust.covariance.marginals import STEP, ErrorModel, Surface, responses, stiffness_of
+from photoclinometry.adjust.covariance.marginals import STEP, ErrorModel, PositionSmoothness, responses, stiffness_of
 from photoclinometry.adjust.covariance.windows import OUTSIDE
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 
@@ -36,7 +36,7 @@ def correlation_by_distance(
     *,
     exact: bool,
     shared_side: float,
-    surface: Surface | None = None,
+    surface: PositionSmoothness | None = None,
 ) -> np.ndarray:
     """Shares (n,) of the variance of positions that exponentials of LENGTHS have; the rest is of each landmark alone.
 
@@ -48,7 +48,7 @@ def correlation_by_distance(
     run = min(RUN, count)
     firsts = np.unique(np.linspace(0, count - run, RUNS).astype(int))
     stiffness = None if exact else stiffness_of(at.links, len(at))
-    held = surface or Surface(at=at, errors=errors)
+    held = surface or PositionSmoothness(at=at, errors=errors)
     value, vector = np.linalg.eigh(common)
     root = vector * np.sqrt(np.maximum(value, 0.0))
     parts, by_common, shared, cells = [], [], [], []
@@ -88,7 +88,7 @@ def _by_distance(distance: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     return share / max(share.sum(), 1.0)
 
 
-def _given_views(held: Surface, first: int, last: int) -> np.ndarray:
+def _given_views(held: PositionSmoothness, first: int, last: int) -> np.ndarray:
     """(n, n) traces of the covariances of positions of landmarks first:last with each other, given the views.
 
     As in windows, links that leave the run count OUTSIDE of what they would if their far ends were fixed.

@@ -12,7 +12,7 @@ from numba import njit
 
 from photoclinometry.adjust.covariance.information import Patch
 from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph
-from photoclinometry.adjust.covariance.windows import hold
+from photoclinometry.adjust.covariance.windows import with_ridge
 from photoclinometry.adjust.graph.similarity import SIMILARITY
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 from photoclinometry.model.cholesky import factorize, solve_lower
@@ -36,7 +36,7 @@ class Eliminated:
     parameters; zero without one."""
 
 
-def eliminated(
+def eliminate_landmarks(
     at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.ndarray | None, *, keeps_frame: bool = False
 ) -> Eliminated:
     """The landmarks eliminated, patch (first, last) by patch; frame: (J,) bool, those that the similarity fits;
@@ -118,7 +118,7 @@ def factor_of(at: LinearizedGraph, patch: Patch, first: int, last: int) -> np.nd
     _add_links(first, last, at.links, dense)
     dense[range(last - first), :, range(last - first), :] += blocks
     dense = dense.reshape(LANDMARK_SIZE * (last - first), -1)
-    np.einsum("aa->a", dense)[:] = hold(np.diag(dense))
+    np.einsum("aa->a", dense)[:] = with_ridge(np.diag(dense))
     factorize(dense)
     return dense
 

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from photoclinometry.adjust.covariance.information import EstimatedReflectance, Observed, Patch, observed_patch
 from photoclinometry.adjust.covariance.windows import Links, links
-from photoclinometry.adjust.graph.general import Rows, Touch, information_of_views
+from photoclinometry.adjust.graph.general import JacobianBlock, Rows, information_of_views
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import states
 from photoclinometry.adjust.graph.similarity import SIMILARITY, landmark_moves, view_moves
@@ -175,8 +175,8 @@ def _within(rows: Rows, first: int, last: int) -> Rows | None:
     return Rows(
         rows.residual[mine],
         (
-            Touch("landmark", landmark.index[mine] - first, landmark.jacobian[mine]),
-            Touch("view", view.index[mine], view.jacobian[mine]),
+            JacobianBlock("landmark", landmark.index[mine] - first, landmark.jacobian[mine]),
+            JacobianBlock("view", view.index[mine], view.jacobian[mine]),
         ),
     )
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from photoclinometry.adjust.covariance.elimination import Eliminated, coupling_of, eliminated, factor_of
+from photoclinometry.adjust.covariance.elimination import Eliminated, coupling_of, eliminate_landmarks, factor_of
 from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph
 from photoclinometry.adjust.covariance.windows import RIDGE, Links, covariances_given_views
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
@@ -99,7 +99,7 @@ class Marginals:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surface:
+class PositionSmoothness:
     """What holds positions in place of what holds normals and albedos."""
 
     at: LinearizedGraph
@@ -113,7 +113,7 @@ def marginals(
     *,
     frame: np.ndarray | None = None,
     keeps_frame: bool = False,
-    surface: Surface | None = None,
+    surface: PositionSmoothness | None = None,
     exact: int = EXACT,
     patch: int | None = None,
 ) -> Marginals:
@@ -130,7 +130,7 @@ def marginals(
     patches, windows, batches = (
         [(0, count)] if count <= exact else _runs(count, size) for size in (patch, WINDOW, _BATCH)
     )
-    reduced = eliminated(at, patches, frame, keeps_frame=keeps_frame)
+    reduced = eliminate_landmarks(at, patches, frame, keeps_frame=keeps_frame)
     of_frame = similarity = None
     if frame is None:
         common = _inverse(reduced.information)

@@ -24,7 +24,7 @@ from photoclinometry.adjust.covariance.linearized_graph import (
     linearized_graph,
     loosely_held,
 )
-from photoclinometry.adjust.covariance.marginals import EXACT, ErrorModel, Marginals, Surface, marginals
+from photoclinometry.adjust.covariance.marginals import EXACT, ErrorModel, Marginals, PositionSmoothness, marginals
 from photoclinometry.adjust.covariance.windows import links
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.similarity import SIMILARITY
@@ -125,15 +125,15 @@ def estimate_uncertainty(
 
 def _surface(
     at: LinearizedGraph, errors: ErrorModel, smoothness: Smoothness | None, estimate: Estimate
-) -> Surface | None:
+) -> PositionSmoothness | None:
     """What holds positions. For these, errors of brightness are independent: neighbours move by a common one over image
     gradients of either sign."""
     independent = replace(errors, brightness_common=0.0)
     if smoothness is None:
-        return Surface(at=at, errors=independent) if errors.brightness_common > 0.0 else None
+        return PositionSmoothness(at=at, errors=independent) if errors.brightness_common > 0.0 else None
     rows = smoothness.linearize(estimate, float)
     held = replace(at, links=links(rows.neighbours, rows.rows), smooth_residual=rows.residual)
-    return Surface(at=held, errors=replace(independent, smoothness=_as_found(rows.residual)))
+    return PositionSmoothness(at=held, errors=replace(independent, smoothness=_as_found(rows.residual)))
 
 
 def _as_found(residual: np.ndarray) -> float:

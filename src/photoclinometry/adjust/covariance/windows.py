@@ -28,7 +28,7 @@ so much more where rounding needs it."""
 _COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", nogil=True)
 
 
-def hold(diagonal: np.ndarray, ridge: float = RIDGE) -> np.ndarray:
+def with_ridge(diagonal: np.ndarray, ridge: float = RIDGE) -> np.ndarray:
     """The diagonal of an information matrix with the ridge; one where there is nothing."""
     return np.where(diagonal > 0.0, diagonal * (1.0 + ridge), 1.0)
 
@@ -97,7 +97,7 @@ def _inverse(positions: np.ndarray) -> np.ndarray:
     ridge = RIDGE
     while ridge < 1.0:
         inverse = positions.copy()
-        np.einsum("aa->a", inverse)[:] = hold(np.diag(positions), ridge)
+        np.einsum("aa->a", inverse)[:] = with_ridge(np.diag(positions), ridge)
         try:
             factorize(inverse)
         except np.linalg.LinAlgError:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.general import JacobianBlock, Rows
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, Estimate
 from photoclinometry.model.geometry import tangent_basis
 
@@ -46,11 +46,11 @@ class Altimetry:
             Rows(
                 -np.sum(by_position * off, axis=-1, keepdims=True),
                 (
-                    Touch("landmark", self.landmark, by_landmark),
-                    Touch("systematic", self.first + self.track, by_position[:, None, :]),
+                    JacobianBlock("landmark", self.landmark, by_landmark),
+                    JacobianBlock("systematic", self.first + self.track, by_position[:, None, :]),
                 ),
             ),
-            Rows(shift / self.shift_sigma[:, None], (Touch("systematic", number, known),)),
+            Rows(shift / self.shift_sigma[:, None], (JacobianBlock("systematic", number, known),)),
         ]
 
     def shifts(self, estimate: Estimate) -> np.ndarray:

@@ -19,7 +19,7 @@ Variable = Literal["view", "landmark", "parameter", "systematic"]
 
 
 @dataclass(frozen=True)
-class Touch:
+class JacobianBlock:
     """Derivatives of n factors of r residuals by one variable each, in the local coordinates of `factors`."""
 
     variable: Variable
@@ -40,7 +40,7 @@ class Rows:
 
     residual: np.ndarray
     """(n, r)."""
-    touches: tuple[Touch, ...]
+    touches: tuple[JacobianBlock, ...]
 
     @property
     def cost(self) -> float:
@@ -77,7 +77,7 @@ class Sums:
     rest: np.ndarray
     """(n, size, size) of factors that touch no other variable: all of what these do in a product."""
 
-    def add(self, touch: Touch, residual: np.ndarray, *, alone: bool) -> None:
+    def add(self, touch: JacobianBlock, residual: np.ndarray, *, alone: bool) -> None:
         """The rows of factors, which touch nothing else if `alone`."""
         np.add.at(self.gradient, touch.index, np.einsum("nri,nr->ni", touch.jacobian, residual))
         squares = np.einsum("nri,nrj->nij", touch.jacobian, touch.jacobian)
@@ -91,12 +91,12 @@ def beside_views(rows: Rows, views: int) -> Rows:
     return Rows(rows.residual, tuple(_beside_views(touch, views) for touch in rows.touches))
 
 
-def _beside_views(touch: Touch, views: int) -> Touch:
+def _beside_views(touch: JacobianBlock, views: int) -> JacobianBlock:
     if touch.variable != "systematic":
         return touch
     jacobian = np.zeros((*touch.jacobian.shape[:2], VIEW_SIZE))
     jacobian[..., : touch.jacobian.shape[2]] = touch.jacobian
-    return Touch("view", touch.index + views, jacobian)
+    return JacobianBlock("view", touch.index + views, jacobian)
 
 
 def add_product(rows: Rows, parts: dict[Variable, np.ndarray], out: dict[Variable, np.ndarray]) -> None:

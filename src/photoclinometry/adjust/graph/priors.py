@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.general import JacobianBlock, Rows
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE, Estimate
 from photoclinometry.model.geometry import Rigid, skew, so3_log, tangent_basis
 from photoclinometry.model.scene import Landmarks
@@ -55,8 +55,8 @@ class PosePriors:
         whiten = 1.0 / np.where(sigmas > 0.0, sigmas, _HELD)
         first = np.zeros(len(which), int)
         return [
-            Rows(alone.residual + by_common @ common, (*alone.touches, Touch("systematic", first, by_common))),
-            Rows((whiten * common)[None], (Touch("systematic", first[:1], np.diag(whiten)[None]),)),
+            Rows(alone.residual + by_common @ common, (*alone.touches, JacobianBlock("systematic", first, by_common))),
+            Rows((whiten * common)[None], (JacobianBlock("systematic", first[:1], np.diag(whiten)[None]),)),
         ]
 
 
@@ -83,7 +83,7 @@ class KnownPoses:
         jacobian = np.zeros((len(off), 6, VIEW_SIZE))
         jacobian[..., :6] = pose_along_axes(into, pose.translation - estimate.pivot)
         whiten = self._whiten
-        return [Rows(_along(whiten, off), (Touch("view", np.arange(len(off)), whiten @ jacobian),))]
+        return [Rows(_along(whiten, off), (JacobianBlock("view", np.arange(len(off)), whiten @ jacobian),))]
 
     @cached_property
     def _whiten(self) -> np.ndarray:
@@ -133,7 +133,7 @@ class Exposure:
         jacobian = np.zeros((count, 2, VIEW_SIZE))
         jacobian[:, 0, 8], jacobian[:, 1, 9] = 1.0 / self.scale_sigma, 1.0 / self.bias_sigma
         residual = np.column_stack([(views.scale - 1.0) / self.scale_sigma, views.bias / self.bias_sigma])
-        return [Rows(residual, (Touch("view", np.arange(count), jacobian),))]
+        return [Rows(residual, (JacobianBlock("view", np.arange(count), jacobian),))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,14 +162,14 @@ class LandmarkPriors:
             sigma = self.normal_sigma[which, None]
             jacobian = np.zeros((len(which), 2, LANDMARK_SIZE))
             jacobian[:, :, 3:5] = by_step / sigma[..., None]
-            out.append(Rows(tilt / sigma, (Touch("landmark", which, jacobian),)))
+            out.append(Rows(tilt / sigma, (JacobianBlock("landmark", which, jacobian),)))
         which = np.flatnonzero(np.isfinite(self.albedo_sigma))
         if len(which):
             sigma = self.albedo_sigma[which, None]
             jacobian = np.zeros((len(which), 1, LANDMARK_SIZE))
             jacobian[:, :, 5] = 1.0 / sigma
             residual = (now.albedo[which] - known.albedo[which])[:, None] / sigma
-            out.append(Rows(residual, (Touch("landmark", which, jacobian),)))
+            out.append(Rows(residual, (JacobianBlock("landmark", which, jacobian),)))
         return out
 
 
@@ -184,7 +184,7 @@ class ReflectancePrior:
         count = len(estimate.parameters)
         if count == 0:
             return []
-        touch = Touch("parameter", np.zeros(1, int), np.eye(count)[None] / self.sigma)
+        touch = JacobianBlock("parameter", np.zeros(1, int), np.eye(count)[None] / self.sigma)
         return [Rows(estimate.parameters[None] / self.sigma, (touch,))]
 
 
@@ -203,7 +203,7 @@ def pose_rows(
     jacobian[:, range(6), range(6)] = 1.0
     jacobian[:, 3:6, :3] = -skew(pose.translation - estimate.pivot)
     residual = np.concatenate([turned, pose.translation - known.translation], axis=1) / sigma
-    return Rows(residual, (Touch("view", which, jacobian / sigma[..., None]),))
+    return Rows(residual, (JacobianBlock("view", which, jacobian / sigma[..., None]),))
 
 
 def position_rows(estimate: Estimate, which: np.ndarray, known: np.ndarray, sigma: np.ndarray) -> Rows:
@@ -212,7 +212,7 @@ def position_rows(estimate: Estimate, which: np.ndarray, known: np.ndarray, sigm
     jacobian = np.zeros((len(which), 3, LANDMARK_SIZE))
     jacobian[:, range(3), range(3)] = 1.0 / sigma
     residual = (estimate.landmarks.position[which] - known) / sigma
-    return Rows(residual, (Touch("landmark", which, jacobian),))
+    return Rows(residual, (JacobianBlock("landmark", which, jacobian),))
 
 
 def pose_along_axes(axes: np.ndarray, arm: np.ndarray) -> np.ndarray:

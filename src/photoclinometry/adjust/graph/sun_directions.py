@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.adjust.graph.factors import sun_direction
-from photoclinometry.adjust.graph.general import Rows, Touch
+from photoclinometry.adjust.graph.general import JacobianBlock, Rows
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.model.geometry import skew, tangent_basis
 from photoclinometry.model.robust import robust_sigma
@@ -46,10 +46,11 @@ class SunDirections:
         jacobian[:, :, [0, 1, 2, 6, 7]] = self.weight * by_turn_and_sun
         residual *= self.weight
         if not self.common_sigma.any():
-            return [Rows(residual, (Touch("view", np.arange(count), jacobian),))]
+            return [Rows(residual, (JacobianBlock("view", np.arange(count), jacobian),))]
         parted = self.parted()
         touches = tuple(
-            Touch("view", np.array([k]), (parted[:, 2 * k : 2 * k + 2] @ jacobian[k])[None]) for k in range(count)
+            JacobianBlock("view", np.array([k]), (parted[:, 2 * k : 2 * k + 2] @ jacobian[k])[None])
+            for k in range(count)
         )
         return [Rows((parted @ residual.ravel())[None], touches)]
 

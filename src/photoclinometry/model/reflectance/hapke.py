@@ -17,7 +17,7 @@ from typing import NamedTuple
 from numba import njit
 
 from photoclinometry.model.reflectance.entry import Model, Parameter
-from photoclinometry.model.reflectance.roughness import rough
+from photoclinometry.model.reflectance.roughness import roughness_correction
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -73,14 +73,14 @@ def radiance(mu0, mu, phase, w, theta, b, c, b0, h):
     mu0, mu: cosines of incidence and emission; phase [rad]; theta: mean slope [rad]; b, c: Henyey-Greenstein lobes,
     asymmetry -b c (c = 1: only the backward lobe); b0, h: surge.
     """
-    mu0e, mue, shadowing = rough(mu0, mu, phase, theta)[:3]
+    mu0e, mue, shadowing = roughness_correction(mu0, mu, phase, theta)[:3]
     return _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h)[0]
 
 
 @njit(cache=True, nogil=True)
 def by_angles(mu0, mu, phase, w, theta, b, c, b0, h):
     """`radiance` and its partial derivatives by mu0, mu and phase."""
-    mu0e, mue, shadowing, of_mu0e, of_mue, of_shadowing = rough(mu0, mu, phase, theta)
+    mu0e, mue, shadowing, of_mu0e, of_mue, of_shadowing = roughness_correction(mu0, mu, phase, theta)
     value, partial = _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h)
     return (
         value,
@@ -93,7 +93,7 @@ def by_angles(mu0, mu, phase, w, theta, b, c, b0, h):
 @njit(cache=True, nogil=True)
 def by_parameters(mu0, mu, phase, w, theta, b, c, b0, h):
     """`radiance` and its partial derivatives by w, theta, b, c, b0, h."""
-    mu0e, mue, shadowing, of_mu0e, of_mue, of_shadowing = rough(mu0, mu, phase, theta)
+    mu0e, mue, shadowing, of_mu0e, of_mue, of_shadowing = roughness_correction(mu0, mu, phase, theta)
     value, partial = _scattered(mu0e, mue, shadowing, phase, w, b, c, b0, h)
     by_theta = partial[0] * of_mu0e[3] + partial[1] * of_mue[3] + partial[2] * of_shadowing[3]
     return value, (partial[4], by_theta, partial[5], partial[6], partial[7], partial[8])
@@ -147,7 +147,7 @@ lobe. Priors are as wide as published analyses of one body differ: roughness of 
 extremes, of Vesta from 18 to 25."""
 
 
-class Ground(NamedTuple):
+class TypicalGround(NamedTuple):
     """A body's typical ground."""
 
     w: float
@@ -172,11 +172,11 @@ class Ground(NamedTuple):
 PUBLISHED = {
     # Li et al. (2012), Proc. IAU 10 (H16), 700 nm: w = 0.50, asymmetry -0.25, roughness 20 degrees; the
     # surge, which Dawn's phase angles hardly constrain, is the one below.
-    "vesta": Ground(w=0.50, roughness_deg=20.0, b=0.25, c=1.0, surge=1.6, surge_width=0.06),
+    "vesta": TypicalGround(w=0.50, roughness_deg=20.0, b=0.25, c=1.0, surge=1.6, surge_width=0.06),
     # Ciarniello et al. (2017), A&A 598, A130, doi:10.1051/0004-6361/201629490, 0.55 um: w = 0.14,
     # asymmetry -b c = -0.11, roughness 29 degrees, surge of Helfenstein & Veverka (1989). They give the
     # asymmetry alone; b is the one with which their w has their geometric albedo, 0.094.
-    "ceres": Ground(w=0.14, roughness_deg=29.0, b=0.316, c=0.348, surge=1.6, surge_width=0.06),
+    "ceres": TypicalGround(w=0.14, roughness_deg=29.0, b=0.316, c=0.348, surge=1.6, surge_width=0.06),
 }
 
 

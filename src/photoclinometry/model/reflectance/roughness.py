@@ -103,7 +103,7 @@ def _effective_cosines(h, l, cos_psi, psi, psi_c, tan, chi, chi_t, near, far):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def rough(mu0, mu, phase, theta):
+def roughness_correction(mu0, mu, phase, theta):
     """Effective cosines and shadowing of ground of mean slope theta [rad], each with its gradient.
 
     mu0, mu: cosines of incidence and emission; phase [rad]. Returns mu0e, mue, S, and for each of the three its

@@ -15,14 +15,14 @@ from photoclinometry.simulate.bodies.surface import BodyRaycaster
 from photoclinometry.simulate.bodies.truth import BodyTruth, write_body_truth
 from photoclinometry.simulate.options import SimulationOptions, simulated_camera
 from photoclinometry.simulate.photometry import named_photometry
-from photoclinometry.simulate.place import Place
+from photoclinometry.simulate.place import SimulatedPlace
 from photoclinometry.simulate.views import Stream, measured_views, stream
 
 _SPACING_GSD = 0.5
 """Spacing of the vertices [ground samples of close-ups], as of places."""
 
 
-def body_place(options: SimulationOptions, preset: BodyPreset) -> Place:
+def body_place(options: SimulationOptions, preset: BodyPreset) -> SimulatedPlace:
     """The body with its relief, and the views of it. Raises InputError."""
     camera = simulated_camera(options, preset)
     focal = sum(camera.focal_px) / 2.0
@@ -53,7 +53,7 @@ def body_place(options: SimulationOptions, preset: BodyPreset) -> Place:
         write_body_truth(folder / "truth.h5", replace(truth, views=views))
         write_mesh_ply(folder / "truth.ply", surface.vertices, surface.faces, surface.albedo)
 
-    return Place(
+    return SimulatedPlace(
         name=truth.name,
         body=truth.body,
         tracer=BodyRaycaster(surface),

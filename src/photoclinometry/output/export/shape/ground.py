@@ -12,7 +12,7 @@ from photoclinometry.surface.surface_gravity import GroundGravity
 
 
 @dataclass(frozen=True)
-class Ground:
+class SurfacePoints:
     """Points (n,) of the surface."""
 
     placed: PlacedShape
@@ -63,7 +63,7 @@ class Ground:
         return np.einsum("nk,nk...->n...", self.weight, values[self.placed.shape.faces[self.face]])
 
 
-def facet_middles(placed: PlacedShape) -> Ground:
+def facet_middles(placed: PlacedShape) -> SurfacePoints:
     """The middles of all facets."""
     count = len(placed.shape.faces)
-    return Ground(placed, np.arange(count), np.full((count, 3), 1.0 / 3.0))
+    return SurfacePoints(placed, np.arange(count), np.full((count, 3), 1.0 / 3.0))

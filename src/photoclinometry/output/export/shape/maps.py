@@ -18,7 +18,7 @@ from photoclinometry.io.rasters.globe import geographic
 from photoclinometry.io.rasters.projection import body_projections
 from photoclinometry.model.errors import InputError
 from photoclinometry.output.export.grid import MAX_PIXELS, MapGrid
-from photoclinometry.output.export.shape.ground import Ground
+from photoclinometry.output.export.shape.ground import SurfacePoints
 from photoclinometry.output.export.shape.placed import PlacedShape
 
 POLAR_LATITUDE_DEG = 60.0
@@ -41,7 +41,7 @@ def write_body_maps(folder: Path, placed: PlacedShape, products: tuple[str, ...]
         shown[shown] = met
         place = RasterPlace(corner=grid.corner, pixel=grid.pixel, crs=projection.crs)
         about = {"BODY": placed.name, "MAP": name, "GLOBE": placed.globe.shape}
-        for quantity, unit, meaning, values in layers(Ground(placed, face[met], weight[met])):
+        for quantity, unit, meaning, values in layers(SurfacePoints(placed, face[met], weight[met])):
             image = np.full(grid.shape, np.nan)
             image[shown] = values
             band = Band(description=meaning, unit=unit)
@@ -58,7 +58,7 @@ def write_body_maps(folder: Path, placed: PlacedShape, products: tuple[str, ...]
     return {"maps": f"{words}; on a sphere of {radius:.10g} m, heights above a {placed.globe.shape}"}
 
 
-def layers(ground: Ground) -> Iterator[Layer]:
+def layers(ground: SurfacePoints) -> Iterator[Layer]:
     """What is mapped, as far as the model and the options tell."""
     shape, gravity = ground.placed.shape, ground.gravity
     position = ground.position

@@ -18,7 +18,7 @@ import numpy as np
 from photoclinometry import __version__
 from photoclinometry.io.fits_planes import Card, Plane, write_cube, write_table
 from photoclinometry.model.geometry import KM_PER_M
-from photoclinometry.output.export.shape.ground import Ground, facet_middles
+from photoclinometry.output.export.shape.ground import SurfacePoints, facet_middles
 from photoclinometry.output.export.shape.maps import pixel_width
 from photoclinometry.output.export.shape.placed import PlacedShape
 from photoclinometry.surface.closed_mesh import area_vectors
@@ -39,7 +39,7 @@ def write_planes(folder: Path, placed: PlacedShape, products: tuple[str, ...], o
     found, face, weight = placed.rays.outermost(direction.reshape(-1, 3))
     met = np.isfinite(found)
     cube = []
-    for plane in planes_of(Ground(placed, face[met], weight[met])):
+    for plane in planes_of(SurfacePoints(placed, face[met], weight[met])):
         image = np.full(rows * 2 * rows, np.nan)
         image[met] = plane.values
         cube.append(Plane(plane.name, plane.unit, image.reshape(rows, 2 * rows)))
@@ -59,7 +59,7 @@ def write_planes(folder: Path, placed: PlacedShape, products: tuple[str, ...], o
     }
 
 
-def planes_of(ground: Ground) -> Iterator[Plane]:
+def planes_of(ground: SurfacePoints) -> Iterator[Plane]:
     """The planes of points of the surface, in AltWG's order."""
     shape, gravity = ground.placed.shape, ground.gravity
     position, normal = KM_PER_M * ground.position, ground.normal
