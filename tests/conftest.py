@@ -53,7 +53,7 @@ def no_ranking(monkeypatch):
         return known, f"{known.name}, models are not compared"
 
     for user in ("pipeline.model_choice", "plan.forecast"):
-        monkeypatch.setattr(import_module(f"photoclinometry.{user}"), "model_by_kept_out_views", kept)
+        monkeypatch.setattr(import_module(f"photoclinometry.{user}"), "model_by_cross_validation", kept)
 
 
 @pytest.fixture(scope="module")

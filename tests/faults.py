@@ -454,7 +454,9 @@ def options() -> Iterator[Fault]:
     yield row("of an export", f"{EXPORT} --unit-m 0", "--unit-m is 0; give above 0")
     yield row("of a plan", "plan priors --slope-deg 90", "--slope-deg is 90; give above 0, up to 35")
     yield row(
-        "of a choice of views", f"{VIEWS} 10 5 --max-emission 120", "--max-emission is 120; give above 0, up to 90"
+        "of a choice of views",
+        f"{VIEWS} 10 5 --max-emission-deg 120",
+        "--max-emission-deg is 120; give above 0, up to 90",
     )
     yield row(
         "a focal length of zero",
@@ -1054,8 +1056,8 @@ def others() -> Iterator[Fault]:
     )
     yield row(
         "limits that leave no view",
-        f"{VIEWS} 10 5 --resolution 5 6 --out new",
-        "0 of the 3 views that see the place are within the limits, a map needs 3 at least (--resolution leaves out 3)",
+        f"{VIEWS} 10 5 --gsd-m 5 6 --out new",
+        "0 of the 3 views that see the place are within the limits, a map needs 3 at least (--gsd-m leaves out 3)",
     )
     yield row(
         "no camera and no Suns", ALL, "3 of 3 files cannot be used ... --camera NAME ... pass --kernels", form=LIST

@@ -185,7 +185,8 @@ def test_images_narrower_than_the_body_are_planned_to_their_borders_and_on(ball)
     """Ground in an image's margin is mapped by no region of it; another view's is taken there."""
     directions = refine(*icosahedron(), 0.22, unit)[0]
     views = views_from(directions, directions, focal=4000.0)
-    plan = planned(ball, views, np.arange(len(views)), TilePlanOptions(tile_px=128, overlap=0.25, max_incidence=90.0))
+    options = TilePlanOptions(tile_px=128, overlap=0.25, max_incidence_deg=90.0)
+    plan = planned(ball, views, np.arange(len(views)), options)
     assert plan.area["planned"] > 0.93 * plan.area["seen"]
 
 

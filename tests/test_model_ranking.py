@@ -12,12 +12,13 @@ from commands import phomo
 from fault_place import small_disk
 from photoclinometry.adjust.graph.sun_directions import common_turn
 from photoclinometry.cli import main
-from photoclinometry.evaluate.kept_out_views import Predictions, is_larger, jackknife_sigma
+from photoclinometry.evaluate.cross_validation import Predictions, is_larger
 from photoclinometry.evaluate.model_ranking import RankingOptions, rank_models
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
+from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import ChooseModel
 from photoclinometry.pipeline.run_mark import PRODUCTS

@@ -66,7 +66,7 @@ def tell_options():
     """Joint estimates and the choice of the model are stood in for, and images are used from three views on."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(joint_estimate, "adjust", stand_in)
-        patch.setattr(model_choice, "model_by_kept_out_views", any_model)
+        patch.setattr(model_choice, "model_by_cross_validation", any_model)
         patch.setattr(direct_refinement, "MIN_LIT", 3)
         yield
 

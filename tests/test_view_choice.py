@@ -166,19 +166,19 @@ def test_the_choice_has_the_count_and_no_view_twice(seed, count):
 
 
 def test_limits_leave_out_views_and_say_how_many():
-    choice = choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(max_incidence=30.0, resolution=(0.4, 0.5)))
+    choice = choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(max_incidence_deg=30.0, gsd_m=(0.4, 0.5)))
     assert all(s.incidence_deg <= 30.0 for s in choice.chosen)
-    assert choice.left_out == {"--max-emission": 0, "--max-incidence": 6, "--resolution": 0}
-    assert choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(resolution=(0.1, 0.2))).chosen == ()
+    assert choice.left_out == {"--max-emission-deg": 0, "--max-incidence-deg": 6, "--gsd-m": 0}
+    assert choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(gsd_m=(0.1, 0.2))).chosen == ()
 
 
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        ({"max_emission": 95.0}, "max_emission is 95; give above 0, up to 90"),
-        ({"max_incidence": float("nan")}, "max_incidence is nan"),
-        ({"resolution": (2.0, 1.0)}, "resolution is 2 1; give the finest, then the coarsest"),
-        ({"resolution": (0.0, float("inf"))}, "resolution is .0.0, inf.: 0; give above 0"),
+        ({"max_emission_deg": 95.0}, "max_emission_deg is 95; give above 0, up to 90"),
+        ({"max_incidence_deg": float("nan")}, "max_incidence_deg is nan"),
+        ({"gsd_m": (2.0, 1.0)}, "gsd_m is 2 1; give the finest, then the coarsest"),
+        ({"gsd_m": (0.0, float("inf"))}, "gsd_m is .0.0, inf.: 0; give above 0"),
         ({"count": 2}, "count is 2; give a whole number, 3 or more"),
     ],
 )
@@ -259,9 +259,9 @@ def test_near_the_edge_of_an_image_the_region_is_smaller_and_at_the_edge_left_op
 
 
 def test_too_few_for_a_map_are_told_with_the_limits_that_leave_them_out(tmp_path):
-    choice = choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(max_incidence=6.0))
+    choice = choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(max_incidence_deg=6.0))
     with pytest.raises(
-        InputError, match=r"2 of the 12 views .* a map needs 3 at least \(--max-incidence leaves out 10\)"
+        InputError, match=r"2 of the 12 views .* a map needs 3 at least \(--max-incidence-deg leaves out 10\)"
     ):
         write_chosen_site(tmp_path / "site.toml", ring(), choice)
     assert not (tmp_path / "site.toml").exists()

@@ -62,8 +62,11 @@ class Adjustment:
     """The adjusted scene and how it was reached."""
 
     scene: Scene
+    """With uncertainties, unless options leave these out."""
     converged: bool
+    """Whether the last minimisation has; reweighting ends where noise no longer changes, or at its limit."""
     message: str
+    """How that minimisation ended."""
     log: tuple[Iteration, ...]
     """All reweighting iterations, one after the other."""
     noise: Noise

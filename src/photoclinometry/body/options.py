@@ -23,9 +23,9 @@ class TilePlanOptions(Ranged):
     """Views of a tile at most, those that differ most in light and line of sight."""
     min_views: Annotated[int, Range(least=3, most=1000)] = 4
     """Ground is mapped where so many views see it lit."""
-    max_emission: Annotated[float, Range(above=0, most=85)] = 60.0
+    max_emission_deg: Annotated[float, Range(above=0, most=85)] = 60.0
     """Views that see ground at a greater emission angle [degrees] do not count for it."""
-    max_incidence: Annotated[float, Range(above=0, most=90)] = 80.0
+    max_incidence_deg: Annotated[float, Range(above=0, most=90)] = 80.0
     """Nor those where the Sun stands lower than this incidence angle [degrees]."""
 
 

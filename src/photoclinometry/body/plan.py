@@ -111,8 +111,8 @@ class PlanTiles(Stage[TilePlan]):
         plan = planned(self.shape.value, self.posed.views[registered], registered, self.options)
         if not plan.tiles:
             raise ReconstructionError(
-                f"no ground is seen lit in {self.options.min_views} views below {self.options.max_emission:g} degrees "
-                "of emission; lower --plan.min-views, or give more images"
+                f"no ground is seen lit in {self.options.min_views} views below {self.options.max_emission_deg:g} "
+                "degrees of emission; lower --plan.min-views, or give more images"
             )
         pixels = sum(tile.region.width * tile.region.height for tile in plan.tiles)
         say_found(f"{len(plan.tiles)} tiles, {pixels:,} px, {100 * plan.area['planned']:.1f} % of the surface")
@@ -198,8 +198,8 @@ def _sights(shape: ClosedMesh, views: Views, options: TilePlanOptions) -> _Sight
 
 
 def _usable(view: SeenByView, options: TilePlanOptions) -> np.ndarray:
-    low = view.emission <= np.radians(options.max_emission)
-    return view.seen & view.lit & low & (view.incidence <= np.radians(options.max_incidence))
+    low = view.emission <= np.radians(options.max_emission_deg)
+    return view.seen & view.lit & low & (view.incidence <= np.radians(options.max_incidence_deg))
 
 
 def _resolution_of(sights: _Sights, enough: int) -> np.ndarray:

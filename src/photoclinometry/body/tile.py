@@ -165,7 +165,7 @@ def tile_options(options: BodyOptions) -> RunOptions:
 
 def _masked(inputs: Keyed[Inputs], model: BodyModel, tile: Tile, rays: MeshRays) -> Keyed[Inputs]:
     """The inputs without the pixels of the reference that see ground too obliquely to be mapped from there."""
-    limit = model.options.plan.max_emission + MARGIN_DEG
+    limit = model.options.plan.max_emission_deg + MARGIN_DEG
     k, index = tile.reference, int(np.flatnonzero(tile.views == tile.reference)[0])
     pose = model.posed.sparse.value.body_from_cam[k]
     oblique = emission_image(rays, model.site.views[k].camera, pose) > np.radians(limit)

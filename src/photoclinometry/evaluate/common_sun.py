@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.adjust.graph.sun_directions import common_turn
-from photoclinometry.evaluate.kept_out_views import PARTS, jackknife_sigma, parts_of_views, photometry_by, sample_of
+from photoclinometry.evaluate.cross_validation import FOLDS, folds_of_views, photometry_by, sample_of
 from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.model.scene import Scene
 
 FREE_SUNS_RAD = math.radians(3.0)
@@ -26,7 +27,7 @@ def common_sun_turn(scene: Scene, reflectance: Reflectance, landmarks: int) -> t
     sample = sample_of(scene, landmarks)
     views = sample.views
     free = replace(sample, views=replace(views, sun_common_sigma=np.full(len(views), FREE_SUNS_RAD)))
-    fold = parts_of_views(free, min(PARTS, len(views)))
+    fold = folds_of_views(free, min(FOLDS, len(views)))
     parts = [photometry_by(free, reflectance, np.flatnonzero(fold != part)) for part in range(fold.max() + 1)]
     turn = common_turn(photometry_by(free, reflectance, np.arange(len(views))).views)
     return turn, jackknife_sigma(np.array([common_turn(part.views) for part in parts]))

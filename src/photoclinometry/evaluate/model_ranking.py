@@ -10,22 +10,22 @@ from typing import Annotated
 import numpy as np
 
 from photoclinometry.adjust import AdjustOptions
-from photoclinometry.evaluate.kept_out_views import (
+from photoclinometry.evaluate.cross_validation import (
     CONFIDENCE,
     FEWEST_LANDMARKS,
-    PARTS,
+    FOLDS,
     Predictions,
+    cross_validated_predictions,
+    folds_of_views,
     is_larger,
-    jackknife_sigma,
-    parts_of_views,
     photometry_by,
-    predictions_by_others,
     sample_of,
 )
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.reflectance import MODELS, Reflectance, model_named, models_for, starting_model
+from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import exposure_is_free, reflectance_of
 
@@ -44,7 +44,7 @@ class RankingOptions(Ranged):
     """Names of the models; none for all that have values for the body, or need none."""
     landmarks: Annotated[int, Range(least=FEWEST_LANDMARKS, most=1_000_000)] = 1500
     """Landmarks that take part, about: of every so many rows and columns of the map."""
-    folds: Annotated[int, Range(least=2, most=100)] = PARTS
+    folds: Annotated[int, Range(least=2, most=100)] = FOLDS
     """Parts of the views, of which each is kept out once."""
 
 
@@ -140,7 +140,7 @@ def rank_models(
     sample = sample_of(scene, options.landmarks)
     names, left_out = _usable_models(options.models, scene)
     absolute = all(not exposure_is_free(scene.brightness, starting_model(name, scene.body)) for name in names)
-    fold = parts_of_views(sample, min(options.folds, len(scene.views)))
+    fold = folds_of_views(sample, min(options.folds, len(scene.views)))
     fits = []
     for number, name in enumerate(names):
         progress("models", number, len(names))
@@ -173,7 +173,7 @@ def _fit(scene: Scene, start: Reflectance, fold: np.ndarray, *, absolute: bool, 
 
     absolute: the level counts. with_parameters: as of `rank_models`.
     """
-    (found, models), views = predictions_by_others(scene, start, fold), len(fold)
+    (found, models), views = cross_validated_predictions(scene, start, fold), len(fold)
     residual = found.residual(views, free_bias=scene.brightness == "dn")
     measured, predicted = (found.mean_by_view(values, views) for values in (found.measured, found.predicted))
     return ModelFit(

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from photoclinometry.evaluate.kept_out_views import jackknife_sigma, parts_of_views, photometry_by, sample_of
+from photoclinometry.evaluate.cross_validation import folds_of_views, photometry_by, sample_of
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.model.scene import Scene
 
 FREE_SUN_RAD = math.radians(10.0)
 """Standard deviation of each Sun's own error, where it is to be found [rad]."""
-PARTS = 10
+FOLDS = 10
 """Parts of the views, at most, each of which is left out once: every one costs an estimate."""
 
 
@@ -41,7 +42,7 @@ def own_suns(scene: Scene, reflectance: Reflectance, landmarks: int) -> OwnSuns:
     views, count = sample.views, len(sample.views)
     free = replace(sample, views=replace(views, sun_sigma=np.full(count, FREE_SUN_RAD)))
     sun = photometry_by(free, reflectance, np.arange(count)).views.sun
-    fold = parts_of_views(free, min(PARTS, count))
+    fold = folds_of_views(free, min(FOLDS, count))
     by_part = []
     for part in range(fold.max() + 1):
         others = np.flatnonzero(fold != part)

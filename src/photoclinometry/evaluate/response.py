@@ -15,15 +15,15 @@ from functools import partial
 
 import numpy as np
 
-from photoclinometry.evaluate.kept_out_views import (
-    PARTS,
-    jackknife_sigma,
-    parts_of_views,
-    predictions_by_others,
+from photoclinometry.evaluate.cross_validation import (
+    FOLDS,
+    cross_validated_predictions,
+    folds_of_views,
     sample_of,
 )
 from photoclinometry.model.gamma import gamma_corrected
 from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.tiny import TINY
 
@@ -71,7 +71,7 @@ def response_of(scene: Scene, models: Sequence[Reflectance], landmarks: int) -> 
     they predict images for the eye better than it does. Raises InputError as `rank_models` does.
     """
     sample = sample_of(scene, landmarks)
-    part = parts_of_views(sample, min(PARTS, len(sample.views)))
+    part = folds_of_views(sample, min(FOLDS, len(sample.views)))
     first, *others = (partial(_log_errors, sample, model, part) for model in models)
     linear = first(0)
     tried = _searched(first, {0: linear, FOR_THE_EYE: first(FOR_THE_EYE)})
@@ -126,7 +126,7 @@ def _log_errors(scene: Scene, reflectance: Reflectance, part: np.ndarray, steps:
     tracks, views, gamma = scene.tracks, len(scene.views), math.exp(steps * STEP)
     level = float(np.median(tracks.brightness[tracks.lit]))
     decoded = replace(scene, tracks=replace(tracks, brightness=gamma_corrected(tracks.brightness, gamma, level)))
-    found, _ = predictions_by_others(decoded, reflectance, part)
+    found, _ = cross_validated_predictions(decoded, reflectance, part)
     encoded = replace(
         found,
         measured=gamma_corrected(found.measured, 1.0 / gamma, level),

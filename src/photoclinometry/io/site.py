@@ -86,11 +86,15 @@ class Site:
     """The content of `site.toml`."""
 
     name: str
+    """For reports."""
     body: str | None
+    """Name of the body, in lower case; None where it is not stated."""
     brightness: str
-    """"iof" or "dn"."""
+    """"iof": radiance factor I/F; "dn": linear uncalibrated numbers."""
     views: tuple[SiteView, ...]
+    """In the order of the file."""
     region: RegionRequest | None
+    """None where the run is to choose."""
     path: Path
     """The file itself; image paths are relative to its folder."""
     linear: bool = False

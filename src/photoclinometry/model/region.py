@@ -13,9 +13,13 @@ class Region:
     """A rectangle of the reference image, in whole pixels, and which of its pixels may become landmarks."""
 
     row: int
+    """Of the top-left pixel, from 0."""
     col: int
+    """Of the top-left pixel, from 0."""
     height: int
+    """[px]."""
     width: int
+    """[px]."""
     stride: int = 1
     """Every so many pixels, down and across, from the corner on: these make the map's grid."""
 

@@ -1,4 +1,5 @@
-"""Robust statistics: a standard deviation from the median, and the weights of Huber's loss."""
+"""Statistics of residuals and estimates: a standard deviation from the median, the weights of Huber's loss, and the
+jackknife."""
 
 from __future__ import annotations
 
@@ -32,3 +33,10 @@ def huber_weight(residual: np.ndarray, limit: float | np.ndarray = HUBER_LIMIT) 
     """Weights (...,) of reweighted least squares for Huber's loss, of residuals of either sign (...,) in units of their
     standard deviation: 1 up to a size of `limit`, then limit / size."""
     return np.minimum(1.0, limit / np.maximum(np.abs(residual), TINY))
+
+
+def jackknife_sigma(values: np.ndarray) -> np.ndarray:
+    """(...,) standard deviations from estimates (n, ...) that lack one of n parts of the data each (Efron and Stein
+    1981, doi:10.1214/aos/1176345462)."""
+    count = len(values)
+    return np.sqrt((count - 1) / count * np.sum((values - values.mean(0)) ** 2, axis=0))

@@ -34,8 +34,11 @@ class Camera:
     model: str
     """"PINHOLE" (fx, fy, cx, cy) or "SIMPLE_PINHOLE" (f, cx, cy), in pixels."""
     width: int
+    """Of the image [px]."""
     height: int
+    """[px]."""
     params: tuple[float, ...]
+    """[px]; (0.5, 0.5) is the centre of the top-left pixel."""
 
     def __post_init__(self):
         expected = CAMERA_PARAMETERS.get(self.model)
@@ -54,10 +57,12 @@ class Camera:
 
     @property
     def focal_px(self) -> tuple[float, float]:
+        """Focal lengths fx, fy [px]."""
         return (self.params[0], self.params[0] if self.model == "SIMPLE_PINHOLE" else self.params[1])
 
     @property
     def principal_px(self) -> tuple[float, float]:
+        """Principal point cx, cy [px]."""
         return (self.params[-2], self.params[-1])
 
     @property
@@ -80,6 +85,7 @@ class Image:
     """One exposure's brightness, linear in radiance."""
 
     name: str
+    """That of the view: the image's path in `site.toml`."""
     brightness: np.ndarray
     """(height, width) float32: I/F, or linear DN. Defined only where `valid`."""
     valid: np.ndarray
@@ -101,6 +107,7 @@ class Views:
     """K exposures: what is estimated about each, and the Sun directions measured."""
 
     name: tuple[str, ...]
+    """Image paths of `site.toml`."""
     cameras: tuple[Camera, ...]
     """The intrinsics of each view; views of one instrument share the object's value."""
     body_from_cam: Rigid
@@ -273,6 +280,7 @@ class Surroundings:
     """(rows, cols) along the reference camera's optical axis, in units of B, at every `stride`-th pixel of its image
     from the first on; NaN where nothing is known."""
     stride: int
+    """[px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,17 +288,23 @@ class Scene:
     """Everything that is known about a site: the result of a run."""
 
     name: str
+    """The site's."""
     body: str | None
+    """Name of the body, in lower case; None where it is not known."""
     brightness: str
-    """"iof" or "dn"."""
+    """"iof": radiance factor I/F; "dn": linear uncalibrated numbers."""
     reflectance: Reflectance | None
     """The model that the brightness was explained with; None for geometry alone."""
     views: Views
+    """K registered views: poses, Suns, exposures."""
     landmarks: Landmarks
+    """J points of the map: positions, normals, albedos."""
     tracks: Tracks
+    """N observations of landmarks in views: keypoints and brightness."""
     reference: int
     """Index of the reference view."""
     region: Region
+    """Pixels of the reference image whose grid the landmarks are on."""
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
     """Standard deviations or covariances by name, first axis J or K; empty until computed.
     `evaluate/sigma_calibration.py` lists names and axes, `adjust/covariance/uncertainty.py` the frame."""
@@ -392,4 +406,5 @@ class Scene:
         return math.sqrt(variance_of(self.error_correlation, covariance, position, cell, gradient, spacing))
 
     def with_estimate(self, views: Views, landmarks: Landmarks) -> Scene:
+        """The scene with other values of the same K views and J landmarks."""
         return replace(self, views=views, landmarks=landmarks)

@@ -17,7 +17,7 @@ import numpy as np
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance, photometric_angles
-from photoclinometry.model.robust import SIGNIFICANT
+from photoclinometry.model.robust import SIGNIFICANT, jackknife_sigma
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.model.warning import warn
@@ -263,7 +263,7 @@ def _fit_sigma(fit: SunFit | None) -> float:
 
 
 def _jackknife_sigma(scene: Scene, used: np.ndarray, view: int) -> float:
-    """Jackknife standard deviation per axis [rad] of a view's fitted Sun over the other views (Efron and Stein 1981).
+    """Jackknife standard deviation per axis [rad] of a view's fitted Sun over the other views.
 
     Infinite where fewer than two fits are possible.
     """
@@ -274,8 +274,7 @@ def _jackknife_sigma(scene: Scene, used: np.ndarray, view: int) -> float:
             suns.append(fit.sun)
     if len(suns) < 2:
         return np.inf
-    spread = np.array(suns) - np.mean(suns, axis=0)
-    return float(np.sqrt((len(suns) - 1) / len(suns) * np.sum(spread**2) / 2))
+    return float(np.linalg.norm(jackknife_sigma(np.array(suns)))) / math.sqrt(2.0)
 
 
 def _check_horizons(scene: Scene) -> None:

@@ -20,7 +20,7 @@ from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene, Views
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.map_stages import IntermediateMap
-from photoclinometry.pipeline.model_choice import LANDMARKS
+from photoclinometry.pipeline.model_choice import CROSS_VALIDATION_LANDMARKS
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
@@ -66,7 +66,7 @@ class CheckSuns(Stage[CommonSunError]):
     def make(self, tools: Tools) -> CommonSunError:
         scene = self.relit.value.scene
         try:
-            turn, spread = common_sun_turn(scene, self.reflectance, LANDMARKS)
+            turn, spread = common_sun_turn(scene, self.reflectance, CROSS_VALIDATION_LANDMARKS)
         except InputError as error:
             log.info("Suns are not compared with brightness: %s", error)
             return CommonSunError(turn=np.full(3, np.nan), sigma=np.full(3, np.nan))

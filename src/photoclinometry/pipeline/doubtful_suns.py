@@ -20,7 +20,7 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import MODEL_RAD, warn_undecided
 from photoclinometry.pipeline.map_stages import IntermediateMap
-from photoclinometry.pipeline.model_choice import LANDMARKS
+from photoclinometry.pipeline.model_choice import CROSS_VALIDATION_LANDMARKS
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
@@ -64,7 +64,7 @@ class CheckDoubtfulSuns(Stage[DoubtfulSuns]):
         scene = self.relit.value.scene
         views = scene.views
         try:
-            found = own_suns(scene, self.reflectance, LANDMARKS)
+            found = own_suns(scene, self.reflectance, CROSS_VALIDATION_LANDMARKS)
         except InputError as error:
             log.info("doubtful Suns are not compared with the map: %s", error)
             warn_undecided(self.doubtful, len(views))

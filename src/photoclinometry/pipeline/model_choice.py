@@ -15,7 +15,7 @@ from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
 
-LANDMARKS = 400
+CROSS_VALIDATION_LANDMARKS = 400
 """That take part in a choice. 1500 rank the models of three sites alike, and take more than twice as long."""
 
 
@@ -54,12 +54,12 @@ class ChooseModel(Stage[ChosenModel]):
         return f"{self.name}_again" if self.again else self.name
 
     def make(self, tools: Tools) -> ChosenModel:
-        found, why = model_by_kept_out_views(self.relit.value.scene, self.known, self.candidates, tools.progress)
+        found, why = model_by_cross_validation(self.relit.value.scene, self.known, self.candidates, tools.progress)
         say_found(why)
         return ChosenModel(reflectance=found)
 
 
-def model_by_kept_out_views(
+def model_by_cross_validation(
     scene: Scene, known: Reflectance, candidates: tuple[str, ...], progress: Progress = no_progress
 ) -> tuple[Reflectance, str]:
     """The model of `candidates` to finish a scene with, as it is known beforehand, and the reason in a few words.
@@ -67,7 +67,7 @@ def model_by_kept_out_views(
     It is `known`, the scene's own as it is known beforehand, where no other is told from that or nothing is compared.
     """
     try:
-        options = RankingOptions(models=candidates, landmarks=LANDMARKS)
+        options = RankingOptions(models=candidates, landmarks=CROSS_VALIDATION_LANDMARKS)
         ranking = rank_models(scene, options, progress, with_parameters=False)
     except InputError as error:
         log.info("reflectance models are not compared: %s", error)

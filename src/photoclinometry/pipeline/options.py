@@ -34,8 +34,8 @@ class RelightOptions(Ranged):
     projects, instead of the matches."""
     psf_sigma_px: Annotated[float | None, Range(least=0, most=64)] = None
     """Standard deviation of the camera's point-spread function [px]. What it and the pixels average away of the finest
-    relief is restored, unless `direct` is off. By default the images tell it: at most 1, and 0.5 unless they are clearly
-    sharper or more blurred."""
+    relief is restored, unless `direct` is off. By default the images tell it: at most 1, and 0.5 unless they are
+    clearly sharper or more blurred."""
 
 
 @dataclass(frozen=True, kw_only=True)

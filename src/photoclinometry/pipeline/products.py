@@ -43,8 +43,11 @@ class RunResult:
     """What a run leaves."""
 
     scene: Scene
+    """The map, as in `scene.h5`."""
     adjustment: Adjustment
+    """Of the last estimate."""
     metrics: dict[str, float]
+    """As in `metrics.json`, where units end the names."""
     report: Path
     """The report's page."""
     left_out: dict[str, str]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.model.geometry import align_similarity, tangent_basis, unit
-from photoclinometry.model.robust import FEWEST_FOR_SIGMA
+from photoclinometry.model.robust import FEWEST_FOR_SIGMA, jackknife_sigma
 from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
@@ -106,11 +106,10 @@ def relief_by_parallax(
     ratio = float(alone.sum() / both.sum())
     without = (alone.sum() - alone) / (both.sum() - both)
     without = without[np.bincount(block, minlength=BLOCKS**2) > 0]
-    spread = (len(without) - 1) / len(without) * np.sum((without - without.mean()) ** 2)
     # What errors of matches add by chance: few errors fit into a small map, and the jackknife does not see them.
     left = np.sum((of_matches - of_map / ratio) ** 2) / alone.sum() * ratio**2
     chance = left / max(1.0, len(mine) * (scene.region.stride / correlation_px) ** 2)
-    return ReliefCheck(ratio=ratio, sigma=math.sqrt(spread + chance))
+    return ReliefCheck(ratio=ratio, sigma=math.hypot(float(jackknife_sigma(without)), math.sqrt(chance)))
 
 
 def warn_of_relief(check: ReliefCheck | None) -> None:

@@ -6,7 +6,7 @@ import logging
 import math
 from dataclasses import dataclass
 
-from photoclinometry.evaluate.kept_out_views import is_larger
+from photoclinometry.evaluate.cross_validation import is_larger
 from photoclinometry.evaluate.response import Response, response_of
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance, starting_model
@@ -17,7 +17,7 @@ from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
 
-LANDMARKS = 250
+RESPONSE_LANDMARKS = 250
 """That take part, about. With 400, exponents of 16 maps of encoded images differ by 0.03 in the median, and take half
 as long again; with 120 they scatter by 0.1 to 0.3."""
 NOTICEABLE = math.log(1.3)
@@ -62,7 +62,7 @@ class CheckResponse(Stage[ResponseCheck]):
     def make(self, tools: Tools) -> ResponseCheck:
         scene = self.relit.value.scene
         try:
-            found = response_of(scene, self.models, LANDMARKS)
+            found = response_of(scene, self.models, RESPONSE_LANDMARKS)
         except InputError as error:
             log.info("whether images are linear is not told: %s", error)
             return ResponseCheck(gamma=math.nan, is_clear=False)

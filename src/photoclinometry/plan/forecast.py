@@ -30,7 +30,7 @@ from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.pipeline.choices import candidate_models, choose_reflectance, keyed_matcher
 from photoclinometry.pipeline.direct_refinement import MIN_SHARE, image_gradients, refine_directly
 from photoclinometry.pipeline.joint_estimate import JointEstimate
-from photoclinometry.pipeline.model_choice import model_by_kept_out_views
+from photoclinometry.pipeline.model_choice import model_by_cross_validation
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.relighting import rematch
@@ -323,7 +323,7 @@ def _scene_at_truth(
 def _with_better_model(scene: Scene, known: Reflectance, progress: Progress) -> tuple[Scene, Reflectance]:
     """The matched map with the model that a run would finish it with, and that as it is known beforehand."""
     candidates = candidate_models(known, scene.body, scene.brightness)
-    found, why = model_by_kept_out_views(scene, known, candidates, progress)
+    found, why = model_by_cross_validation(scene, known, candidates, progress)
     log.info("reflectance: %s", why)
     return (scene if found.name == known.name else with_model(scene, found)), found
 

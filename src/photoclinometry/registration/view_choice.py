@@ -32,20 +32,20 @@ GroundSample = Annotated[float, Range(above=0)]
 class ViewLimits(Ranged):
     """Which of the views that see a place are chosen."""
 
-    max_emission: Annotated[float, Range(above=0, most=90)] = 70.0
+    max_emission_deg: Annotated[float, Range(above=0, most=90)] = 70.0
     """Greatest emission angle [degrees]: beyond it ground is foreshortened threefold and more."""
-    max_incidence: Annotated[float, Range(above=0, most=90)] = 80.0
+    max_incidence_deg: Annotated[float, Range(above=0, most=90)] = 80.0
     """Greatest incidence angle [degrees]: beyond it most ground is in shadow."""
-    resolution: tuple[GroundSample, GroundSample] | None = None
+    gsd_m: tuple[GroundSample, GroundSample] | None = None
     """Finest and coarsest ground sample distance [m]; all by default. Views within a factor of two match best."""
     count: Annotated[int, Range(least=MIN_VIEWS)] | None = None
     """Most views: those that differ most in the directions of Sun and camera. All by default."""
 
     def __post_init__(self):
         super().__post_init__()
-        if self.resolution is not None and self.resolution[0] > self.resolution[1]:
-            fine, coarse = self.resolution
-            raise OptionError(type(self), "resolution", f"is {fine:g} {coarse:g}; give the finest, then the coarsest")
+        if self.gsd_m is not None and self.gsd_m[0] > self.gsd_m[1]:
+            fine, coarse = self.gsd_m
+            raise OptionError(type(self), "gsd_m", f"is {fine:g} {coarse:g}; give the finest, then the coarsest")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,12 +82,12 @@ def choose_views(
             f"beside {found.outside_image} images; {found.without_prior} have no pose prior. Longitudes count eastward"
         )
     within = {
-        "max_emission": [s.emission_deg <= limits.max_emission for s in found.seen],
-        "max_incidence": [s.incidence_deg <= limits.max_incidence for s in found.seen],
+        "max_emission_deg": [s.emission_deg <= limits.max_emission_deg for s in found.seen],
+        "max_incidence_deg": [s.incidence_deg <= limits.max_incidence_deg for s in found.seen],
     }
-    if limits.resolution is not None:
-        fine, coarse = limits.resolution
-        within["resolution"] = [fine <= s.gsd_m <= coarse for s in found.seen]
+    if limits.gsd_m is not None:
+        fine, coarse = limits.gsd_m
+        within["gsd_m"] = [fine <= s.gsd_m <= coarse for s in found.seen]
     passed = np.logical_and.reduce(list(within.values()))
     chosen = diverse([s for s, ok in zip(found.seen, passed, strict=True) if ok], limits.count)
     left_out = {_flag(name): len(ok) - sum(ok) for name, ok in within.items()}

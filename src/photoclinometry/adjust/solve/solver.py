@@ -115,8 +115,10 @@ class Iteration:
     cost: dict[str, float]
     """By kind of factor, after the step."""
     damping: float
+    """Of all variables, as a share of the diagonal of the normal equations."""
     cg_iterations: int
     accepted: bool
+    """Whether the step was taken: it lowered the cost."""
     position_step: float
     """Root mean square of the landmarks' steps, in units of B."""
     wall_s: float
@@ -134,6 +136,7 @@ class Solution:
     estimate: Estimate
     converged: bool
     message: str
+    """How the descent ended."""
     log: tuple[Iteration, ...]
     """The first entry is the start."""
     parameter_moves: np.ndarray | None

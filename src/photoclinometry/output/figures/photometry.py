@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from photoclinometry.evaluate.kept_out_views import jackknife_sigma
 from photoclinometry.evaluate.model_ranking import ModelFit, ModelRanking
 from photoclinometry.model.reflectance import Reflectance
+from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.output.figures.draw import panels, save, style
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")

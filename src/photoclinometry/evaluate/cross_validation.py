@@ -1,4 +1,4 @@
-"""Brightness of views that were kept out, as the other views predict it.
+"""Cross-validation: the brightness of views that were kept out, as the other views predict it.
 
 Residuals of views that a model was fitted to say little: normals and albedos are free at every landmark. A view that
 took no part has nothing of its own but its exposure, so that its brightness tests what the others were fitted with.
@@ -38,7 +38,7 @@ REWEIGHTINGS = 2
 CONFIDENCE = 0.975
 """Errors of views are told to be larger than others with this probability."""
 
-PARTS = 5
+FOLDS = 5
 """Of the views, each of which is kept out once."""
 
 
@@ -99,7 +99,7 @@ def sample_of(scene: Scene, count: int) -> Scene:
     return replace(part, views=scene.views.at_poses(scene.views.body_from_cam))
 
 
-def parts_of_views(scene: Scene, count: int) -> np.ndarray:
+def folds_of_views(scene: Scene, count: int) -> np.ndarray:
     """(K,) int: which part each view is in. Dealt out by phase, so that each part has the whole range."""
     fold = np.empty(len(scene.views), int)
     fold[np.argsort(phase_of_views(scene), kind="stable")] = np.arange(len(fold)) % count
@@ -133,7 +133,7 @@ def predicted_by(found: Scene, scene: Scene, kept_out: np.ndarray) -> Prediction
     return Predictions(view=view, measured=measured, predicted=predicted, angles_deg=np.stack([*cosines, phase], -1))
 
 
-def predictions_by_others(
+def cross_validated_predictions(
     scene: Scene, start: Reflectance, part: np.ndarray
 ) -> tuple[Predictions, tuple[Reflectance, ...]]:
     """The brightness of every part (K,) of the views by the other parts, and the reflectance that these have."""
@@ -156,10 +156,3 @@ def is_larger(error: np.ndarray, other: np.ndarray, confidence: float = CONFIDEN
         return False
     limit = float(stdtrit(len(known) - 1, confidence))
     return float(known.mean()) > limit * float(known.std(ddof=1)) / math.sqrt(len(known))
-
-
-def jackknife_sigma(values: np.ndarray) -> np.ndarray:
-    """(...,) standard deviations from estimates (n, ...) that lack one of n parts of the data each (Efron and Stein
-    1981, doi:10.1214/aos/1176345462)."""
-    count = len(values)
-    return np.sqrt((count - 1) / count * np.sum((values - values.mean(0)) ** 2, axis=0))
