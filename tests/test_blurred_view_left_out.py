@@ -54,6 +54,14 @@ def test_the_view_is_left_out_and_named(without):
     assert "less sharp" in metrics["left_out"][0]["reason"]
 
 
+def test_the_run_is_read_back_as_it_is(site, without):
+    result, folder = without
+    again = run(site, folder, OPTIONS)
+    assert again.metrics == result.metrics
+    stages = json.loads((folder / "metrics.json").read_text())["stages"]
+    assert [s["stage"] for s in stages if s["resumed"]].count("last_estimate") == 1
+
+
 def test_it_stays_where_views_are_not_checked(site, tmp_path):
     result = run(site, tmp_path / "run", replace(OPTIONS, check_views=False))
     assert BLURRED in result.scene.views.name

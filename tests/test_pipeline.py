@@ -190,9 +190,12 @@ def test_a_scene_is_never_taken_for_that_of_other_options(mapped, tmp_path, monk
     assert read_scene(folder / "scene.h5").reflectance.name == "lunar-lambert"
 
 
-def test_a_damaged_scene_is_written_again(mapped, tmp_path):
+@pytest.mark.parametrize("damage", [None, b"", b"\x89HDF nothing"])
+def test_a_missing_or_damaged_scene_is_written_again(mapped, tmp_path, damage):
     folder = mapped.copy(tmp_path / "run")
-    (folder / "scene.h5").write_bytes(b"\x89HDF nothing")
+    (folder / "scene.h5").unlink()
+    if damage is not None:
+        (folder / "scene.h5").write_bytes(damage)
     run(mapped.site, folder)
     assert resumed(folder) == kept_by(mapped.run)
     position = read_scene(folder / "scene.h5").landmarks.position

@@ -11,7 +11,7 @@ from adjustments import not_adjusted
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.io.site import read_site
 from photoclinometry.matching.densify import DensifyOptions
-from photoclinometry.matching.flow import FlowMatcher
+from photoclinometry.matching.flow import FlowMatcher, FlowOptions
 from photoclinometry.matching.registry import MATCHERS
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.ranges import numeric_parts
@@ -22,6 +22,7 @@ from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.pipeline.run_folder import RunFolder, adopt_stages
 from photoclinometry.pipeline.stage import Keyed, digest
+from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.region import RegionOptions
 from photoclinometry.simulate.truth_file import read_truth
 
@@ -245,20 +246,33 @@ CHANGES = {
     "none": RunOptions(relight=ONE),
     "relight.direct": RunOptions(relight=replace(ONE, direct=False)),
     "relight.iterations": RunOptions(relight=RelightOptions(iterations=2, settled_px=0.0)),
+    "relight.keypoint_sigma_factor": RunOptions(
+        relight=RelightOptions(iterations=2, settled_px=0.0, keypoint_sigma_factor=2.0)
+    ),
     "adjust.smooth_sigma_rad": RunOptions(relight=ONE, adjust=AdjustOptions(smooth_sigma_rad=0.3)),
+    "flow.min_correlation": RunOptions(relight=ONE, flow=FlowOptions(min_correlation=0.6)),
+    "densify.min_views": RunOptions(relight=ONE, densify=DensifyOptions(min_views=5)),
     "region.stride": RunOptions(relight=ONE, region=RegionOptions(stride=2)),
+    "sfm.max_features": RunOptions(relight=ONE, sfm=SfmOptions(threads=1, max_features=3000)),
+    "matcher": RunOptions(matcher="flow"),
 }
 
 
 def test_a_run_in_the_folder_of_other_options_is_that_of_a_new_folder(mapped, tmp_path, monkeypatch):
-    """One after the other, so that each run finds what the one before left. Products follow from what is compared.
-
-    The keys of all other options are those of the tests above."""
+    """One after the other, so that each run finds what the one before left. Products follow from what is compared."""
     monkeypatch.setattr(pipeline, "write_products", lambda folder, summary: summary)
     for name, options in CHANGES.items():
-        for folder in (tmp_path / "one", tmp_path / name):
-            adopt_stages(mapped.run, folder, ("sparse",))
+        if options.sfm == SfmOptions():
+            (tmp_path / "one" / "stages" / "sparse.npz").unlink(missing_ok=True)
+            for folder in (tmp_path / "one", tmp_path / name):
+                adopt_stages(mapped.run, folder, ("sparse",))
         again, new = run(mapped.site, tmp_path / "one", options), run(mapped.site, tmp_path / name, options)
         assert again.adjustment.message == new.adjustment.message, name
         assert digest(again.adjustment) == digest(new.adjustment), name
         assert again.iterations == new.iterations, name
+
+
+def test_a_last_estimate_by_matches_is_not_read_back_from_a_direct_one(mapped, tmp_path, adjust_nothing):
+    folder = mapped.copy(tmp_path / "run")
+    run(mapped.site, folder, RunOptions(relight=RelightOptions(direct=False)))
+    assert [options.uncertainty for options in adjust_nothing] == [True]

@@ -312,8 +312,8 @@ def test_true_maps_found_in_blocks_are_those_of_one(mapped, monkeypatch, stride)
 
 
 @pytest.mark.usefixtures("no_figures", "no_ranking")
-def test_a_run_at_a_stride_recovers_the_truth(mapped, tmp_path):
-    stride = 3
+@pytest.mark.parametrize("stride", [2, 3])
+def test_a_run_at_a_stride_recovers_the_truth(mapped, tmp_path, stride):
     size = 32 * stride
     site = mapped.changed_site(tmp_path / "site", region=RegionRequest(None, None, (size, size), stride))
     adopt_stages(mapped.run, tmp_path / "run", ("sparse",))

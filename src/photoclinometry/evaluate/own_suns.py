@@ -15,7 +15,7 @@ from photoclinometry.model.scene import Scene
 
 FREE_SUN_RAD = math.radians(10.0)
 """Standard deviation of each Sun's own error, where it is to be found [rad]."""
-FOLDS = 10
+MOST_FOLDS = 10
 """Parts of the views, at most, each of which is left out once: every one costs an estimate."""
 
 
@@ -42,7 +42,7 @@ def own_suns(scene: Scene, reflectance: Reflectance, landmarks: int) -> OwnSuns:
     views, count = sample.views, len(sample.views)
     free = replace(sample, views=replace(views, sun_sigma=np.full(count, FREE_SUN_RAD)))
     sun = photometry_by(free, reflectance, np.arange(count)).views.sun
-    fold = folds_of_views(free, min(FOLDS, count))
+    fold = folds_of_views(free, min(MOST_FOLDS, count))
     by_part = []
     for part in range(fold.max() + 1):
         others = np.flatnonzero(fold != part)
