@@ -29,12 +29,12 @@ def build_place(folder: Path) -> None:
     from archives import plain_images, suns_of
     from photoclinometry.io.models.text_model import write_text_model
     from photoclinometry.io.site import write_site
+    from posed_views import site_under_many_suns
     from scenes import synthetic_scene
-    from test_view_choice import ring
 
     write_small_site(folder / "site")
     write_mapped_site(folder / "mapped")
-    write_site(folder / "priors" / "site.toml", ring(3))
+    write_site(folder / "priors" / "site.toml", site_under_many_suns(3))
     model = synthetic_scene(size=8, views=4, keypoint_noise_px=0.05, brightness_noise=1e-3)
     write_text_model(folder / "model", model)
     suns_of(folder / "photos", plain_images(folder / "photos"))

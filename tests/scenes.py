@@ -14,6 +14,7 @@ from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.reflectance import Reflectance, photometric_angles, published
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Camera, Image, Landmarks, Scene, Tracks, Views
+from photoclinometry.model.sparse import SparseModel
 
 GSD = 60.0
 FOCAL_PX = 10_000.0
@@ -191,6 +192,31 @@ def with_landmarks(scene: Scene, there: np.ndarray) -> Scene:
     """The map of the landmarks where `there` (J,)."""
     kept = np.flatnonzero(there)
     return replace(scene, landmarks=scene.landmarks[kept], tracks=scene.tracks.of_landmarks(kept)[0])
+
+
+def with_coarse_view(scene: Scene, view: int, factor: int = 2) -> Scene:
+    """The scene with one view by a camera with larger pixels, by a factor."""
+    camera = scene.views.cameras[view]
+    coarse = Camera("PINHOLE", camera.width // factor, camera.height // factor, tuple(np.divide(camera.params, factor)))
+    cameras = tuple(coarse if k == view else c for k, c in enumerate(scene.views.cameras))
+    return replace(scene, views=replace(scene.views, cameras=cameras))
+
+
+def sparse_model_of(scene: Scene, registered: list[bool] | np.ndarray | None = None, every: int = 1) -> SparseModel:
+    """The scene's landmarks as sparse points, which all registered views see."""
+    points = scene.landmarks.position[::every]
+    there = np.ones(len(scene.views), bool) if registered is None else np.array(registered)
+    views = np.flatnonzero(there)
+    pixels = [scene.views.project(k, points) for k in views]
+    return SparseModel(
+        registered=there,
+        body_from_cam=scene.views.body_from_cam,
+        points=points,
+        point_start=len(views) * np.arange(len(points) + 1),
+        point_view=np.tile(views, len(points)).astype(np.int32),
+        point_xy=np.stack(pixels, axis=1).reshape(-1, 2),
+        mean_reprojection_px=0.1,
+    )
 
 
 def synthetic_images(scene: Scene, seed: int = 0) -> list[Image]:

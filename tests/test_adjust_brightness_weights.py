@@ -15,8 +15,7 @@ from photoclinometry.adjust.stated_uncertainty import in_solver_order
 from photoclinometry.model.geometry import angle_between, unit
 from photoclinometry.model.reflectance import published
 from photoclinometry.photometry.predict import brightness_by_slope, observation_brightness
-from scenes import synthetic_scene
-from test_render import with_coarse_view
+from scenes import synthetic_scene, with_coarse_view
 
 
 def test_pixels_that_cover_more_ground_tell_less_of_each_landmark():

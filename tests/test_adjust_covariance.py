@@ -6,7 +6,8 @@ import numba
 import numpy as np
 import pytest
 
-from graphs import BRIGHTNESS_SIGMA, KEYPOINT_SIGMA, graph_of, residuals_of, some_tracks_missing
+from dense_covariances import PIVOT, covariance_of, dense_covariance, jacobian_by_differences, linearized_at_truth
+from graphs import graph_of, residuals_of, some_tracks_missing
 from jacobians import numerical_jacobian
 from photoclinometry.adjust.covariance.linearized_graph import linearized_graph
 from photoclinometry.adjust.covariance.marginals import ErrorModel, marginals
@@ -16,49 +17,8 @@ from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import Keypoints, ObservationTable
 from photoclinometry.adjust.graph.priors import Exposure, PosePriors
 from photoclinometry.adjust.graph.variables import Estimate
+from range_factors import Ranges
 from scenes import synthetic_scene
-from test_adjust_graph import Ranges
-
-PIVOT = np.array([10.0, -20.0, 5.0])
-
-
-def at_truth(scene, factor=1.0, links=True):
-    """The scene linearized where it is, with the sigmas of `graph_of` times `factor`, and what it was built of."""
-    built = graph_of(scene, keypoint_sigma=KEYPOINT_SIGMA * factor, brightness_sigma=BRIGHTNESS_SIGMA * factor)
-    at = linearized_graph(built.graph, Estimate(scene.views, scene.landmarks, PIVOT))
-    if not links:
-        none = np.zeros(0, np.int64)
-        start = np.zeros(len(scene.landmarks) + 1, np.int64)
-        at = replace(at, links=at.links._replace(
-            start=start, target=none, source=none, incoming_start=start, incoming=none, rows=np.zeros((0, 5))
-        ))  # fmt: skip
-    return at, built
-
-
-def dense_covariance(scene, built, extra=()):
-    """Inverse of J^T J, J by differences of the residuals in plain NumPy, and the number of the views' coordinates."""
-    jacobian, views = dense_jacobian_of(scene, built)
-    return covariance_of(np.vstack([jacobian, *extra])), views
-
-
-def covariance_of(jacobian):
-    information = jacobian.T @ jacobian
-    scale = np.sqrt(np.diag(information))
-    return np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
-
-
-def dense_jacobian_of(scene, built):
-    estimate = Estimate(scene.views, scene.landmarks, PIVOT)
-    residuals = residuals_of(scene, built)
-    views = 10 * len(scene.views)
-    size = views + 6 * len(scene.landmarks)
-    steps = np.r_[np.tile([1e-6] * 3 + [1e-1] * 3 + [1e-4] * 4, len(scene.views)),
-                  np.tile([0.1] * 3 + [1e-4] * 3, len(scene.landmarks))]  # fmt: skip
-
-    def moved(x):
-        return residuals(estimate.step(x[:views].reshape(-1, 10), x[views:].reshape(-1, 6)))
-
-    return numerical_jacobian(moved, size, steps), views
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +28,7 @@ def small():
 
 def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
     """Every block to a ten-thousandth of its sigmas."""
-    at, built = at_truth(small)
+    at, built = linearized_at_truth(small)
     expected, views = dense_covariance(small, built)
     assert_equal_marginals(marginals(at), expected, views)
 
@@ -77,7 +37,7 @@ def test_suns_that_err_together_are_told_apart_better_than_they_are_known(small)
     """Marginals are the dense inverse; the sum of two views' errors is known ten times worse than their difference."""
     views = replace(small.views, sun_sigma=np.full(3, 1e-4), sun_common_sigma=np.full(3, 1e-2))
     scene = replace(small, views=views)
-    at, built = at_truth(scene)
+    at, built = linearized_at_truth(scene)
     expected, size = dense_covariance(scene, built)
     found = marginals(at)
     assert_equal_marginals(found, expected, size)
@@ -103,7 +63,7 @@ def test_errors_that_measurements_share_are_eliminated_with_the_views(small):
         common_center_sigma=300.0,
     )
     estimate = Estimate(small.views, small.landmarks, PIVOT, systematic=np.zeros((3, 10)))
-    jacobian, views = dense_jacobian_of(small, graph_of(small))
+    jacobian, views = jacobian_by_differences(small, graph_of(small))
     used = np.array([10 * n + i for n in range(3) for i in range(6 if n == 0 else 3)])
     wide = np.insert(jacobian, [views] * len(used), 0.0, axis=1)
     extra = []
@@ -170,11 +130,11 @@ def assert_equal_marginals(found, expected, views):
 def test_parameters_that_are_estimated_make_all_else_less_certain():
     """Marginals with parameters are the dense inverse of numerical derivatives, by these, too."""
     scene = some_tracks_missing(synthetic_scene(size=4, views=5))
-    _, built = at_truth(scene)
+    _, built = linearized_at_truth(scene)
     graph = graph_of(scene, reflectance_sigma=0.1).graph
     count = len(scene.reflectance.parameters)
     estimate = Estimate(scene.views, scene.landmarks, PIVOT)
-    by_others, views = dense_jacobian_of(scene, built)
+    by_others, views = jacobian_by_differences(scene, built)
     others, reflectance = covariance_of(by_others), scene.reflectance
 
     def residuals(change):
@@ -272,8 +232,8 @@ def test_the_map_frame_does_not_depend_on_what_holds_the_map(larger):
 
 def test_half_the_noise_half_the_sigma(small):
     """Of all that measurements alone determine: the landmarks, once priors and smoothness say nothing."""
-    at, _ = at_truth(small, links=False)
-    finer, _ = at_truth(small, factor=0.5, links=False)
+    at, _ = linearized_at_truth(small, links=False)
+    finer, _ = linearized_at_truth(small, factor=0.5, links=False)
     free = {"common_prior": 1e-12 * at.common_prior}
     coarse, fine = (
         marginals(replace(at, **free)),
@@ -285,7 +245,7 @@ def test_half_the_noise_half_the_sigma(small):
 def test_twice_the_views_divide_variances_given_the_views_by_two():
     """Every view there twice: what each landmark knows of itself doubles, smoothness apart."""
     scene = synthetic_scene(size=6, views=4)
-    at, _ = at_truth(scene, links=False)
+    at, _ = linearized_at_truth(scene, links=False)
     observed = at.observed
     twice = observed._replace(
         start=2 * observed.start,
@@ -330,7 +290,7 @@ def test_larger_patches_come_nearer(larger):
 
 
 def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_in_it(small):
-    at, _ = at_truth(small)
+    at, _ = linearized_at_truth(small)
     known = replace(at, common_prior=1e30 * np.eye(len(at.common_prior)))
     plain = marginals(known).landmark
     priors, *parts = [
@@ -345,7 +305,7 @@ def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_
 
 def test_errors_that_all_neighbours_share_are_not_smoothed_away():
     """Common keypoint errors give depths the sigma of a single landmark, however stiff the smoothness between them."""
-    at, _ = at_truth(synthetic_scene(size=8, views=6))
+    at, _ = linearized_at_truth(synthetic_scene(size=8, views=6))
     known = replace(at, common_prior=1e30 * np.eye(len(at.common_prior)))
     only_keypoints = {"brightness": 0.0, "smoothness": 0.0}
     ones = np.ones(len(known))
@@ -356,7 +316,7 @@ def test_errors_that_all_neighbours_share_are_not_smoothed_away():
 
 def test_what_nothing_measures_is_infinitely_uncertain_and_leaves_the_rest_alone():
     """A landmark whose brightness never counts: no albedo, no normal without smoothness, a position by keypoints."""
-    at, _ = at_truth(synthetic_scene(size=3, views=4), links=False)
+    at, _ = linearized_at_truth(synthetic_scene(size=3, views=4), links=False)
     dark = at.observed.brightness_weight.copy()
     dark[at.observed.start[3] : at.observed.start[4]] = 0.0
     found = marginals(replace(at, observed=at.observed._replace(brightness_weight=dark))).landmark

@@ -7,27 +7,13 @@ import pytest
 
 from convergence import DEFAULT as CONVERGENCE
 from convergence import final_cost, random_start
+from estimate_starts import INDEPENDENT, anchors_around, start_of
 from matched import OPTIONS, Noise, matched_problem
-from photoclinometry.adjust import AdjustOptions, PosePriors, SolverOptions, TiePoints, adjust
-from photoclinometry.adjust.graph.variables import Estimate
+from photoclinometry.adjust import AdjustOptions, PosePriors, SolverOptions, adjust
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_log
 from photoclinometry.model.reflectance import published
-from photoclinometry.model.scene import Tracks
 from scenes import synthetic_scene
-
-INDEPENDENT = AdjustOptions(keypoint_correlation_px=1, brightness_correlation_px=1)
-
-
-def start_of(scene, seed=1):
-    """The scene with poses, Suns, positions, normals and albedos moved away from the truth."""
-    rng = np.random.default_rng(seed)
-    camera = np.zeros((len(scene.views), 10))
-    camera[1:, :3] = 3e-5 * rng.normal(size=(len(scene.views) - 1, 3))
-    camera[:, 6:8] = 1e-3 * rng.normal(size=(len(scene.views), 2))
-    landmark = rng.normal(size=(len(scene.landmarks), 6)) * np.r_[[20.0] * 3, [0.1] * 2, 0.01]
-    moved = Estimate(scene.views, scene.landmarks, np.zeros(3)).step(camera, landmark)
-    return scene.with_estimate(moved.views, moved.landmarks)
 
 
 def errors(found, true):
@@ -77,24 +63,6 @@ def test_uncalibrated_brightness_gives_relative_albedo_and_scales():
     result = adjust(start_of(first, seed=2), INDEPENDENT)
     assert errors(result.scene, scene)[2] < 1.5
     np.testing.assert_allclose(result.scene.views.scale, scene.views.scale / gain, rtol=0.03)
-
-
-def anchors_around(scene, count=150):
-    """Exact points over an area four times as wide as the map, seen in every view with little noise."""
-    rng = np.random.default_rng(4)
-    span = np.ptp(scene.landmarks.position[:, :2], axis=0).max()
-    position = np.column_stack([rng.uniform(-2 * span, 2 * span, (count, 2)), 60.0 * rng.normal(size=count)])
-    views = len(scene.views)
-    keypoint = np.stack([scene.views.project(k, position) for k in range(views)], 1).reshape(-1, 2)
-    tracks = Tracks(
-        start=np.arange(0, count * views + 1, views),
-        view=np.tile(np.arange(views, dtype=np.int32), count),
-        keypoint=keypoint + 0.1 * rng.normal(size=keypoint.shape),
-        keypoint_sigma=np.full(count * views, 0.1),
-        brightness=np.zeros(count * views),
-        lit=np.zeros(count * views, bool),
-    )
-    return TiePoints(position=position, tracks=tracks)
 
 
 def test_anchors_hold_the_poses_and_leave_the_map_its_own_landmarks(noisy):

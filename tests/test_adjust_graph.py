@@ -1,6 +1,6 @@
 """The factor graph: compiled groups against the factors in NumPy, general groups by themselves, linearizations kept."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,6 +34,7 @@ from photoclinometry.adjust.graph.priors import (
 from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import starting_model
+from range_factors import Ranges
 from scenes import synthetic_scene
 
 
@@ -216,31 +217,6 @@ def correlated_poses(rng):
     """(4, 6, 6): from where a camera looks is hardly known, where it looks well."""
     root = np.diag([1e-4, 1e-4, 1e-4, 10.0, 10.0, 10.0]) @ rng.normal(size=(4, 6, 6))
     return root @ np.swapaxes(root, 1, 2)
-
-
-@dataclass(frozen=True)
-class Ranges:
-    """A group that somebody adds: measured distances from views to landmarks, in one place and without a kernel."""
-
-    view: np.ndarray
-    landmark: np.ndarray
-    distance: np.ndarray
-    sigma: float
-    name: str = "range"
-
-    def rows(self, estimate):
-        center, position = estimate.views.body_from_cam.translation[self.view], estimate.landmarks.position
-        offset = position[self.landmark] - center
-        distance = np.linalg.norm(offset, axis=1)
-        along = offset / distance[:, None] / self.sigma
-        by_view, by_landmark = np.zeros((2, len(along), 1, 10)), np.zeros((len(along), 1, 6))
-        by_view = by_view[0]
-        by_view[:, 0, :3] = np.cross(along, center - estimate.pivot)
-        by_view[:, 0, 3:6] = -along
-        by_landmark[:, 0, :3] = along
-        residual = ((distance - self.distance) / self.sigma)[:, None]
-        blocks = JacobianBlock("view", self.view, by_view), JacobianBlock("landmark", self.landmark, by_landmark)
-        return [Rows(residual, blocks)]
 
 
 class EveryNumberTouched:

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimate_starts import anchors_around
 from photoclinometry.adjust import AdjustOptions, ImageGradients, adjust, tie_points
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, with_tie_points
 from photoclinometry.model.geometry import align_similarity, so3_log
 from photoclinometry.pipeline.direct_refinement import image_gradients
 from scenes import synthetic_images, synthetic_scene
-from test_adjust_estimate import anchors_around
 
 
 def gradients_of(scene, direct):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimate_starts import INDEPENDENT, anchors_around, start_of
 from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
 from photoclinometry.adjust.covariance.marginals import Marginals
 from photoclinometry.adjust.covariance.uncertainty import (
@@ -22,7 +23,6 @@ from photoclinometry.model.geometry import Rigid, so3_log
 from photoclinometry.model.scene import Tracks
 from photoclinometry.model.sigma import sigma_of_length
 from scenes import synthetic_scene
-from test_adjust_estimate import INDEPENDENT, anchors_around, start_of
 
 HELD = replace(INDEPENDENT, reflectance_sigma=0.0)
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drawn_priors import priors_of, with_priors
+from estimate_starts import INDEPENDENT, start_of
 from photoclinometry.adjust import PosePriors, adjust
 from photoclinometry.adjust.altimeter_tracks import altimetry_at
 from photoclinometry.adjust.frame import in_its_frame
@@ -33,8 +35,6 @@ from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import ground_place
 from photoclinometry.simulate.truth_file import read_truth
 from scenes import GSD, bumpy_surface, synthetic_scene
-from test_adjust_estimate import INDEPENDENT, start_of
-from test_pose_priors import priors_of, with_priors
 
 SHOT_M, TRACK_M = 2.0, 30.0
 HEADER = "track,x_m,y_m,z_m,sigma_m,track_sigma_m\n"

@@ -1,4 +1,4 @@
-"""The order of packages in DESIGN.md, and imports that keep it."""
+"""The order of packages in DESIGN.md, imports that keep it, and tests that stand by themselves."""
 
 import ast
 import re
@@ -8,6 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "photoclinometry"
+TESTS = ROOT / "tests"
 
 
 def stated_order() -> list[str]:
@@ -16,15 +17,20 @@ def stated_order() -> list[str]:
     return re.findall(r"^\| `(\w+)` \|", layout, flags=re.MULTILINE)
 
 
-def imported_packages(file: Path) -> set[str]:
-    """Packages of photoclinometry that a file imports, anywhere in it."""
+def imported_modules(file: Path) -> set[str]:
+    """Modules that a file imports, anywhere in it, by their full names."""
     found = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        names = [node.module] if isinstance(node, ast.ImportFrom) and node.module and node.level == 0 else []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        found |= {name.split(".")[1] for name in names if name.startswith("photoclinometry.")}
+        if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            found.add(node.module)
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
     return found
+
+
+def imported_packages(file: Path) -> set[str]:
+    """Packages of photoclinometry that a file imports, anywhere in it."""
+    return {name.split(".")[1] for name in imported_modules(file) if name.startswith("photoclinometry.")}
 
 
 def test_the_table_lists_every_package():
@@ -51,3 +57,9 @@ def test_only_comparisons_import_the_rivals():
         Path("study/work.py"),
         Path("__init__.py"),
     }
+
+
+def test_tests_are_not_imported():
+    """What several tests need is in a module of its own, whose name says what it is."""
+    for file in TESTS.glob("*.py"):
+        assert not [name for name in imported_modules(file) if name.startswith("test_")], file

@@ -6,7 +6,7 @@ import pytest
 from photoclinometry.body import cluster
 from photoclinometry.body.cluster import on_cluster
 from photoclinometry.model.errors import InputError, ReconstructionError
-from test_body_workers import calls, die, die_once, done, refuse
+from worker_tasks import calls, die, die_once, done, refuse
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")  # of connections that end with their workers

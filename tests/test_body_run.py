@@ -29,7 +29,7 @@ from photoclinometry.simulate.bodies.truth import read_body_truth
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.surface.closed_mesh import is_watertight, signed_volume
-from test_viewer import data_of
+from viewer_data import data_of
 
 pytest.importorskip("embreex")
 

@@ -1,46 +1,12 @@
 """Tasks in processes of their own: all are done, errors come through, and processes that die are replaced."""
 
 import os
-import time
-from pathlib import Path
 
 import pytest
 
-from photoclinometry.body.workers import ONE_THREAD, in_processes
+from photoclinometry.body.workers import in_processes
 from photoclinometry.model.errors import InputError, ReconstructionError
-
-
-def write_threads(folder: Path, number: int) -> None:
-    (folder / str(number)).write_text(" ".join(os.environ.get(name, "-") for name in ONE_THREAD))
-
-
-def refuse(folder: Path, number: int) -> None:
-    if number == 1:
-        raise InputError("task 1 is refused")
-    time.sleep(0.05)
-    write_threads(folder, number)
-
-
-def die_once(folder: Path, number: int) -> None:
-    mark = folder / f"tried-{number}"
-    if number == 1 and not mark.exists():
-        mark.write_text("")
-        os._exit(9)
-    write_threads(folder, number)
-
-
-def die(folder: Path, number: int) -> None:
-    if number == 1:
-        os._exit(9)
-    write_threads(folder, number)
-
-
-def done(folder: Path) -> set[str]:
-    return {path.name for path in folder.iterdir() if path.name.isdigit()}
-
-
-def calls(folder: Path) -> list[tuple[Path, int]]:
-    return [(folder, number) for number in range(3)]
+from worker_tasks import calls, die, die_once, done, refuse, write_threads
 
 
 def test_every_task_is_done_in_one_thread_and_counted(tmp_path, monkeypatch):

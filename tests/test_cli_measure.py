@@ -4,14 +4,14 @@ import numpy as np
 
 import photoclinometry as pcm
 from commands import phomo
+from measured_maps import flat, map_of_heights, outline_of, pixel_of
 from photoclinometry.io.scene_file import write_scene
-from test_measure import flat, outline_of, pixel_of, scene_of
 
 
 def test_lines_and_outlines_are_measured(tmp_path, capsys):
     height = flat()
     height[8:13, 8:13] = 1.0
-    scene = scene_of(height)
+    scene = map_of_heights(height)
     write_scene(tmp_path / "scene.h5", scene)
     start, end = pixel_of(scene, 2, 3), pixel_of(scene, 6, 6)
     corners = outline_of(scene, 5, 15)

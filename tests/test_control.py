@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimate_starts import INDEPENDENT, start_of
 from photoclinometry.adjust import adjust
 from photoclinometry.model.control import ControlPixel, ControlPoint
 from photoclinometry.model.geometry import Similarity, so3_exp
@@ -24,7 +25,6 @@ from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.simulate.truth import truth_maps
 from photoclinometry.simulate.truth_file import read_truth
 from scenes import synthetic_scene
-from test_adjust_estimate import INDEPENDENT, start_of
 
 OWN_FROM_BODY = Similarity(1.0 / 60.0, so3_exp(np.array([0.3, -0.2, 1.0])), np.array([5.0, -3.0, 2.0]))
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dense_covariances import dense_covariance, linearized_at_truth
 from photoclinometry.adjust import AdjustOptions, adjust
 from photoclinometry.adjust.covariance import between_landmarks
 from photoclinometry.adjust.covariance.between_landmarks import LENGTHS, correlation_by_distance
@@ -16,7 +17,6 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, skew, so3_exp
 from photoclinometry.registration.alignment import transform_scene
 from scenes import synthetic_scene
-from test_adjust_covariance import at_truth, dense_covariance
 
 SHARES = ErrorCorrelation(length_px=np.array([1.0, 8.0]), share=np.array([0.3, 0.5]))
 
@@ -121,7 +121,7 @@ def test_what_is_not_known_is_said():
 def test_correlations_by_distance_are_those_of_the_dense_inverse():
     """Of a map so small that nothing is approximated: mean correlations of positions to 0.05 at every distance."""
     scene = synthetic_scene(size=6, views=3)
-    at, built = at_truth(scene)
+    at, built = linearized_at_truth(scene)
     covariance, views = dense_covariance(scene, built)
     own = covariance[views:, views:].reshape(36, 6, 36, 6)[:, :3, :, :3]
     trace = np.einsum("jiki->jk", own)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from adjustments import not_adjusted
-from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
+from photoclinometry.model.geometry import angle_between, unit
 from photoclinometry.pipeline import first_estimate as module
 from photoclinometry.pipeline.first_estimate import first_estimate, interpolated_estimate
 from photoclinometry.registration.alignment import transform_scene
 from scenes import synthetic_scene, with_landmarks
+from truths import TURNED_FRAME
 
 NOISE_GSD = 0.1
-OTHER = Similarity(0.01, so3_exp(np.array([0.3, -0.2, 0.9])), np.array([5.0, 6.0, 7.0]))
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +79,9 @@ def test_they_follow_into_the_frame_that_the_estimate_is_in(true):
     part = start.of_every(2)
     here, there = (
         interpolated_estimate(found, part, start)
-        for found in (true.of_every(2), transform_scene(OTHER, true.of_every(2)))
+        for found in (true.of_every(2), transform_scene(TURNED_FRAME, true.of_every(2)))
     )
-    expected = transform_scene(OTHER, here)
+    expected = transform_scene(TURNED_FRAME, here)
     np.testing.assert_allclose(there.landmarks.position, expected.landmarks.position, atol=1e-6 * expected.gsd)
     np.testing.assert_allclose(there.landmarks.normal, expected.landmarks.normal, atol=1e-6)
 

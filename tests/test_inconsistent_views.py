@@ -11,8 +11,7 @@ from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.inconsistent_views import _SunChecks, find_inconsistent_views, inconsistent_views
-from scenes import synthetic_images, synthetic_scene
-from test_sun_check import sparse_of
+from scenes import sparse_model_of, synthetic_images, synthetic_scene
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +162,7 @@ def test_reversed_suns_of_all_views_are_refused_with_the_convention():
     scene = synthetic_scene(size=20)
     images, flipped = synthetic_images(scene), replace(scene.views, sun=-scene.views.sun)
     with pytest.raises(InputError, match=r"lights 0 % .* in 6 of 6 views; `sun` points from the body"):
-        find_inconsistent_views(sparse_of(scene), images, flipped, scene.reflectance, "iof")
+        find_inconsistent_views(sparse_model_of(scene), images, flipped, scene.reflectance, "iof")
 
 
 def test_inconsistent_views_are_numbered_among_all_views():
@@ -171,7 +170,7 @@ def test_inconsistent_views_are_numbered_among_all_views():
     scene = turned(synthetic_scene(size=30, views=8), 4, 90)
     images = synthetic_images(synthetic_scene(size=30, views=8))
     registered = np.arange(8) != 1
-    found = find_inconsistent_views(sparse_of(scene, registered), images, scene.views, scene.reflectance, "iof")
+    found = find_inconsistent_views(sparse_model_of(scene, registered), images, scene.views, scene.reflectance, "iof")
     assert np.flatnonzero(found.left_out).tolist() == [4]
     assert "degrees off" in found.reason[4]
     assert not "".join(np.delete(found.reason, 4))
@@ -179,5 +178,7 @@ def test_inconsistent_views_are_numbered_among_all_views():
 
 def test_with_too_few_points_no_view_is_left_out():
     scene = turned(synthetic_scene(size=7), 2, 90)
-    found = find_inconsistent_views(sparse_of(scene), synthetic_images(scene), scene.views, scene.reflectance, "iof")
+    found = find_inconsistent_views(
+        sparse_model_of(scene), synthetic_images(scene), scene.views, scene.reflectance, "iof"
+    )
     assert not found.left_out.any()

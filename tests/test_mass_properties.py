@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from cubes import CUBE
 from photoclinometry.model.geometry import so3_exp, unit
 from photoclinometry.surface.closed_mesh import icosahedron, refine, vertex_areas, vertex_normals
 from photoclinometry.surface.mass_properties import mass_properties
-from test_radial_rays import CUBE
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from displaced_images import CAMERA, PADDED, REGION, displaced, error_px, texture
 from photoclinometry.matching import MatchRequest
 from photoclinometry.matching.flow import FlowMatcher, in_target, normalise, resample, smoothed_to_target_resolution
 from photoclinometry.matching.interface import MatchSetup, padded_region
@@ -23,46 +24,6 @@ from photoclinometry.surface.depth_fit import (
     sparse_depth,
 )
 from scenes import synthetic_images, synthetic_scene
-
-CAMERA = Camera("PINHOLE", 200, 200, (10_000.0, 10_000.0, 100.0, 100.0))
-REGION = Region(row=50, col=50, height=100, width=100)
-PADDED = padded_region(REGION, 24, CAMERA)
-
-
-def texture(shape, seed=0, sigma=1.5):
-    from scipy.ndimage import gaussian_filter
-
-    noise = np.random.default_rng(seed).normal(size=shape)
-    rough = gaussian_filter(noise, sigma) * sigma + gaussian_filter(noise, 4 * sigma) * 4 * sigma
-    return (1.0 + 0.25 * rough / rough.std()).astype(np.float32)
-
-
-def displaced(amplitude=1.5, gain=1.0, offset=0.0):
-    """A reference, a target of which it is a smooth warp, and where the region's pixels truly lie in it.
-
-    Interpolated by splines of fifth order, so that no matcher's own way of interpolating hides its error.
-    """
-    from scipy.ndimage import map_coordinates
-
-    target = texture((240, 240))
-    whole = Region.of_image(200, 200).pixel_centers()
-    true = whole + 20.37
-    true[..., 0] += amplitude * np.sin(whole[..., 1] / 17.0)
-    true[..., 1] += amplitude * np.cos(whole[..., 0] / 23.0)
-    warped = map_coordinates(target.astype(float), np.moveaxis(true[..., ::-1] - 0.5, -1, 0), order=5)
-    reference = (gain * warped + offset).astype(np.float32)
-    request = MatchRequest(
-        reference=Image("a", reference, np.ones(reference.shape, bool)),
-        target=Image("b", target, np.ones(target.shape, bool)),
-        region=REGION,
-        padded=PADDED,
-        prediction=PADDED.pixel_centers() + 20.37,
-    )
-    return request, true[REGION.slices]
-
-
-def error_px(matches, true):
-    return np.linalg.norm(matches.position - true, axis=-1)[matches.valid]
 
 
 @pytest.mark.parametrize("gain", [1.0, 40.0, 0.01])

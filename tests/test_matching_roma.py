@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from displaced_images import displaced
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.registry import MATCHERS
 from photoclinometry.matching.roma import PUBLISHED, RomaNetwork, RomaOptions, fingerprint, roma_matcher
@@ -17,7 +18,6 @@ from photoclinometry.matching.warp import pixel_centers
 from photoclinometry.model.errors import InputError
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
-from test_matching import displaced
 
 PACKAGES = ("torch", "romatch")
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from displaced_images import CAMERA, displaced, error_px
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.matching.interface import padded_region
 from photoclinometry.matching.warp import Warp, WarpMatcher, WarpOptions, on_grid, pixel_centers, stretch
 from photoclinometry.model.region import Region
-from test_matching import CAMERA, displaced, error_px
 
 LINEAR, SHIFT = np.array([[1.02, 0.03], [-0.02, 0.98]]), np.array([1.3, -0.7])
 """An affine warp of pixels: x' = LINEAR x + SHIFT."""

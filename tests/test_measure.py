@@ -8,52 +8,14 @@ import pytest
 
 import photoclinometry as pcm
 from jacobians import numerical_jacobian
-from photoclinometry.model.error_correlation import ErrorCorrelation
+from measured_maps import SIZE, flat, map_of_heights, outline_of, pixel_of
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.surface.measure import Measured, distance, height_difference, landmark_at, slope, volume
 from photoclinometry.surface.relief import local_frame
-from scenes import synthetic_scene
-
-SIZE = 21
-INDEPENDENT = ErrorCorrelation(length_px=np.ones(1), share=np.zeros(1))
-
-
-def scene_of(height, spacing=2.0, sigma=0.01, frame=BODY_FIXED):
-    """A map of SIZE x SIZE landmarks, `spacing` apart, of heights over their mean plane (SIZE, SIZE); independent
-    errors of one sigma along each axis."""
-    scene = synthetic_scene(size=SIZE, views=3)
-    row, col = scene.cells
-    towards = local_frame(scene)
-    local = np.stack([spacing * col, -spacing * row, height[row, col]], -1)
-    position = towards(local - local.mean(0))
-    covariance = np.tile(sigma**2 * np.eye(3), (len(position), 1, 1))
-    return replace(
-        scene,
-        landmarks=replace(scene.landmarks, position=position),
-        uncertainty={"position": covariance},
-        error_correlation=INDEPENDENT,
-        frame=frame,
-    )
-
-
-def flat(value=0.0):
-    return np.full((SIZE, SIZE), value)
-
-
-def pixel_of(scene, row, col):
-    """(x, y) of the middle of a cell."""
-    return scene.region.col + col + 0.5, scene.region.row + row + 0.5
-
-
-def outline_of(scene, low, high):
-    """A square around the cells from low to high, both included."""
-    (x0, y0), (x1, y1) = pixel_of(scene, low, low), pixel_of(scene, high, high)
-    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) + 0.5 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
 def test_of_a_plane_distances_are_those_of_the_grid():
-    scene = scene_of(flat())
+    scene = map_of_heights(flat())
     a, b = pixel_of(scene, 2, 3), pixel_of(scene, 6, 6)
     found = distance(scene, a, b)
     assert found.value == pytest.approx(10.0)
@@ -66,7 +28,7 @@ def test_of_a_plane_distances_are_those_of_the_grid():
 def test_a_step_up_has_its_height_and_slope():
     height = flat()
     height[10, 10], height[10, 12] = 1.5, -1.5
-    scene = scene_of(height)
+    scene = map_of_heights(height)
     a, b = pixel_of(scene, 10, 12), pixel_of(scene, 10, 10)
     assert height_difference(scene, a, b).value == pytest.approx(3.0, rel=1e-3)
     found = slope(scene, a, b)
@@ -84,7 +46,7 @@ def test_a_pyramid_on_a_tilted_plane_has_the_volume_of_a_pyramid():
     row, col = np.indices((SIZE, SIZE)) - 10
     tent = 3.0 * np.maximum(1.0 - np.maximum(np.abs(row), np.abs(col)) / 3.0, 0.0)
     for sign in (1.0, -1.0):
-        scene = scene_of(sign * tent + 0.1 * col)
+        scene = map_of_heights(sign * tent + 0.1 * col)
         found = volume(scene, outline_of(scene, 6, 14))
         assert found.value == pytest.approx(sign * (144.0 - 6 * 4.0 / 6.0), rel=0.005)
         assert found.unit == "m^3"
@@ -92,7 +54,7 @@ def test_a_pyramid_on_a_tilted_plane_has_the_volume_of_a_pyramid():
 
 def test_the_sigma_of_a_volume_is_that_of_numerical_derivatives():
     row, col = np.indices((SIZE, SIZE)) - 10
-    scene = scene_of(2.0 * np.exp(-(row**2 + col**2) / 18.0) + 0.2 * col + 0.01 * row * col)
+    scene = map_of_heights(2.0 * np.exp(-(row**2 + col**2) / 18.0) + 0.2 * col + 0.01 * row * col)
     outline = outline_of(scene, 8, 12)
     frame = local_frame(scene)
     inside = np.flatnonzero(((row >= -2) & (row <= 2) & (col >= -2) & (col <= 2))[scene.cells])
@@ -107,7 +69,7 @@ def test_the_sigma_of_a_volume_is_that_of_numerical_derivatives():
 
 
 def test_without_a_unit_lengths_are_in_gsd():
-    scene = scene_of(flat(), frame="own")
+    scene = map_of_heights(flat(), frame="own")
     a, b = pixel_of(scene, 2, 3), pixel_of(scene, 6, 6)
     found = distance(scene, a, b)
     assert found.unit == "GSD"
@@ -122,7 +84,7 @@ def test_results_are_written_to_the_digits_that_are_known():
 
 
 def test_places_outside_the_map_and_outlines_that_are_too_small_are_refused():
-    scene = scene_of(flat())
+    scene = map_of_heights(flat())
     assert landmark_at(scene, pixel_of(scene, 0, 0)) == np.flatnonzero((np.stack(scene.cells) == 0).all(0))[0]
     with pytest.raises(InputError, match="no landmark at pixel"):
         landmark_at(scene, (0.0, 0.0))
@@ -142,7 +104,7 @@ def test_places_outside_the_map_and_outlines_that_are_too_small_are_refused():
 
 
 def test_the_package_offers_them():
-    scene = scene_of(flat())
+    scene = map_of_heights(flat())
     a, b = pixel_of(scene, 2, 3), pixel_of(scene, 6, 6)
     corners = outline_of(scene, 4, 12)
     assert pcm.distance(scene, a, b) == distance(scene, a, b)

@@ -267,11 +267,10 @@ def test_real_images_are_accepted():
 
 def test_a_view_in_another_unit_leaves_poses_of_the_others(tmp_path):
     """Through reading and structure from motion; the reason is the one that the log gave."""
-    from test_sfm import CAMERA, OPTIONS
-    from test_sfm import site as images_of_a_site
+    from sparse_views import CAMERA, OPTIONS, painted_site
 
     views = []
-    for k, image in enumerate(images_of_a_site(count=5, seed=0, prefix="a")[0]):
+    for k, image in enumerate(painted_site(count=5, seed=0, prefix="a")[0]):
         iof = 0.1 * image.brightness / np.median(image.brightness)
         write_fits(tmp_path / image.name, 1000 * iof if k == 2 else iof)
         views.append(SiteView(image.name, tmp_path / image.name, CAMERA, np.array([0.6, 0.0, -0.8])))

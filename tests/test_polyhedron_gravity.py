@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cubes import CUBE
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 from photoclinometry.registration.closest_points import MeshSurface
@@ -10,7 +11,6 @@ from photoclinometry.surface.closed_mesh import face_normals, icosahedron, refin
 from photoclinometry.surface.polyhedron_gravity import GRAVITATIONAL_CONSTANT as G
 from photoclinometry.surface.polyhedron_gravity import Polyhedron
 from photoclinometry.surface.surface_gravity import carried, ground_gravity, spin_rate
-from test_radial_rays import CUBE
 
 DENSITY, RADIUS = 1190.0, 250.0
 FIELD_POINTS = unit(np.random.default_rng(0).normal(size=(40, 3)))

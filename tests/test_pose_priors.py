@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drawn_priors import priors_of, with_priors
 from matched import OPTIONS, matched_problem
 from photoclinometry.adjust import PosePriors, adjust
 from photoclinometry.evaluate.compare import evaluate_against_truth
@@ -44,14 +45,6 @@ def turned(prior, degrees):
     pose = prior.cam_from_body
     turn = so3_exp(np.array([np.radians(degrees), 0.0, 0.0]))
     return replace(prior, cam_from_body=Rigid(turn @ pose.rotation, turn @ pose.translation))
-
-
-def priors_of(names, poses, rotation_sigma, center_sigma, rng, noise=1.0):
-    """Priors of true poses (K,), off by `noise` times the sigmas that they state."""
-    rotation = poses.rotation @ so3_exp(noise * rotation_sigma * rng.normal(size=(len(names), 3)))
-    center = poses.translation + noise * center_sigma * rng.normal(size=(len(names), 3))
-    known = Rigid(rotation, center).inverse()
-    return {name: PosePrior(known[k], rotation_sigma, center_sigma) for k, name in enumerate(names)}
 
 
 @pytest.fixture(scope="module")
@@ -198,12 +191,6 @@ def known(mapped):
     # A draw as it should be on the average: 14.5 and 15.7 are the squares of 15 turns and 15 places, in sigmas.
     found = priors_of(names, poses, np.radians(SIGMA_DEG), SIGMA_M, np.random.default_rng(4))
     return found | {names[-1]: turned(found[names[-1]], 1.0)}
-
-
-def with_priors(mapped, priors, folder):
-    """The small site with priors, in a folder of its own."""
-    views = tuple(replace(view, pose_prior=priors.get(view.name)) for view in read_site(mapped.site).views)
-    return mapped.changed_site(folder, views=views)
 
 
 @pytest.mark.usefixtures("no_figures", "no_ranking")

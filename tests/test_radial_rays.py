@@ -4,19 +4,13 @@ import numpy as np
 import pytest
 
 from archives import SHARED
+from cubes import CUBE
 from photoclinometry.io.meshes.obj import read_obj
 from photoclinometry.model.geometry import unit
 from photoclinometry.surface.closed_mesh import icosahedron, refine
 from photoclinometry.surface.radial_rays import RadialRays, is_star_shaped
 
 COMET = SHARED / "shapes" / "67p.obj"
-CUBE = (
-    np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float),
-    np.array(
-        [[0, 1, 3], [0, 3, 2], [4, 7, 5], [4, 6, 7], [0, 5, 1], [0, 4, 5], [2, 3, 7], [2, 7, 6], [0, 6, 4], [0, 2, 6]]
-        + [[1, 5, 7], [1, 7, 3]]
-    ),
-)
 
 
 def directions(count, seed=0):

@@ -25,8 +25,8 @@ from photoclinometry.model.reflectance import (
 from photoclinometry.model.reflectance import (
     MODELS as REGISTERED,
 )
+from printed_hapke import printed_radiance_factor
 from stored_reflectance import FILE
-from test_simulate_hapke import reference as printed
 
 stored = json.loads(FILE.read_text(encoding="utf-8"))
 
@@ -72,8 +72,8 @@ def hapke_as_printed(model, mu0, mu, phase):
     w, theta, *others = model.values
     i, e = np.arccos(mu0), np.arccos(mu)
     psi = np.arccos(np.clip((np.cos(phase) - mu0 * mu) / (np.sin(i) * np.sin(e)), -1, 1))
-    values = [printed(w, *angles, *others, theta) for angles in zip(i, e, psi, strict=True)]
-    return np.array(values) / printed(w, 1e-9, 1e-9, 0.0, *others, theta)
+    values = [printed_radiance_factor(w, *angles, *others, theta) for angles in zip(i, e, psi, strict=True)]
+    return np.array(values) / printed_radiance_factor(w, 1e-9, 1e-9, 0.0, *others, theta)
 
 
 @each_model

@@ -6,8 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import test_sfm
-import test_sfm_relief
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.sparse import SparseModel, of_views
 from photoclinometry.model.warning import collected_warnings
@@ -15,10 +13,10 @@ from photoclinometry.photometry.relief_shading import ReliefShading, relief_shad
 from photoclinometry.photometry.sparse_planes import sparse_planes
 from photoclinometry.sfm import mapping, reconstruct_sparse, reversal
 from photoclinometry.sfm.adjustment import RobustAdjustment
-from test_sfm import CAMERA, rotation_errors_deg
+from sparse_views import CAMERA, OPTIONS, lit_site, painted_site, rotation_errors_deg
 
 CAMERAS = [CAMERA] * 5
-OPTIONS = replace(test_sfm.OPTIONS, max_features=3000)
+MANY_KEYPOINTS = replace(OPTIONS, max_features=3000)
 DEPTH = np.diag([1.0, 1.0, -1.0])
 MIRRORED = np.array([-1.0, -1.0, 1.0])
 """Turns a direction in C half round the line of sight."""
@@ -27,12 +25,12 @@ MIRRORED = np.array([-1.0, -1.0, 1.0])
 @pytest.fixture(scope="module")
 def site():
     """Images, Suns in C and true poses of shaded relief without paint."""
-    return test_sfm_relief.site([20, 25, 30, 35, 40])
+    return lit_site([20, 25, 30, 35, 40])
 
 
 @pytest.fixture(scope="module")
 def sparse(site, tmp_path_factory):
-    found = reconstruct_sparse(site[0], CAMERAS, tmp_path_factory.mktemp("sfm"), OPTIONS, sun_in_cam=site[1])
+    found = reconstruct_sparse(site[0], CAMERAS, tmp_path_factory.mktemp("sfm"), MANY_KEYPOINTS, sun_in_cam=site[1])
     assert rotation_errors_deg(found.body_from_cam, site[2]).max() < 0.5
     return found
 
@@ -64,14 +62,14 @@ def test_the_reverse_need_not_be_made(sparse, site):
 def test_suns_turned_about_the_line_of_sight_show_the_reverse(sparse, site, tmp_path):
     assert relief_shading(sparse, site[0], CAMERAS, site[1] * MIRRORED).shows == "reverse"
     with collected_warnings() as warned:
-        reconstruct_sparse(site[0], CAMERAS, tmp_path, OPTIONS, sun_in_cam=site[1] * MIRRORED)
+        reconstruct_sparse(site[0], CAMERAS, tmp_path, MANY_KEYPOINTS, sun_in_cam=site[1] * MIRRORED)
     assert [each.code for each in warned] == ["relief-inverted"]
     assert "Check `sun`, or" in warned[0].words
 
 
 def test_paint_shows_neither(tmp_path):
-    images, _ = test_sfm.site()
-    sparse = reconstruct_sparse(images, CAMERAS, tmp_path, OPTIONS)
+    images, _ = painted_site()
+    sparse = reconstruct_sparse(images, CAMERAS, tmp_path, MANY_KEYPOINTS)
     for azimuth in np.radians([0, 90, 180, 270]):
         sun = np.tile([0.8 * np.cos(azimuth), 0.8 * np.sin(azimuth), -0.6], (5, 1))
         assert relief_shading(sparse, images, CAMERAS, sun).shows == "neither"
@@ -147,7 +145,7 @@ def wrong(site, tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mapping, "resolve_depth_reversal", keeping)
-        reconstruct_sparse(site[0], CAMERAS, tmp_path_factory.mktemp("wrong"), OPTIONS)
+        reconstruct_sparse(site[0], CAMERAS, tmp_path_factory.mktemp("wrong"), MANY_KEYPOINTS)
     return kept[-1]
 
 

@@ -8,7 +8,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.mesh import grid_faces
-from photoclinometry.model.scene import Camera, Scene
+from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.render import (
     as_resolved,
     draw_landmarks,
@@ -26,7 +26,7 @@ from photoclinometry.surface.relief import (
     mean_plane,
     sun_from_angles,
 )
-from scenes import synthetic_images, synthetic_scene, with_landmarks
+from scenes import synthetic_images, synthetic_scene, with_coarse_view, with_landmarks
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +81,6 @@ def test_smooth_values_are_those_of_landmarks_next_to_holes_and_never_negative(s
 
 def mask_of(scene, view):
     return draw_landmarks(scene, view, scene.landmarks.albedo)[1]
-
-
-def with_coarse_view(scene, view, factor=2):
-    """The scene with one view by a camera with larger pixels, by a factor."""
-    camera = scene.views.cameras[view]
-    coarse = Camera("PINHOLE", camera.width // factor, camera.height // factor, tuple(np.divide(camera.params, factor)))
-    cameras = tuple(coarse if k == view else c for k, c in enumerate(scene.views.cameras))
-    return replace(scene, views=replace(scene.views, cameras=cameras))
 
 
 def speckled(scene, seed=0):

@@ -6,74 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter, map_coordinates
 
 from photoclinometry.model.errors import InputError, ReconstructionError
-from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, so3_log
-from photoclinometry.model.region import Region
+from photoclinometry.model.geometry import Rigid, Similarity, align_similarity
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import connected_groups, normalised, transformed
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.keypoints import sift_keypoints
 from photoclinometry.sfm.pictures import brightness_picture
-from scenes import from_zenith, look_at_origin
-
-FOCAL_PX = 4000.0  # focal / width = 13: longer than what COLMAP takes by default
-CAMERA = Camera("PINHOLE", 300, 300, (FOCAL_PX, FOCAL_PX, 150.0, 150.0))
-OPTIONS = SfmOptions(max_features=1500, threads=2)
-
-
-def views_around(count):
-    """(count,) body_from_cam: 4 to 20 degrees from the zenith, one pixel covers a unit of length."""
-    angle, azimuth = np.radians(np.linspace(4, 20, count)), 2.4 * np.arange(count)
-    centers = FOCAL_PX * from_zenith(angle, azimuth)
-    poses = [look_at_origin(c, 0.1 * k) for k, c in enumerate(centers)]
-    return Rigid(np.stack([p.rotation for p in poses]), centers)
-
-
-def ground_behind_pixels(pose, height):
-    """(2, 300 * 300) rows and columns of a grid of heights (512, 512), origin in its middle, that pixels show."""
-    rays = CAMERA.ray_in_cam(Region.of_image(300, 300).pixel_centers()) @ pose.rotation.T
-    z = 0.0
-    for _ in range(8):  # fixed point: slopes are gentle
-        point = pose.translation + ((z - pose.translation[2]) / rays[..., 2])[..., None] * rays
-        at = point[..., 1::-1].reshape(-1, 2).T + 256
-        z = map_coordinates(height, at, order=1, mode="nearest").reshape(300, 300)
-    return at
-
-
-def render(pose, seed):
-    """A view of a textured relief: noise of several scales painted on heights of about 8 units."""
-    rng = np.random.default_rng(seed)
-    paint = sum(s * gaussian_filter(rng.normal(size=(512, 512)), s) for s in (1.2, 2.5, 5, 10))
-    at = ground_behind_pixels(pose, gaussian_filter(rng.normal(size=(512, 512)), 20) * 500)
-    bright = map_coordinates(paint, at, order=3, mode="nearest").reshape(300, 300)
-    return (10.0 + bright + 0.01 * rng.normal(size=bright.shape)).astype(np.float32)
-
-
-def site(count=5, seed=0, prefix="a"):
-    poses = views_around(count)
-    pictures = [render(poses[k], seed) for k in range(count)]
-    return [Image(f"{prefix}{k}.fits", p, np.ones(p.shape, bool)) for k, p in enumerate(pictures)], poses
+from sparse_views import CAMERA, FOCAL_PX, OPTIONS, painted_site, rotation_errors_deg
 
 
 @pytest.fixture(scope="module")
 def one_site():
-    return site()
+    return painted_site()
 
 
 @pytest.fixture(scope="module")
 def sparse(one_site, tmp_path_factory):
     return reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path_factory.mktemp("sfm"), OPTIONS)
-
-
-def rotation_errors_deg(found, true):
-    """Between the relative rotations of all pairs of views."""
-    pairs = [(a, b) for a in range(len(true)) for b in range(a)]
-    difference = [
-        (true.rotation[a].T @ true.rotation[b]).T @ (found.rotation[a].T @ found.rotation[b]) for a, b in pairs
-    ]
-    return np.degrees(np.linalg.norm(so3_log(np.array(difference)), axis=-1))
 
 
 def test_poses_are_recovered_from_images_alone(sparse, one_site):
@@ -130,7 +81,7 @@ def test_the_global_mapper_agrees(one_site, tmp_path):
 
 def test_views_of_another_place_are_left_out_by_name(one_site, tmp_path, caplog, capfd):
     """Cameras of two kinds at once: the intrinsics are per view."""
-    strangers = site(count=3, seed=7, prefix="b")[0]
+    strangers = painted_site(count=3, seed=7, prefix="b")[0]
     twin = Camera("SIMPLE_PINHOLE", 300, 300, (FOCAL_PX, 150.0, 150.0))
     with caplog.at_level(logging.WARNING):
         found = reconstruct_sparse(one_site[0] + strangers, [CAMERA] * 4 + [twin] * 4, tmp_path, OPTIONS)
@@ -142,7 +93,7 @@ def test_views_of_another_place_are_left_out_by_name(one_site, tmp_path, caplog,
 
 
 def test_images_without_overlap_are_refused_with_advice(tmp_path):
-    strangers = [site(count=1, seed=seed, prefix=f"s{seed}")[0][0] for seed in range(4)]
+    strangers = [painted_site(count=1, seed=seed, prefix=f"s{seed}")[0][0] for seed in range(4)]
     with pytest.raises(
         ReconstructionError,
         match=r"0 of 4 views .*--sfm\.max-features \d+; now \d+\), or the global mapper \(--sfm\.map",
@@ -151,7 +102,7 @@ def test_images_without_overlap_are_refused_with_advice(tmp_path):
 
 
 def test_two_separate_pairs_of_views_are_refused_and_listed(tmp_path):
-    images = site(count=2, seed=0, prefix="a")[0] + site(count=2, seed=7, prefix="b")[0]
+    images = painted_site(count=2, seed=0, prefix="a")[0] + painted_site(count=2, seed=7, prefix="b")[0]
     with pytest.raises(ReconstructionError, match=r"\[a0.fits, a1.fits\]; \[b0.fits, b1.fits\]"):
         reconstruct_sparse(images, [CAMERA] * 4, tmp_path, OPTIONS)
 

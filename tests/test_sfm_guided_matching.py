@@ -15,8 +15,7 @@ from photoclinometry.sfm.guided_matching import (
     guided_matches,
 )
 from photoclinometry.sfm.keypoints import mutual_matches
-from test_sfm import CAMERA, OPTIONS, rotation_errors_deg
-from test_sfm_relief import site
+from sparse_views import CAMERA, OPTIONS, lit_site, rotation_errors_deg
 
 SIDE = 300.0
 COUNT = 1200
@@ -115,7 +114,7 @@ def test_descriptors_are_made_unit_vectors():
 
 def test_views_lit_from_all_sides_register(tmp_path):
     """Suns a fifth of a turn apart: neither brightness nor keypoints of the relief alone match a single pair."""
-    images, suns, poses = site([0, 72, 144, 216, 288])
+    images, suns, poses = lit_site([0, 72, 144, 216, 288])
     options = replace(OPTIONS, threads=1)
     with pytest.raises(ReconstructionError, match="0 of 5 views registered"):
         reconstruct_sparse(images, [CAMERA] * 5, tmp_path / "a", options)
@@ -128,8 +127,8 @@ def test_views_lit_from_all_sides_register(tmp_path):
 
 def test_nothing_is_mapped_again_where_guidance_finds_nothing(tmp_path, monkeypatch):
     """An image of another place is matched by guidance in vain; the model of the others stays."""
-    images, suns, _ = site([20, 25, 30])
-    strangers, their_suns, _ = site([22], seed=7, prefix="b")
+    images, suns, _ = lit_site([20, 25, 30])
+    strangers, their_suns, _ = lit_site([22], seed=7, prefix="b")
     trials = []
     mapped = reconstruct.map_views
 

@@ -18,8 +18,7 @@ from photoclinometry.sfm.pairs import (
     select_pairs,
 )
 from photoclinometry.sfm.pictures import brightness_picture
-from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site
-from test_sfm_relief import site as lit_site
+from sparse_views import CAMERA, OPTIONS, lit_site, painted_site, rotation_errors_deg
 
 SIMILARITY = np.array([[0, 9, 8, 1], [9, 0, 2, 7], [8, 2, 0, 0], [1, 7, 0, 0]])
 
@@ -83,7 +82,7 @@ def test_only_the_largest_keypoints_are_compared():
 
 @pytest.fixture(scope="module")
 def two_places():
-    return site(count=5)[0] + site(count=3, seed=7, prefix="b")[0]
+    return painted_site(count=5)[0] + painted_site(count=3, seed=7, prefix="b")[0]
 
 
 def test_views_of_one_place_look_more_alike_than_those_of_two(two_places):
@@ -94,7 +93,7 @@ def test_views_of_one_place_look_more_alike_than_those_of_two(two_places):
 
 
 def test_few_partners_lose_no_view(tmp_path, caplog):
-    images, true = site(count=6)
+    images, true = painted_site(count=6)
     with caplog.at_level(logging.INFO):
         found = reconstruct_sparse(images, [CAMERA] * 6, tmp_path, replace(OPTIONS, partners=2))
     assert "9 of 9 pairs match" in caplog.text  # of 15

@@ -5,45 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter, map_coordinates
 
 from photoclinometry.model.scene import Image
 from photoclinometry.model.sparse import without_views
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture
-from test_sfm import CAMERA, OPTIONS, ground_behind_pixels, rotation_errors_deg, views_around
-
-ALL = np.ones((300, 300), bool)
-
-
-def relief_of(seed):
-    """(512, 512) heights: hills of about 8 units, without which poses are hard to tell, and detail of all scales."""
-    rng = np.random.default_rng(seed)
-    hills = 800 * gaussian_filter(rng.normal(size=(512, 512)), 25)
-    return hills + sum(0.25 * s**2 * gaussian_filter(rng.normal(size=(512, 512)), s) for s in (1.5, 3, 6, 12))
-
-
-def shaded(pose, sun, height, noise_seed):
-    """What a camera sees of the relief, Lambert's cosine of the Sun's angle for brightness."""
-    at = ground_behind_pixels(pose, height)
-    slope = np.array([map_coordinates(g, at, order=3, mode="nearest").reshape(300, 300) for g in np.gradient(height)])
-    cosine = (sun[2] - slope[1] * sun[0] - slope[0] * sun[1]) / np.sqrt(1 + (slope**2).sum(0))
-    noise = 0.003 * np.random.default_rng(noise_seed).normal(size=cosine.shape)
-    return np.maximum(0.1 * cosine, 0.0) + noise
-
-
-def sun_at(azimuth_deg, incidence_deg=55.0):
-    azimuth, incidence = np.radians([azimuth_deg, incidence_deg])
-    return np.array([np.sin(incidence) * np.cos(azimuth), np.sin(incidence) * np.sin(azimuth), np.cos(incidence)])
-
-
-def site(azimuths_deg, seed=0, prefix="a"):
-    """Views of one relief, each under its own Sun: images, Suns in C, poses."""
-    poses, height = views_around(len(azimuths_deg)), relief_of(seed)
-    suns = [sun_at(azimuth) for azimuth in azimuths_deg]
-    pictures = [shaded(poses[k], sun, height, 10 * seed + k) for k, sun in enumerate(suns)]
-    images = [Image(f"{prefix}{k}.fits", p.astype(np.float32), ALL) for k, p in enumerate(pictures)]
-    return images, np.array([poses[k].rotation.T @ sun for k, sun in enumerate(suns)]), poses
+from sparse_views import ALL_VALID, CAMERA, OPTIONS, lit_site, relief_of, rotation_errors_deg
 
 
 def flat_shading(azimuth_deg, height):
@@ -51,7 +18,7 @@ def flat_shading(azimuth_deg, height):
     azimuth = np.radians(azimuth_deg)
     down, right = np.gradient(height)
     slope = np.cos(azimuth) * right + np.sin(azimuth) * down
-    return Image("a.fits", (1.0 - 0.5 * slope)[100:400, 100:400].astype(np.float32), ALL)
+    return Image("a.fits", (1.0 - 0.5 * slope)[100:400, 100:400].astype(np.float32), ALL_VALID)
 
 
 def correlation(a, b):
@@ -75,7 +42,7 @@ def test_the_picture_is_dark_where_the_ground_is_high():
     hills = np.sin(2 * np.pi * np.arange(300) / 9.0) * np.ones((300, 1))
     for sun in (0.8, -0.8):
         brightness = 1.0 - 0.1 * np.sign(sun) * np.gradient(hills, axis=1)
-        image = Image("a.fits", brightness.astype(np.float32), ALL)
+        image = Image("a.fits", brightness.astype(np.float32), ALL_VALID)
         assert correlation(relief_picture(image, np.array([sun, 0.0, -0.6])), hills) < -0.98
 
 
@@ -85,7 +52,7 @@ def test_a_sun_behind_the_camera_shows_no_relief():
 
 
 def test_views_of_opposite_light_register_by_their_relief(tmp_path, caplog):
-    images, suns, poses = site([20, 25, 30, 200, 205, 210])
+    images, suns, poses = lit_site([20, 25, 30, 200, 205, 210])
     options = replace(OPTIONS, threads=1)
     alone = reconstruct_sparse(images, [CAMERA] * 6, tmp_path / "a", options)
     assert alone.registered.sum() == 3
@@ -100,7 +67,7 @@ def test_views_of_opposite_light_register_by_their_relief(tmp_path, caplog):
 
 
 def test_views_that_match_by_brightness_are_not_matched_again(tmp_path):
-    images, suns, _ = site([20, 25, 30, 35])
+    images, suns, _ = lit_site([20, 25, 30, 35])
     options = replace(OPTIONS, threads=1)
     alone = reconstruct_sparse(images, [CAMERA] * 4, tmp_path / "a", options)
     told = reconstruct_sparse(images, [CAMERA] * 4, tmp_path / "b", options, sun_in_cam=suns)
@@ -110,8 +77,8 @@ def test_views_that_match_by_brightness_are_not_matched_again(tmp_path):
 
 
 def test_relief_does_not_register_another_place(tmp_path):
-    images, suns, _ = site([20, 25, 30, 205])
-    strangers, their_suns, _ = site([22, 28, 200], seed=7, prefix="b")
+    images, suns, _ = lit_site([20, 25, 30, 205])
+    strangers, their_suns, _ = lit_site([22, 28, 200], seed=7, prefix="b")
     found = reconstruct_sparse(
         images + strangers, [CAMERA] * 7, tmp_path, OPTIONS, sun_in_cam=np.concatenate([suns, their_suns])
     )

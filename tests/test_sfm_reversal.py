@@ -16,7 +16,7 @@ from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_poin
 from photoclinometry.sfm.database import first_pairs
 from photoclinometry.sfm.mapping import from_colmap
 from photoclinometry.sfm.reconstruct import reconstruct_sparse
-from test_sfm import CAMERA, OPTIONS, rotation_errors_deg, site, views_around
+from sparse_views import CAMERA, OPTIONS, painted_site, rotation_errors_deg, views_around
 
 ADJUSTMENT = RobustAdjustment(threads=2)
 
@@ -26,7 +26,7 @@ RIGHT, MIXED = ReliefShading(0.76, -0.67, 100.0), ReliefShading(-0.17, 0.05, 100
 
 @pytest.fixture(scope="module")
 def one_site():
-    return site()
+    return painted_site()
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from photoclinometry.simulate.presets import PRESETS, build_surface
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.surface import Surface, sphere_drop
 from photoclinometry.simulate.trajectory import looking_at
-from test_simulate_surface import rough_surface
+from rough_ground import rough_surface
 
 CAMERA = Camera("PINHOLE", 48, 40, (2000.0, 2000.0, 24.0, 20.0))
 FRAME = Region.of_image(40, 48)

@@ -3,7 +3,7 @@ import pytest
 
 from photoclinometry.simulate.raycast import Raycaster, bound_pyramid
 from photoclinometry.simulate.surface import Surface
-from test_simulate_surface import inner_points, rough_surface
+from rough_ground import inner_points, rough_surface
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -3,24 +3,7 @@ import pytest
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.simulate.surface import Surface, sphere_drop
-
-
-def rough_surface(size=40, spacing=3.0, seed=0, amplitude=4.0):
-    """A smooth random surface; albedo rises from 0.2 to 0.4 towards the east."""
-    from scipy.ndimage import gaussian_filter
-
-    rng = np.random.default_rng(seed)
-    height = gaussian_filter(rng.standard_normal((size, size)), 2.0)
-    albedo = np.broadcast_to(np.linspace(0.2, 0.4, size), (size, size)).copy()
-    return Surface(height * amplitude / height.std(), albedo, spacing, (-7.0, 11.0))
-
-
-def inner_points(surface, count, seed=1, margin=2):
-    """Points (count, 2) at least `margin` samples inside."""
-    x0, x1, y0, y1 = surface.extent
-    m = margin * surface.spacing
-    rng = np.random.default_rng(seed)
-    return np.stack([rng.uniform(x0 + m, x1 - m, count), rng.uniform(y0 + m, y1 - m, count)], -1)
+from rough_ground import inner_points, rough_surface
 
 
 def test_surface_passes_through_its_samples_rows_going_north():

@@ -8,7 +8,6 @@ import pytest
 from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.sampling import blurred
 from photoclinometry.model.scene import Image
-from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.sun_check import (
     MIN_POINTS,
     _albedo_and_gains,
@@ -16,31 +15,14 @@ from photoclinometry.photometry.sun_check import (
     ground_from_views,
     sun_from_other_views,
 )
-from scenes import synthetic_images, synthetic_scene
-
-
-def sparse_of(scene, registered=None, every=1):
-    """The scene's landmarks as sparse points, which all registered views see."""
-    points = scene.landmarks.position[::every]
-    registered = np.ones(len(scene.views), bool) if registered is None else np.array(registered)
-    views = np.flatnonzero(registered)
-    pixels = [scene.views.project(k, points) for k in views]
-    return SparseModel(
-        registered=registered,
-        body_from_cam=scene.views.body_from_cam,
-        points=points,
-        point_start=len(views) * np.arange(len(points) + 1),
-        point_view=np.tile(views, len(points)).astype(np.int32),
-        point_xy=np.stack(pixels, axis=1).reshape(-1, 2),
-        mean_reprojection_px=0.1,
-    )
+from scenes import sparse_model_of, synthetic_images, synthetic_scene
 
 
 def test_points_are_observed_in_every_registered_view_where_they_project():
     scene = synthetic_scene(size=24)
     registered = [True, False, True, True, True, True]
     found = coarse_scene(
-        sparse_of(scene, registered, 3), synthetic_images(scene), scene.views, scene.reflectance, "iof"
+        sparse_model_of(scene, registered, 3), synthetic_images(scene), scene.views, scene.reflectance, "iof"
     )
     assert found.views.name == tuple(n for n, there in zip(scene.views.name, registered, strict=True) if there)
     tracks = found.tracks
@@ -107,6 +89,8 @@ def test_a_view_takes_no_part_in_its_own_check_and_few_points_give_none():
 def test_brightness_is_blurred_as_the_planes_blur_the_ground(views):
     """A view's Sun from planes and blurred images of the true ground: within a degree or two."""
     scene = synthetic_scene(size=40, views=views)
-    coarse = coarse_scene(sparse_of(scene, every=2), synthetic_images(scene), scene.views, scene.reflectance, "iof")
+    coarse = coarse_scene(
+        sparse_model_of(scene, every=2), synthetic_images(scene), scene.views, scene.reflectance, "iof"
+    )
     off = [sun_from_other_views(coarse, np.ones(views, bool), k).off for k in range(views)]
     assert np.degrees(max(off)) < 3.0

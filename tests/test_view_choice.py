@@ -1,7 +1,6 @@
 """Which views see a place of the body: angles and lengths worked out by hand, limits, the choice, and the command."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,44 +12,17 @@ from archives import FORMATS, needs_formats
 from commands import phomo
 from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions
-from photoclinometry.io.site import RegionRequest, Site, SiteView, read_site, write_site
+from photoclinometry.io.site import RegionRequest, SiteView, read_site, write_site
 from photoclinometry.model.errors import InputError, RunFolderError
-from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, unit
-from photoclinometry.model.pose_prior import PosePrior
+from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.scene import Camera
 from photoclinometry.registration.place import place_at, semi_axes
 from photoclinometry.registration.view_choice import ViewLimits, choose_views, diverse, write_chosen_site
 from photoclinometry.registration.viewing import light_and_sight, sighting, sightings
+from posed_views import CAMERA, direction, site_of, site_under_many_suns, view
 
-CAMERA = Camera("PINHOLE", 1000, 800, (10000.0, 10000.0, 500.0, 400.0))
 RADIUS = 250.0
 SPHERE = (RADIUS, RADIUS, RADIUS)
-
-
-def direction(lon_deg, lat_deg):
-    lon, lat = np.radians([lon_deg, lat_deg])
-    return np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
-
-
-def looking_at_center(center):
-    """cam_from_body of a camera whose axis goes through the body's centre, its x axis to the east."""
-    z = -unit(np.asarray(center, float))
-    x = unit(np.cross(z, [0.0, 0.0, 1.0])) * -1.0
-    rotation = np.stack([x, np.cross(z, x), z])
-    return Rigid(rotation, -rotation @ center)
-
-
-def view(name, center, sun_in_body, camera=CAMERA, turned=None):
-    """A view with a pose prior; turned: a rotation vector in C [rad] away from the body's centre."""
-    pose = looking_at_center(center)
-    if turned is not None:
-        pose = Rigid(so3_exp(np.array(turned)), np.zeros(3)) @ pose
-    sun = pose.rotation @ unit(np.asarray(sun_in_body, float))
-    return SiteView(name, Path("/images") / name, camera, sun, pose_prior=PosePrior(pose, 1e-3, 5.0))
-
-
-def site_of(*views, body="bennu"):
-    return Site("site", body, "iof", tuple(views), None, Path("/images/site.toml"))
 
 
 def test_a_camera_straight_above_sees_without_emission_at_distance_times_pixel_angle():
@@ -132,17 +104,9 @@ def test_laws_of_the_angles(lon, lat, sun_lon, sun_lat, camera_lon, camera_lat, 
         assert getattr(again, key) == pytest.approx(getattr(seen, key), abs=1e-6, rel=1e-6)
 
 
-def ring(count=12, body="bennu"):
-    """Views 5 km above longitude 10, a Sun that goes from 60 degrees east to 60 degrees west of it."""
-    views = []
-    for k, sun in enumerate(np.linspace(-60.0, 60.0, count)):
-        views.append(view(f"{k:02d}.fits", 5000.0 * direction(10.0 + k / 10, 5.0), direction(10.0 + sun, 5.0)))
-    return site_of(*views, body=body)
-
-
 def test_few_views_are_chosen_for_light_as_different_as_there_is():
     """Of twelve Suns along an arc, three: the one straight above, which has one end, the other end, the middle."""
-    choice = choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(count=3))
+    choice = choose_views(site_under_many_suns(), 10.0, 5.0, (RADIUS,), ViewLimits(count=3))
     first, middle, last = (s.name for s in choice.chosen)
     assert (first, last) == ("00.fits", "11.fits")
     assert middle in ("05.fits", "06.fits")
@@ -166,10 +130,12 @@ def test_the_choice_has_the_count_and_no_view_twice(seed, count):
 
 
 def test_limits_leave_out_views_and_say_how_many():
-    choice = choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(max_incidence_deg=30.0, gsd_m=(0.4, 0.5)))
+    choice = choose_views(
+        site_under_many_suns(), 10.0, 5.0, (RADIUS,), ViewLimits(max_incidence_deg=30.0, gsd_m=(0.4, 0.5))
+    )
     assert all(s.incidence_deg <= 30.0 for s in choice.chosen)
     assert choice.left_out == {"--max-emission-deg": 0, "--max-incidence-deg": 6, "--gsd-m": 0}
-    assert choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(gsd_m=(0.1, 0.2))).chosen == ()
+    assert choose_views(site_under_many_suns(), 10.0, 5.0, (RADIUS,), ViewLimits(gsd_m=(0.1, 0.2))).chosen == ()
 
 
 @pytest.mark.parametrize(
@@ -193,23 +159,23 @@ def test_limits_that_cannot_be_are_refused(limits, message):
 )
 def test_places_that_are_none_are_refused(place, message):
     with pytest.raises(InputError, match=message):
-        choose_views(ring(), *place, (RADIUS,))
+        choose_views(site_under_many_suns(), *place, (RADIUS,))
 
 
 def test_a_body_of_unknown_size_needs_radii():
     assert semi_axes("Bennu") == (283.065, 271.215, 249.72)
     assert semi_axes("tatooine", (2.0, 1.0)) == (2.0, 2.0, 1.0)
     with pytest.raises(InputError, match=r"size of body 'tatooine' is not known \(known: bennu, .*--radii-m"):
-        choose_views(ring(body="tatooine"), 10.0, 5.0)
+        choose_views(site_under_many_suns(body="tatooine"), 10.0, 5.0)
     with pytest.raises(InputError, match="radii -1"):
         semi_axes("bennu", (-1.0,))
 
 
 def test_without_pose_priors_it_is_said_what_to_ingest():
-    bare = [replace(v, pose_prior=None) for v in ring(3).views]
+    bare = [replace(v, pose_prior=None) for v in site_under_many_suns(3).views]
     with pytest.raises(InputError, match=r"none of its 3 views has a pose prior.*phomo ingest.*--kernels.*--sumfiles"):
         choose_views(site_of(*bare), 10.0, 5.0)
-    found = sightings(site_of(*bare[:2], *ring(4).views), place_at(10.0, 5.0, SPHERE))
+    found = sightings(site_of(*bare[:2], *site_under_many_suns(4).views), place_at(10.0, 5.0, SPHERE))
     assert (len(found.seen), found.without_prior) == (4, 2)
 
 
@@ -220,11 +186,11 @@ def test_poses_in_another_unit_are_not_taken_for_metres():
 
 def test_a_place_that_nobody_sees_is_told_why():
     with pytest.raises(InputError, match="no view sees 190 5: from 12 it lies beyond the limb, beside 0 images"):
-        choose_views(ring(), 190.0, 5.0, (RADIUS,))
+        choose_views(site_under_many_suns(), 190.0, 5.0, (RADIUS,))
 
 
 def test_the_chosen_site_names_the_same_images_cameras_suns_and_priors(tmp_path):
-    site = replace(ring(), path=tmp_path / "all" / "site.toml")
+    site = replace(site_under_many_suns(), path=tmp_path / "all" / "site.toml")
     site = replace(site, views=tuple(replace(v, image=site.path.parent / v.name) for v in site.views))
     choice = choose_views(site, 10.0, 5.0, (RADIUS,), ViewLimits(count=5))
     out = tmp_path / "chosen" / "site.toml"
@@ -249,7 +215,7 @@ def test_the_chosen_site_names_the_same_images_cameras_suns_and_priors(tmp_path)
 def test_near_the_edge_of_an_image_the_region_is_smaller_and_at_the_edge_left_open(tmp_path, width, side):
     """The cameras look at the body's centre, so the place is in the middle, or a few pixels aside."""
     camera = replace(CAMERA, width=width, height=width, params=(1e4, 1e4, width / 2, width / 2))
-    site = site_of(*(replace(v, camera=camera) for v in ring(3).views))
+    site = site_of(*(replace(v, camera=camera) for v in site_under_many_suns(3).views))
     region = write_chosen_site(tmp_path / "site.toml", site, choose_views(site, 10.0, 5.0, (RADIUS,))).region
     if side is None:
         assert region is None
@@ -259,16 +225,16 @@ def test_near_the_edge_of_an_image_the_region_is_smaller_and_at_the_edge_left_op
 
 
 def test_too_few_for_a_map_are_told_with_the_limits_that_leave_them_out(tmp_path):
-    choice = choose_views(ring(), 10.0, 5.0, (RADIUS,), ViewLimits(max_incidence_deg=6.0))
+    choice = choose_views(site_under_many_suns(), 10.0, 5.0, (RADIUS,), ViewLimits(max_incidence_deg=6.0))
     with pytest.raises(
         InputError, match=r"2 of the 12 views .* a map needs 3 at least \(--max-incidence-deg leaves out 10\)"
     ):
-        write_chosen_site(tmp_path / "site.toml", ring(), choice)
+        write_chosen_site(tmp_path / "site.toml", site_under_many_suns(), choice)
     assert not (tmp_path / "site.toml").exists()
 
 
 def test_the_command_lists_chooses_and_writes(tmp_path, capsys):
-    write_site(tmp_path / "site.toml", ring())
+    write_site(tmp_path / "site.toml", site_under_many_suns())
     code = phomo("views", tmp_path, "--at", 10, 5, "--radii-m", 250, "--count", 4, "--out", tmp_path / "near")
     said = capsys.readouterr()
     assert code == 0
@@ -283,9 +249,9 @@ def test_the_command_lists_chooses_and_writes(tmp_path, capsys):
 
 
 def test_from_python_it_is_the_same_choice(tmp_path):
-    write_site(tmp_path / "site.toml", ring())
+    write_site(tmp_path / "site.toml", site_under_many_suns())
     choice = pcm.choose_views(str(tmp_path / "site.toml"), 10.0, 5.0, out=tmp_path / "near.toml", count=4)
-    of_limits = choose_views(ring(), 10.0, 5.0, None, ViewLimits(count=4))
+    of_limits = choose_views(site_under_many_suns(), 10.0, 5.0, None, ViewLimits(count=4))
     assert [s.name for s in choice.chosen] == [s.name for s in of_limits.chosen]
     assert [v.image.name for v in read_site(tmp_path / "near.toml").views] == [s.name for s in choice.chosen]
 

@@ -1,10 +1,7 @@
 """The viewer's page: arrays come back, nothing is asked for, nothing breaks out of the data, and every run has one."""
 
-import base64
-import json
 import re
 import webbrowser
-import zlib
 from dataclasses import replace
 from html import unescape
 
@@ -19,29 +16,15 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import MODELS, Reflectance
 from photoclinometry.model.scene import BODY_FIXED, Image
 from photoclinometry.output.export import ExportOptions, export_scene
-from photoclinometry.output.viewer.arrays import MISSING, packed, three_digits
+from photoclinometry.output.viewer.arrays import packed, three_digits
 from photoclinometry.output.viewer.colours import ENTRIES, colour_tables
 from photoclinometry.output.viewer.content import viewer_content
 from photoclinometry.output.viewer.page import ASSETS, SCRIPTS, SHADERS, viewer_page, write_viewer
 from scenes import synthetic_images, synthetic_scene, with_landmarks
+from viewer_data import data_of, unpacked
 
 LONGEST_FILE = 300
 """Lines of a file of the page's program: one idea each."""
-
-
-def unpacked(stored):
-    """Values of `packed`, as the page reads them: its columns as the last axis."""
-    planes = np.frombuffer(zlib.decompress(base64.b64decode(stored["data"])), np.uint8).reshape(4, -1)
-    zigzag = np.ascontiguousarray(planes.T).view("<u4").ravel()
-    change = (zigzag >> 1).astype(np.int64) ^ -(zigzag & 1).astype(np.int64)
-    whole = np.cumsum(change).astype(np.uint32).view(np.int32)
-    values = np.where(whole == MISSING, np.nan, whole * stored["step"])
-    return values.reshape(stored["columns"], -1).T.reshape(stored["shape"])
-
-
-def data_of(html):
-    """What the page's program reads."""
-    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1])
 
 
 def test_arrays_come_back_to_half_a_step():

@@ -22,10 +22,9 @@ from photoclinometry.output.viewer import write_body_viewer
 from photoclinometry.output.viewer.run_page import run_page
 from photoclinometry.surface.closed_mesh import area_vectors
 from scenes import synthetic_images, synthetic_scene
-from test_viewer import data_of, unpacked
-from test_viewer_light import RENDERED
 from viewer_bodies import RADIUS, body_of, by_rays, images_of, round_one
-from viewer_pages import rows_of
+from viewer_data import data_of, unpacked
+from viewer_pages import RENDERED, rows_of
 
 pytest.importorskip("embreex")
 needs_browser = pytest.mark.skipif(why_no_browser() is not None, reason=str(why_no_browser()))

@@ -8,8 +8,8 @@ import pytest
 from browser import why_no_browser
 from photoclinometry.output.viewer import body_content as content
 from photoclinometry.output.viewer import write_body_viewer
-from test_viewer import unpacked
 from viewer_bodies import RADIUS, body_of, round_one
+from viewer_data import unpacked
 from viewer_pages import downloaded, rows_of
 
 pytestmark = pytest.mark.skipif(why_no_browser() is not None, reason=str(why_no_browser()))

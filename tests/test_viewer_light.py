@@ -11,16 +11,14 @@ from photoclinometry.model.scene import Surroundings
 from photoclinometry.photometry.render import render_view
 from photoclinometry.surface.map_rays import in_sunlight
 from photoclinometry.surface.relief import angles_from_sun, local_frame, sun_from_angles
-from scenes import thinned, with_landmarks
-from test_render import with_coarse_view
-from viewer_pages import SUNS_DEG, page_of, scene_of
+from scenes import thinned, with_coarse_view, with_landmarks
+from viewer_pages import RENDERED, SUNS_DEG, page_of, scene_of
 
 pytestmark = pytest.mark.skipif(why_no_browser() is not None, reason=str(why_no_browser()))
 
 LIMIT = 0.005
 """Of the mean brightness: largest mean difference from `render`."""
 
-RENDERED = "return Array.from(viewer.renderingOf(...arguments), x => Number.isNaN(x) ? null : x)"
 LIT = """
     viewer.renderingOf(0, ...arguments, true);
     const { gl, passes } = viewer.renderer;

@@ -10,7 +10,7 @@ from photoclinometry.pipeline.widened_sigmas import normalized_changes, with_inf
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.surface.relief import local_frame
 from scenes import synthetic_scene
-from test_first_estimate import OTHER
+from truths import TURNED_FRAME
 
 ANGLE = 1e-3
 
@@ -69,7 +69,7 @@ def test_moves_of_two_sigmas_make_variances_five_times_larger(scene, signs):
 
 def test_estimates_that_agree_change_nothing_in_whatever_frame(scene, signs):
     everywhere = np.ones(len(scene.landmarks), bool)
-    same = with_inflated_uncertainties(scene, transform_scene(OTHER, scene), everywhere).uncertainty
+    same = with_inflated_uncertainties(scene, transform_scene(TURNED_FRAME, scene), everywhere).uncertainty
     for name, stated in scene.uncertainty.items():
         np.testing.assert_allclose(same[name], stated, rtol=1e-6, err_msg=name)
 

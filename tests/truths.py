@@ -1,4 +1,4 @@
-"""An analytic surface as truth to compare scenes with, and a frame other than theirs."""
+"""An analytic surface as truth to compare scenes with, and frames other than theirs."""
 
 from dataclasses import dataclass
 
@@ -9,6 +9,8 @@ from photoclinometry.model.scene import Scene
 from scenes import BumpySurface
 
 OTHER_FRAME = Similarity(0.002, so3_exp(np.array([0.4, -1.1, 0.7])), np.array([3.0, -2.0, 5.0]))
+TURNED_FRAME = Similarity(0.01, so3_exp(np.array([0.3, -0.2, 0.9])), np.array([5.0, 6.0, 7.0]))
+"""Another, whose unit of length is a hundred of theirs."""
 
 
 def on_bumps(surface: BumpySurface):

@@ -19,6 +19,9 @@ MIDDLE = (430.0, 330.0)
 SUNS_DEG = ((315.0, 50.0), (80.0, 25.0), (190.0, 10.0))
 """Azimuths and elevations: high, middle, and low, where shadows are long."""
 
+RENDERED = "return Array.from(viewer.renderingOf(...arguments), x => Number.isNaN(x) ? null : x)"
+"""Asks a page for the brightness of a view's pixels under a Sun; null where nothing is shown."""
+
 
 def model_of(name: str) -> Reflectance:
     """A model with its values for Vesta; Minnaert's in magnitudes with values that all count."""
