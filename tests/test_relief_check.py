@@ -1,6 +1,7 @@
 """Relief beside parallax, and Suns that the estimate has moved."""
 
-from dataclasses import replace
+import logging
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,13 +11,17 @@ from scipy.stats import norm
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.reflectance import published
-from photoclinometry.model.warning import collected_warnings
+from photoclinometry.model.warning import collected_warnings, warn
 from photoclinometry.pipeline import checked_map, relief_check
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate
 from photoclinometry.pipeline.moved_suns import warn_of_suns
 from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax, warn_of_relief
+from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.stage import Stage, Tools
 from scenes import synthetic_scene
+
+log = logging.getLogger("photoclinometry.tests")
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +132,60 @@ def test_a_map_that_contradicts_parallax_is_made_again_with_photometry_held(mapp
         assert same != is_kept
         np.testing.assert_array_equal(again.scene.landmarks.position, first.scene.landmarks.position)
         assert {warned.code for warned in again.warnings} == codes
+
+
+@dataclass(frozen=True)
+class Common:
+    """Of both maps."""
+
+    value: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matching(Stage[Common]):
+    """A stage that both maps are made from; it warns."""
+
+    name = "matching"
+    result = Common
+
+    def make(self, tools: Tools) -> Common:
+        warn(log, "view-unregistered", "c is left out", view="c")
+        return Common(1.0)
+
+
+@pytest.mark.parametrize("doubtful", [(), ("b",)])
+def test_a_discarded_map_is_not_warned_of(tmp_path, monkeypatch, scene, doubtful):
+    """Warnings of the map that is returned stay, and those that both maps share, and those about images, in a run that
+    goes on, too."""
+
+    def made(folder, *_, holds_photometry):
+        folder.result_of(Matching())
+        if holds_photometry:
+            warn(log, "view-brightness", "a: 9 % off", view="a")
+        else:
+            warn(log, "suns-moved", "all Suns are off alike. The map takes that into account")
+            warn(log, "suns-moved", "b: its Sun is off. The map takes that into account", view="b")
+            warn(log, "view-brightness", "a: 5 % off", view="a")
+            warn(log, "response-not-linear", "the images are not linear")
+        relief = ReliefCheck(held if holds_photometry else 0.7, 0.01)
+        adjustment = SimpleNamespace(scene=scene)
+        finished = SimpleNamespace(value=SimpleNamespace(adjustment=adjustment))
+        return SimpleNamespace(relief=relief, contradicts_parallax=relief.is_off(), finished=finished)
+
+    monkeypatch.setattr(checked_map, "_mapped", made)
+    site = SimpleNamespace(choices=SimpleNamespace(reflectance=scene.reflectance))
+    shared = {("view-unregistered", "c is left out"), ("response-not-linear", "the images are not linear")}
+    undecided = "the Sun directions and the brightness of the views contradict each other (b)"
+    of_held = {("view-brightness", "a: 9 % off"), *(("sun-undecided", undecided) for _ in doubtful)}
+    moved = {("suns-moved", "all Suns are off alike"), ("suns-moved", "b: its Sun is off")}
+    for held, stated in ((0.95, of_held | shared), (0.6, {("view-brightness", "a: 5 % off"), *moved} | shared)):
+        for _ in range(2):
+            folder = open_run(tmp_path)
+            with collected_warnings() as folder.warned:
+                checked_map.checked_map(folder, site, SimpleNamespace(doubtful=doubtful), None)
+            found = {(warned.code, warned.words.split(". ")[0].split(", and ")[0]) for warned in folder.warnings}
+            assert {row for row in found if row[0] != "photometry-held"} == stated
+            assert any(code == "photometry-held" for code, _ in found) == (held == 0.95)
 
 
 def test_held_photometry_stays_where_it_is_stated(scene):

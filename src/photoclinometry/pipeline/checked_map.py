@@ -13,6 +13,7 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
+from photoclinometry.photometry.inconsistent_views import warn_undecided
 from photoclinometry.pipeline.blurred_views import views_to_leave_out, why_left_out
 from photoclinometry.pipeline.choices import Choices
 from photoclinometry.pipeline.common_sun_error import CheckSuns
@@ -31,6 +32,9 @@ from photoclinometry.pipeline.sparse_stages import ChosenViews, PosedImages
 from photoclinometry.pipeline.stage import Keyed, digest
 
 log = logging.getLogger(__name__)
+
+NOT_OF_ONE_MAP = ("file-damaged", "response-not-linear", "sun-undecided")
+"""Codes of warnings about files, images and stated Suns: they stay where the map is discarded that showed them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,17 +61,25 @@ def checked_map(folder: RunFolder, posed_site: PosedSite, chosen: ChosenViews, d
     """All stages from dense matching to the finished map.
 
     A map whose relief contradicts the parallax is made a second time with Suns, biases and reflectance held at what is
-    known of them, and the one that is nearer to the parallax is returned. chosen: the views to map with.
+    known of them, and the one that is nearer to the parallax is returned. Warnings of the other are taken back.
+    chosen: the views to map with.
     """
     made = partial(_mapped, folder, posed_site, chosen, dense)
+    before = len(folder.warned)
     found = made(holds_photometry=False)
     if posed_site.choices.reflectance is None or not found.contradicts_parallax:
         return found
     assert found.relief is not None
     log.info("the relief is %.2f of the parallax's: once more, with photometry held", found.relief.ratio)
+    between = len(folder.warned)
     held = made(holds_photometry=True)
     if held.relief is None or abs(held.relief.ratio - 1.0) >= abs(found.relief.ratio - 1.0):
+        folder.withdraw(between, len(folder.warned), NOT_OF_ONE_MAP)
         return found
+    withdrawn = folder.withdraw(before, between, NOT_OF_ONE_MAP)
+    moved = [warned.view for warned in withdrawn if warned.code == "suns-moved" and warned.view in chosen.doubtful]
+    if moved:  # the sparse points contradict these Suns, at which the returned map holds
+        warn_undecided(moved, len(held.finished.value.adjustment.scene.views))
     warn(
         log, "photometry-held",
         "Suns, biases and reflectance are held at what is stated of them: estimated along, they gave %.2f of the "

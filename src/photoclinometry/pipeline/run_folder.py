@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,6 +78,18 @@ class RunFolder:
     def warnings(self) -> tuple[Warned, ...]:
         """What was warned of so far, each once."""
         return distinct(self.warned)
+
+    def withdraw(self, first: int, last: int, kept: Collection[str]) -> tuple[Warned, ...]:
+        """Takes back warnings of a result that is discarded, and returns them.
+
+        first, last: the range of `warned` in which they are, without `last`. kept: codes of those that stay.
+        """
+        of_range = self.warned[first:last]
+        back = distinct(warned for warned in of_range if warned.code not in kept)
+        self.warned[first:last] = [warned for warned in of_range if warned.code in kept]
+        for warned in back:
+            log.info("no longer warned of, as its map is discarded: %s", warned.line)
+        return back
 
     def result_of(self, stage: Stage[T]) -> Keyed[T]:
         """The stage's result: from disk if its key is there, else made and, where the stage says so, kept.
