@@ -32,3 +32,27 @@ def test_an_unknown_dark_level_is_warned_of_where_it_may_be_most_of_the_brightne
 def test_calibrated_images_and_known_levels_are_not_warned_of():
     assert codes(brightness="iof") == []
     assert codes(dark_level=30.0) == []
+
+
+def test_a_camera_without_shadows_is_warned_of_beside_one_that_has_them():
+    """Levels belong to cameras: three views of two cameras, the second of which shows neither shadow nor sky."""
+    scene = synthetic_scene(size=8, views=3)
+    first = scene.views.cameras[0]
+    second = replace(first, params=tuple(1.1 * value for value in first.params))
+
+    def warned(levels, darkest):
+        views = replace(scene.views, cameras=(first, second, second), dark_level=np.array(levels))
+        images = []
+        for name, level in zip(views.name, darkest, strict=True):
+            pixels = np.linspace(level, 200.0 - level, 10_001).reshape(1, -1).astype(np.float32)
+            images.append(Image(name, pixels, np.ones(pixels.shape, bool)))
+        with collected_warnings() as found:
+            warn_of_dark_level(replace(scene, brightness="dn", views=views), images)
+        return [each.words for each in found]
+
+    (words,) = warned([30.0, 0.0, 0.0], [0.0, 60.0, 70.0])
+    assert f"2 of 3 uncalibrated images, {', '.join(scene.views.name[1:])}, which may be up to 65 %" in words
+    assert warned([30.0, 0.0, 20.0], [0.0, 60.0, 60.0]) == [], "one image shows the level of its camera"
+    assert warned([30.0, 0.0, 0.0], [0.0, 40.0, 40.0]) == []
+    (words,) = warned([0.0, 0.0, 0.0], [60.0, 60.0, 60.0])
+    assert "of these uncalibrated images, which may be up to 60 %" in words

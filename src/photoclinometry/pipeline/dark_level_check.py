@@ -17,23 +17,48 @@ MOST_UNKNOWN = 0.5
 """Share of the median brightness that the darkest pixels may have, where no shadow or sky shows the dark level: that
 level is not above them. An offset of half the brightness halves the contrast of shading, and the relief with it."""
 
+NAMED = 3
+"""So many images of the cameras of unknown dark level are named."""
+
 
 def warn_of_dark_level(scene: Scene, images: Sequence[Image]) -> None:
     """Warns of uncalibrated images of a map in which an offset may be left that halves the relief.
 
+    Each camera has a dark level of its own, known where an image of it has one (`io.dark_level.dark_levels`).
     images: the views', less their dark level, among others and in any order.
     """
-    if scene.brightness != "dn" or scene.reflectance is None or scene.views.dark_level.any():
+    views = scene.views
+    if scene.brightness != "dn" or scene.reflectance is None:
         return
-    used = [image for image in images if image.name in scene.views.name and image.valid.any()]
-    if not used:
-        return
-    share = np.median([darkest_pixels(image).brightness / np.median(image.brightness[image.valid]) for image in used])
-    if share > MOST_UNKNOWN:
+    unknown, share = [], 0.0
+    for camera in dict.fromkeys(views.cameras):
+        own = np.array([other == camera for other in views.cameras])
+        names = {views.name[k] for k in np.flatnonzero(own)}
+        used = [image for image in images if image.name in names and image.valid.any()]
+        if views.dark_level[own].any() or not used:
+            continue
+        darkest = np.median([darkest_pixels(image).brightness / np.median(_valid(image)) for image in used])
+        if darkest > MOST_UNKNOWN:
+            unknown += [name for name in views.name if name in names]
+            share = max(share, float(darkest))
+    if unknown:
         warn(
             log, "dark-level-unknown",
-            "no shadow or sky shows the dark level of these uncalibrated images, which may be up to %.0f %% of their "
-            "brightness: where such an offset is left in, relief is too flat by as much. Subtract the detector's "
-            "offset and dark current, or add an image with cast shadows",
-            100.0 * share,
+            "no shadow or sky shows the dark level of %s, which may be up to %.0f %% of their brightness: where such "
+            "an offset is left in, relief is too flat by as much. Subtract the detector's offset and dark current, or "
+            "add an image of the same camera with cast shadows",
+            _which(unknown, len(views)), 100.0 * share,
         )  # fmt: skip
+
+
+def _valid(image: Image) -> np.ndarray:
+    """(n,) brightness of the valid pixels."""
+    return image.brightness[image.valid]
+
+
+def _which(names: Sequence[str], views: int) -> str:
+    """In words: all uncalibrated images of so many views, or those of some cameras."""
+    if len(names) == views:
+        return "these uncalibrated images"
+    others = "" if len(names) <= NAMED else f" and {len(names) - NAMED} more"
+    return f"{len(names)} of {views} uncalibrated images, {', '.join(names[:NAMED])}{others}"
