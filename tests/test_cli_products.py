@@ -1,6 +1,7 @@
 """`phomo render`, `evaluate` and `info` on a run folder: what they write, and what they refuse."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,7 @@ from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.site import Site, SiteView, write_site
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Similarity, so3_exp
+from photoclinometry.model.scene import BODY_FIXED, OWN, SHARED
 from photoclinometry.photometry.render import render_view
 from photoclinometry.registration.alignment import transform_scene
 from scenes import synthetic_images, synthetic_scene
@@ -123,6 +125,28 @@ def test_info_describes_a_site_and_a_run(place, capsys):
     run = capsys.readouterr().out
     assert "576 landmarks" in run
     assert "41.5\u00a0dB" in run
+
+
+@pytest.mark.parametrize(
+    ("frame", "tables", "words"),
+    [
+        (OWN, {}, "of the images alone"),
+        (SHARED, {}, "that of a larger model"),
+        (BODY_FIXED, {"pose_priors": [{"used": True}], "control_points": []}, "body-fixed, by pose priors"),
+        (BODY_FIXED, {"pose_priors": [], "control_points": [{"used": True}]}, "body-fixed, by ground control points"),
+        (
+            BODY_FIXED,
+            {"pose_priors": [{"used": True}, {"used": False}], "control_points": [{"used": True}]},
+            "body-fixed, by pose priors and ground control points",
+        ),
+        (BODY_FIXED, {"pose_priors": [{"used": False}]}, "body-fixed"),
+    ],
+)
+def test_info_says_what_placed_the_map(place, tmp_path, capsys, frame, tables, words):
+    write_scene(tmp_path / "scene.h5", replace(place.scene, frame=frame))
+    (tmp_path / "metrics.json").write_text(json.dumps(tables))
+    info(tmp_path)
+    assert f"frame: {words}\n" in capsys.readouterr().out
 
 
 def test_views_are_found_by_name_file_name_or_stem(place):

@@ -11,7 +11,7 @@ import numpy as np
 from photoclinometry.cli.columns import plain_number, short_names
 from photoclinometry.io.run_files import read_metrics, read_run
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.model.scene import BODY_FIXED, SHARED
 from photoclinometry.model.warning import Warned, few_of_each
 
 if TYPE_CHECKING:
@@ -126,6 +126,17 @@ def figure_rows(content: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], list
     return metric_rows({k: v for k, v in metrics.items() if isinstance(v, (int, float)) and not isinstance(v, bool)})
 
 
+def frame_in_words(frame: str, content: Mapping[str, Any]) -> str:
+    """The frame of a scene, and what placed it there. content: of metrics.json, whose tables tell that."""
+    if frame == SHARED:
+        return "that of a larger model"
+    if frame != BODY_FIXED:
+        return "of the images alone"
+    tables = {"pose priors": "pose_priors", "ground control points": "control_points"}
+    by = [name for name, key in tables.items() if any(row.get("used") for row in content.get(key, ()))]
+    return f"body-fixed, by {' and '.join(by)}" if by else "body-fixed"
+
+
 def show_run(run: Path) -> None:
     """The content of the scene, its views, and the figures that the run recorded."""
     from rich.console import Console
@@ -147,7 +158,8 @@ def show_run(run: Path) -> None:
         f"region: {region.width} x {region.height} pixels from column {region.col}, row {region.row} of "
         f"{scene.views.name[scene.reference]}{every}; ground sample distance {scene.gsd:.4g} ({unit})"
     )
-    console.print(f"frame: {'body-fixed, by pose priors' if scene.frame == BODY_FIXED else 'of the images alone'}")
+    content = read_metrics(run)
+    console.print(f"frame: {frame_in_words(scene.frame, content)}")
     if scene.brightness != "iof":
         console.print("dark level: {}, {}".format(*in_words(scene.views.dark_level)))
     names, table = _names_and_table(console, scene.views.name)
@@ -160,7 +172,6 @@ def show_run(run: Path) -> None:
         shown = (f"{scene.views.scale[k]:.4g}", f"{scene.views.bias[k]:.1e}", *(f"{s[k]:.3g}" for s in sigmas.values()))
         table.add_row(name, str(keypoints[k]), *shown)
     console.print(table)
-    content = read_metrics(run)
     _show_figures(console, content, [warned["words"] for warned in content.get("warnings", [])])
 
 

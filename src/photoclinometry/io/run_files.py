@@ -45,11 +45,11 @@ def read_metrics(run: Path) -> dict[str, Any]:
     if not path.is_file():
         return {}
     content = read_json(path)
-    parts = {"metrics": dict, "warnings": list, "not_trusted_because": list}
+    tables = ("warnings", "pose_priors", "control_points")
+    parts = {"metrics": dict, "not_trusted_because": list, **dict.fromkeys(tables, list)}
     sound = isinstance(content, dict) and all(isinstance(content.get(k, kind()), kind) for k, kind in parts.items())
-    sound = sound and all(
-        isinstance(row, dict) and {"code", "words"} <= row.keys() for row in content.get("warnings", ())
-    )
+    sound = sound and all(isinstance(row, dict) for table in tables for row in content.get(table, ()))
+    sound = sound and all({"code", "words"} <= row.keys() for row in content.get("warnings", ()))
     if not sound or any(isinstance(v, int) and abs(v) > _LARGEST_COUNT for v in content.get("metrics", {}).values()):
         raise RunFolderError(f"{path}: is damaged (it holds no figures of a run); run the site again")
     return content
