@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.evaluate.verdict import CARE, SOUND, WRONG
 from photoclinometry.model.warning import MANY_ALIKE, Warned, few_of_each
 from photoclinometry.output.report.body_overview import body_overview, phases_deg
 from photoclinometry.output.report.body_places import body_places
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
-from photoclinometry.output.report.facts import CARE, SOUND, WRONG
 from photoclinometry.output.report.sides import PIXELS, SIDES, best_seen, seen_from, titles
 from photoclinometry.surface.mesh_rays import MeshRays
 from viewer_bodies import DIRECTIONS, RADIUS, body_of, round_one
@@ -183,7 +183,7 @@ def test_the_page_begins_with_verdict_facts_and_places(body, tmp_path):
     )
     html = write_body_report(tmp_path / "report", body, no_steps(body), content).read_text(encoding="utf-8")
     what = ("What was mapped", "How good it is", "Worst places", "overview.png")
-    parts = (f"<b>{WRONG}:</b>", "no &lt;b&gt; is", "1 warning<", "b is left out", *what)
+    parts = (f"<b>{WRONG.capitalize()}:</b>", "no &lt;b&gt; is", "1 warning<", "b is left out", *what)
     assert sorted(map(html.index, parts)) == [html.index(part) for part in parts]
     assert "plan.tile_px = &lt;64&gt;" in html
     assert (tmp_path / "report" / "overview.png").stat().st_size > 3000

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from photoclinometry.evaluate.evaluate import evaluate_scene
+from photoclinometry.evaluate.illumination import sun_span_deg
+from photoclinometry.evaluate.tables import digits
+from photoclinometry.evaluate.verdict import CARE, SOUND, WRONG
 from photoclinometry.model.scene import BODY_FIXED
-from photoclinometry.output.report.facts import CARE, SOUND, WRONG, digits, sun_span_deg, with_sigma
+from photoclinometry.output.report.facts import with_sigma
 from photoclinometry.output.report.first_screen import first_screen
 from photoclinometry.output.report.overview import light, overview
 from photoclinometry.output.report.weak_places import BLOCKS, block_side, block_values, weak_places

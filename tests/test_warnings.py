@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from commands import phomo
+from photoclinometry.evaluate.verdict import UNCHECKED_RELIEF
 from photoclinometry.model.warning import CODES, Warned, collected_warnings, distinct, warn
-from photoclinometry.output.report.overview import UNCHECKED_RELIEF
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.pose_priors import prior_table
+from photoclinometry.pipeline.products import RunSummary, write_products
 from photoclinometry.pipeline.rendering_check import OFF, POOR_FIT_PERCENT, POOR_PSNR_DB, warn_of_renderings
 from photoclinometry.pipeline.result_display import result_card
 from photoclinometry.pipeline.run_folder import open_run
@@ -150,6 +151,8 @@ def test_a_run_that_warns_says_so_at_its_end_and_in_its_files(mapped, tmp_path, 
     row = {"code": "most-suns-contradict", "words": "the Sun directions <contradict> each other", "view": ""}
     assert content["warnings"] == [row]
     assert content["trusted"] is False
+    assert content["verdict"] == "do not trust"
+    assert "verdict: do not trust" in end
     assert "check the convention of `sun`" in content["not_trusted_because"][0]
     assert not (folder / "lock").exists()
 
@@ -159,7 +162,37 @@ def test_a_result_shows_its_warnings(mapped, tmp_path, doubtful):
     assert [warned.code for warned in result.warnings] == ["most-suns-contradict"]
     assert not result.trusted
     assert "1 warnings; NOT TO BE TRUSTED" in repr(result)
-    assert "&lt;contradict&gt;" in result_card(result)
+    assert "&lt;contradict&gt; each other [most-suns-contradict]" in result_card(result)
+
+
+def test_the_verdict_is_the_same_everywhere(mapped, tmp_path, capsys, caplog):
+    """Of a map to take care of: in its files, in the log and the terminal, in `phomo info`, and in a notebook."""
+    result = mapped.result
+    few = replace(result.scene, tracks=result.scene.tracks.of_views(np.arange(4)))
+    summary = RunSummary(adjustment=replace(result.adjustment, scene=few), config={}, left_out={})
+    with caplog.at_level(logging.INFO):
+        found = write_products(open_run(tmp_path), summary)
+    care = "few views: 4.0 measure a landmark, 5 or more are good"
+    assert (found.verdict, found.care[0]) == ("usable with care", care)
+    assert {"verdict: usable with care", f"usable with care: {care}"} <= set(caplog.messages)
+    content = json.loads((tmp_path / "metrics.json").read_text())
+    assert (content["verdict"], tuple(content["care"])) == (found.verdict, found.care)
+    html = found.report.read_text(encoding="utf-8")
+    assert html.index("<b>Usable with care:</b>") < html.index(f"<li>{care}</li>") < html.index("What was mapped")
+    assert "usable with care" in repr(found)
+    assert f">{care}" in result_card(found)
+    assert phomo("info", tmp_path) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"verdict: usable with care take care: {care}" in said
+
+
+def test_info_tells_the_codes_of_warnings(mapped, tmp_path, capsys):
+    folder = mapped.copy(tmp_path / "run")
+    content = json.loads((folder / "metrics.json").read_text())
+    content["warnings"] = [Warned("view-left-out", "a is left out", "a").as_row()]
+    (folder / "metrics.json").write_text(json.dumps(content))
+    assert phomo("info", folder) == 0
+    assert "warning: a is left out [view-left-out]" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("code", ["relief-by-shading", "relief-inverted"])
@@ -176,6 +209,7 @@ def test_a_sound_map_is_trusted_and_has_no_warnings(mapped):
     assert content["metrics"]["brightness_change_explained_percent"] > 80.0
     assert mapped.result.trusted
     report = mapped.result.report.read_text(encoding="utf-8")
+    assert content["verdict"] == mapped.result.verdict
     unsure = content["metrics"]["relief_over_parallax_sigma"]  # so small a map has few matches: 6 to 12 % by machine
     with_care = unsure > UNCHECKED_RELIEF
     assert f"<b>{'Usable with care' if with_care else 'Sound'}:</b>" in report

@@ -22,6 +22,7 @@ from photoclinometry.body.tile_map import TileMap
 from photoclinometry.body.trust import MOST_TILES, why_untrusted
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.evaluate.tables import json_numbers
+from photoclinometry.evaluate.verdict import verdict_of, why_body_with_care
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
@@ -32,8 +33,10 @@ from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.model.sparse import of_views
 from photoclinometry.model.warning import Warned
+from photoclinometry.output.report.body_overview import views_per_vertex
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
 from photoclinometry.output.viewer import ViewedBody
+from photoclinometry.pipeline.products import log_verdict
 from photoclinometry.pipeline.response_check import CODE as RESPONSE
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.stage import Keyed
@@ -52,6 +55,13 @@ class BodyResult:
     warnings: tuple[Warned, ...]
     distrust: tuple[str, ...] = ()
     """Why the map is not to be trusted; empty where it is."""
+    care: tuple[str, ...] = ()
+    """What to take care of in a map with which nothing is wrong; empty of a sound one."""
+
+    @property
+    def verdict(self) -> str:
+        """ "sound", "usable with care" (of a map that was warned of, too) or "do not trust"."""
+        return verdict_of(self.distrust, self.warnings, self.care)
 
     @property
     def trusted(self) -> bool:
@@ -101,6 +111,8 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     metrics, warnings = _metrics(model, made), _of_the_body(folder.warnings, model, made.placed)
     distrust = why_untrusted([tile.value for tile in made.tiles], made.renderings.explained, warnings)
     rows, views = ([json_numbers(row) for row in each] for each in (_tile_rows(model, made), _view_rows(model, made)))
+    care = tuple(why_body_with_care(metrics, rows, views_per_vertex(shape)))
+    verdict = verdict_of(distrust, warnings, care)
     with folder.timed("products"):
         write_shape_ply(folder.path / BODY_FILE, shape)
         write_colmap(folder.path / POSES_FOLDER, _poses(model, made))
@@ -115,11 +127,14 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
             options=config,
             warnings=warnings,
             distrust=distrust,
+            care=care,
         )
         page = write_body_report(folder.path / "report", viewed, surface.step, content, model.posed.inputs.value.images)
     document = {
+        "verdict": verdict,
         "trusted": not distrust,
         "not_trusted_because": list(distrust),
+        "care": list(care),
         "warnings": [warned.as_row() for warned in warnings],
         "metrics": json_numbers(metrics),
         "tiles": rows,
@@ -127,6 +142,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
         "stages": [asdict(cost) for cost in folder.costs],
     }
     write_text(folder.path / "metrics.json", json.dumps(document, indent=2) + "\n")
+    log_verdict(verdict, (*distrust, *care))
     return BodyResult(
         folder=folder.path,
         model=model,
@@ -135,6 +151,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
         report=page,
         warnings=warnings,
         distrust=distrust,
+        care=care,
     )
 
 

@@ -172,7 +172,7 @@ def show_run(run: Path) -> None:
         shown = (f"{scene.views.scale[k]:.4g}", f"{scene.views.bias[k]:.1e}", *(f"{s[k]:.3g}" for s in sigmas.values()))
         table.add_row(name, str(keypoints[k]), *shown)
     console.print(table)
-    _show_figures(console, content, [warned["words"] for warned in content.get("warnings", [])])
+    _show_figures(console, content, [warned.line for warned in _warnings(content)])
 
 
 def show_body(body: Path) -> None:
@@ -183,12 +183,15 @@ def show_body(body: Path) -> None:
     metrics = content.get("metrics", {})
     told = f"{metrics['facets']:,.0f} facets" if "facets" in metrics else "without metrics.json"
     console.print(f"[bold]{body.resolve().name}[/bold]: a whole body, {told}")
-    warned = [Warned(str(row["code"]), str(row["words"])) for row in content.get("warnings", [])]
-    _show_figures(console, content, few_of_each(warned))
+    _show_figures(console, content, few_of_each(_warnings(content)))
+
+
+def _warnings(content: Mapping[str, Any]) -> list[Warned]:
+    return [Warned(str(row["code"]), str(row["words"])) for row in content.get("warnings", ())]
 
 
 def _show_figures(console: Console, content: Mapping[str, Any], warnings: Sequence[str]) -> None:
-    """The figures of metrics.json, the lines of what was warned of, and why the map is not to be trusted."""
+    """The figures of metrics.json, the verdict, the lines of what was warned of, and the reasons of the verdict."""
     from rich import box
     from rich.table import Column, Table
 
@@ -202,6 +205,10 @@ def _show_figures(console: Console, content: Mapping[str, Any], warnings: Sequen
     for name, value in singles:
         figures.add_row(name, value.replace(" ", "\u00a0"))
     console.print(figures)
+    if "verdict" in content:
+        console.print(f"verdict: {content['verdict']}", markup=False)
+    for line in content.get("care", ()):
+        console.print(f"take care: {line}", markup=False)
     for line in warnings:
         console.print(f"warning: {line}", markup=False)
     for reason in content.get("not_trusted_because", []):

@@ -34,12 +34,16 @@ def say_result(console: Any, result: RunResult) -> None:
 
 
 def say_ending(console: Any, result: RunResult | BodyResult, warnings: Sequence[str]) -> None:
-    """Lines of warnings on the console, once more at the end, and the report's path on standard output.
+    """The verdict, what to take care of, and lines of warnings on the console, once more at the end, and the report's
+    path on standard output.
 
     Raises UntrustedMapError, for the last line and the exit code, where the map is not to be trusted.
     """
     from photoclinometry.model.errors import UntrustedMapError
 
+    console.print(f"verdict: {result.verdict}")
+    for line in result.care:
+        console.print(f"- {line}", highlight=False, markup=False)
     if warnings:
         console.print(f"warnings: {len(result.warnings)}")
     for line in warnings:

@@ -68,6 +68,18 @@ def number(value: float | int | str | None) -> str:
     return f"{value:.4g}"
 
 
+def digits(value: float, count: int = 3) -> str:
+    """So many significant digits, and all before the point; never in scientific notation."""
+    if not math.isfinite(value) or value == 0.0:
+        return number(value)
+    return grouped(value, count - 1 - math.floor(math.log10(abs(value))))
+
+
+def grouped(value: float, decimals: int) -> str:
+    """So many decimals, at least none, and thin spaces between thousands."""
+    return f"{value:,.{max(0, decimals)}f}".replace(",", "\u202f")
+
+
 def json_numbers(metrics: Mapping[str, float | None]) -> dict[str, float | None]:
     """The metrics for JSON, which has no infinity and no NaN: these become null."""
     return {

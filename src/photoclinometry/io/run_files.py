@@ -46,7 +46,7 @@ def read_metrics(run: Path) -> dict[str, Any]:
         return {}
     content = read_json(path)
     tables = ("warnings", "pose_priors", "control_points")
-    parts = {"metrics": dict, "not_trusted_because": list, **dict.fromkeys(tables, list)}
+    parts = {"metrics": dict, "not_trusted_because": list, "care": list, "verdict": str, **dict.fromkeys(tables, list)}
     sound = isinstance(content, dict) and all(isinstance(content.get(k, kind()), kind) for k, kind in parts.items())
     sound = sound and all(isinstance(row, dict) for table in tables for row in content.get(table, ()))
     sound = sound and all({"code", "words"} <= row.keys() for row in content.get("warnings", ()))

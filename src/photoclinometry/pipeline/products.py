@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.adjust import Adjustment
+from photoclinometry.evaluate.verdict import verdict_of, why_with_care
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
@@ -34,6 +36,8 @@ from photoclinometry.pipeline.response_check import ResponseCheck
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.trust import brightness_off, change_explained, why_untrusted
 
+log = logging.getLogger(__name__)
+
 Row = dict[str, Any]
 """Of a table, by name of column."""
 
@@ -56,6 +60,13 @@ class RunResult:
     """All that was warned of, in the stages that were read back, too."""
     distrust: tuple[str, ...] = ()
     """Why the map is not to be trusted; empty where it is."""
+    care: tuple[str, ...] = ()
+    """What to take care of in a map with which nothing is wrong; empty of a sound one."""
+
+    @property
+    def verdict(self) -> str:
+        """ "sound", "usable with care" (of a map that was warned of, too) or "do not trust"."""
+        return verdict_of(self.distrust, self.warnings, self.care)
 
     @property
     def trusted(self) -> bool:
@@ -117,6 +128,12 @@ class _Tables:
     """All of the run."""
     distrust: tuple[str, ...]
     """Why the map is not to be trusted."""
+    care: tuple[str, ...]
+    """What to take care of."""
+
+    @property
+    def verdict(self) -> str:
+        return verdict_of(self.distrust, self.warnings, self.care)
 
 
 def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
@@ -135,7 +152,24 @@ def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
     with folder.timed("report"):
         page = _write_report(folder, summary, tables)
     _write_metrics(folder, summary, tables)
-    return RunResult(scene, adjustment, tables.metrics, page, dict(summary.left_out), tables.warnings, tables.distrust)
+    log_verdict(tables.verdict, (*tables.distrust, *tables.care))
+    return RunResult(
+        scene=scene,
+        adjustment=adjustment,
+        metrics=tables.metrics,
+        report=page,
+        left_out=dict(summary.left_out),
+        warnings=tables.warnings,
+        distrust=tables.distrust,
+        care=tables.care,
+    )
+
+
+def log_verdict(verdict: str, reasons: Sequence[str]) -> None:
+    """The verdict on a map, and its reasons, in the log."""
+    log.info("verdict: %s", verdict)
+    for reason in reasons:
+        log.info("%s: %s", verdict, reason)
 
 
 def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
@@ -182,6 +216,7 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
         altimetry=of_altimetry,
         warnings=warnings,
         distrust=why_untrusted(adjustment, len(summary.left_out), warnings, summary.relief),
+        care=tuple(why_with_care(scene, metrics)),
     )
 
 
@@ -201,8 +236,9 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         shots=summary.adjustment.altimetry,
         convergence=cost_by_reweighting(summary.adjustment.log),
         options=summary.config,
-        warnings=[warned.words for warned in tables.warnings],
+        warnings=[warned.line for warned in tables.warnings],
         distrust=tables.distrust,
+        care=tables.care,
     )
     return report.write_report(folder.path / "report", summary.adjustment.scene, summary.images, content)
 
@@ -212,8 +248,10 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
     from photoclinometry.io.atomic import write_text
 
     content = {
+        "verdict": tables.verdict,
         "trusted": not tables.distrust,
         "not_trusted_because": list(tables.distrust),
+        "care": list(tables.care),
         "warnings": [warned.as_row() for warned in tables.warnings],
         "metrics": json_numbers(tables.metrics),
         "views": tables.views,

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 def result_line(result: RunResult) -> str:
     """The result in one line."""
     scene, about = result.scene, result_table(result)
-    counts = f"{len(scene.views)} views, {len(scene.landmarks)} landmarks"
+    verdict = "" if not result.trusted else f"{result.verdict}; "
+    counts = f"{verdict}{len(scene.views)} views, {len(scene.landmarks)} landmarks"
     parts = [f"{key} {about[key]}" for key in ("mean PSNR", "estimate", "views left out") if key in about]
     parts += [f"{len(result.warnings)} warnings"] if result.warnings else []
     parts += [] if result.trusted else ["NOT TO BE TRUSTED"]
@@ -33,6 +34,8 @@ def result_table(result: RunResult) -> dict[str, str]:
     quality = {} if psnr is None else {"mean PSNR": f"{psnr:.1f} dB"}
     state = "converged" if result.adjustment.converged else f"not converged: {result.adjustment.message}"
     trust = {} if result.trusted else {"not to be trusted": "; ".join(result.distrust)}
-    warned = {"warnings": "; ".join(warned.words for warned in result.warnings)} if result.warnings else {}
+    care = {"to take care of": "; ".join(result.care)} if result.care else {}
+    warned = {"warnings": "; ".join(warned.line for warned in result.warnings)} if result.warnings else {}
     left_out = {"views left out": ", ".join(result.left_out)} if result.left_out else {}
-    return {**quality, "estimate": state, **trust, **left_out, **warned, "report": str(result.report)}
+    how = {**quality, "estimate": state, "verdict": result.verdict, **trust, **care}
+    return {**how, **left_out, **warned, "report": str(result.report)}

@@ -7,34 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.evaluate.tables import number
+from photoclinometry.evaluate.illumination import sun_span_deg
+from photoclinometry.evaluate.tables import digits, number
+from photoclinometry.evaluate.verdict import verdict_of, why_body_with_care
 from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.model.warning import Warned, few_of_each
 from photoclinometry.output.report.body_places import BodyPlace, body_places
 from photoclinometry.output.report.facts import (
     Fact,
     Overview,
     dark_level,
-    digits,
-    few_views,
-    rough_heights,
-    rough_normals,
     span,
     stated_sigmas,
-    sun_span_deg,
-    verdict_of,
     with_sigma,
     with_unit,
 )
 from photoclinometry.output.viewer import ViewedBody
 from photoclinometry.surface.closed_mesh import centroid
 
-GUESSED_PERCENT = 5.0
-"""Share of the surface without a map beyond which shape and volume rest on a guess. Sound simulated bodies have 0.2 to
-1 per cent."""
-POOR_DISK_PSNR_DB = 22.0
-"""Mean PSNR of whole disks below which renderings differ from images by more than 8 % of the peak, twice as much as
-those of sound simulated bodies, which have 27 to 30 dB."""
 KILO = 1000.0
 """Lengths from so many metres on are shown in kilometres."""
 _SIGMAS = {
@@ -51,15 +42,16 @@ def body_overview(
     tiles: Sequence[Mapping[str, Any]],
     warnings: Sequence[Warned] = (),
     distrust: Sequence[str] = (),
+    care: Sequence[str] | None = None,
 ) -> Overview[BodyPlace]:
     """The overview of a body.
 
     step: (V,) scatter of heights between tiles, NaN where there is but one; metrics: as in the body's metrics.json;
-    tiles: a row for each, with "used".
+    tiles: a row for each, with "used"; care: as `why_body_with_care` gives (computed if left out).
     """
-    care = _care(body, metrics, tiles)
+    care = why_body_with_care(metrics, tiles, views_per_vertex(body.shape)) if care is None else care
     return Overview(
-        verdict=verdict_of(distrust, [warned.words for warned in warnings], care),
+        verdict=verdict_of(distrust, warnings, care),
         reasons=(*distrust, *care),
         warnings=tuple(few_of_each(warnings)),
         what=tuple(_what(body, metrics)),
@@ -79,7 +71,8 @@ def _what(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
     name = (body.body or "unknown body").capitalize()
     frame = "in its body-fixed frame" if body.body_fixed else "images alone tell neither its size nor its poles"
     used = metrics["images_registered"] + metrics["images_placed_by_surface"]
-    each = f"; a vertex is measured in {_mean_views(body):.1f} of them" if body.shape.views is not None else ""
+    per_vertex = views_per_vertex(body.shape)
+    each = "" if per_vertex is None else f"; a vertex is measured in {per_vertex:.1f} of them"
     return [
         Fact(name="Body", value=name, meaning=frame),
         *_size(body, metrics),
@@ -112,10 +105,11 @@ def _what(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
     ]
 
 
-def _mean_views(body: ViewedBody) -> float:
-    """Images per vertex that was mapped."""
-    views = body.shape.views
-    return float(views[views > 0].mean()) if views is not None and (views > 0).any() else 0.0
+def views_per_vertex(shape: ShapeModel) -> float | None:
+    """Images that measure a vertex, in the mean over those that were mapped; None where the shape does not tell."""
+    if shape.views is None:
+        return None
+    return float(shape.views[shape.views > 0].mean()) if (shape.views > 0).any() else 0.0
 
 
 def _size(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
@@ -152,25 +146,4 @@ def _quality(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
     if "psnr_mean_db" in metrics:
         worst = f"whole disks against images, worst {metrics['psnr_min_db']:.1f}; 30 dB is 3 % of the peak"
         found.append(Fact(name="PSNR", value=f"{metrics['psnr_mean_db']:.1f} dB", meaning=worst))
-    return found
-
-
-def _care(body: ViewedBody, metrics: Mapping[str, Any], tiles: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What makes a body that nothing is wrong with less than sound."""
-    found = few_views(_mean_views(body)) if body.shape.views is not None else []
-    left_out = metrics["images"] - metrics["images_registered"] - metrics["images_placed_by_surface"]
-    if left_out:
-        found.append(f"left out, since they have no pose: {number(left_out)} of {number(metrics['images'])} images")
-    without = [str(n) for n, row in enumerate(tiles) if not row["used"]]
-    if without:
-        found.append(f"{len(without)} of {len(tiles)} tiles have no map: {', '.join(without)}")
-    if metrics["tiles_untrusted"]:
-        count = f"{number(metrics['tiles_untrusted'])} of {number(metrics['tiles'])}"
-        found.append(f"{count} tiles are not to be trusted, and count only where there is no other")
-    guessed = 100.0 - metrics["mapped_percent"]
-    if guessed > GUESSED_PERCENT:
-        found.append(f"{guessed:.0f} % of the surface were never mapped: shape and volume rest on a guess there")
-    found += rough_normals(metrics) + rough_heights(metrics)
-    if metrics.get("psnr_mean_db", np.inf) < POOR_DISK_PSNR_DB:
-        found.append(f"renderings differ from the images: mean PSNR {metrics['psnr_mean_db']:.1f} dB")
     return found

@@ -40,6 +40,8 @@ class BodyContent:
     warnings: Sequence[Warned] = ()
     distrust: Sequence[str] = ()
     """Why the body is not to be trusted."""
+    care: Sequence[str] | None = None
+    """As `evaluate.verdict.why_body_with_care` gives (computed if left out)."""
 
 
 def write_body_report(
@@ -82,7 +84,7 @@ def write_body_report(
 
 def _summary(work: Path, body: ViewedBody, rays: MeshRays, step: np.ndarray, content: BodyContent) -> str:
     """The first screen, with its six sides drawn into `work`."""
-    found = body_overview(body, step, content.metrics, content.tiles, content.warnings, content.distrust)
+    found = body_overview(body, step, content.metrics, content.tiles, content.warnings, content.distrust, content.care)
     draw_numbered_sides(work / "overview.png", rays, body.shape, [place.vertex for place in found.places])
     numbered = " Numbers: the worst places." if found.places else ""
     caption = f"The surface from six sides; {_way_up(body)}.{numbered}"

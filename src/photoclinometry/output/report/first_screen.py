@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from photoclinometry.output.report.facts import CARE, SOUND, WRONG, Fact, Overview, WorstPlace
+from photoclinometry.evaluate.verdict import CARE, SOUND, WRONG
+from photoclinometry.output.report.facts import Fact, Overview, WorstPlace
 
 STYLE = """
 .verdict { border: 1px solid #8cbf9b; border-left-width: 6px; border-radius: 8px; background: #e9f5ec; color: #1d5b33;
@@ -52,7 +53,8 @@ def _verdict(found: Overview[WorstPlace]) -> str:
     if found.warnings:
         count = len(found.warnings)
         listed += f"<b>{count} warning{'s' if count > 1 else ''}</b>{_list('ul', found.warnings)}"
-    return f'<div class="{f"verdict {kind}".strip()}"><b>{escape(found.verdict)}:</b> {words}{listed}</div>'
+    verdict = escape(found.verdict.capitalize())
+    return f'<div class="{f"verdict {kind}".strip()}"><b>{verdict}:</b> {words}{listed}</div>'
 
 
 def _facts(facts: Sequence[Fact]) -> str:

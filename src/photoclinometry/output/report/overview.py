@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.evaluate.tables import number
+from photoclinometry.evaluate.illumination import sun_span_deg
+from photoclinometry.evaluate.tables import digits, number
+from photoclinometry.evaluate.verdict import verdict_of, why_with_care
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.figures.layers import LAYERS, length_unit
@@ -16,30 +18,14 @@ from photoclinometry.output.report.facts import (
     Fact,
     Overview,
     dark_level,
-    digits,
-    few_views,
-    rough_heights,
-    rough_normals,
     span,
     stated_sigmas,
-    sun_span_deg,
-    verdict_of,
     with_unit,
 )
 from photoclinometry.output.report.weak_places import WeakPlace, weak_places
 from photoclinometry.registration.place import lon_lat_deg
 from photoclinometry.surface.relief import local_frame
 
-LITTLE_LIGHT_DEG = 10.0
-"""Greatest angle between two Suns below which brightness hardly tells slope from albedo. Under Suns that are 10 degrees
-apart ground of 5 degrees slope changes against level ground by 0.17 x 0.09 = 1.5 %, about what maps do not explain."""
-UNCHECKED_RELIEF = 0.1
-"""Standard deviation of relief over parallax beyond which a relief that is a fifth too low would pass as sound. Maps of
-100 x 100 landmarks have 0.01 to 0.05."""
-SPARSE_PERCENT = 80.0
-"""Share of the lit region below which a map is full of holes."""
-WORSE_BY_DB = 6.0
-"""How much worse the PSNR of held-out views may be: twice the error."""
 _SIGMAS = {
     "height": "one sigma of a landmark above the mean plane",
     "normal": "one sigma of its angle to the true one, at one landmark",
@@ -59,9 +45,11 @@ def overview(
     rows: Sequence[Mapping[str, Any]],
     warnings: Sequence[str] = (),
     distrust: Sequence[str] = (),
+    care: Sequence[str] | None = None,
 ) -> Overview[WeakPlace]:
-    """The overview of a scene. metrics: its figures; rows: of its views, as `ReportContent` has both."""
-    care = _care(scene, metrics)
+    """The overview of a scene. metrics: its figures; rows: of its views, as `ReportContent` has both; care: as
+    `why_with_care` gives (computed if left out)."""
+    care = why_with_care(scene, metrics) if care is None else care
     return Overview(
         verdict=verdict_of(distrust, warnings, care),
         reasons=(*distrust, *care),
@@ -155,26 +143,4 @@ def _quality(scene: Scene, metrics: Mapping[str, Any]) -> list[Fact]:
         if key in metrics:
             value = with_unit(metrics[key], key.rpartition("_")[2], gsd_m)
             found.append(Fact(name=title, value=value, meaning=meaning))
-    return found
-
-
-def _care(scene: Scene, metrics: Mapping[str, Any]) -> list[str]:
-    """What makes a map that nothing is wrong with less than sound."""
-    per_landmark, suns = len(scene.tracks) / max(1, len(scene.landmarks)), sun_span_deg(scene.views)
-    found = few_views(per_landmark)
-    if scene.reflectance is not None and suns < LITTLE_LIGHT_DEG:
-        found.append(f"the light hardly changes: Suns are at most {suns:.1f}° apart, so that albedo may contain slope")
-    if not scene.uncertainty:
-        found.append("no uncertainties were computed")
-    found += rough_normals(metrics)
-    if scene.frame != BODY_FIXED:
-        found += rough_heights(metrics)
-    unsure = metrics.get("relief_over_parallax_sigma", 0.0)
-    if unsure > UNCHECKED_RELIEF:
-        found.append(f"parallax checks the relief to {100.0 * unsure:.0f} % only: it may be too high or too low")
-    if metrics.get("completeness_percent", 100.0) < SPARSE_PERCENT:
-        found.append(f"{100.0 - metrics['completeness_percent']:.0f} % of the lit region are not mapped")
-    quality, held_out = metrics.get("psnr_mean_db"), metrics.get("psnr_held_out_mean_db")
-    if quality is not None and held_out is not None and held_out < quality - WORSE_BY_DB:
-        found.append(f"held-out views are predicted {quality - held_out:.1f} dB worse than those that were used")
     return found

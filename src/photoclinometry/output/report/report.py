@@ -65,9 +65,11 @@ class ReportContent:
     options: Mapping[str, Any] | None = None
     """Of the run, nested as they are."""
     warnings: Sequence[str] = ()
-    """What the run warned of: on top."""
+    """What the run warned of, with the codes: on top."""
     distrust: Sequence[str] = ()
     """Why the map is not to be trusted: on top, in red."""
+    care: Sequence[str] | None = None
+    """As `evaluate.verdict.why_with_care` gives (computed if left out): on top."""
 
 
 def write_report(
@@ -107,7 +109,7 @@ def _summary(
     work: Path, scene: Scene, rows: Sequence[Mapping[str, Any]], metrics: Mapping[str, float], content: ReportContent
 ) -> Section:
     """The first screen, with its map drawn into `work`."""
-    found = overview(scene, metrics, rows, content.warnings, content.distrust)
+    found = overview(scene, metrics, rows, content.warnings, content.distrust, content.care)
     caption = draw_overview(work / "overview.png", scene, found.places)
     link = page.link(VIEWER, "Move the Sun over the map, and measure on it")
     return "Summary", "", first_screen(found, "overview.png", caption) + link
