@@ -53,6 +53,26 @@ def test_every_layer_is_shown_and_no_two_are_alike(page):
     assert all(differ(a, b) > 0.05 for i, a in enumerate(pictures) for b in pictures[:i])
 
 
+def test_layers_do_not_show_what_nothing_determines(window, file, scene, folder):
+    """Renderings need all normals and albedos, and have them."""
+    stated = {name: values.copy() for name, values in scene.uncertainty.items()}
+    stated["normal"][:7] = np.inf
+    stated["albedo_relative"] = np.where(np.arange(len(scene.landmarks)) < 5, 1.0, 0.01) * scene.landmarks.albedo
+    pictures = []
+    for opened in (file, page_of(folder, replace(scene, uncertainty=stated), "unknown.html")):
+        window.open(opened)
+        window.settle()
+        window.set("layer", "rendering")
+        pictures.append(window.picture())
+    missing = (
+        "return viewer.layers.find((l) => l.key === arguments[0]).values.filter((v) => !Number.isFinite(v)).length"
+    )
+    found = {key: window.run(missing, key) for key in ("slope", "sigma_normal", "albedo", "sigma_albedo", "height")}
+    assert found == {"slope": 7, "sigma_normal": 7, "albedo": 5, "sigma_albedo": 5, "height": 0}
+    assert differ(*pictures) == 0.0
+    assert window.messages() == []
+
+
 def test_layers_have_the_maps_values_under_the_cursor(page, scene):
     """At the landmark under the cursor: height with its sigma, albedo; and incidence, emission and phase."""
     page.set("layer", "height")

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.evaluate.metrics import photometric_error, psnr, spread
-from photoclinometry.evaluate.sigmas import landmark_sigmas, view_sigmas
+from photoclinometry.evaluate.sigmas import view_sigmas
+from photoclinometry.evaluate.unreliable import known_sigmas, unreliable_counts
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.projection import (
@@ -177,7 +178,8 @@ def evaluate_scene(
         metrics |= spread(percent, "photometric_error", "percent")
         percent = 100.0 * landmark_photometric_error(scene, remove_scale_and_bias=True)
         metrics |= spread(percent, "photometric_error_without_scale_and_bias", "percent")
-    for name, values in landmark_sigmas(scene).items():
+    metrics |= unreliable_counts(scene)
+    for name, values in known_sigmas(scene).items():
         quantity, unit = name.rsplit("_", 1)
         metrics |= spread(values, quantity, unit)
     if held_out:

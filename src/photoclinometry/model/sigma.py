@@ -5,9 +5,15 @@ These forms are sigmas (n,) alike in all directions, sigmas (n, d) along d axes,
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from photoclinometry.model.errors import InputError
+
+UNTOLD_NORMAL_RAD = math.sqrt(0.5 * (math.pi - 2.0))
+"""Standard deviation about each tangent axis of a normal that nothing tells: of directions spread evenly over the
+hemisphere above the ground, the mean square of the angle from its axis is pi - 2."""
 
 
 def sigma_along(stated: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -36,6 +42,20 @@ def sigma_of_length(stated: np.ndarray, axes: int) -> np.ndarray:
     if stated.ndim == 2:
         return np.linalg.norm(stated, axis=-1)
     return np.sqrt(np.trace(stated, axis1=1, axis2=2))
+
+
+def largest_sigma(stated: np.ndarray) -> np.ndarray:
+    """(n,) standard deviation along the axis on which it is largest, of uncertainties in any form; infinite where one
+    of them is."""
+    stated = np.abs(np.asarray(stated, float)) if np.ndim(stated) < 3 else np.asarray(stated, float)
+    if stated.ndim == 1:
+        return stated
+    if stated.ndim == 2:
+        return stated.max(axis=-1)
+    finite = np.isfinite(stated).all((1, 2))
+    found = np.full(len(stated), np.inf)
+    found[finite] = np.sqrt(np.linalg.eigvalsh(stated[finite])[:, -1])
+    return found
 
 
 def _check(stated: np.ndarray, count: int, axes: int) -> None:

@@ -7,14 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.evaluate.unreliable import albedo_is_known
 from photoclinometry.model.sampling import filled_from_nearest
 from photoclinometry.model.scene import Scene
 
 log = logging.getLogger(__name__)
-
-UNKNOWN = 0.3
-"""Standard deviation of an albedo, as a share of it, beyond which it is not known: albedos of one body's ground differ
-by less."""
 
 
 def with_neighbours_albedos(scene: Scene) -> Scene:
@@ -27,7 +24,7 @@ def with_neighbours_albedos(scene: Scene) -> Scene:
     if "albedo_relative" not in scene.uncertainty:
         return scene
     albedo = scene.landmarks.albedo
-    known = scene.uncertainty["albedo_relative"] <= UNKNOWN * albedo
+    known = albedo_is_known(scene)
     if known.all() or not known.any():
         return scene
     log.info("%d landmarks of unknown albedo have that of their neighbours", np.count_nonzero(~known))

@@ -12,7 +12,6 @@ origin, orientation and size mean nothing. Otherwise they are in the frame of th
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -34,16 +33,13 @@ from photoclinometry.adjust.tie_points import Members
 from photoclinometry.model.error_correlation import ErrorCorrelation
 from photoclinometry.model.geometry import point_moves
 from photoclinometry.model.scene import Views
+from photoclinometry.model.sigma import UNTOLD_NORMAL_RAD
 from photoclinometry.model.warning import warn
 
 log = logging.getLogger(__name__)
 
 OF_LANDMARKS = ("position", "normal", "albedo", "albedo_relative")
 """What there is one of for each landmark; the rest is of views."""
-
-UNTOLD_NORMAL_RAD = math.sqrt(0.5 * (math.pi - 2.0))
-"""Standard deviation about each tangent axis of a normal that nothing tells: of directions spread evenly over the
-hemisphere above the ground, the mean square of the angle from its axis is pi - 2."""
 
 ENDLESS_RAD2 = 1e9
 """In place of an infinite variance of a normal [rad^2]: far above UNTOLD_NORMAL_RAD's, so that it counts as none."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known
 from photoclinometry.io.rasters.cog import Band, RasterPlace, write_cog
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
@@ -63,7 +64,7 @@ def write_maps(folder: Path, framed: Framed, products: Sequence[str], options: E
 def draw_maps(
     framed: Framed, plane: Plane, grid: MapGrid, products: Sequence[str], options: ExportOptions
 ) -> list[Map]:
-    """The maps on a grid, NaN where there is no ground.
+    """The maps on a grid, NaN where there is no ground, and where nothing determines a normal or an albedo.
 
     Between landmarks, normals, albedos and reflectances are those of cubic splines (as of `render.draw_smoothly`),
     standard deviations those on triangles.
@@ -92,7 +93,8 @@ def draw_maps(
         maps.append(_single("dtm", framed.unit, f"height {above}", np.where(valid, height, np.nan)[..., None]))
     if {"normals", "slope"} & set(products):
         axes = ("east", "north", "up") if framed.globe else ("x", "y", "up")
-        maps += _orientation(unit(smooth(scene.landmarks.normal)), unit(drawn(plane.up)), plane.north, axes, products)
+        normal = unit(smooth(_known(scene.landmarks.normal, normal_is_known(scene))))
+        maps += _orientation(normal, unit(drawn(plane.up)), plane.north, axes, products)
     for name, unit_name, about, values in _light(scene, products, options):
         maps.append(_single(name, unit_name, about, np.maximum(smooth(values[:, None]), 0.0)))
     for name, unit_name, about, values in _sigmas(framed, plane.up) if "sigma" in products else []:
@@ -107,36 +109,47 @@ Layer = tuple[str, str, str, np.ndarray]
 def _light(scene: Scene, products: Sequence[str], options: ExportOptions) -> list[Layer]:
     absolute, found = scene.brightness == "iof", []
     if "albedo" in products:
-        found.append(("albedo", "", "normal albedo" if absolute else "relative albedo", scene.landmarks.albedo))
+        known = _known(scene.landmarks.albedo, albedo_is_known(scene))
+        found.append(("albedo", "", "normal albedo" if absolute else "relative albedo", known))
     if "reflectance" in products:
         angles = "incidence {:g}, emission {:g}, phase {:g} degrees".format(*options.standard_geometry_deg)
         about = f"measured {'I/F' if absolute else 'relative brightness'} reduced to {angles}"
-        found.append(("reflectance", "", about, corrected_reflectance(scene, options.standard_geometry_deg)))
+        reflectance = corrected_reflectance(scene, options.standard_geometry_deg)
+        found.append(("reflectance", "", about, _known(reflectance, normal_is_known(scene))))
     return found
 
 
 def _sigmas(framed: Framed, up: np.ndarray) -> list[Layer]:
-    stated, found = framed.scene.uncertainty, []
+    scene, stated, found = framed.scene, framed.scene.uncertainty, []
     if "position" in stated:
         about = "standard deviation of the height"
         found.append(("sigma_height", framed.unit, about, sigma_along(stated["position"], up)))
     if "normal" in stated:
         about = "standard deviation of the angle between the normal and the true one"
-        found.append(("sigma_normal", "degree", about, np.degrees(sigma_of_length(stated["normal"], 2))))
+        sigma = np.degrees(sigma_of_length(stated["normal"], 2))
+        found.append(("sigma_normal", "degree", about, _known(sigma, normal_is_known(scene))))
     if "albedo" in stated:
-        found.append(("sigma_albedo", "", "standard deviation of the albedo", sigma_of_length(stated["albedo"], 1)))
+        sigma = _known(sigma_of_length(stated["albedo"], 1), albedo_is_known(scene))
+        found.append(("sigma_albedo", "", "standard deviation of the albedo", sigma))
     if "albedo_relative" in stated:
         about = "standard deviation of the albedo after the factor that the whole map has in common"
-        found.append(("sigma_albedo_relative", "", about, stated["albedo_relative"]))
+        found.append(("sigma_albedo_relative", "", about, _known(stated["albedo_relative"], albedo_is_known(scene))))
     return found
+
+
+def _known(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Values (J, ...) of landmarks, NaN of those that are not known (J,)."""
+    return np.where(known if values.ndim == 1 else known[:, None], values, np.nan)
 
 
 def _orientation(
     normal: np.ndarray, up: np.ndarray, north: np.ndarray, axes: Sequence[str], products: Sequence[str]
 ) -> list[Map]:
-    """Maps of normals and slopes from normals and verticals (h, w, 3), NaN in gaps. axes: names of the components."""
+    """Maps of normals and slopes from normals and verticals (h, w, 3), NaN in gaps, and where a normal does not point
+    upwards. axes: names of the components."""
     east = unit(np.cross(north, up))
     parts = np.stack([np.sum(normal * axis, -1) for axis in (east, np.cross(up, east), up)], -1)
+    parts = np.where(parts[..., 2:] > 0.0, parts, np.nan)
     maps = []
     if "normals" in products:
         bands = tuple(Band(description=f"normal, {axis}", unit="") for axis in axes)

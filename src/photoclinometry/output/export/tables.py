@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known
 from photoclinometry.io.csv_columns import Columns, write_csv
 from photoclinometry.io.rasters.globe import geographic
 from photoclinometry.model.sigma import sigma_along, sigma_of_length
@@ -23,26 +24,30 @@ def write_tables(folder: Path, framed: Framed) -> dict[str, str]:
 
 
 def landmark_columns(framed: Framed) -> Columns:
-    """Position, longitude and latitude if known, normal, albedo, standard deviations, pixel, observations."""
+    """Position, longitude and latitude if known, normal, albedo, standard deviations, pixel, observations.
+
+    NaN where nothing determines a normal or an albedo.
+    """
     scene, landmarks = framed.scene, framed.scene.landmarks
     length = "_m" if framed.metric else ""
     columns: Columns = {axis + length: landmarks.position[:, i] for i, axis in enumerate("xyz")}
     if framed.globe is not None:
         lon, lat, height = geographic(framed.globe, landmarks.position).T
         columns |= {"longitude_deg": lon, "latitude_deg": lat, "height_m": height}
-    columns |= {f"normal_{axis}": landmarks.normal[:, i] for i, axis in enumerate("xyz")}
+    told, known = normal_is_known(scene), albedo_is_known(scene)
+    columns |= {f"normal_{axis}": np.where(told, landmarks.normal[:, i], np.nan) for i, axis in enumerate("xyz")}
     if scene.reflectance is not None:
-        columns["albedo"] = landmarks.albedo
+        columns["albedo"] = np.where(known, landmarks.albedo, np.nan)
     stated = scene.uncertainty
     if "position" in stated:
         axes = np.broadcast_to(np.eye(3)[:, None], (3, len(landmarks), 3))
         columns |= {f"sigma_{a}{length}": sigma_along(stated["position"], axes[i]) for i, a in enumerate("xyz")}
     if "normal" in stated:
-        columns["sigma_normal_deg"] = np.degrees(sigma_of_length(stated["normal"], 2))
+        columns["sigma_normal_deg"] = np.where(told, np.degrees(sigma_of_length(stated["normal"], 2)), np.nan)
     if "albedo" in stated:
-        columns["sigma_albedo"] = sigma_of_length(stated["albedo"], 1)
+        columns["sigma_albedo"] = np.where(known, sigma_of_length(stated["albedo"], 1), np.nan)
     if "albedo_relative" in stated:
-        columns["sigma_albedo_relative"] = stated["albedo_relative"]
+        columns["sigma_albedo_relative"] = np.where(known, stated["albedo_relative"], np.nan)
     columns |= {"row_px": landmarks.pixel[:, 0], "col_px": landmarks.pixel[:, 1]}
     return columns | {"observations": np.diff(scene.tracks.start)}
 

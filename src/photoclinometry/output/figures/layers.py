@@ -9,6 +9,7 @@ import numpy as np
 
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
 from photoclinometry.evaluate.sigmas import landmark_sigmas
+from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import tangent_basis
 from photoclinometry.model.scene import Scene
@@ -37,7 +38,7 @@ class Layer:
     about: str
     """What it shows, for captions and for the command's help."""
     values: Values
-    """(J,) for every landmark, NaN or infinite where it is not known; (J, 3) local normals of "normals"."""
+    """(J,) for every landmark, NaN or infinite where it was not measured; (J, 3) local normals of "normals"."""
     label: Label
     """Quantity and unit, for colour bars and axes."""
     cmap: str = "magma"
@@ -48,6 +49,19 @@ class Layer:
     """(J,) one standard deviation of the values; None where the scene states none."""
     lacks: Callable[[Scene], str | None] = lambda scene: None
     """Why a scene has no such layer; None: it has."""
+    known: Callable[[Scene], np.ndarray] | None = None
+    """(J,) bool: the landmarks of which something determines the values; None: all."""
+
+    def shown(self, scene: Scene, view: int | None = None) -> np.ndarray:
+        """The values (J, ...) as figures show them: NaN where nothing determines them.
+
+        view: whose Sun lights the shaded relief; by default the light comes from the upper left.
+        """
+        values = shade(scene, view) if self.name == "relief" else self.values(scene)
+        if self.known is None:
+            return values
+        known = self.known(scene)
+        return np.where(known if values.ndim == 1 else known[:, None], values, np.nan)
 
 
 def length_unit(scene: Scene) -> tuple[float, str]:
@@ -142,6 +156,7 @@ _ALL = (
         from_zero=None,
         sigma=_albedo_sigma,
         lacks=_no_light,
+        known=albedo_is_known,
     ),
     Layer(
         name="relief",
@@ -151,6 +166,7 @@ _ALL = (
         label=lambda scene: "cosine of incidence",
         cmap="gray",
         from_zero=None,
+        known=normal_is_known,
     ),
     Layer(
         name="height",
@@ -171,6 +187,7 @@ _ALL = (
         cmap="inferno",
         from_zero=SHORT_TAIL_PERCENT,
         sigma=slope_sigma_deg,
+        known=normal_is_known,
     ),
     Layer(
         name="normals",
@@ -178,6 +195,7 @@ _ALL = (
         about="Normals. Bright: facing up in the image, dark: down, orange: right, blue: left; stretched.",
         values=local_normal,
         label=lambda scene: "direction that the ground faces",
+        known=normal_is_known,
     ),
     Layer(
         name="height-sigma",
@@ -194,6 +212,7 @@ _ALL = (
         values=_stated_sigma("normal_sigma_deg"),
         label=lambda scene: "sigma of the normal [°]",
         lacks=_not_stated("normal"),
+        known=normal_is_known,
     ),
     Layer(
         name="albedo-sigma",
@@ -202,6 +221,7 @@ _ALL = (
         values=_stated_sigma("albedo_sigma_percent"),
         label=lambda scene: "sigma of the albedo [%]",
         lacks=_not_stated("albedo"),
+        known=albedo_is_known,
     ),
     Layer(
         name="views",

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from photoclinometry.model.scene import Scene
 from photoclinometry.output.figures.draw import add_bar, colour_map, limits, region_extent, show_map, transparent
-from photoclinometry.output.figures.layers import STEEP_PERCENT, Layer, find_layer, length_unit, local_normal, shade
+from photoclinometry.output.figures.layers import LAYERS, STEEP_PERCENT, Layer, find_layer, length_unit, shade
 from photoclinometry.output.figures.marks import add_marks
 
 _HILLSHADE_MIX = (0.35, 0.65, 1.45)
@@ -39,16 +39,16 @@ def plot_layer(
 ) -> Axes:
     """Draws a layer of `LAYERS` on axes, in pixels of the reference image; returns the axes.
 
-    Places without a landmark stay blank. view: whose Sun is shown by an arrow, and lights the relief. clim: the
-    ends of the colour scale. marks: also draw the scale bar and the arrows. Raises InputError for a layer that there is
-    not.
+    Places without a landmark, or where nothing determines the values, stay blank. view: whose Sun is shown by an
+    arrow, and lights the relief. clim: the ends of the colour scale. marks: also draw the scale bar and the arrows.
+    Raises InputError for a layer that there is not.
     """
     layer = find_layer(scene, name)
     if name == "normals":
         show_map(axes, normal_colours(scene), scene.region, layer.title)
         _add_key(axes)
     else:
-        values = scene.grid(shade(scene, view) if name == "relief" else layer.values(scene))
+        values = scene.grid(layer.shown(scene, view))
         low, high = layer_limits(layer, values) if clim is None else clim
         if name == "height":
             _show_height(axes, scene, layer, values, (low, high), view)
@@ -71,9 +71,10 @@ def layer_limits(layer: Layer, values: np.ndarray) -> tuple[float, float]:
 def normal_colours(scene: Scene) -> np.ndarray:
     """Normals as colours (h, w, 4): lightness by how far the ground faces up in the image, orange right, blue left.
 
-    Both are stretched by one factor, so that the steepest two percent saturate. Transparent where there is no landmark.
+    Both are stretched by one factor, so that the steepest two percent saturate. Transparent where there is no landmark,
+    or nothing determines its normal.
     """
-    normal = scene.grid(local_normal(scene))
+    normal = scene.grid(LAYERS["normals"].shown(scene))
     across = limits(np.hypot(normal[..., 0], normal[..., 1]), high=STEEP_PERCENT, zero=True)[1]
     return transparent(_facing_colours(normal[..., 0] / across, normal[..., 1] / across))
 

@@ -57,7 +57,7 @@ def profile(scene: Scene, layer: Layer, start: Pixel, end: Pixel) -> Profile:
     to_local = local_frame(scene).inverse()
     local = to_local(scene.landmarks.position)[:, :2]
     sigma = layer.sigma(scene)
-    columns = [*local.T, layer.values(scene), *([] if sigma is None else [sigma])]
+    columns = [*local.T, layer.shown(scene), *([] if sigma is None else [sigma])]
     found = _along(scene, np.stack(columns, -1), pixel)
     there = np.isfinite(found).all(-1)
     if there.sum() < 2:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from photoclinometry.evaluate.evaluate import evaluate_scene, view_table
-from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.evaluate.tables import json_numbers
+from photoclinometry.evaluate.unreliable import known_sigmas
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
@@ -124,7 +124,7 @@ def _map_sections(work: Path, scene: Scene, images: Sequence[Image], content: Re
     found = draw_values(work, scene, content.errors, "difference")
     if found:
         sections.append(("Differences", "Against the reference, after alignment.", page.figures(found)))
-    found = draw_values(work, scene, landmark_sigmas(scene), "uncertainty")
+    found = draw_values(work, scene, known_sigmas(scene), "uncertainty")
     if found:
         note = "One standard deviation. Errors that all views share count as far as the images show them."
         if scene.frame == BODY_FIXED:

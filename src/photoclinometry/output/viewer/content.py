@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
-from photoclinometry.evaluate.sigmas import landmark_sigmas
+from photoclinometry.evaluate.unreliable import albedo_is_known, known_sigmas, normal_is_known
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.pose_prior import PosePrior
@@ -89,7 +89,10 @@ def _place(scene: Scene, frame: Rigid) -> Content:
 
 
 def _landmarks(scene: Scene, frame: Rigid, length: float) -> Content:
-    """Arrays of the landmarks in the scene's order; `cell` counts the map's grid row by row."""
+    """Arrays of the landmarks in the scene's order; `cell` counts the map's grid row by row.
+
+    Renderings need all normals and albedos; layers do not show those that `unknown_normal` and `unknown_albedo` mark.
+    """
     row, col = scene.cells
     cell = row * scene.region.grid_shape[1] + col
     landmarks = scene.landmarks
@@ -103,13 +106,15 @@ def _landmarks(scene: Scene, frame: Rigid, length: float) -> Content:
         found["albedo"] = packed(landmarks.albedo, share_of_peak(landmarks.albedo, ALBEDO_LEVELS))
         residual = 100.0 * landmark_photometric_error(scene, remove_scale_and_bias=True)
         found["residual"] = packed(residual, three_digits(residual))
+    unknown = {"unknown_normal": ~normal_is_known(scene), "unknown_albedo": ~albedo_is_known(scene)}
+    found |= {name: packed(marked, 1.0) for name, marked in unknown.items() if marked.any()}
     return found | _sigmas(scene, length)
 
 
 def _sigmas(scene: Scene, length: float) -> Content:
     """Standard deviations of position and height [the page's unit of length], normal [degrees], albedo [%]."""
     found = {}
-    for name, values in landmark_sigmas(scene).items():
+    for name, values in known_sigmas(scene).items():
         quantity = name.split("_sigma_")[0]
         in_unit = values * scene.gsd * length if name.endswith("_gsd") else values
         found[f"sigma_{quantity}"] = packed(in_unit, three_digits(in_unit))

@@ -14,7 +14,7 @@ function layersOf(map) {
   };
   if (scene.reflectance) layer("rendering", "rendering", absolute ? "I/F" : "DN", "gray", null);
   layer("relief", "shaded relief", "cosine of incidence", "gray", null, { limits: [0, 1] });
-  layer("albedo", absolute ? "normal albedo" : "relative albedo", "", "gray", map.albedo, { spread: [0.01, 0.99] });
+  layer("albedo", absolute ? "normal albedo" : "relative albedo", "", "gray", map.knownAlbedo, { spread: [0.01, 0.99] });
   const asHeight = { spread: [0.01, 0.99], shaded: true, contours: true };
   layer("height", map.ground.heightName, length, "viridis", map.height, asHeight);
   layer("slope", "slope", "°", "magma", map.slope, { shaded: true });

@@ -20,7 +20,8 @@ async function readMap(scene) {
   cell.forEach((at, j) => (map.landmarkAt[at] = j));
   map.height = Float32Array.from(cell, (at, j) => map.ground.heightOf(positionOf(map, j)));
   map.anyAlbedo = map.albedo ? percentile(map.albedo, 0.5) : 1;
-  map.slope = slopes(map);
+  map.slope = unlessMarked(slopes(map), map.unknown_normal);
+  map.knownAlbedo = map.albedo && unlessMarked(map.albedo, map.unknown_albedo);
   map.radius = halfSize(map);
   map.pictures = scene.pictures.map(() => undefined);
   return map;
@@ -31,6 +32,9 @@ const normalOf = (map, j) => [map.normal[j], map.normal[map.count + j], map.norm
 
 /** Albedo of a landmark in renderings: the median where it is not known. */
 const albedoOf = (map, j) => (map.albedo && Number.isFinite(map.albedo[j]) ? map.albedo[j] : map.anyAlbedo);
+
+/** Values (J,), NaN for marked landmarks, whose values nothing determines. */
+const unlessMarked = (values, marks) => (marks ? values.map((value, j) => (marks[j] > 0 ? NaN : value)) : values);
 
 /** Angle of the normals to the ground's vertical [degrees]. */
 function slopes(map) {

@@ -32,7 +32,7 @@ function profilePoint(map, distance, x, y, place) {
     position,
     height: of(map.height),
     sigma: of(map.sigma_height),
-    albedo: of(map.albedo),
+    albedo: of(map.knownAlbedo),
     slope: of(map.slope),
   };
 }

@@ -82,7 +82,7 @@ function sectionPoint(map, { ends: [a, b], share, position }, from, along, up) {
     position,
     height: dot(offset, up),
     sigma: of(map.sigma_height),
-    albedo: of(map.albedo),
+    albedo: of(map.knownAlbedo),
     slope: of(map.slope),
   };
 }

@@ -13,7 +13,8 @@ function valuesAt(map, place, state, center) {
     // A slope is one of the two axes of a normal's error.
     [ground.slopeName, withSigma(of(map.slope), of(map.sigma_normal) / Math.SQRT2, "°")],
   ];
-  if (map.albedo) rows.push(["albedo", withSigma(of(map.albedo), (of(map.albedo) * of(map.sigma_albedo)) / 100, "")]);
+  const albedo = of(map.knownAlbedo);
+  if (map.albedo) rows.push(["albedo", withSigma(albedo, (albedo * of(map.sigma_albedo)) / 100, "")]);
   rows.push(...anglesAt(map, place, position, state, center));
   if (map.residual) rows.push(["photometric residual", `${four(of(map.residual))} %`]);
   if (map.views) rows.push(["views", four(of(map.views))]);
