@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.evaluate.diagnosis import albedo_shading_correlation, view_diagnosis
+from photoclinometry.evaluate.illumination import light_spans_deg
 from photoclinometry.evaluate.metrics import photometric_error, psnr, spread
 from photoclinometry.evaluate.sigmas import view_sigmas
 from photoclinometry.evaluate.unreliable import known_sigmas, unreliable_counts
@@ -97,7 +99,8 @@ def completeness(scene: Scene, lit: np.ndarray) -> float:
 
 
 def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict[str, Any]]:
-    """One row per view: name, keypoints, residuals, brightness residual [% of its mean], scale, bias, PSNR, sigmas.
+    """One row per view: name, keypoints, residuals, brightness residual [% of its mean], scale, bias, PSNR, sigmas, and
+    as `view_diagnosis`.
 
     images: the views' images in any order; without them, or without a reflectance model, there is no PSNR.
     """
@@ -106,7 +109,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
     pixel_residual = keypoint_residual_px(scene)
     faces = landmark_faces(scene)
     residual = None if scene.reflectance is None else brightness_residuals(scene)
-    sigmas = view_sigmas(scene)
+    sigmas, geometry = view_sigmas(scene), view_diagnosis(scene)
 
     def of_view(k: int) -> dict[str, Any]:
         name, seen = views.name[k], tracks.view == k
@@ -120,7 +123,7 @@ def view_table(scene: Scene, images: Sequence[Image] | None = None) -> list[dict
                 row["brightness_rms_percent"] = 100.0 * _rms(residual[lit]) / float(tracks.brightness[lit].mean())
             if name in by_name:
                 row |= {key: v for key, v in view_psnr(scene, k, by_name[name], faces).items() if np.isfinite(v)}
-        return row | {key: float(values[k]) for key, values in sigmas.items()}
+        return row | geometry[k] | {key: float(values[k]) for key, values in sigmas.items()}
 
     return in_threads(of_view, range(len(views)))
 
@@ -178,7 +181,10 @@ def evaluate_scene(
         metrics |= spread(percent, "photometric_error", "percent")
         percent = 100.0 * landmark_photometric_error(scene, remove_scale_and_bias=True)
         metrics |= spread(percent, "photometric_error_without_scale_and_bias", "percent")
-    metrics |= unreliable_counts(scene)
+    metrics |= unreliable_counts(scene) | light_spans_deg(scene)
+    correlation = albedo_shading_correlation(scene)
+    if correlation is not None:
+        metrics["albedo_shading_correlation"] = correlation
     for name, values in known_sigmas(scene).items():
         quantity, unit = name.rsplit("_", 1)
         metrics |= spread(values, quantity, unit)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.adjust import Adjustment
+from photoclinometry.evaluate.diagnosis import Diagnosis, diagnosis
 from photoclinometry.evaluate.verdict import verdict_of, why_with_care
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
@@ -130,6 +131,7 @@ class _Tables:
     """Why the map is not to be trusted."""
     care: tuple[str, ...]
     """What to take care of."""
+    diagnosis: Diagnosis
 
     @property
     def verdict(self) -> str:
@@ -217,6 +219,7 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
         warnings=warnings,
         distrust=why_untrusted(adjustment, len(summary.left_out), warnings, summary.relief),
         care=tuple(why_with_care(scene, metrics)),
+        diagnosis=diagnosis(scene),
     )
 
 
@@ -239,6 +242,7 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         warnings=[warned.line for warned in tables.warnings],
         distrust=tables.distrust,
         care=tables.care,
+        diagnosis=tables.diagnosis,
     )
     return report.write_report(folder.path / "report", summary.adjustment.scene, summary.images, content)
 
@@ -254,6 +258,7 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
         "care": list(tables.care),
         "warnings": [warned.as_row() for warned in tables.warnings],
         "metrics": json_numbers(tables.metrics),
+        "diagnosis": tables.diagnosis,
         "views": tables.views,
         "left_out": [{"name": name, "reason": reason} for name, reason in summary.left_out.items()],
         "brought_in": [{"name": name, "by": way} for name, way in summary.brought_in.items()],

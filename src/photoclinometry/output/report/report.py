@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from photoclinometry.evaluate.diagnosis import diagnosis
 from photoclinometry.evaluate.evaluate import evaluate_scene, view_table
-from photoclinometry.evaluate.tables import json_numbers
+from photoclinometry.evaluate.tables import json_numbers, number, split_unit, words
 from photoclinometry.evaluate.unreliable import known_sigmas
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.model.pose_prior import PosePrior
@@ -33,6 +34,14 @@ log = logging.getLogger(__name__)
 
 Section = tuple[str, str, str]
 """Title, note, and HTML."""
+_VIEWS = (
+    "Residuals are RMS, angles are medians over the landmarks that the view measures. Sun moved: from where it was "
+    "stated to where the estimate has it."
+)
+_PARTS = (
+    "Medians. Keypoints: by rings of the detector, from the middle outwards; a trend is distortion. Brightness: by "
+    "fifths of the observations, the darkest first; a trend is an offset, or a response that is not linear."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +69,8 @@ class ReportContent:
     """These tracks' shots beside the scene, for the figure."""
     convergence: Sequence[Mapping[str, float]] = ()
     """One per iteration of the solver, the first before any step: cost by type of factor."""
+    diagnosis: Mapping[str, Sequence[float | None]] | None = None
+    """As `evaluate.diagnosis.diagnosis` gives (computed if left out)."""
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Per-landmark values (J,) to be drawn as maps, such as `Comparison.errors`."""
     options: Mapping[str, Any] | None = None
@@ -92,7 +103,8 @@ def write_report(
         if scene.reflectance is not None:
             sections += _rendering_sections(work, scene, images, rows)
         sections += _estimate_sections(work, scene, content)
-        sections.append(("Views", "Residuals are RMS.", page.mapping_table(rows)))
+        sections.append(("Views", _VIEWS, page.mapping_table(rows)))
+        sections.append(("Residuals by place and brightness", _PARTS, _parts_table(scene, content)))
         if content.stages:
             sections.append(("Time and memory", "", page.mapping_table(content.stages)))
         sections.append(("All figures", "", page.metrics_tables(metrics)))
@@ -103,6 +115,17 @@ def write_report(
         (work / "summary.json").write_text(json.dumps(json_numbers(metrics), indent=2) + "\n", encoding="utf-8")
     log.info("report: %s", folder / "index.html")
     return folder / "index.html"
+
+
+def _parts_table(scene: Scene, content: ReportContent) -> str:
+    """Medians of residuals by ring of the detector and by brightness, one row each."""
+    found = diagnosis(scene) if content.diagnosis is None else content.diagnosis
+    parts = max(len(values) for values in found.values())
+    rows = []
+    for name, values in found.items():
+        quantity, unit = split_unit(name)
+        rows.append((words(quantity), unit, *map(number, values)))
+    return page.table(("quantity", "unit", *(str(n + 1) for n in range(parts))), rows)
 
 
 def _summary(
