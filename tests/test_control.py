@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from adjustments import not_adjusted
 from estimate_starts import INDEPENDENT, start_of
 from photoclinometry.adjust import adjust
 from photoclinometry.model.control import ControlPixel, ControlPoint
 from photoclinometry.model.geometry import Similarity, so3_exp
+from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.control import (
@@ -20,10 +22,12 @@ from photoclinometry.pipeline.control import (
     place_by_control,
     warn_of_contradictions,
 )
-from photoclinometry.pipeline.run_folder import adopt_stages
-from photoclinometry.registration.alignment import transform_scene
+from photoclinometry.pipeline.products import RunSummary, write_products
+from photoclinometry.pipeline.run_folder import adopt_stages, open_run
+from photoclinometry.registration.alignment import transform_poses, transform_scene
 from photoclinometry.simulate.truth import truth_maps
 from photoclinometry.simulate.truth_file import read_truth
+from runs import draw_no_figures
 from scenes import synthetic_scene
 
 OWN_FROM_BODY = Similarity(1.0 / 60.0, so3_exp(np.array([0.3, -0.2, 1.0])), np.array([5.0, -3.0, 2.0]))
@@ -149,6 +153,32 @@ def test_control_points_in_unregistered_views_are_left_out(known):
     control = ground_control([stranger, points[1]], scene.views)
     assert control is not None
     assert control.name == ("P1",)
+
+
+def test_metrics_say_what_control_points_change_beside_pose_priors(known, tmp_path, monkeypatch):
+    """Priors off by 3 degrees, 2 % and a kilometre. Without them there is no frame that control points could change."""
+    draw_no_figures(monkeypatch)
+    scene, points = known
+    off = Similarity(1.02, so3_exp(np.radians([0.0, 0.0, 3.0])), np.array([900.0, -700.0, 500.0]))
+    poses = transform_poses(off, scene.views.body_from_cam)
+    priors = {name: PosePrior(poses[k].inverse(), 1e-4, 10.0) for k, name in enumerate(scene.views.name)}
+    adjustment = replace(
+        not_adjusted(replace(scene, frame=BODY_FIXED)),
+        control={point.name: point.position for point in points},
+        pose_priors_used=np.ones(len(priors), bool),
+    )
+    summary = RunSummary(adjustment=adjustment, config={}, left_out={}, pose_priors=priors, control=points)
+    metrics = write_products(open_run(tmp_path / "both"), summary).metrics
+    middle = scene.landmarks.position.mean(0)
+    assert metrics["control_moved_m"] == pytest.approx(np.linalg.norm(middle - off(middle[None])[0]), rel=1e-6)
+    assert metrics["control_turned_deg"] == pytest.approx(3.0, rel=1e-6)
+    assert metrics["control_scaled_percent"] == pytest.approx(100.0 * (1.0 / 1.02 - 1.0), rel=1e-6)
+    alone = replace(summary, pose_priors={}, adjustment=replace(adjustment, pose_priors_used=np.zeros(0, bool)))
+    metrics = write_products(open_run(tmp_path / "alone"), alone).metrics
+    assert metrics["control_points"] == 4
+    assert "control_moved_m" not in metrics
+    unused = replace(summary, control=(), adjustment=replace(adjustment, control={}))
+    assert "control_moved_m" not in write_products(open_run(tmp_path / "unused"), unused).metrics
 
 
 def test_a_run_with_control_is_body_fixed_and_in_metres(mapped, tmp_path, no_figures, no_ranking):

@@ -19,7 +19,7 @@ from photoclinometry.output.figures.maps import normal_colours
 from photoclinometry.output.viewer.content import viewer_content
 from photoclinometry.surface.relief import local_frame
 from scenes import synthetic_scene
-from viewer_pages import unpacked
+from viewer_data import unpacked
 
 SIZE = 24
 OVERHANGING, UNTOLD, NO_ALBEDO = SIZE * 5 + 5, SIZE * 5 + 18, SIZE * 18 + 12

@@ -13,14 +13,14 @@ import numpy as np
 from photoclinometry.adjust import AltimetryFit
 from photoclinometry.io.altimetry_csv import write_altimetry
 from photoclinometry.model.altimetry import AltimeterTracks
-from photoclinometry.model.geometry import Similarity, so3_log
+from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
-from photoclinometry.registration.alignment import camera_distance, transform_scene
+from photoclinometry.pipeline.pose_priors import changes_beside_priors
+from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.registration.altimetry import shift_to_altimetry
-from photoclinometry.registration.georeference import MIN_PRIORS, fit_to_priors
 
 log = logging.getLogger(__name__)
 
@@ -111,8 +111,8 @@ def altimetry_table(fit: AltimetryFit | None) -> list[dict[str, Any]]:
 def altimetry_metrics(
     fit: AltimetryFit, scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray
 ) -> dict[str, float]:
-    """Figures of `altimetry_table`, and what the altimeter has changed: how far the middle of the map is moved, and how
-    it is turned and scaled, from where pose priors alone (those `used`, (K,) bool) would put it."""
+    """Figures of `altimetry_table`, and what the altimeter has changed beside the pose priors `used` (K,) bool
+    (`changes_beside_priors`)."""
     shots, met = fit.used, int(fit.met.sum())
     figures = {"altimetry_shots": float(met), "altimetry_left_out": float(met - int(shots.sum()))}
     if shots.any():
@@ -120,17 +120,7 @@ def altimetry_metrics(
             "altimetry_off_rms_m": _rms(fit.off[shots]),
             "altimetry_off_rms_sigmas": _rms(fit.off[shots] / fit.stated_sigma[shots]),
         }
-    names = [name for name, own in zip(scene.views.name, used, strict=True) if own] if len(used) else []
-    if len(names) < MIN_PRIORS:
-        return figures
-    poses = scene.views.body_from_cam[[scene.views.name.index(name) for name in names]]
-    alone = fit_to_priors(poses, [priors[name] for name in names], camera_distance(scene), tuple(names)).similarity
-    middle = scene.landmarks.position.mean(0)
-    return figures | {
-        "altimetry_moved_m": float(np.linalg.norm(middle - alone(middle[None])[0])),
-        "altimetry_turned_deg": float(np.degrees(np.linalg.norm(so3_log(alone.rotation)))),
-        "altimetry_scaled_percent": 100.0 * (1.0 / alone.scale - 1.0),
-    }
+    return figures | changes_beside_priors(scene, priors, used, "altimetry")
 
 
 def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None:

@@ -17,7 +17,8 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
-from photoclinometry.registration.georeference import MIN_PRIORS, agreement, deviation, georeferenced
+from photoclinometry.registration.alignment import camera_distance
+from photoclinometry.registration.georeference import MIN_PRIORS, agreement, deviation, fit_to_priors, georeferenced
 
 log = logging.getLogger(__name__)
 
@@ -166,6 +167,27 @@ def warn_of_outliers(rows: Sequence[Mapping[str, Any]]) -> None:
             row["off_sigmas"],
             view=row["name"],
         )
+
+
+def changes_beside_priors(
+    scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray, what: str
+) -> dict[str, float]:
+    """What other knowledge of the frame, named `what`, has changed: how far the middle of the map is moved [m], and how
+    it is turned [degrees] and scaled [%], from where pose priors alone would put it.
+
+    used: (K,) bool, views whose prior took part in the estimate, or empty. Empty where these alone give no frame.
+    """
+    names = [name for name, own in zip(scene.views.name, used, strict=True) if own] if len(used) else []
+    if len(names) < MIN_PRIORS:
+        return {}
+    poses = scene.views.body_from_cam[[scene.views.name.index(name) for name in names]]
+    alone = fit_to_priors(poses, [priors[name] for name in names], camera_distance(scene), tuple(names)).similarity
+    middle = scene.landmarks.position.mean(0)
+    return {
+        f"{what}_moved_m": float(np.linalg.norm(middle - alone(middle[None])[0])),
+        f"{what}_turned_deg": float(np.degrees(np.linalg.norm(so3_log(alone.rotation)))),
+        f"{what}_scaled_percent": 100.0 * (1.0 / alone.scale - 1.0),
+    }
 
 
 def prior_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:

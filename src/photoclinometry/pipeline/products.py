@@ -29,7 +29,12 @@ from photoclinometry.pipeline.blurred_views import warn_of_blurred_views
 from photoclinometry.pipeline.control import control_metrics, control_table, warn_of_contradictions
 from photoclinometry.pipeline.dark_level_check import warn_of_dark_level
 from photoclinometry.pipeline.moved_suns import warn_of_suns
-from photoclinometry.pipeline.pose_priors import prior_metrics, prior_table, warn_of_outliers
+from photoclinometry.pipeline.pose_priors import (
+    changes_beside_priors,
+    prior_metrics,
+    prior_table,
+    warn_of_outliers,
+)
 from photoclinometry.pipeline.relief_check import ReliefCheck, warn_of_relief
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.rendering_check import OFF, warn_of_renderings
@@ -198,6 +203,8 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
     metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
     metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
     metrics |= control_metrics(of_control) | _frame_metrics(adjustment.frame_covariance)
+    if any(row["used"] for row in of_control):
+        metrics |= changes_beside_priors(scene, summary.pose_priors, adjustment.pose_priors_used, "control")
     if adjustment.altimetry is not None:
         metrics |= altimetry_metrics(adjustment.altimetry, scene, summary.pose_priors, adjustment.pose_priors_used)
     if summary.relief is not None:
