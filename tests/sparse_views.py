@@ -23,9 +23,9 @@ def views_around(count):
     return Rigid(np.stack([p.rotation for p in poses]), centers)
 
 
-def ground_behind_pixels(pose, height):
+def ground_behind_pixels(pose, height, camera=CAMERA):
     """(2, 300 * 300) rows and columns of a grid of heights (512, 512), origin in its middle, that pixels show."""
-    rays = CAMERA.ray_in_cam(Region.of_image(300, 300).pixel_centers()) @ pose.rotation.T
+    rays = camera.ray_in_cam(Region.of_image(300, 300).pixel_centers()) @ pose.rotation.T
     z = 0.0
     for _ in range(8):  # fixed point: slopes are gentle
         point = pose.translation + ((z - pose.translation[2]) / rays[..., 2])[..., None] * rays
@@ -34,11 +34,11 @@ def ground_behind_pixels(pose, height):
     return at
 
 
-def painted(pose, seed):
+def painted(pose, seed, camera=CAMERA):
     """A view of a textured relief: noise of several scales painted on heights of about 8 units."""
     rng = np.random.default_rng(seed)
     paint = sum(s * gaussian_filter(rng.normal(size=(512, 512)), s) for s in (1.2, 2.5, 5, 10))
-    at = ground_behind_pixels(pose, gaussian_filter(rng.normal(size=(512, 512)), 20) * 500)
+    at = ground_behind_pixels(pose, gaussian_filter(rng.normal(size=(512, 512)), 20) * 500, camera)
     bright = map_coordinates(paint, at, order=3, mode="nearest").reshape(300, 300)
     return (10.0 + bright + 0.01 * rng.normal(size=bright.shape)).astype(np.float32)
 

@@ -154,10 +154,10 @@ def test_shading_sees_a_reverse_that_keypoints_do_not_show_before_they_are_adjus
     monkeypatch.setattr(reversal, "HOPELESS", 0.0)
 
     def shading_of(model):
-        return relief_shading(mapping.from_colmap(model, 5), site[0], CAMERAS, site[1])
+        return relief_shading(mapping.from_colmap(model, CAMERAS), site[0], CAMERAS, site[1])
 
     found = reversal.resolve_depth_reversal(copy.deepcopy(wrong), RobustAdjustment(2), shading_of if is_lit else None)
-    off = rotation_errors_deg(mapping.from_colmap(found.model, 5).body_from_cam, site[2]).max()
+    off = rotation_errors_deg(mapping.from_colmap(found.model, CAMERAS).body_from_cam, site[2]).max()
     assert (off < 0.5) == is_lit
     assert (found.shading is not None) == is_lit
 
@@ -169,9 +169,9 @@ def test_shading_decides_only_where_keypoints_hardly_do(wrong, site, doubtful, k
     monkeypatch.setattr(reversal, "resolve_pose_reversals", lambda model, _adjustment: model)
 
     def by_wrong_suns(model):
-        return relief_shading(mapping.from_colmap(model, 5), site[0], CAMERAS, site[1] * MIRRORED)
+        return relief_shading(mapping.from_colmap(model, CAMERAS), site[0], CAMERAS, site[1] * MIRRORED)
 
     right = reversal.reversed_model(wrong)
     found = reversal.resolve_depth_reversal(right, RobustAdjustment(2), by_wrong_suns)
-    off = rotation_errors_deg(mapping.from_colmap(found.model, 5).body_from_cam, site[2]).max()
+    off = rotation_errors_deg(mapping.from_colmap(found.model, CAMERAS).body_from_cam, site[2]).max()
     assert (off < 0.5) == kept_right

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.geometry import Rigid, Similarity, align_similarity
@@ -14,7 +15,7 @@ from photoclinometry.model.sparse import connected_groups, normalised, transform
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.keypoints import sift_keypoints
 from photoclinometry.sfm.pictures import brightness_picture
-from sparse_views import CAMERA, FOCAL_PX, OPTIONS, painted_site, rotation_errors_deg
+from sparse_views import CAMERA, FOCAL_PX, OPTIONS, painted, painted_site, rotation_errors_deg, views_around
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +28,27 @@ def sparse(one_site, tmp_path_factory):
     return reconstruct_sparse(one_site[0], [CAMERA] * 5, tmp_path_factory.mktemp("sfm"), OPTIONS)
 
 
+CROPS = [
+    Camera("PINHOLE", 300, 300, (FOCAL_PX, FOCAL_PX, -400.0, 150.0)),
+    Camera("PINHOLE", 300, 300, (FOCAL_PX, FOCAL_PX, 1200.5, 150.0)),
+    Camera("PINHOLE", 300, 300, (FOCAL_PX, FOCAL_PX, 150.0, -900.25)),
+    Camera("SIMPLE_PINHOLE", 300, 300, (FOCAL_PX, 700.0, 900.0)),
+    CAMERA,
+]
+"""Crops of larger images: the principal point is left, right, above, and right below the crop, and in it."""
+
+
+def crops_of_one_site():
+    """As `painted_site`, by the cameras CROPS: each turned so that the middle of its crop shows the origin."""
+    images, poses = [], views_around(len(CROPS))
+    for k, camera in enumerate(CROPS):
+        middle = camera.ray_in_cam(np.array([150.0, 150.0]))
+        turn = Rotation.align_vectors([0.0, 0.0, 1.0], middle)[0].as_matrix()
+        poses.rotation[k] = poses.rotation[k] @ turn
+        images.append(Image(f"c{k}.fits", painted(poses[k], 0, camera), np.ones((300, 300), bool)))
+    return images, poses
+
+
 def test_poses_are_recovered_from_images_alone(sparse, one_site):
     true = one_site[1]
     assert sparse.registered.all()
@@ -35,6 +57,25 @@ def test_poses_are_recovered_from_images_alone(sparse, one_site):
     off = np.linalg.norm(similarity(sparse.body_from_cam.translation) - true.translation, axis=-1)
     assert off.max() < 0.01 * FOCAL_PX
     assert rotation_errors_deg(sparse.body_from_cam, true).max() < 0.3
+
+
+@pytest.mark.parametrize("mapper", ["incremental", "global"])
+def test_crops_whose_principal_point_lies_outside_register(mapper, tmp_path):
+    """COLMAP registers no view with such a camera as it is."""
+    images, true = crops_of_one_site()
+    found = reconstruct_sparse(images, CROPS, tmp_path, replace(OPTIONS, mapper=mapper))
+    assert found.registered.all()
+    assert found.mean_reprojection_px < 0.3
+    assert rotation_errors_deg(found.body_from_cam, true).max() < 0.3
+    similarity = align_similarity(found.body_from_cam.translation, true.translation)
+    off = np.linalg.norm(similarity(found.body_from_cam.translation) - true.translation, axis=-1)
+    assert off.max() < 0.01 * FOCAL_PX
+    for k, camera in enumerate(CROPS):
+        index, xy = found.seen_by(k)
+        assert xy.min() > 0.0
+        assert xy.max() < 300.0
+        projected = camera.pixel_from_cam(found.body_from_cam[k].inverse()(found.points[index]))
+        assert np.median(np.linalg.norm(projected - xy, axis=-1)) < 0.3
 
 
 def test_the_unit_of_length_is_a_ground_sample_distance(sparse):

@@ -48,7 +48,7 @@ def models(one_site, tmp_path_factory):
 
 def projections(model):
     """Of all points in all registered views: pixels (n, 2) and depths (n,), by view."""
-    found = from_colmap(model, 5)
+    found = from_colmap(model, [CAMERA] * 5)
     local = [found.body_from_cam[k].inverse()(found.points) for k in range(5)]
     return [CAMERA.pixel_from_cam(points) for points in local], [points[:, 2] for points in local]
 
@@ -57,13 +57,13 @@ def test_of_two_keypoints_of_one_image_in_a_track_the_nearer_counts(models):
     import pycolmap
 
     model = copy.deepcopy(models[0])
-    before = from_colmap(model, 5)
+    before = from_colmap(model, [CAMERA] * 5)
     point = next(i for i in sorted(model.point3D_ids()) if len(model.points3D[i].track.elements) >= 3)
     image = model.images[model.points3D[point].track.elements[1].image_id]
     free = next(n for n, each in enumerate(image.points2D) if not each.has_point3D())
     model.add_observation(point, pycolmap.TrackElement(image.image_id, free))
     assert model.compute_num_observations() == models[0].compute_num_observations() + 1
-    after = from_colmap(model, 5)
+    after = from_colmap(model, [CAMERA] * 5)
     np.testing.assert_array_equal(after.point_view, before.point_view)
     np.testing.assert_array_equal(after.point_xy, before.point_xy)
     assert len(np.unique(5 * after.point_of_observation + after.point_view)) == len(after.point_view)
@@ -87,7 +87,7 @@ def test_depth_from_the_middle_changes_its_sign_and_pixels_stay_to_perspective(m
         relief = np.abs(depth - middle)[:, None] / middle
         from_axis = np.abs(before - [CAMERA.width / 2, CAMERA.height / 2])
         assert np.all(np.abs(after - before) <= 2.5 * relief * from_axis + 1e-3)
-    np.testing.assert_allclose(np.linalg.det(from_colmap(there, 5).body_from_cam.rotation), 1.0)
+    np.testing.assert_allclose(np.linalg.det(from_colmap(there, [CAMERA] * 5).body_from_cam.rotation), 1.0)
 
 
 def test_reversed_twice_is_as_before(models):
@@ -101,9 +101,9 @@ def test_the_given_model_is_not_changed(models):
     model, wrong, right = models[:3]
     assert right is not model
     assert right is not wrong
-    before = from_colmap(model, 5).points
+    before = from_colmap(model, [CAMERA] * 5).points
     reversal.reversed_model(model)
-    np.testing.assert_array_equal(from_colmap(model, 5).points, before)
+    np.testing.assert_array_equal(from_colmap(model, [CAMERA] * 5).points, before)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_suns_that_lie_opposite_turn_the_relief_against_the_keypoints(monkeypatc
 )
 def test_only_the_model_that_is_kept_is_warned_of(undecided, overruled, codes, one_site, models, tmp_path, monkeypatch):
     """Views matched by brightness alone make an undecided model of three; with the relief, all make another."""
-    model = from_colmap(models[2], 5)
+    model = from_colmap(models[2], [CAMERA] * 5)
     few = replace(model, registered=np.arange(5) < 3)
     inliers = np.full((5, 5), 100)
     first = reconstruct._Attempt([], np.zeros((5, 5), int), [few], [reconstruct._Doubts((0.3, 0.301), (0.31, 0.3))])
@@ -241,7 +241,7 @@ def test_later_trials_begin_with_the_pairs_of_most_matches(one_site, tmp_path, m
     monkeypatch.setattr(mapping, "_incremental_options", noted)
     for rank in (0, 3):
         (found,) = mapping._mapped([CAMERA] * 5, tmp_path, OPTIONS, no_progress, None, rank)
-        assert rotation_errors_deg(from_colmap(found.model, 5).body_from_cam, one_site[1]).max() < 0.3
+        assert rotation_errors_deg(from_colmap(found.model, [CAMERA] * 5).body_from_cam, one_site[1]).max() < 0.3
     assert begun == [pairs[0], pairs[3]]
     assert len(pairs) == np.count_nonzero(np.triu(inliers, 1))
 
@@ -267,7 +267,7 @@ def with_reversed_views(model, *views):
 
 
 def worst_rotation_deg(model, site):
-    return rotation_errors_deg(from_colmap(model, 5).body_from_cam, site[1]).max()
+    return rotation_errors_deg(from_colmap(model, [CAMERA] * 5).body_from_cam, site[1]).max()
 
 
 @pytest.mark.parametrize("views", [(4,), (3, 4)])
@@ -281,9 +281,9 @@ def test_a_view_that_adjustment_leaves_reversed_is_turned_round(models, one_site
 
 def test_where_no_view_is_reversed_the_model_stays_as_it_is(models):
     model = copy.deepcopy(models[2])
-    before = from_colmap(model, 5)
+    before = from_colmap(model, [CAMERA] * 5)
     assert reversal.resolve_pose_reversals(model, ADJUSTMENT) is model
-    after = from_colmap(model, 5)
+    after = from_colmap(model, [CAMERA] * 5)
     np.testing.assert_array_equal(after.points, before.points)
     np.testing.assert_array_equal(after.body_from_cam.rotation, before.body_from_cam.rotation)
 

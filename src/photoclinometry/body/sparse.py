@@ -116,7 +116,7 @@ class BodySparse(Stage[SparseModel]):
         pairs = likely_pairs(unit(poses.translation), distance / focal)
         write_views(inputs.images, inputs.cameras, work_dir, self.options, progress)
         if self.options.relief_keypoints:
-            add_relief_keypoints(inputs.images, inputs.site.sun_in_cam, work_dir, self.options)
+            add_relief_keypoints(inputs.images, inputs.cameras, inputs.site.sun_in_cam, work_dir, self.options)
         inliers = match_views(len(inputs.images), pairs, work_dir, self.options, "matches", progress)
         log.info("%d of %d pairs match", np.count_nonzero(inliers) // 2, len(pairs))
         return VerifiedMatches(work_dir, self.options)

@@ -17,7 +17,7 @@ import numpy as np
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, without_views
-from photoclinometry.sfm.database import DescriptorMatches, to_colmap, write_verified_matches
+from photoclinometry.sfm.database import DescriptorMatches, padding_px, to_colmap, write_verified_matches
 from photoclinometry.sfm.joining import AGREE_PX, FEWEST_OF_VIEW, locate_keypoints
 from photoclinometry.sfm.known_poses import VerifiedMatches
 from photoclinometry.sfm.options import SfmOptions
@@ -129,7 +129,8 @@ def _pose(camera: Camera, pixels: np.ndarray, points: np.ndarray, options: SfmOp
     estimation.ransac.max_error = AGREE_PX
     estimation.ransac.random_seed = options.seed
     estimation.ransac.min_inlier_ratio = FEWEST_TO_LOCATE / len(points)
-    found = pycolmap.estimate_and_refine_absolute_pose(pixels, points, to_colmap(camera), estimation)
+    padded = pixels + padding_px(camera)
+    found = pycolmap.estimate_and_refine_absolute_pose(padded, points, to_colmap(camera), estimation)
     if found is None or found["num_inliers"] < FEWEST_TO_LOCATE:
         return None
     return found["cam_from_world"].inverse()

@@ -1,9 +1,14 @@
-"""Keypoints and matches of all views, in COLMAP's database."""
+"""Keypoints and matches of all views, in COLMAP's database.
+
+COLMAP registers no view whose principal point lies outside its picture, as that of a crop may. Its pictures are
+therefore padded (`padding_px`). Keypoints are shifted by that where they enter COLMAP and where they leave it: all
+functions here take and return pixels of the views' own images.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,16 +94,41 @@ def write_views(
                 raise OSError(None, "OpenCV cannot write this picture", str(pictures / image_file(view)))
             keypoints, descriptors = sift_keypoints(picture, image.valid, options.max_features)
             image_id = _write_view(database, view, view_cameras[view])
-            database.write_keypoints(image_id, keypoints)
+            database.write_keypoints(image_id, _padded(keypoints, cameras[view]))
             _write_descriptors(database, image_id, descriptors)
             progress("features", view + 1, len(images))
 
 
+def padding_px(camera: Camera) -> np.ndarray:
+    """(2,) columns on the left and rows on top that COLMAP's picture has more than the camera's image [px].
+
+    As many whole pixels as put the principal point inside; zero where its coordinates are not negative.
+    """
+    return np.maximum(np.ceil(np.negative(camera.principal_px)), 0.0)
+
+
+def padded_size(camera: Camera) -> tuple[int, int]:
+    """Width and height [px] of COLMAP's picture: the image, and what padding puts the principal point inside."""
+    padding = padding_px(camera)
+    far = np.maximum((camera.width, camera.height), np.ceil(camera.principal_px)) + padding
+    return int(far[0]), int(far[1])
+
+
 def to_colmap(camera: Camera) -> Any:
-    """The pycolmap camera of the same intrinsics."""
+    """The pycolmap camera of the padded picture. Its pixels are those of the image plus `padding_px`."""
     import pycolmap
 
-    return pycolmap.Camera(model=camera.model, width=camera.width, height=camera.height, params=list(camera.params))
+    width, height = padded_size(camera)
+    *focal, cx, cy = camera.params
+    left, top = padding_px(camera)
+    return pycolmap.Camera(model=camera.model, width=width, height=height, params=[*focal, cx + left, cy + top])
+
+
+def _padded(keypoints: np.ndarray, camera: Camera) -> np.ndarray:
+    """Keypoints (n, 2 or more), x and y first, in the padded picture."""
+    shifted = keypoints.copy()
+    shifted[:, :2] += padding_px(camera).astype(keypoints.dtype)
+    return shifted
 
 
 def _write_cameras(database: Any, cameras: list[Camera]) -> list[Any]:
@@ -147,14 +177,14 @@ class DescriptorMatches:
             yield b, a, index[:, ::-1]
 
 
-def read_matches(count: int, work_dir: Path) -> DescriptorMatches:
-    """All matches of `count` views."""
+def read_matches(cameras: Sequence[Camera], work_dir: Path) -> DescriptorMatches:
+    """All matches of the views that have these cameras."""
     import pycolmap
 
     with pycolmap.Database.open(work_dir / DATABASE) as database:
         image_id = _image_ids(database)
         view = {number: k for k, number in image_id.items()}
-        keypoints = [np.asarray(database.read_keypoints(image_id[k]))[:, :2].astype(float) for k in range(count)]
+        keypoints = [_keypoints(database, image_id[k], c)[:, :2].astype(float) for k, c in enumerate(cameras)]
         pairs = {}
         for pair_id, index in zip(*database.read_all_matches(), strict=True):
             a, b = pycolmap.pair_id_to_image_pair(pair_id)
@@ -189,16 +219,22 @@ def write_verified_matches(work_dir: Path, pairs: Mapping[tuple[int, int], np.nd
             write(image_id[a], image_id[b], verified)
 
 
-def read_keypoints(count: int, work_dir: Path) -> list[tuple[np.ndarray, np.ndarray]]:
-    """For each view, keypoints (n, 4) and descriptors (n, 128), as of `sift_keypoints`."""
+def read_keypoints(cameras: Sequence[Camera], work_dir: Path) -> list[tuple[np.ndarray, np.ndarray]]:
+    """For each view, which has one of these cameras, keypoints (n, 4) and descriptors (n, 128), as of
+    `sift_keypoints`."""
     import pycolmap
 
     with pycolmap.Database.open(work_dir / DATABASE) as database:
         image_id = _image_ids(database)
-        return [_keypoints(database, image_id[view]) for view in range(count)]
+        return [
+            (_keypoints(database, image_id[view], camera), _descriptors(database, image_id[view]))
+            for view, camera in enumerate(cameras)
+        ]
 
 
-def add_relief_keypoints(images: list[Image], sun_in_cam: np.ndarray, work_dir: Path, options: SfmOptions) -> None:
+def add_relief_keypoints(
+    images: list[Image], cameras: Sequence[Camera], sun_in_cam: np.ndarray, work_dir: Path, options: SfmOptions
+) -> None:
     """Adds SIFT keypoints of every view's relief (`relief_picture`) and deletes all matches. sun_in_cam: (K, 3)."""
     import pycolmap
 
@@ -206,11 +242,12 @@ def add_relief_keypoints(images: list[Image], sun_in_cam: np.ndarray, work_dir: 
         image_id = _image_ids(database)
         descriptors = {}
         for view, image in enumerate(images):
-            keypoints, descriptors[view] = _keypoints(database, image_id[view])
+            keypoints = database.read_keypoints(image_id[view])
+            descriptors[view] = _descriptors(database, image_id[view])
             picture = relief_picture(image, sun_in_cam[view])
             if picture is not None:
                 more, described = sift_keypoints(picture, image.valid, options.max_features)
-                keypoints = np.concatenate([keypoints, more])
+                keypoints = np.concatenate([keypoints, _padded(more, cameras[view])])
                 descriptors[view] = np.concatenate([descriptors[view], described])
             database.update_keypoints(image_id[view], keypoints)
         for clear in (database.clear_descriptors, database.clear_matches, database.clear_two_view_geometries):
@@ -224,9 +261,16 @@ def _image_ids(database: Any) -> dict[int, int]:
     return {int(Path(image.name).stem): image.image_id for image in database.read_all_images()}
 
 
-def _keypoints(database: Any, image_id: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 4) keypoints and (n, 128) descriptors."""
-    return np.asarray(database.read_keypoints(image_id)), np.asarray(database.read_descriptors(image_id).data)
+def _keypoints(database: Any, image_id: int, camera: Camera) -> np.ndarray:
+    """(n, 4) keypoints in the image."""
+    keypoints = np.array(database.read_keypoints(image_id))
+    keypoints[:, :2] -= padding_px(camera).astype(keypoints.dtype)
+    return keypoints
+
+
+def _descriptors(database: Any, image_id: int) -> np.ndarray:
+    """(n, 128)."""
+    return np.asarray(database.read_descriptors(image_id).data)
 
 
 def _write_descriptors(database: Any, image_id: int, data: np.ndarray) -> None:

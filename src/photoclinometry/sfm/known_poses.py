@@ -57,7 +57,7 @@ class VerifiedMatches:
         """
         model = self._posed(body_from_cam, used)
         self._triangulate(model, cameras, gate_px)
-        return replace(_only_seeing(from_colmap(model, len(cameras)), used), body_from_cam=body_from_cam)
+        return replace(_only_seeing(from_colmap(model, cameras), used), body_from_cam=body_from_cam)
 
     def adjusted(self, cameras: list[Camera], body_from_cam: Rigid, used: np.ndarray, gate_px: float) -> SparseModel:
         """As `triangulated`, and adjusted: points and poses, in a frame that two of the cameras hold.
@@ -69,7 +69,7 @@ class VerifiedMatches:
         self._triangulate(model, cameras, gate_px)
         adjustment.of_model(model)
         model = resolve_pose_reversals(model, adjustment)
-        return _only_seeing(from_colmap(model, len(cameras)), used)
+        return _only_seeing(from_colmap(model, cameras), used)
 
     def _posed(self, body_from_cam: Rigid, used: np.ndarray) -> Any:
         """A pycolmap reconstruction of the views `used` (K,) bool, without points."""

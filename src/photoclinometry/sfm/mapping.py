@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm.adjustment import RobustAdjustment
-from photoclinometry.sfm.database import DATABASE, first_pairs
+from photoclinometry.sfm.database import DATABASE, first_pairs, padded_size, padding_px
 from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.reversal import ALIKE, Oriented, resolve_depth_reversal
 
@@ -154,7 +154,7 @@ def _mapped(
         )
     progress("mapping", len(cameras), len(cameras))  # views that match nothing are not counted above
     adjustment = RobustAdjustment(options.threads)
-    by_images = None if shading_of is None else lambda model: shading_of(from_colmap(model, len(cameras)))
+    by_images = None if shading_of is None else lambda model: shading_of(from_colmap(model, cameras))
     found = [resolve_depth_reversal(model, adjustment, by_images) for model in models.values() if model.num_points3D()]
     return sorted(found, key=lambda each: size(each.model), reverse=True)
 
@@ -181,6 +181,11 @@ def _max_focal_ratio(cameras: list[Camera]) -> float:
     return 2.0 * max(max(camera.focal_px) / min(camera.width, camera.height) for camera in cameras)
 
 
+def _min_focal_ratio(cameras: list[Camera]) -> float:
+    """A limit below every camera's focal length / width of its padded picture, which falls with the padding."""
+    return 0.5 * min(min(camera.focal_px) / max(padded_size(camera)) for camera in cameras)
+
+
 def tune_triangulation(triangulation: Any, cameras: list[Camera], options: SfmOptions) -> None:
     gate = _angle_of_pixels(cameras, 2 * options.max_reprojection_px)
     triangulation.create_max_angle_error = gate
@@ -190,6 +195,7 @@ def tune_triangulation(triangulation: Any, cameras: list[Camera], options: SfmOp
     triangulation.complete_max_reproj_error = options.max_reprojection_px
     triangulation.min_angle = options.min_triangulation_deg
     triangulation.max_focal_length_ratio = _max_focal_ratio(cameras)
+    triangulation.min_focal_length_ratio = _min_focal_ratio(cameras)
     triangulation.random_seed = options.seed
 
 
@@ -210,6 +216,7 @@ def _incremental_options(cameras: list[Camera], options: SfmOptions, pair: tuple
     pipeline.ba_local_function_tolerance = LOOSE_TOLERANCE
     pipeline.ba_global_function_tolerance = LOOSE_TOLERANCE
     pipeline.max_focal_length_ratio = _max_focal_ratio(cameras)
+    pipeline.min_focal_length_ratio = _min_focal_ratio(cameras)
     pipeline.ba_refine_focal_length = False
     pipeline.ba_refine_principal_point = False
     pipeline.ba_refine_extra_params = False
@@ -257,11 +264,12 @@ def size(model: Any) -> tuple[int, int]:
     return model.num_reg_images(), model.num_points3D()
 
 
-def from_colmap(model: Any, count: int) -> SparseModel:
-    """A pycolmap reconstruction of `count` views, in its own frame.
+def from_colmap(model: Any, cameras: Sequence[Camera]) -> SparseModel:
+    """A pycolmap reconstruction of the views that have these cameras, in its own frame, with pixels of their images.
 
     Where a track has several keypoints of one image, such as a corner found twice, the one nearest to the point counts.
     """
+    count = len(cameras)
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     registered, view_of = np.zeros(count, bool), {}
     for image_id in model.reg_image_ids():
@@ -274,13 +282,16 @@ def from_colmap(model: Any, count: int) -> SparseModel:
     tracks = [(point, track) for point, track in tracks if len(track) >= 2]
     points, elements = [point for point, _ in tracks], [track for _, track in tracks]
     observed = [(e.image_id, e.point2D_idx) for track in elements for e in track]
+    point_view = np.array([view_of[i] for i, _ in observed], np.int32)
+    padded_xy = np.array([model.images[i].points2D[n].xy for i, n in observed]).reshape(-1, 2)
+    padding = np.array([padding_px(camera) for camera in cameras])
     return SparseModel(
         registered=registered,
         body_from_cam=Rigid(rotation, translation),
         points=np.array([point.xyz for point in points]).reshape(-1, 3),
         point_start=row_starts(np.array([len(track) for track in elements], int)),
-        point_view=np.array([view_of[i] for i, _ in observed], np.int32),
-        point_xy=np.array([model.images[i].points2D[n].xy for i, n in observed]).reshape(-1, 2),
+        point_view=point_view,
+        point_xy=padded_xy - padding[point_view],
         mean_reprojection_px=float(model.compute_mean_reprojection_error()),
     )
 

@@ -13,6 +13,7 @@ from photoclinometry.model.scene import Camera
 from photoclinometry.sfm.database import (
     DATABASE,
     image_file,
+    padding_px,
     read_keypoints,
     to_colmap,
     verified_numbers,
@@ -84,7 +85,7 @@ def match_guided(
     import pycolmap
 
     count = len(cameras)
-    views = read_keypoints(count, work_dir)
+    views = read_keypoints(cameras, work_dir)
     verification = _verification(options)
     found = {}
     for done, (a, b) in enumerate(pairs, start=1):
@@ -92,8 +93,10 @@ def match_guided(
         index = guided_matches(one, other, math.sqrt(cameras[b].width * cameras[b].height))
         if len(index) >= options.min_pair_matches:
             geometry = pycolmap.estimate_calibrated_two_view_geometry(
-                to_colmap(cameras[a]), one.xy, to_colmap(cameras[b]), other.xy, index.astype(np.uint32), verification
-            )
+                to_colmap(cameras[a]), one.xy + padding_px(cameras[a]),
+                to_colmap(cameras[b]), other.xy + padding_px(cameras[b]),
+                index.astype(np.uint32), verification,
+            )  # fmt: skip
             verified = np.asarray(geometry.inlier_matches).reshape(-1, 2)
             if len(verified) >= options.min_pair_matches:
                 found[a, b] = verified.astype(int)

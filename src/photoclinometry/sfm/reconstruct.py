@@ -175,7 +175,7 @@ def _matched_and_mapped(given: _Given, stage: str) -> _Attempt:
     count, options = len(given.cameras), given.options
     pairs, similarity = all_pairs(count), None
     if count - 1 > options.partners:
-        similarity = pair_similarities(read_keypoints(count, given.work_dir), options.max_ratio)
+        similarity = pair_similarities(read_keypoints(given.cameras, given.work_dir), options.max_ratio)
         pairs = select_pairs(similarity, options.partners)
     found = _mapped(given, pairs, pairs, stage)
     if similarity is not None:
@@ -202,7 +202,7 @@ def _joined(models: list[SparseModel], given: _Given) -> list[SparseModel]:
     """The models, those that are one joined, the largest first; that is completed where this brings in views."""
     if not models or models[0].registered.all():
         return models
-    matches = read_matches(len(given.cameras), given.work_dir)
+    matches = read_matches(given.cameras, given.work_dir)
     first, *others = joined_models(models, matches, given.cameras, given.options.seed)
     whole = complete_model(first, matches, given.cameras, given.work_dir, given.options)
     was_joined = len(others) + 1 < len(models)
@@ -228,7 +228,7 @@ def _mapped_by(
     log.info("%d of %d pairs match (%s)", np.count_nonzero(inliers) // 2, len(pairs), stage)
     shading_of = None if given.sun_in_cam is None else given.shading_of
     found = map_views(cameras, work_dir, options, progress, shading_of, all_trials=all_trials)
-    models = [normalised(from_colmap(each.model, len(cameras)), cameras) for each in found]
+    models = [normalised(from_colmap(each.model, cameras), cameras) for each in found]
     return _Attempt(pairs, inliers, models, [_Doubts(each.undecided, each.overruled) for each in found])
 
 
@@ -249,7 +249,7 @@ def _by_relief_too(given: _Given, sun_in_cam: np.ndarray, plain: _Attempt) -> _A
     Not only the views that did not register: a view is located by points that others have in common with it, and
     matched by brightness alone, these lack the points found in the relief.
     """
-    add_relief_keypoints(given.images, sun_in_cam, given.work_dir, given.options)
+    add_relief_keypoints(given.images, given.cameras, sun_in_cam, given.work_dir, given.options)
     found = _matched_and_mapped(given, "relief matches")
     return found if len(found.registered) >= len(plain.registered) else plain
 
