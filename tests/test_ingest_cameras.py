@@ -11,6 +11,7 @@ from photoclinometry.ingest.keywords import detector_from_keywords, keywords_of_
 from photoclinometry.io.archives.archive import read_product
 from photoclinometry.io.spice import kernel_files, loaded_kernels
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.warning import collected_warnings
 
 GRID = np.stack(np.meshgrid(np.linspace(5, 1015, 9), np.linspace(5, 1015, 9)), -1)
 
@@ -39,7 +40,10 @@ def test_the_table_says_what_the_kernels_say(folder, name, filters):
     with loaded_kernels([SPICE / folder]) as kernels:
         for filter_name in filters:
             found = detector_from_keywords(
-                kernels.keyword, camera.code_with_filter(filter_name), filter_name, (1024, 1024)
+                kernels.keywords_of(camera.code_with_filter(filter_name)),
+                camera.code_with_filter(filter_name),
+                filter_name,
+                (1024, 1024),
             )
             assert_same(camera.in_cube_order(filter_name), found)
 
@@ -61,7 +65,7 @@ def test_instrument_kernels_without_isis_s_addendum_mean_the_same_camera(folder,
     files = [file for file in kernel_files([SPICE / folder]) if "addendum" not in file.name.lower()]
     with loaded_kernels(files) as kernels:
         found = detector_from_keywords(
-            kernels.keyword,
+            kernels.keywords_of(camera.code_with_filter(filter_name)),
             camera.code_with_filter(filter_name),
             filter_name,
             (1024, 1024),
@@ -183,15 +187,82 @@ def test_keywords_that_are_no_camera_s_are_refused(keywords, message):
         "ITRANSS": (0.0, 100.0, 0.0),
         "ITRANSL": (0.0, 0.0, 100.0),
     }
-    get = {f"INS-1_{key}": value for key, value in (good | keywords).items()}.get
+    held = {f"INS-1_{key}": value for key, value in (good | keywords).items()}
     with pytest.raises(InputError, match=message):
-        detector_from_keywords(get, -1, None, (1024, 1024))
+        detector_from_keywords(held, -1, None, (1024, 1024))
+
+
+PLAIN = {
+    "INS-1_FOCAL_LENGTH": (100.0,),
+    "INS-1_CCD_CENTER": (511.5, 511.5),
+    "INS-1_ITRANSS": (0.0, 100.0, 0.0),
+    "INS-1_ITRANSL": (0.0, 0.0, 100.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"OD_T_X": (0.0, 1.002, 0.0), "OD_T_Y": (0.0, 0.0, 1.0)}, r"^INS-1_OD_T_X, INS-1_OD_T_Y: .* not known here"),
+        ({"DISTORTION_COEF_X": (0.0, 1e-5)}, r"^INS-1_DISTORTION_COEF_X: .*--undistorted"),
+        ({"K1": (-2.5e-5,)}, r"^INS-1_K1: .* not known here"),
+        ({"OD_K": (0.0, 1e-5, 0.0), "DECENTER": (1e-7, 0.0, 2.9)}, r"^INS-1_DECENTER: .* not known here"),
+        ({"DISTORTION_MODEL": ("KAGUYALISM",)}, r"^INS-1_DISTORTION_MODEL is KAGUYALISM, and its coeff.*missing"),
+        (
+            {"OPENCV_OD_K": (0.1, 0, 0, 0, 0, 0), "OPENCV_OD_P": (0.0, 0.0)},
+            r"INS-1_OPENCV_OD_F, INS-1_OPENCV_OD_C;",
+        ),
+        ({"OD_K_RED": (0.0, 1e-5, 0.0)}, r"^INS-1_OD_K_RED: is the distortion of other filters .*\(BLUE\)"),
+    ],
+)
+def test_a_distortion_that_is_not_understood_is_refused(keywords, message):
+    held = PLAIN | {f"INS-1_{key}": value for key, value in keywords.items()}
+    with pytest.raises(InputError, match=message):
+        detector_from_keywords(held, -1, "BLUE", (1024, 1024))
+    found = detector_from_keywords(held, -1, "BLUE", (1024, 1024), undistorted=True)
+    assert upright(found)[0].params == (10000.0, 10000.0, 512.0, 512.0)
+
+
+OPENCV = {
+    "INS-1_DISTORTION_MODEL": ("OCAMS",),
+    "INS-1_OPENCV_OD_K": (20.0, -5e4, 0.0, 0.0, 0.0, 0.0),
+    "INS-1_OPENCV_OD_P": (-3e-3, -1e-3),
+    "INS-1_OPENCV_OD_F": (73866.0, 72873.0),
+    "INS-1_OPENCV_OD_C": (513.0, 513.0),
+}
+
+
+def test_a_distortion_that_the_addendum_rules_out_is_warned_of_where_the_table_has_the_camera():
+    """PolyCam's addendum gives OpenCV's coefficients, and says that its model is OCAMS's, which it does not give."""
+    with pytest.raises(
+        InputError, match=r"^INS-1_OPENCV_OD_K, INS-1_OPENCV_OD_P: is not of the DISTORTION_MODEL OCAMS"
+    ):
+        detector_from_keywords(PLAIN | OPENCV, -1, None, (1024, 1024))
+    table = CAMERAS["orex-polycam"].detector
+    with collected_warnings() as warnings:
+        found = detector_from_keywords(PLAIN | OPENCV, -1, None, (1024, 1024), table)
+    assert found.distortion is None
+    assert [warned.code for warned in warnings] == ["distortion-unused"]
+
+
+@pytest.mark.parametrize(
+    "keywords",
+    [
+        {},
+        {"DISTORTION_MODEL": ("NONE",)},
+        {"OD_K": (0.0, 0.0, 0.0)},
+        {"FOV_REF_VECTOR": (1.0, 0.0, 0.0), "K": (200.0,), "OD_K_UNITS": ("MM",), "SOLAR_DISTANCE": (1.5,)},
+    ],
+)
+def test_where_no_distortion_is_stated_there_is_none(keywords):
+    held = PLAIN | {f"INS-1_{key}": value for key, value in keywords.items()}
+    assert detector_from_keywords(held, -1, None, (1024, 1024)).distortion is None
 
 
 def test_keywords_in_metres_micrometres_and_millimetres_mean_the_same():
     base = {"INS-1_CCD_CENTER": (511.5, 511.5)}
     found = [
-        detector_from_keywords((base | extra).get, -1, None, (1024, 1024))
+        detector_from_keywords(base | extra, -1, None, (1024, 1024))
         for extra in (
             {"INS-1_FOCAL_LENGTH": (120.0,), "INS-1_PIXEL_PITCH": (0.012,)},
             {"INS-1_FOCAL_LENGTH": (0.12,), "INS-1_PIXEL_SIZE": (1.2e-5,)},
@@ -200,14 +271,14 @@ def test_keywords_in_metres_micrometres_and_millimetres_mean_the_same():
     ]
     for other in found[1:]:
         assert_same(found[0], other)
-    assert detector_from_keywords(base.get, -1, None, (1024, 1024)) is None
+    assert detector_from_keywords(base, -1, None, (1024, 1024)) is None
 
 
 @pytest.mark.parametrize("written", [511.5, 512.5])
 def test_the_middle_of_a_detector_is_the_same_counted_from_0_and_from_1(written):
     """Hayabusa2's kernel has 512.5 for the middle of 1024 pixels; taken as counted from 0 it was a pixel off."""
     keywords = {"FOCAL_LENGTH": (121.1,), "PIXEL_SIZE": (0.013, 0.013), "CCD_CENTER": (written, written)}
-    found = detector_from_keywords({f"INS-1_{k}": v for k, v in keywords.items()}.get, -1, None, (1024, 1024))
+    found = detector_from_keywords({f"INS-1_{k}": v for k, v in keywords.items()}, -1, None, (1024, 1024))
     assert found is not None
     assert found.center == (512.0, 512.0)
 

@@ -35,6 +35,14 @@ def test_the_last_kernel_wins(tmp_path):
         assert kernels.keyword("BODY2101955_RADII") == (4.0, 5.0, 6.0)
 
 
+def test_all_keywords_of_an_instrument_are_read(tmp_path):
+    text = "INS-1_A = ( 1 2 )\nINS-1_B = 'X'\nINS-12_A = 3\n"
+    (tmp_path / "a.ti").write_text(f"KPL/IK\n\\begindata\n{text}\\begintext\n")
+    with spice.loaded_kernels([tmp_path / "a.ti"]) as kernels:
+        assert kernels.keywords_of(-1) == {"INS-1_A": (1.0, 2.0), "INS-1_B": ("X",)}
+        assert kernels.keywords_of(-2) == {}
+
+
 def test_what_is_unloaded_is_forgotten(tmp_path):
     with spice.loaded_kernels([kernel(tmp_path / "a.tpc", "1 2 3")]) as kernels:
         kernels.unload()

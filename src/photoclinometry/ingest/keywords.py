@@ -7,7 +7,9 @@ kernels and in the sources of ISIS's cameras.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+import re
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,9 @@ from photoclinometry.ingest.detector import Detector, detector_of_matrix
 from photoclinometry.ingest.distortion import BrownConrady, Distortion, InverseRadial, Radial
 from photoclinometry.io.archives.pvl import Block
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.warning import warn
+
+logger = logging.getLogger(__name__)
 
 _SHORTEST_FOCAL_MM = 1.0
 """No camera has a shorter focal length: smaller numbers are metres."""
@@ -28,36 +33,48 @@ _CORRECTED_RADIUS = 0.5
 _OCAMS_TERMS = 5
 """OCAMS gives five terms of OD_K, k_0 ... k_4; other cameras give at most three."""
 
-Keywords = Callable[[str], tuple[Any, ...] | None]
-"""The values of a keyword by its name; None if there is no such keyword."""
+_UNDISTORTED = ("", "NONE")
+"""Values of DISTORTION_MODEL for images without distortion."""
+_OF_DISTORTION = re.compile(
+    r"DISTORT|(^|_)DIST(_|$)|(^|_)OD_|DECENTER|RADIAL|TANGENTIAL|OPENCV|POLYNOM|^K\d$|RAD_DIST_COEFF"
+)
+"""Parts of the names that instrument kernels and ISIS's addenda give to coefficients of distortion."""
+_UNDERSTOOD = re.compile(r"(OD_K|OD_CENTER|RAD_DIST_COEFF|OPENCV_OD_[KPFCA])(_|$)|DISTORTION_MODEL$")
+"""Those that are read here. OpenCV's OD_A is a skew, which moves no pixel of a known kernel by 0.03 px."""
+_OPENCV = ("OPENCV_OD_K", "OPENCV_OD_P", "OPENCV_OD_F", "OPENCV_OD_C")
+_COEFFICIENTS = re.compile(r"OD_K|OD_P$|RAD_DIST_COEFF")
+_INSTEAD = "take the distortion out of the image by the mission's tools and pass --undistorted"
+
+Keywords = Mapping[str, tuple[Any, ...]]
+"""The values of keywords by name."""
 
 
 def keywords_of_label(label: Block) -> Keywords:
     """The keywords that spiceinit stored in an ISIS cube."""
     held = label.block("NAIFKEYWORDS") or Block("")
-
-    def get(name: str) -> tuple[Any, ...] | None:
-        value = held.get(name.upper())
-        if value is None:
-            return None
-        return value if isinstance(value, tuple) else (value,)
-
-    return get
+    return {name: value if isinstance(value, tuple) else (value,) for name, value in reversed(held.statements)}
 
 
 def detector_from_keywords(
-    get: Keywords, code: int, filter_name: str | None, size: tuple[int, int], table: Detector | None = None
+    held: Keywords,
+    code: int,
+    filter_name: str | None,
+    size: tuple[int, int],
+    table: Detector | None = None,
+    *,
+    undistorted: bool = False,
 ) -> Detector | None:
     """The detector of instrument `code`, with lines and samples as in ISIS's cubes; None if a keyword is missing.
 
     size: (width, height) of the whole detector, used if no keyword gives it. table: the camera of the table in the
     order of ISIS's cubes: its axes are taken where keywords give none, as in NAIF's instrument kernels without an
-    addendum of ISIS, and then its distortion, if keywords give none of that either. Raises InputError for keywords
-    that cannot be those of a camera.
+    addendum of ISIS, and then its distortion, if keywords give none of that either. undistorted: whether the image is
+    free of distortion, so that any may be stated. Raises InputError for keywords that cannot be those of a camera, and
+    for a distortion that is not understood.
     """
 
     def numbers(name: str, count: int = 1) -> tuple[float, ...] | None:
-        return _numbers(get, f"INS{code}_{name}", count)
+        return _numbers(held, f"INS{code}_{name}", count)
 
     focal = numbers("FOCAL_LENGTH")
     matrix, pitch = _matrix(numbers), _pitch(numbers)
@@ -77,10 +94,15 @@ def detector_from_keywords(
         focal_mm=focal_mm,
         center=center,
     )
-    model = str((get(f"INS{code}_DISTORTION_MODEL") or ("",))[0]).upper()
+    model = str(held.get(f"INS{code}_DISTORTION_MODEL", ("",))[0]).strip().upper()
     distortion, principal = _distortion(numbers, plain, filter_name, model)
     if distortion is None and matrix is None and table is not None:
         distortion = table.distortion
+    if not undistorted:
+        _check_understood(held, code)
+        fault = _unusable(held, code, model, filter_name) if distortion is None else None
+        if fault is not None:
+            distortion = _of_table(table, fault)
     return Detector(
         width=width,
         height=height,
@@ -95,8 +117,45 @@ def detector_from_keywords(
 Numbers = Callable[..., tuple[float, ...] | None]
 
 
-def _numbers(get: Keywords, name: str, count: int) -> tuple[float, ...] | None:
-    values = get(name)
+def _of_distortion(held: Keywords, code: int) -> list[str]:
+    """The names of keywords of the instrument that hold coefficients of a distortion other than zero."""
+    prefix = f"INS{code}_"
+    named = [name for name in held if name.startswith(prefix) and _OF_DISTORTION.search(name.removeprefix(prefix))]
+    return sorted(name for name in named if any(isinstance(v, int | float) and v != 0 for v in held[name]))
+
+
+def _of_table(table: Detector | None, fault: str) -> Distortion | None:
+    """The distortion of a camera of the table, with a warning. Raises InputError with the fault for other cameras."""
+    if table is None:
+        raise InputError(f"{fault}; {_INSTEAD}")
+    given = "takes its distortion from the table of cameras" if table.distortion else "is taken to have no distortion"
+    warn(logger, "distortion-unused", "%s. The camera is in the table of cameras, and %s", fault, given)
+    return table.distortion
+
+
+def _check_understood(held: Keywords, code: int) -> None:
+    """Raises InputError if keywords state a distortion that is not known here."""
+    unknown = [name for name in _of_distortion(held, code) if not _UNDERSTOOD.match(name.removeprefix(f"INS{code}_"))]
+    if unknown:
+        raise InputError(f"{', '.join(unknown)}: a distortion of this kind is not known here; {_INSTEAD}")
+
+
+def _unusable(held: Keywords, code: int, model: str, filter_name: str | None) -> str | None:
+    """What the keywords state of a distortion although they give none for this image; None if they state nothing."""
+    stated = [name for name in _of_distortion(held, code) if _COEFFICIENTS.search(name)]
+    if not stated:
+        given = f"INS{code}_DISTORTION_MODEL is {model}"
+        return None if model in _UNDISTORTED else f"{given}, and its coefficients are missing"
+    if any(re.search(r"OD_K_", name) for name in stated):
+        return f"{', '.join(stated)}: is the distortion of other filters than the label's ({filter_name})"
+    lacking = [f"INS{code}_{name}" for name in _OPENCV if f"INS{code}_{name}" not in held]
+    return f"{', '.join(stated)}: " + (
+        f"OpenCV's distortion lacks {', '.join(lacking)}" if lacking else f"is not of the DISTORTION_MODEL {model}"
+    )
+
+
+def _numbers(held: Keywords, name: str, count: int) -> tuple[float, ...] | None:
+    values = held.get(name)
     if values is None:
         return None
     try:
@@ -174,8 +233,7 @@ def _powers(k: tuple[float, ...], pitch: float) -> tuple[float, ...]:
 
 
 def _opencv(numbers: Numbers, plain: Detector) -> tuple[BrownConrady, tuple[float, float]] | None:
-    k, p = numbers("OPENCV_OD_K", 6), numbers("OPENCV_OD_P", 2)
-    focal, center = numbers("OPENCV_OD_F", 2), numbers("OPENCV_OD_C", 2)
+    k, p, focal, center = (numbers(name, count) for name, count in zip(_OPENCV, (6, 2, 2, 2), strict=True))
     if k is None or p is None or focal is None or center is None:
         return None
     nominal = [float(plain.focal_mm / pitch) for pitch in plain.pitch_mm]

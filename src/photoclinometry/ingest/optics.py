@@ -45,7 +45,7 @@ def find_optics(
                 "--lines down if the image has the SUMFILE's order, --lines up if it has the reverse"
             )
         return Optics(fitted(detector, width, height), f"SUMFILE {sumfile.path.name}")
-    whole = _whole_detector(product, facts, known, kernels)
+    whole = _whole_detector(product, facts, known, kernels, options)
     if whole is None:
         return None
     if product.window is not None:
@@ -54,7 +54,7 @@ def find_optics(
 
 
 def _whole_detector(
-    product: Product, facts: Facts, known: KnownCamera | None, kernels: Kernels | None
+    product: Product, facts: Facts, known: KnownCamera | None, kernels: Kernels | None, options: IngestOptions
 ) -> Optics | None:
     """The whole detector by the cube's keywords, the loaded kernels, or the table of cameras, in this order."""
     size = (known.detector.width, known.detector.height) if known else product.image.brightness.shape[::-1]
@@ -62,12 +62,18 @@ def _whole_detector(
     lines_turned = known is not None and known.cube_lines_turned
     in_cube = known.in_cube_order(facts.filter) if known else None
     if product.kind == "ISIS" and code is not None:
-        found = detector_from_keywords(keywords_of_label(product.label), code, facts.filter, size, in_cube)
+        held = keywords_of_label(product.label)
+        found = detector_from_keywords(held, code, facts.filter, size, in_cube, undistorted=options.undistorted)
         if found is not None:
             return Optics(found, "ISIS keywords")
     # Addenda assume ISIS's frames, with the boresight along z. For other frames the table is more reliable.
     if kernels is not None and code is not None and (known is None or known.detector.frame == BORESIGHT_Z):
-        found = detector_from_keywords(kernels.keyword, code, facts.filter, size, in_cube)
+        held = kernels.keywords_of(code)
+        try:
+            found = detector_from_keywords(held, code, facts.filter, size, in_cube, undistorted=options.undistorted)
+        except InputError as error:
+            named = ", ".join(file.name for file in kernels.files if file.suffix.lower() == ".ti") or "the kernels"
+            raise InputError(f"{error} (in {named})") from error
         if found is not None:
             turn = lines_turned and product.kind != "ISIS"
             return Optics(turned_about(found, lines=True, samples=False) if turn else found, "instrument kernel")

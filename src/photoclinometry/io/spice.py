@@ -109,6 +109,11 @@ class Kernels:
         values = self._ask(f"the keyword {name}", "keyword", name)
         return None if values is None else tuple(values)
 
+    def keywords_of(self, instrument: int) -> dict[str, tuple[Any, ...]]:
+        """The values of all keywords INSnnn_... of an instrument, by name."""
+        found = self._ask(f"the keywords of instrument {instrument}", "keywords", f"INS{instrument}_*")
+        return {name: tuple(values) for name, values in found.items()}
+
     def body_code(self, name: str) -> int:
         """The NAIF identifier of a body."""
         code = self._ask(f"the NAIF identifier of {name}", "body", name)

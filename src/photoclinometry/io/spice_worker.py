@@ -17,6 +17,8 @@ from spiceypy.utils.exceptions import NotFoundError, SpiceyError
 
 _MAX_VALUES = 100
 """Values of a keyword that are read; the longest of a camera has a dozen."""
+_MAX_NAMES = 1000
+"""Keywords of one instrument that are read; OCAMS has sixty."""
 _MAX_KERNELS = 10_000
 """Kernels of a meta-kernel that are read; those of whole missions name some hundreds."""
 _MAX_REASON = 300
@@ -31,6 +33,15 @@ def keyword(name: str) -> list[Any] | None:
     except NotFoundError:
         return None
     return [float(v) if kind == "N" else str(v) for v in values]
+
+
+def keywords(pattern: str) -> dict[str, list[Any]]:
+    """The values of all keywords whose names match a pattern of SPICE, such as INS-203120_*, by name."""
+    try:
+        names = spice.gnpool(pattern, 0, _MAX_NAMES)
+    except NotFoundError:
+        return {}
+    return {name: values for name in names if (values := keyword(name)) is not None}
 
 
 def or_none(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -103,6 +114,7 @@ QUESTIONS: dict[str, Callable[..., Any]] = {
     "position": lambda *a: spice.spkpos(*a)[0].tolist(),
     "rotation": lambda *a: spice.pxform(*a).tolist(),
     "keyword": keyword,
+    "keywords": keywords,
     "body": or_none(spice.bods2c),
     "body frame": or_none(lambda body: str(spice.cidfrm(body)[1])),
     "frame name": lambda code: str(spice.frmnam(code)) or None,

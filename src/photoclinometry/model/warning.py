@@ -20,6 +20,7 @@ CODES: Mapping[str, str] = {
     "control-contradicts": "a ground control point is far from the estimate",
     "control-too-few": "the ground control points do not determine the frame",
     "dark-level-unknown": "nothing shows the dark level of uncalibrated images, which may be half of their brightness",
+    "distortion-unused": "keywords state a distortion that is not one for the image, and the table of cameras is used",
     "few-views": "a site that was made of archive files has too few views to be mapped",
     "file-damaged": "a file of an earlier run was damaged, and what it held is made again",
     "ground-overlaps": "part of a surface given to the simulator lies under other parts",
