@@ -38,6 +38,24 @@ def test_a_missing_camera_and_sun_are_both_named(tmp_path):
         assert word in message
 
 
+UNKNOWN = MAPCAM.replace("MapCam", "NewCam").replace("-64361", "-64999")
+
+
+def test_the_keywords_that_a_cube_and_kernels_lack_are_named(tmp_path):
+    pytest.importorskip("spiceypy")
+    (tmp_path / "new.ti").write_text("KPL/IK\n\\begindata\nINS-64999_FOCAL_LENGTH = 100.0\n\\begintext\n")
+    path = mapcam_cube(tmp_path / "a.cub", groups=UNKNOWN, keywords="INS-64999_PIXEL_PITCH = 0.0085\n")
+    message = refusal([path], tmp_path, kernels=(tmp_path / "new.ti",))
+    center = "INS-64999_CCD_CENTER or CENTER or FOV_CENTER_PIXEL or BORESIGHT_SAMPLE and BORESIGHT_LINE"
+    assert f"(instrument 'NewCam'; the cube lacks INS-64999_FOCAL_LENGTH, {center}; the kernels lack " in message
+    assert f"the kernels lack INS-64999_PIXEL_SIZE or PIXEL_PITCH or ITRANSS and ITRANSL, {center}): pass" in message
+
+
+def test_the_code_that_a_cube_lacks_is_named(tmp_path):
+    path = mapcam_cube(tmp_path / "a.cub", groups=UNKNOWN.replace("NaifFrameCode", "Other"))
+    assert "(instrument 'NewCam'; the label has no NaifFrameCode of ISIS): pass" in refusal([path], tmp_path)
+
+
 def test_a_missing_sun_alone_is_named(tmp_path):
     message = refusal(plain_images(tmp_path / "in", 1), tmp_path, pinhole=(500.0, 500.0, 30.0, 20.0))
     assert "the Sun's direction is unknown" in message

@@ -20,7 +20,7 @@ from photoclinometry.ingest.geometry import (
 )
 from photoclinometry.ingest.known_camera import KnownCamera
 from photoclinometry.ingest.line_order import in_camera_order
-from photoclinometry.ingest.optics import find_optics
+from photoclinometry.ingest.optics import find_optics, without_camera
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.radiometry import calibrated, without_saturation
 from photoclinometry.ingest.sumfiles import NamedSum, sumfile_of
@@ -98,7 +98,9 @@ def _exposure(
     sumfile = sumfile_of(product.path, facts, auxiliary.sumfiles)
     row = (auxiliary.suns or {}).get(product.path.name) or (auxiliary.suns or {}).get(product.data.name)
     optics = find_optics(product, facts, known, sumfile, options, auxiliary.kernels)
-    missing, fault = [] if optics else [_no_camera(facts)], None
+    missing, fault = [], None
+    if optics is None:
+        missing.append(_no_camera(facts, without_camera(product, facts, known, auxiliary.kernels)))
     try:
         geometry = _geometry(product, facts, known, sumfile, options, auxiliary.kernels)
     except InputError as error:
@@ -175,10 +177,11 @@ def _check_looks_at_body(prior: PosePrior) -> None:
         )
 
 
-def _no_camera(facts: Facts) -> str:
+def _no_camera(facts: Facts, lacking: str) -> str:
     called = f"instrument {facts.instrument!r}" if facts.instrument else "the label names none"
+    cause = f"{called}; {lacking}" if lacking else called
     return (
-        f"its camera is not known ({called}): pass --camera NAME, --pinhole FX FY CX CY, --sumfiles, "
+        f"its camera is not known ({cause}): pass --camera NAME, --pinhole FX FY CX CY, --sumfiles, "
         "or --kernels with its instrument kernel"
     )
 

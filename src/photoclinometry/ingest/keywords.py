@@ -114,6 +114,20 @@ def detector_from_keywords(
     )
 
 
+def lacking_keywords(held: Keywords, code: int) -> list[str]:
+    """What keywords lack of the detector of instrument `code`: their names, with those that would do instead."""
+    needed = (
+        ("FOCAL_LENGTH",),
+        ("PIXEL_SIZE", "PIXEL_PITCH", "ITRANSS and ITRANSL"),
+        ("CCD_CENTER", "CENTER", "FOV_CENTER_PIXEL", "BORESIGHT_SAMPLE and BORESIGHT_LINE"),
+    )
+
+    def is_held(names: str) -> bool:
+        return all(f"INS{code}_{name}" in held for name in names.split(" and "))
+
+    return [f"INS{code}_{' or '.join(choices)}" for choices in needed if not any(is_held(names) for names in choices)]
+
+
 Numbers = Callable[..., tuple[float, ...] | None]
 
 

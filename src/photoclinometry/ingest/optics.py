@@ -8,7 +8,7 @@ import numpy as np
 
 from photoclinometry.ingest.detector import BORESIGHT_Z, Detector, fitted, turned_about, windowed
 from photoclinometry.ingest.facts import Facts
-from photoclinometry.ingest.keywords import detector_from_keywords, keywords_of_label
+from photoclinometry.ingest.keywords import detector_from_keywords, keywords_of_label, lacking_keywords
 from photoclinometry.ingest.known_camera import KnownCamera
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.sumfiles import NamedSum, detector_of_sumfile
@@ -53,12 +53,31 @@ def find_optics(
     return replace(whole, detector=fitted(whole.detector, width, height, known.raw_lines if known else None))
 
 
+def without_camera(product: Product, facts: Facts, known: KnownCamera | None, kernels: Kernels | None) -> str:
+    """Why no source gives the camera of an image: the keywords that each lacks."""
+    code = _instrument(facts, known)
+    if code is None:
+        return "the label has no NaifFrameCode of ISIS" if product.kind == "ISIS" else ""
+    held = {"the cube": keywords_of_label(product.label)} if product.kind == "ISIS" else {}
+    if kernels is not None:
+        held["the kernels"] = kernels.keywords_of(code)
+    return "; ".join(
+        f"{place} {'lack' if place.endswith('s') else 'lacks'} {', '.join(lacking_keywords(keywords, code))}"
+        for place, keywords in held.items()
+    )
+
+
+def _instrument(facts: Facts, known: KnownCamera | None) -> int | None:
+    """NAIF's identifier of the instrument, or of its filter."""
+    return facts.frame_code or (known.code_with_filter(facts.filter) if known else None)
+
+
 def _whole_detector(
     product: Product, facts: Facts, known: KnownCamera | None, kernels: Kernels | None, options: IngestOptions
 ) -> Optics | None:
     """The whole detector by the cube's keywords, the loaded kernels, or the table of cameras, in this order."""
     size = (known.detector.width, known.detector.height) if known else product.image.brightness.shape[::-1]
-    code = facts.frame_code or (known.code_with_filter(facts.filter) if known else None)
+    code = _instrument(facts, known)
     lines_turned = known is not None and known.cube_lines_turned
     in_cube = known.in_cube_order(facts.filter) if known else None
     if product.kind == "ISIS" and code is not None:
