@@ -110,6 +110,30 @@ def test_a_sumfile_gives_camera_pose_and_sun(tmp_path, by):
     assert exposure.prior.rotation_sigma_rad == pytest.approx(1e-3)
 
 
+@pytest.mark.parametrize(
+    ("given", "stated", "expected"),
+    [(0, None, 0.05), (1, None, 0.05), (2, None, None), (2, 0.3, 0.3), (0, 0.0, 0.0)],
+)
+def test_the_common_error_of_suns_is_stated_unless_a_table_gives_all(tmp_path, given, stated, expected):
+    """Two cubes with ISIS's tables, of which --suns covers so many."""
+    paths = [mapcam_cube(tmp_path / f"{name}.cub") for name in "ab"]
+    options = IngestOptions(
+        undistorted=True,
+        suns=suns_of(tmp_path, paths[:given]) if given else None,
+        sun_common_sigma_deg=stated,
+    )
+    site = tomllib.loads(ingest(paths, tmp_path / "site", options).site.read_text())
+    assert site.get("sun_common_sigma_deg") == (None if expected is None else pytest.approx(expected))
+
+
+def test_a_sumfile_s_sun_has_the_common_error_of_kernels(tmp_path):
+    (path,) = plain_images(tmp_path / "in", 1)
+    write_sumfile(tmp_path / "a.SUM", sumfile_of_view(path.stem, CAMERA, POSE, SUN, utc="2000 JAN 01 00:00:00"))
+    options = IngestOptions(sumfiles=(tmp_path / "a.SUM",), body="bennu")
+    site = tomllib.loads(ingest([path], tmp_path / "site", options).site.read_text())
+    assert site["sun_common_sigma_deg"] == pytest.approx(0.05)
+
+
 def test_a_cube_of_a_turned_and_mirrored_detector_comes_out_upright(tmp_path):
     """MapCam: samples along +Y, lines along +X. The lines are turned; so C is x = Y, y = -X of the instrument."""
     path = mapcam_cube(tmp_path / "a.cub")

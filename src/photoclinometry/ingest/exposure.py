@@ -38,6 +38,8 @@ _WIDEST_DEG = 85.0
 """Largest angle between boresight and the direction of the body's centre; a larger one means mixed-up frames."""
 _CODES_PER_SPACECRAFT = 1000
 """NAIF's rule: the instruments of spacecraft -64 are -64000 to -64999."""
+SUNS_GIVEN = "table of Suns"
+"""`Exposure.sources` of a Sun that --suns gives."""
 _MAPS = ("IMAGE_MAP_PROJECTION", "MAPPING")
 """Blocks in the labels of map-projected images."""
 
@@ -189,7 +191,7 @@ def _no_camera(facts: Facts, lacking: str) -> str:
 def _sun(row: SunRow | None, geometry: Geometry | None, options: IngestOptions) -> tuple[np.ndarray, float, str]:
     default = float(np.deg2rad(options.sun_sigma_deg))
     if row is not None:
-        return row.sun, row.sigma_rad or default, "table of Suns"
+        return row.sun, row.sigma_rad or default, SUNS_GIVEN
     assert geometry is not None
     return unit(geometry.sun), default, geometry.source
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.ingest.exposure import AuxiliaryData, Exposure, read_exposure
+from photoclinometry.ingest.exposure import SUNS_GIVEN, AuxiliaryData, Exposure, read_exposure
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.refusals import Refusal, counted, message, sentences
 from photoclinometry.ingest.sumfiles import read_sumfiles
@@ -34,7 +34,8 @@ SOURCES_FILE = "sources.json"
 """Beside site.toml: the file of each image, and the sources of its camera, Sun and pose."""
 ALIGNMENT_SIGMA_DEG = 0.05
 """By how much the alignment of a camera with the spacecraft's star trackers is typically off: the pointing that mission
-teams find from images differs from kernels by some hundredths of a degree, alike in all images of a phase."""
+teams find from images differs from kernels by some hundredths of a degree, alike in all images of a phase. Poses of
+SUMFILEs share the errors of their shape model's frame, for which no figure is given: the same is taken."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: Inge
         views=tuple(views),
         region=None,
         path=out / SITE_FILE,
-        sun_common_sigma_rad=_common_sigma(options),
+        sun_common_sigma_rad=_common_sigma(exposures, options),
     )
     write_site(folder / SITE_FILE, site)
     sources = [{"image": name, "file": e.path.name, **e.sources} for name, e in zip(names, exposures, strict=True)]
@@ -159,11 +160,12 @@ def _known_body(called: str | None) -> str | None:
     return next((name for name in names if is_known(name)), None)
 
 
-def _common_sigma(options: IngestOptions) -> float | None:
-    """Standard deviation [rad] of the rotation that all Suns' errors share; None where a table states the errors."""
+def _common_sigma(exposures: Sequence[Exposure], options: IngestOptions) -> float | None:
+    """Standard deviation [rad] of the rotation that all Suns' errors share; None where the table gives all Suns."""
     if options.sun_common_sigma_deg is not None:
         return math.radians(options.sun_common_sigma_deg)
-    return None if options.suns is not None else math.radians(ALIGNMENT_SIGMA_DEG)
+    all_given = all(exposure.sources["sun"] == SUNS_GIVEN for exposure in exposures)
+    return None if all_given else math.radians(ALIGNMENT_SIGMA_DEG)
 
 
 def _names(exposures: Sequence[Exposure]) -> list[str]:

@@ -44,7 +44,7 @@ class IngestOptions(Ranged):
     """Standard deviation of Suns from kernels, tables and labels [degrees]."""
     sun_common_sigma_deg: Annotated[float | None, Range(least=0, most=180)] = None
     """Standard deviation of the rotation by which all Suns are off alike, beside each one's own error [degrees]. Left
-    out, 0.05 for Suns from kernels and labels, as cameras are aligned to about that; not stated for those of tables."""
+    out, 0.05, as cameras are aligned to about that; not stated where --suns gives the Suns of all images."""
     position_sigma: Annotated[float, Range(above=0)] = 1e-3
     """Standard deviation of camera positions, as a share of the distance to the body; SUMFILEs state theirs."""
     pointing_sigma_deg: Annotated[float, Range(above=0, most=180)] = 0.03
