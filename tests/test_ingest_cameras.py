@@ -203,10 +203,11 @@ PLAIN = {
 @pytest.mark.parametrize(
     ("keywords", "message"),
     [
-        ({"OD_T_X": (0.0, 1.002, 0.0), "OD_T_Y": (0.0, 0.0, 1.0)}, r"^INS-1_OD_T_X, INS-1_OD_T_Y: .* not known here"),
+        ({"DIST_X": (0.0, 1.002, 0.0), "DIST_Y": (0.0, 0.0, 1.0)}, r"^INS-1_DIST_X, INS-1_DIST_Y: .* not known here"),
+        ({"OD_T_X": (0.0, 1.002, *[0.0] * 8)}, r"^INS-1_OD_T_X: is a distortion that lacks INS-1_OD_T_Y"),
         ({"DISTORTION_COEF_X": (0.0, 1e-5)}, r"^INS-1_DISTORTION_COEF_X: .*--undistorted"),
         ({"K1": (-2.5e-5,)}, r"^INS-1_K1: .* not known here"),
-        ({"OD_K": (0.0, 1e-5, 0.0), "DECENTER": (1e-7, 0.0, 2.9)}, r"^INS-1_DECENTER: .* not known here"),
+        ({"OD_K": (0.0, 1e-5, 0.0), "DECENTER": (1e-7, 0.0, 2.9)}, r"^INS-1_DECENTER: .* lacks INS-1_PP"),
         ({"DISTORTION_MODEL": ("KAGUYALISM",)}, r"^INS-1_DISTORTION_MODEL is KAGUYALISM, and its coeff.*missing"),
         (
             {"OPENCV_OD_K": (0.1, 0, 0, 0, 0, 0), "OPENCV_OD_P": (0.0, 0.0)},

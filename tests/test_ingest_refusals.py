@@ -80,25 +80,25 @@ def test_an_unknown_part_of_a_detector_is_refused(tmp_path):
     assert "is 60 x 40 pixels, but its camera has 1024 x 1024" in message
 
 
-TAYLOR = (
+UNREAD = (
     "INS-64361_FOCAL_LENGTH = 125.2\nINS-64361_PIXEL_SIZE = 8.5\nINS-64361_CCD_CENTER = (511.5, 511.5)\n"
-    "INS-64361_OD_T_X = (0.0, 1.002, 0.0)\n"
+    "INS-64361_DISTORTION_COEF_X = (0.0, 1.002, 0.0)\n"
 )
 
 
 def test_a_cube_with_a_distortion_that_is_not_understood_is_refused(tmp_path):
-    path = mapcam_cube(tmp_path / "a.cub", keywords=TAYLOR)
+    path = mapcam_cube(tmp_path / "a.cub", keywords=UNREAD)
     message = refusal([path], tmp_path)
-    assert message.startswith(f"{path}: INS-64361_OD_T_X: a distortion of this kind is not known here")
+    assert message.startswith(f"{path}: INS-64361_DISTORTION_COEF_X: a distortion of this kind is not known here")
     assert ingest([path], tmp_path / "site", IngestOptions(undistorted=True)).exposures
 
 
 def test_a_kernel_with_a_distortion_that_is_not_understood_is_named(tmp_path):
     pytest.importorskip("spiceypy")
-    (tmp_path / "mapcam.ti").write_text(f"KPL/IK\n\\begindata\n{TAYLOR}\\begintext\n")
+    (tmp_path / "mapcam.ti").write_text(f"KPL/IK\n\\begindata\n{UNREAD}\\begintext\n")
     path = mapcam_cube(tmp_path / "a.cub")
     message = refusal([path], tmp_path, kernels=(tmp_path / "mapcam.ti",))
-    assert message.startswith(f"{path}: INS-64361_OD_T_X: a distortion of this kind")
+    assert message.startswith(f"{path}: INS-64361_DISTORTION_COEF_X: a distortion of this kind")
     assert message.endswith("(in mapcam.ti)")
 
 

@@ -6,6 +6,7 @@ its lines.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -69,16 +70,80 @@ class InverseRadial:
 
     def distort(self, ideal: np.ndarray) -> np.ndarray:
         """Raises InputError if the iteration does not converge."""
-        observed = np.array(ideal, float)
-        farthest = _DIVERGED * (1.0 + np.abs(ideal).max(initial=0.0))
-        for _ in range(_STEPS):
-            step = ideal - self.undistort(observed)
-            observed = observed + step
-            if np.abs(step).max(initial=0.0) < _TOLERANCE_MM:
-                return observed
-            if np.abs(observed).max() > farthest:
-                break
-        raise InputError(f"the distortion {self.coefficients} cannot be inverted on this detector; correct the camera")
+        return _inverted(self.undistort, ideal, self.coefficients)
+
+
+def _inverted(undistort: Callable[[np.ndarray], np.ndarray], ideal: np.ndarray, named: object) -> np.ndarray:
+    """Observed points of ideal ones by fixed-point iteration. Raises InputError if it does not converge."""
+    observed = np.array(ideal, float)
+    farthest = _DIVERGED * (1.0 + np.abs(ideal).max(initial=0.0))
+    for _ in range(_STEPS):
+        step = ideal - undistort(observed)
+        observed = observed + step
+        if np.abs(step).max(initial=0.0) < _TOLERANCE_MM:
+            return observed
+        if np.abs(observed).max() > farthest:
+            break
+    raise InputError(f"the distortion {named} cannot be inverted on this detector; correct the camera")
+
+
+@dataclass(frozen=True)
+class Decentred:
+    """Radial and decentring distortion of the Apollo Metric cameras, as a correction, with r = |observed| [mm].
+
+    ideal = observed (1 + k1 r^2 + k2 r^4 + k3 r^6) + (j1 r^2 + j2 r^4) (-sin angle, cos angle)
+
+    ISIS, ApolloMetricDistortionMap. Inverted by fixed-point iteration.
+    """
+
+    k: tuple[float, float, float]
+    """[mm^-2], [mm^-4], [mm^-6]."""
+    j: tuple[float, float]
+    """[mm^-1], [mm^-3]."""
+    angle_rad: float
+
+    def undistort(self, observed: np.ndarray) -> np.ndarray:
+        """Ideal points (..., 2) of observed points (..., 2) [mm]."""
+        r2 = np.sum(observed**2, axis=-1, keepdims=True)
+        k1, k2, k3 = self.k
+        across = r2 * (self.j[0] + self.j[1] * r2)
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return observed * radial + across * np.array([-np.sin(self.angle_rad), np.cos(self.angle_rad)])
+
+    def distort(self, ideal: np.ndarray) -> np.ndarray:
+        """Raises InputError if the iteration does not converge."""
+        return _inverted(self.undistort, ideal, (self.k, self.j))
+
+
+@dataclass(frozen=True)
+class Taylor:
+    """A polynomial of third degree: observed = coefficients @ (1, x, y, x^2, xy, y^2, x^3, x^2 y, x y^2, y^3).
+
+    MESSENGER's MDIS (ISIS, TaylorCameraDistortionMap).
+    """
+
+    x: tuple[float, ...]
+    """(10,) [mm^(1 - degree)], of the observed x."""
+    y: tuple[float, ...]
+    """(10,)."""
+
+    def distort(self, ideal: np.ndarray) -> np.ndarray:
+        x, y = np.moveaxis(np.asarray(ideal, float), -1, 0)
+        terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3], -1)
+        return terms @ np.array([self.x, self.y]).T
+
+
+@dataclass(frozen=True)
+class OnAxes:
+    """A model that is stated along the axes x and y of the focal plane, for samples and lines along others."""
+
+    inner: Distortion
+    axes: tuple[tuple[float, float], tuple[float, float]]
+    """Directions (x, y) of samples and lines."""
+
+    def distort(self, ideal: np.ndarray) -> np.ndarray:
+        axes = np.array(self.axes)
+        return self.inner.distort(ideal @ axes) @ axes.T
 
 
 @dataclass(frozen=True)

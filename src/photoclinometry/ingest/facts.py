@@ -91,7 +91,7 @@ def read_facts(product: Product) -> Facts:
         found["target"] = target.get("NAME") if target else None
     instrument = _ocams_camera(label, _text(found["spacecraft"]), instrument) or instrument
     kernels = label.block("ISISCUBE", "KERNELS")
-    code = kernels.get("NAIFFRAMECODE") if kernels else None
+    code = kernels.get("NAIFFRAMECODE", kernels.get("NAIFIKCODE")) if kernels else None
     return Facts(
         spacecraft=_text(found["spacecraft"]),
         instrument=instrument,

@@ -10,12 +10,21 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from photoclinometry.ingest.detector import Detector, detector_of_matrix
-from photoclinometry.ingest.distortion import BrownConrady, Distortion, InverseRadial, Radial
+from photoclinometry.ingest.detector import BORESIGHT_Z, Detector, detector_of_matrix
+from photoclinometry.ingest.distortion import (
+    BrownConrady,
+    Decentred,
+    Distortion,
+    InverseRadial,
+    OnAxes,
+    Radial,
+    Taylor,
+)
 from photoclinometry.io.archives.pvl import Block
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.warning import warn
@@ -39,10 +48,15 @@ _OF_DISTORTION = re.compile(
     r"DISTORT|(^|_)DIST(_|$)|(^|_)OD_|DECENTER|RADIAL|TANGENTIAL|OPENCV|POLYNOM|^K\d$|RAD_DIST_COEFF"
 )
 """Parts of the names that instrument kernels and ISIS's addenda give to coefficients of distortion."""
-_UNDERSTOOD = re.compile(r"(OD_K|OD_CENTER|RAD_DIST_COEFF|OPENCV_OD_[KPFCA])(_|$)|DISTORTION_MODEL$")
+_TAYLOR_TERMS = 10
+_BESIDE = (("OD_T_X", "OD_T_Y"), ("OD_T_Y", "OD_T_X"), ("DECENTER", "PP"), ("DECENTER", "OD_K"))
+"""Keywords of a distortion, and those without which they mean nothing."""
+_BACKWARDS = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+"""`Detector.frame` of a camera that looks along -z of its frame: half a turn about x."""
+_UNDERSTOOD = re.compile(r"(OD_K|OD_CENTER|DECENTER|OD_T_[XY]|RAD_DIST_COEFF|OPENCV_OD_[KPFCA])(_|$)|DISTORTION_MODEL$")
 """Those that are read here. OpenCV's OD_A is a skew, which moves no pixel of a known kernel by 0.03 px."""
 _OPENCV = ("OPENCV_OD_K", "OPENCV_OD_P", "OPENCV_OD_F", "OPENCV_OD_C")
-_COEFFICIENTS = re.compile(r"OD_K|OD_P$|RAD_DIST_COEFF")
+_COEFFICIENTS = re.compile(r"OD_K|OD_P$|OD_T_|RAD_DIST_COEFF")
 _INSTEAD = "take the distortion out of the image by the mission's tools and pass --undistorted"
 
 Keywords = Mapping[str, tuple[Any, ...]]
@@ -81,6 +95,9 @@ def detector_from_keywords(
     samples, lines = numbers("PIXEL_SAMPLES"), numbers("PIXEL_LINES")
     width, height = (int(samples[0]), int(lines[0])) if samples and lines else size
     center = _center(numbers, (width, height))
+    is_film = _is_film(held, code)
+    if is_film:
+        width, height, center = *size, _center_of_film(numbers, size, matrix)
     if focal is None or center is None or (matrix is None and pitch is None):
         return None
     focal_mm = focal[0] * 1e3 if focal[0] < _SHORTEST_FOCAL_MM else focal[0]
@@ -94,12 +111,15 @@ def detector_from_keywords(
         focal_mm=focal_mm,
         center=center,
     )
+    stated_axes = plain.axes
+    frame, plain = _looking(numbers("BORESIGHT", 3), plain, is_film=is_film)
     model = str(held.get(f"INS{code}_DISTORTION_MODEL", ("",))[0]).strip().upper()
-    distortion, principal = _distortion(numbers, plain, filter_name, model)
+    if not undistorted:
+        _check_understood(held, code)
+    distortion, principal = _distortion(numbers, plain, stated_axes, filter_name, model)
     if distortion is None and matrix is None and table is not None:
         distortion = table.distortion
     if not undistorted:
-        _check_understood(held, code)
         fault = _unusable(held, code, model, filter_name) if distortion is None else None
         if fault is not None:
             distortion = _of_table(table, fault)
@@ -110,8 +130,45 @@ def detector_from_keywords(
         pitch_mm=plain.pitch_mm,
         center=principal,
         axes=plain.axes,
+        frame=frame,
         distortion=distortion,
     )
+
+
+def _is_film(held: Keywords, code: int) -> bool:
+    """Whether the keywords are those of an Apollo Metric camera, whose frames were scanned with a wide margin."""
+    return f"INS{code}_DECENTER" in held and f"INS{code}_PP" in held
+
+
+def _center_of_film(numbers: Numbers, size: tuple[int, int], matrix: np.ndarray | None) -> tuple[float, float] | None:
+    """The principal point of scanned film: PP [mm] from the middle of the scan, as in ISIS's ApolloMetricCamera.
+
+    ISIS counts pixels from 1, so that its middle of n pixels, n / 2, is at (n - 1) / 2 here. CCD_CENTER is that of a
+    nominal scan without margin.
+    """
+    point = numbers("PP", 2)
+    if point is None or matrix is None:
+        return None
+    offset = matrix @ np.array(point[:2])
+    return float((size[0] - 1) / 2 + offset[0]), float((size[1] - 1) / 2 + offset[1])
+
+
+def _looking(
+    boresight: tuple[float, ...] | None, plain: Detector, *, is_film: bool
+) -> tuple[tuple[tuple[float, float, float], ...], Detector]:
+    """`Detector.frame`, and the detector with its axes in that frame.
+
+    A camera looks along -z if BORESIGHT is (0, 0, -1). Keywords of Apollo's Metric cameras have (0, 0, 1) although
+    their x was reversed in 2013 and ISIS takes the direction (x, y, -f) since; a scanned positive is no mirror image,
+    so that there the axes of samples and lines tell.
+    """
+    backwards = plain.mirrored if is_film else boresight is not None and boresight[2] < 0
+    if not backwards:
+        return BORESIGHT_Z, plain
+    if is_film:
+        logger.info("the camera looks along -z of its frame, as its samples and lines are not mirrored then")
+    (sx, sy), (lx, ly) = plain.axes
+    return _BACKWARDS, replace(plain, axes=((sx, -sy), (lx, -ly)))
 
 
 def lacking_keywords(held: Keywords, code: int) -> list[str]:
@@ -152,6 +209,9 @@ def _check_understood(held: Keywords, code: int) -> None:
     unknown = [name for name in _of_distortion(held, code) if not _UNDERSTOOD.match(name.removeprefix(f"INS{code}_"))]
     if unknown:
         raise InputError(f"{', '.join(unknown)}: a distortion of this kind is not known here; {_INSTEAD}")
+    for name, other in _BESIDE:
+        if f"INS{code}_{name}" in held and f"INS{code}_{other}" not in held:
+            raise InputError(f"INS{code}_{name}: is a distortion that lacks INS{code}_{other}; {_INSTEAD}")
 
 
 def _unusable(held: Keywords, code: int, model: str, filter_name: str | None) -> str | None:
@@ -210,13 +270,32 @@ def _center(numbers: Numbers, size: tuple[int, int]) -> tuple[float, float] | No
     return None if sample is None or line is None else (sample[0] - 0.5, line[0] - 0.5)
 
 
+def _of_focal_plane(numbers: Numbers) -> Distortion | None:
+    """A distortion that keywords state along the axes of the focal plane; None if there is none."""
+    x, y = numbers("OD_T_X", _TAYLOR_TERMS), numbers("OD_T_Y", _TAYLOR_TERMS)
+    if x is not None and y is not None:
+        return Taylor(x[:_TAYLOR_TERMS], y[:_TAYLOR_TERMS])
+    decentring = numbers("DECENTER", 3)
+    k = None if decentring is None else numbers("OD_K", 3)
+    if k is None or decentring is None:
+        return None
+    return Decentred((k[0], k[1], k[2]), (decentring[0], decentring[1]), decentring[2])
+
+
 def _distortion(
-    numbers: Numbers, plain: Detector, filter_name: str | None, model: str
+    numbers: Numbers,
+    plain: Detector,
+    axes: tuple[tuple[float, float], tuple[float, float]],
+    filter_name: str | None,
+    model: str,
 ) -> tuple[Distortion | None, tuple[float, float]]:
     """The distortion (None if there is none) and the principal point, which OpenCV's model gives separately."""
     opencv = _opencv(numbers, plain)
     if opencv is not None and model != "OCAMS":
         return opencv
+    stated = _of_focal_plane(numbers)
+    if stated is not None:
+        return OnAxes(stated, axes), plain.center
     dawn = numbers("RAD_DIST_COEFF")
     if dawn is not None:
         return Radial((0.0, 0.0, dawn[0])), plain.center

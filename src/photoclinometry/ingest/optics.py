@@ -48,9 +48,27 @@ def find_optics(
     whole = _whole_detector(product, facts, known, kernels, options)
     if whole is None:
         return None
-    if product.window is not None:
-        return replace(whole, detector=windowed(whole.detector, product.window, width, height))
-    return replace(whole, detector=fitted(whole.detector, width, height, known.raw_lines if known else None))
+    raw_lines = known.raw_lines if known else None
+    if product.window is None:
+        return replace(whole, detector=fitted(whole.detector, width, height, raw_lines))
+    parent = whole.detector
+    if product.window.parent is not None:
+        parent = fitted(parent, *product.window.parent, raw_lines)
+    return replace(whole, detector=windowed(parent, product.window, width, height))
+
+
+def _check_binning(product: Product) -> None:
+    """Raises InputError for cubes of MESSENGER's MDIS whose place on the detector depends on filter or binning."""
+    instrument = product.label.block("ISISCUBE", "INSTRUMENT")
+    if instrument is None or not str(instrument.get("INSTRUMENTID")).upper().startswith("MDIS"):
+        return
+    if str(instrument.get("INSTRUMENTID")).upper() == "MDIS-WAC":
+        raise InputError("each filter of MDIS-WAC is a camera of its own, which is not supported: pass --pinhole")
+    for name in ("FPUBINNINGMODE", "PIXELBINNINGMODE"):
+        if instrument.get(name) not in (None, 0):
+            raise InputError(
+                f"{name} is {instrument.get(name)}: binned images of MDIS are not supported: pass --pinhole"
+            )
 
 
 def without_camera(product: Product, facts: Facts, known: KnownCamera | None, kernels: Kernels | None) -> str:
@@ -76,7 +94,10 @@ def _whole_detector(
     product: Product, facts: Facts, known: KnownCamera | None, kernels: Kernels | None, options: IngestOptions
 ) -> Optics | None:
     """The whole detector by the cube's keywords, the loaded kernels, or the table of cameras, in this order."""
-    size = (known.detector.width, known.detector.height) if known else product.image.brightness.shape[::-1]
+    _check_binning(product)
+    height, width = product.image.brightness.shape
+    parent = (product.window and product.window.parent) or (width, height)
+    size = (known.detector.width, known.detector.height) if known else parent
     code = _instrument(facts, known)
     lines_turned = known is not None and known.cube_lines_turned
     in_cube = known.in_cube_order(facts.filter) if known else None

@@ -100,11 +100,13 @@ def _layout(path: Path, core: Block) -> Layout:
 
 
 def _window(path: Path, label: Block) -> Window | None:
-    """The window of a cropped or reduced cube. ISIS's AlphaCube counts detector pixels from 0.5 at the outer edge."""
+    """The window of a cropped or reduced cube. ISIS's AlphaCube counts pixels of the cube that it was cut from,
+    of AlphaSamples and AlphaLines, from 0.5 at the outer edge."""
     alpha = label.block("ISISCUBE", "ALPHACUBE")
     if alpha is None:
         return None
     start, step = [], []
+    sizes = [whole(path, alpha, f"ALPHA{axis}S", 0) for axis in ("SAMPLE", "LINE")]
     for axis in ("SAMPLE", "LINE"):
         first = number(path, alpha, f"ALPHASTARTING{axis}", 0.5)
         last = number(path, alpha, f"ALPHAENDING{axis}", 0.5)
@@ -113,7 +115,8 @@ def _window(path: Path, label: Block) -> Window | None:
             raise ImageError(f"{path}: the label's AlphaCube spans no pixels; fetch or export it again")
         start.append(first - 0.5)
         step.append((last - first) / count)
-    return Window((start[0], start[1]), (step[0], step[1]))
+    parent = (sizes[0], sizes[1]) if min(sizes) > 0 else None
+    return Window((start[0], start[1]), (step[0], step[1]), parent)
 
 
 def _table(path: Path, block: Block) -> dict[str, np.ndarray]:

@@ -17,6 +17,8 @@ class Window:
 
     start: tuple[float, float] = (0.0, 0.0)
     step: tuple[float, float] = (1.0, 1.0)
+    parent: tuple[int, int] | None = None
+    """(width, height) of the image that this one was cut from, if start and step count its pixels."""
 
 
 @dataclass(frozen=True, kw_only=True)
