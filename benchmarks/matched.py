@@ -167,6 +167,7 @@ def _campaign(count: int, brightness: str, noise: Noise, rng: np.random.Generato
         sun_measured=np.einsum("kji,kj->ki", rotation, measured),
         sun_sigma=np.full(count, noise.sun_rad),
         sun_common_sigma=np.zeros(count),
+        arc=np.zeros(count, int),
         dark_level=np.zeros(count),
     )
 

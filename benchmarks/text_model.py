@@ -48,6 +48,7 @@ def generated_scene(landmarks: int, views: int, observations: int) -> Scene:
             sun_measured=unit(rng.normal(size=(views, 3))),
             sun_sigma=1e-3 * ones,
             sun_common_sigma=0 * ones,
+            arc=np.zeros(views, int),
             dark_level=0 * ones,
         ),
         landmarks=Landmarks(

@@ -188,7 +188,7 @@ def some_tracks_missing(scene: Scene) -> Scene:
 
 def sun_residuals(views: Views) -> np.ndarray:
     """(2 K,) Suns less those measured, in the tangent planes of these, whitened by the covariance of their errors: of
-    each view's own, and of one rotation of all in C."""
+    each view's own, and of one rotation in C of all of an arc."""
     tangent = [tangent_basis(sun) for sun in views.sun_measured]
     in_cam = np.einsum("kij,ki->kj", views.body_from_cam.rotation, views.sun)
     off = np.concatenate([plane.T @ sun for plane, sun in zip(tangent, in_cam, strict=True)])
@@ -198,5 +198,6 @@ def sun_residuals(views: Views) -> np.ndarray:
             for plane, sun, sigma in zip(tangent, views.sun_measured, views.sun_common_sigma, strict=True)
         ]
     )
-    covariance = np.diag(np.repeat(views.sun_sigma**2, 2)) + turned @ turned.T
+    arc = np.repeat(views.arc, 2)
+    covariance = np.diag(np.repeat(views.sun_sigma**2, 2)) + turned @ turned.T * (arc[:, None] == arc)
     return np.linalg.solve(np.linalg.cholesky(covariance), off)

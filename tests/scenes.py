@@ -125,6 +125,7 @@ def synthetic_scene(
         sun_measured=np.einsum("kji,kj->ki", body_from_cam.rotation, sun),
         sun_sigma=np.full(views, 1e-3),
         sun_common_sigma=np.zeros(views),
+        arc=np.zeros(views, int),
     )
 
     # One landmark where the ray of each reference pixel meets the surface.

@@ -33,9 +33,10 @@ def test_marginals_are_the_dense_inverse_of_numerical_derivatives(small):
     assert_equal_marginals(marginals(at), expected, views)
 
 
-def test_suns_that_err_together_are_told_apart_better_than_they_are_known(small):
+@pytest.mark.parametrize("arc", [np.zeros(3, int), np.array([0, 1, 0])], ids=["one arc", "two arcs"])
+def test_suns_that_err_together_are_told_apart_better_than_they_are_known(small, arc):
     """Marginals are the dense inverse; the sum of two views' errors is known ten times worse than their difference."""
-    views = replace(small.views, sun_sigma=np.full(3, 1e-4), sun_common_sigma=np.full(3, 1e-2))
+    views = replace(small.views, sun_sigma=np.full(3, 1e-4), sun_common_sigma=np.full(3, 1e-2), arc=arc)
     scene = replace(small, views=views)
     at, built = linearized_at_truth(scene)
     expected, size = dense_covariance(scene, built)
@@ -43,8 +44,11 @@ def test_suns_that_err_together_are_told_apart_better_than_they_are_known(small)
     assert_equal_marginals(found, expected, size)
 
 
-def test_errors_that_measurements_share_are_eliminated_with_the_views(small):
-    """Two tracks of an altimeter and pose priors with a common error: marginals are the dense inverse."""
+@pytest.mark.parametrize("arc", [None, np.array([0, 1, 0])], ids=["one arc", "two arcs"])
+def test_errors_that_measurements_share_are_eliminated_with_the_views(small, arc):
+    """Two tracks of an altimeter and pose priors with common errors: marginals are the dense inverse."""
+    arcs = 1 if arc is None else 2
+    count = arcs + 2
     rng = np.random.default_rng(6)
     which = np.array([0, 4, 5, 7])
     shots = Altimetry(
@@ -53,7 +57,7 @@ def test_errors_that_measurements_share_are_eliminated_with_the_views(small):
         position=small.landmarks.position[which] + rng.normal(0.0, 5.0, (4, 3)),
         sigma=rng.uniform(2.0, 5.0, 4),
         shift_sigma=np.array([20.0, 30.0]),
-        first=1,
+        first=arcs,
     )
     priors = PosePriors(
         body_from_cam=small.views.body_from_cam,
@@ -61,21 +65,24 @@ def test_errors_that_measurements_share_are_eliminated_with_the_views(small):
         center_sigma=np.full(3, 20.0),
         common_rotation_sigma=1e-3,
         common_center_sigma=300.0,
+        arc=arc,
     )
-    estimate = Estimate(small.views, small.landmarks, PIVOT, systematic=np.zeros((3, 10)))
+    assert priors.common_errors == arcs
+    estimate = Estimate(small.views, small.landmarks, PIVOT, systematic=np.zeros((count, 10)))
     jacobian, views = jacobian_by_differences(small, graph_of(small))
-    used = np.array([10 * n + i for n in range(3) for i in range(6 if n == 0 else 3)])
+    used = np.array([10 * n + i for n in range(count) for i in range(6 if n < arcs else 3)])
+    base = views + 10 * count
     wide = np.insert(jacobian, [views] * len(used), 0.0, axis=1)
     extra = []
     for rows in [*shots.rows(estimate), *priors.rows(estimate)]:
         for f in range(len(rows.residual)):
-            row = np.zeros((rows.residual.shape[1], views + 30 + 6 * len(small.landmarks)))
+            row = np.zeros((rows.residual.shape[1], base + 6 * len(small.landmarks)))
             for touch in rows.touches:
-                first, size = {"view": (0, 10), "systematic": (views, 10), "landmark": (views + 30, 6)}[touch.variable]
+                first, size = {"view": (0, 10), "systematic": (views, 10), "landmark": (base, 6)}[touch.variable]
                 start = first + size * touch.index[f]
                 row[:, start : start + touch.jacobian.shape[2]] += touch.jacobian[f]
             extra.append(row)
-    kept = np.r_[:views, views + used, views + 30 : views + 30 + 6 * len(small.landmarks)]
+    kept = np.r_[:views, views + used, base : base + 6 * len(small.landmarks)]
     expected = covariance_of(np.vstack([wide, np.vstack(extra)[:, kept]]))
     graph = graph_of(small, others=(shots, priors)).graph
     found = marginals(linearized_graph(graph, estimate))

@@ -209,6 +209,10 @@ def general_groups(scene):
             body_from_cam=scene.views.body_from_cam, rotation_sigma=np.r_[1e-4, np.inf, 1e-3, 1e-4],
             center_sigma=np.r_[10.0, np.inf, 20.0, np.inf], common_rotation_sigma=1e-3, common_center_sigma=50.0,
         ),
+        PosePriors(
+            body_from_cam=scene.views.body_from_cam, rotation_sigma=np.full(4, 1e-3), center_sigma=np.full(4, 10.0),
+            common_rotation_sigma=1e-3, common_center_sigma=50.0, arc=np.array([0, 2, 0, 1]),
+        ),
         Ranges(np.array([1, 3]), np.array([2, 4]), np.array([5e5, 6e5]), 3.0),
     ]  # fmt: skip
 
@@ -229,7 +233,7 @@ class EveryNumberTouched:
         return [Rows(1e-3 * estimate.systematic, (JacobianBlock("systematic", np.arange(3), slope),))]
 
 
-@pytest.mark.parametrize("number", range(9))
+@pytest.mark.parametrize("number", range(11))
 def test_general_groups_have_the_slopes_of_their_residuals(number):
     scene = synthetic_scene(size=6, views=4)
     group = general_groups(scene)[number]

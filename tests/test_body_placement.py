@@ -62,6 +62,7 @@ def view_at(pose, sun):
         sun_measured=(sun @ pose.rotation)[None],
         sun_sigma=np.full(1, 1e-3),
         sun_common_sigma=np.zeros(1),
+        arc=np.zeros(1, int),
     )
 
 

@@ -51,6 +51,7 @@ def views_from(directions, suns, focal=FOCAL):
         sun_measured=np.array(suns),
         sun_sigma=np.full(count, 1e-3),
         sun_common_sigma=np.zeros(count),
+        arc=np.zeros(count, int),
     )
 
 

@@ -44,6 +44,7 @@ def shape_scene(exposure):
             sun_measured=exposure.sun[None],
             sun_sigma=np.full(1, 1e-3),
             sun_common_sigma=np.zeros(1),
+            arc=np.zeros(1, int),
         ),
         landmarks=Landmarks(
             position=vertices, normal=unit(normal), albedo=np.ones(count), pixel=np.zeros((count, 2), np.int32)

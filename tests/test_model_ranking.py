@@ -10,7 +10,7 @@ import pytest
 import photoclinometry as pcm
 from commands import phomo
 from fault_place import small_disk
-from photoclinometry.adjust.graph.sun_directions import common_turn
+from photoclinometry.adjust.graph.sun_directions import common_turns
 from photoclinometry.cli import main
 from photoclinometry.evaluate.cross_validation import Predictions, is_larger
 from photoclinometry.evaluate.model_ranking import RankingOptions, rank_models
@@ -107,8 +107,8 @@ def test_the_common_turn_takes_measured_suns_to_the_estimated_ones(scene):
     turn = np.radians([0.3, -0.2, 0.1])
     sun = (scene.views.body_from_cam.rotation @ (so3_exp(turn) @ scene.views.sun_measured[..., None]))[..., 0]
     views = replace(scene.views, sun=sun, sun_common_sigma=np.full(8, 0.1))
-    np.testing.assert_allclose(common_turn(views), turn, atol=2e-4)
-    assert not common_turn(replace(views, sun_common_sigma=np.zeros(8))).any()
+    np.testing.assert_allclose(common_turns(views, views.arc), np.tile(turn, (8, 1)), atol=2e-4)
+    assert not common_turns(replace(views, sun_common_sigma=np.zeros(8)), views.arc).any()
 
 
 def predictions(measured, predicted):

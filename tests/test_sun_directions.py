@@ -1,4 +1,4 @@
-"""Measured Suns: errors of each view's own, and one that all have in common."""
+"""Measured Suns: errors of each view's own, and one that all of an arc have in common."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from graphs import sun_residuals
-from photoclinometry.adjust.graph.sun_directions import SunDirections, sun_offsets, unexplained_variance
+from photoclinometry.adjust.graph.sun_directions import SunDirections, common_turns, sun_offsets, unexplained_variance
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.model.geometry import so3_exp, sphere_step
 from scenes import synthetic_scene
@@ -21,6 +21,11 @@ def estimate():
     return Estimate(views, scene.landmarks, scene.landmarks.position.mean(0))
 
 
+@pytest.fixture(scope="module", params=[[0] * 6, [0, 1, 0, 0, 1, 1]], ids=["one arc", "two arcs"])
+def of_arcs(estimate, request):
+    return replace(estimate, views=replace(estimate.views, arc=np.array(request.param)))
+
+
 def measured_with(estimate, rotation, own):
     """With the Suns that were measured turned alike in C (3,) [rad], and each moved (K, 2) [rad]."""
     views = estimate.views
@@ -32,9 +37,9 @@ def cost(estimate):
     return sum(rows.cost for rows in SunDirections.of(estimate.views).rows(estimate))
 
 
-def test_the_cost_is_that_of_gaussian_errors_of_their_covariance(estimate):
+def test_the_cost_is_that_of_gaussian_errors_of_their_covariance(of_arcs):
     rng = np.random.default_rng(0)
-    off = measured_with(estimate, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
+    off = measured_with(of_arcs, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
     assert cost(off) == pytest.approx(np.sum(sun_residuals(off.views) ** 2), rel=1e-9)
     alone = replace(off, views=replace(off.views, sun_common_sigma=np.zeros(6)))
     assert cost(alone) == pytest.approx(np.sum(sun_residuals(alone.views) ** 2), rel=1e-9)
@@ -52,7 +57,7 @@ def test_errors_as_stated_cost_one_for_each_number(estimate):
 def test_a_rotation_of_all_is_told_from_errors_of_single_suns(estimate):
     rotation = 2.0 * COMMON * np.array([0.6, -0.8, 0.0])
     own, common = sun_offsets(measured_with(estimate, rotation, np.zeros((6, 2))).views)
-    np.testing.assert_allclose(common, rotation / COMMON, atol=0.05)
+    np.testing.assert_allclose(common, [rotation / COMMON], atol=0.05)
     assert np.abs(own).max() < 0.3
     moved = np.zeros((6, 2))
     moved[2] = 10.0 * OWN, 0.0
@@ -62,34 +67,52 @@ def test_a_rotation_of_all_is_told_from_errors_of_single_suns(estimate):
     assert np.linalg.norm(common) < 1.0
 
 
-def test_offsets_squared_are_the_cost(estimate):
+def test_each_arc_has_a_rotation_of_its_own(estimate):
+    """Two arcs turned by three sigmas each, in other directions: either turn is told, and the cost is that of the two
+    arcs alone."""
+    arc, turns = np.array([0, 1, 0, 0, 1, 1]), 3.0 * COMMON * np.array([[0.6, -0.8, 0.0], [-0.8, -0.6, 0.0]])
+    parts = [measured_with(estimate, turn, np.zeros((6, 2))).views.sun_measured for turn in turns]
+    measured = np.where((arc == 0)[:, None], parts[0], parts[1])
+    off = replace(estimate, views=replace(estimate.views, sun_measured=measured, arc=arc))
+    own, common = sun_offsets(off.views)
+    np.testing.assert_allclose(common, turns / COMMON, atol=0.15)
+    assert np.abs(own).max() < 0.5
+    np.testing.assert_allclose(common_turns(off.views, np.array([1, 0, 2]))[:2], -turns[::-1], atol=0.15 * COMMON)
+    assert not common_turns(off.views, np.array([2])).any()
+    apart = [cost(replace(off, views=off.views[arc == number])) for number in (0, 1)]
+    assert cost(off) == pytest.approx(sum(apart), rel=1e-12)
+    together = replace(off, views=replace(off.views, arc=np.zeros(6, int)))
+    assert cost(together) > 100.0 * cost(off)
+
+
+def test_offsets_squared_are_the_cost(of_arcs):
     rng = np.random.default_rng(2)
-    off = measured_with(estimate, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
+    off = measured_with(of_arcs, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
     own, common = sun_offsets(off.views)
     assert np.sum(own**2) + np.sum(common**2) == pytest.approx(cost(off), rel=1e-12)
 
 
-def test_slopes_are_those_of_the_residuals(estimate):
+def test_slopes_are_those_of_the_residuals(of_arcs):
     rng = np.random.default_rng(3)
-    off = measured_with(estimate, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
+    off = measured_with(of_arcs, COMMON * rng.normal(size=3), OWN * rng.normal(size=(6, 2)))
     suns = SunDirections.of(off.views, weight=1.7)
-    (rows,) = suns.rows(off)
     still = np.zeros((len(off.landmarks), 6))
-    for touch in rows.touches:
+    for n, touch in [(n, touch) for n, rows in enumerate(suns.rows(off)) for touch in rows.touches]:
         k = int(touch.index[0])
         for m in (0, 1, 2, 6, 7):
             step = np.zeros((6, 10))
             step[k, m] = 1e-6
-            ends = [suns.rows(off.step(sign * step, still))[0].residual[0] for sign in (1, -1)]
+            ends = [suns.rows(off.step(sign * step, still))[n].residual[0] for sign in (1, -1)]
             np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, touch.jacobian[0, :, m], rtol=1e-4, atol=1e-3)
 
 
-def test_the_group_owns_what_was_measured(estimate):
+def test_the_group_owns_what_was_measured(of_arcs):
     """Views of an estimate that state other measurements change nothing."""
-    suns = SunDirections.of(estimate.views)
-    other = replace(estimate.views, sun_measured=-estimate.views.sun_measured, sun_sigma=9.0 * estimate.views.sun_sigma)
-    (before,), (after,) = suns.rows(estimate), suns.rows(replace(estimate, views=other))
-    np.testing.assert_array_equal(before.residual, after.residual)
+    suns = SunDirections.of(of_arcs.views)
+    views = of_arcs.views
+    other = replace(views, sun_measured=-views.sun_measured, sun_sigma=9.0 * views.sun_sigma)
+    for before, after in zip(suns.rows(of_arcs), suns.rows(replace(of_arcs, views=other)), strict=True):
+        np.testing.assert_array_equal(before.residual, after.residual)
 
 
 def test_suns_that_brightness_moved_further_than_both_errors_allow_are_as_uncertain_as_that(estimate):

@@ -62,6 +62,7 @@ def body_of(form=dented, model="lunar-lambert", spacing=4.0):
         sun_measured=suns,
         sun_sigma=np.zeros(4),
         sun_common_sigma=np.zeros(4),
+        arc=np.zeros(4, int),
     )
     return ViewedBody(
         name="dented",

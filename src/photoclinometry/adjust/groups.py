@@ -108,8 +108,8 @@ class Setup:
 
     @property
     def first_track(self) -> int:
-        """Index of the first altimeter track's shift among the systematic errors: after that of all pose priors."""
-        return int(self.pose_priors is not None and self.pose_priors.have_common_error)
+        """Index of the first altimeter track's shift among the systematic errors: after those of pose priors."""
+        return 0 if self.pose_priors is None else self.pose_priors.common_errors
 
     @property
     def systematic(self) -> np.ndarray:

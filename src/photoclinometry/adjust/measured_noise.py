@@ -100,7 +100,7 @@ def _scale_scatter(setup: Setup, scene: Scene) -> float:
 def _view_excess(setup: Setup, views: Views) -> float:
     """How far Suns, scales and biases are from their priors, in stated standard deviations; of those that are not free.
 
-    It is the root mean square over views, or what all Suns have in common, if that is more.
+    It is the root mean square over views, or over arcs of what all Suns of each have in common, if that is more.
     """
     scale, bias = (views.scale - 1.0) / setup.scale_sigma, views.bias / setup.bias_sigma
     known = [part[np.isfinite(sigma)] for part, sigma in ((scale, setup.scale_sigma), (bias, setup.bias_sigma))]
@@ -108,5 +108,5 @@ def _view_excess(setup: Setup, views: Views) -> float:
     # A rotation about a Sun does not move it: where all Suns are near each other, two axes of three tell.
     return max(
         float(np.sqrt(np.mean(np.concatenate([own.ravel(), *known]) ** 2))),
-        float(np.linalg.norm(common)) / np.sqrt(2.0),
+        float(np.linalg.norm(common)) / np.sqrt(2.0 * len(common)),
     )

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from photoclinometry.adjust import AdjustOptions, adjust
-from photoclinometry.adjust.graph.sun_directions import common_turn
+from photoclinometry.adjust.graph.sun_directions import common_turns
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.reflectance import GRAZING, Reflectance
@@ -118,7 +118,7 @@ def photometry_by(scene: Scene, start: Reflectance, used: np.ndarray) -> Scene:
 def predicted_by(found: Scene, scene: Scene, kept_out: np.ndarray) -> Predictions:
     """The brightness of views kept out, by what the others tell."""
     landmarks, model, tracks = found.landmarks, reflectance_of(found), scene.tracks
-    turned = so3_exp(common_turn(found.views)) @ scene.views.sun_measured[..., None]
+    turned = so3_exp(common_turns(found.views, scene.views.arc)) @ scene.views.sun_measured[..., None]
     sun = (scene.views.body_from_cam.rotation @ turned)[..., 0]
     views = replace(scene.views, sun=sun)
     at = np.flatnonzero(np.isin(tracks.view, kept_out) & tracks.lit)

@@ -34,11 +34,12 @@ def read_held_out(path: Path) -> Views | None:
     try:
         if not all(isinstance(name, str) for name in content["name"]):
             raise ValueError("the names of the views are not text")
+        content.setdefault("arc", [0] * len(content["name"]))  # missing in files from before Suns were of arcs
         views = Views(
             name=tuple(content["name"]),
             cameras=tuple(Camera(m, w, h, tuple(p)) for m, w, h, p in content["cameras"]),
             body_from_cam=Rigid(np.array(content["rotation"], float), np.array(content["translation"], float)),
-            **{key: np.array(content[key], float) for key in VIEW_ARRAYS},
+            **{key: np.array(content[key], int if key == "arc" else float) for key in VIEW_ARRAYS},
         )
         _check(views)
     except (ValueError, KeyError, TypeError, OverflowError) as error:

@@ -50,10 +50,15 @@ _VIEWS = {
     "dark_level": (_BRIGHTNESS, "-", "had been taken from the measured brightness of uncalibrated images before"),
     "sun_measured": ("1", "C", "measured unit vectors from the body towards the Sun (K, 3)"),
     "sun_sigma": ("rad", "C", "standard deviation of each view's own error of sun_measured about each tangent axis"),
-    "sun_common_sigma": ("rad", "C", "standard deviation of the rotation that errors of all sun_measured share"),
+    "sun_common_sigma": (
+        "rad",
+        "C",
+        "standard deviation of the rotation that errors of all sun_measured of an arc share",
+    ),
+    "arc": ("-", "-", "number of the arc of attitude and orbit that each view's Sun and pose prior are of"),
 }
-_LATER = ("sun_common_sigma", "dark_level")
-"""What older files do not have: zero there."""
+_LATER = {"sun_common_sigma": float, "dark_level": float, "arc": int}
+"""What older files do not have, with its type: zero there."""
 _LANDMARKS = {
     "position": (_LENGTH, "B", "landmark positions (J, 3)"),
     "normal": ("1", "B", "outward unit normals (J, 3)"),
@@ -263,8 +268,8 @@ def _read_views(file: Any) -> Views:
     ]
     stored = file["views"]
     values = {name: stored[name][()] for name in _VIEWS if name in stored or name not in _LATER}
-    for name in _LATER:
-        values.setdefault(name, np.zeros(len(values["name"])))
+    for name, kind in _LATER.items():
+        values.setdefault(name, np.zeros(len(values["name"]), kind))
     return Views(
         name=tuple(name.decode() for name in values.pop("name")),
         cameras=tuple(cameras[number] for number in values.pop("camera")),

@@ -38,7 +38,7 @@ _OWN_SHARE = 0.05
 states, or DEFAULT_SUN_SIGMA_RAD where that is more. Suns known worse than attitudes are have an error of one cause: an
 alignment, a shape or a frame. Star trackers know an attitude to some thousandths of a degree."""
 _POSE_COMMON = ("pose_common_sigma_deg", "pose_common_sigma")
-"""Keys of the standard deviations of errors that all pose priors have in common: a rotation of the cameras [degrees],
+"""Keys of the standard deviations of errors that all pose priors of an arc share: a rotation of the cameras [degrees],
 and a shift [m]."""
 _UNIT_TOLERANCE = 1e-3
 """Vectors and quaternions written with three decimals are this near to unit length."""
@@ -65,6 +65,8 @@ class SiteView:
     """What is taken out of the image when it is read, so that `camera` is a pinhole."""
     gamma: float = LINEAR
     """The power that the image's numbers are raised to when it is read, so that they are linear in radiance."""
+    arc: str | None = None
+    """Name of the arc of attitude and orbit that `sun` and `pose_prior` are of; all views without one are of one."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,8 @@ class Site:
     body_radius_m: float | None = None
     """Mean radius of a body that is not known by name."""
     sun_common_sigma_rad: float | None = None
-    """Standard deviation of the rotation in C by which all Suns are off alike; None where nothing is known of it."""
+    """Standard deviation of the rotation in C by which all Suns of an arc are off alike; None where nothing is known of
+    it."""
 
     @property
     def sun_in_cam(self) -> np.ndarray:
@@ -111,7 +114,7 @@ class Site:
 
     @property
     def sun_sigmas(self) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations [rad] of each Sun's own error (K,), and of the one that all have in common (K,).
+        """Standard deviations [rad] of each Sun's own error (K,), and of the one that all of an arc share (K,).
 
         Where `sun_common_sigma_rad` is not known, most of a large stated error is taken to be common.
         """
@@ -120,6 +123,12 @@ class Site:
             return stated, np.full(len(stated), self.sun_common_sigma_rad)
         own = np.maximum(_OWN_SHARE * stated, np.minimum(stated, DEFAULT_SUN_SIGMA_RAD))
         return own, np.sqrt(stated**2 - own**2)
+
+    @property
+    def arcs(self) -> np.ndarray:
+        """(K,) int: number of each view's arc, in the order of their first views."""
+        number = {arc: n for n, arc in enumerate(dict.fromkeys(view.arc for view in self.views))}
+        return np.array([number[view.arc] for view in self.views])
 
     @property
     def cameras(self) -> tuple[list[SiteCamera], np.ndarray]:
@@ -175,8 +184,8 @@ def write_site(path: Path | str, site: Site) -> None:
 def _read_view(
     path: Path, table: Table, default: SiteCamera | None, cameras: dict[str, SiteCamera], shared: tuple[float, ...]
 ) -> SiteView:
-    """shared: standard deviations of the errors that all pose priors have in common [degrees, m]."""
-    table.expect("image", "camera", "sun", "sun_sigma_deg", "cam_from_body", MASK, BORDER)
+    """shared: standard deviations of the errors that all pose priors of an arc share [degrees, m]."""
+    table.expect("image", "camera", "sun", "sun_sigma_deg", "arc", "cam_from_body", MASK, BORDER)
     name = table.text("image")
     table.where += f" ({name})"
     chosen = table.text("camera", None)
@@ -191,8 +200,9 @@ def _read_view(
     sigma_deg = table.positive_number("sun_sigma_deg", None)
     sigma = DEFAULT_SUN_SIGMA_RAD if sigma_deg is None else float(np.deg2rad(sigma_deg))
     prior = _read_prior(table.table("cam_from_body", None), shared)
+    arc = table.text("arc", None)
     table.finish()
-    return SiteView(name, path.parent / name, camera.camera, sun, sigma, prior, masking, camera.lens, camera.gamma)
+    return SiteView(name, path.parent / name, camera.camera, sun, sigma, prior, masking, camera.lens, camera.gamma, arc)
 
 
 def _read_sun(table: Table) -> np.ndarray:
@@ -313,6 +323,8 @@ def site_document(site: Site) -> dict[str, Any]:
             entry["camera"] = f"camera{number}"
         entry["sun"] = np.asarray(view.sun, float).tolist()
         entry["sun_sigma_deg"] = float(np.rad2deg(view.sun_sigma_rad))
+        if view.arc is not None:
+            entry["arc"] = view.arc
         if view.pose_prior is not None:
             entry["cam_from_body"] = _prior_dict(view.pose_prior)
         entry |= view.masking.document(site.path.parent)

@@ -24,4 +24,5 @@ def views_at(site: Site, body_from_cam: Rigid) -> Views:
         sun_measured=sun_in_cam,
         sun_sigma=own,
         sun_common_sigma=common,
+        arc=site.arcs,
     )

@@ -98,7 +98,7 @@ class Image:
         return f"<Image {self.name!r}: {width} x {height} pixels, {100.0 * self.valid.mean():.4g} % valid>"
 
 
-VIEW_ARRAYS = ("sun", "scale", "bias", "dark_level", "sun_measured", "sun_sigma", "sun_common_sigma")
+VIEW_ARRAYS = ("sun", "scale", "bias", "dark_level", "sun_measured", "sun_sigma", "sun_common_sigma", "arc")
 """What `Views` has one row of for each view, beside its name, camera and pose."""
 
 
@@ -125,8 +125,11 @@ class Views:
     sun_sigma: np.ndarray
     """(K,) standard deviation of each view's own error of `sun_measured`, about each tangent axis [rad]."""
     sun_common_sigma: np.ndarray
-    """(K,) standard deviation of the error that all views have in common, such as an error of the cameras' alignment:
-    one small rotation of all `sun_measured` in C, about each axis [rad]."""
+    """(K,) standard deviation of the error that all views of an arc have in common, such as an error of the cameras'
+    alignment: one small rotation of all their `sun_measured` in C, about each axis [rad]."""
+    arc: np.ndarray
+    """(K,) int: number of the arc of attitude and orbit from which each view's Sun and pose prior are. Arcs have errors
+    of their own; zeros where all views are of one."""
 
     def __len__(self) -> int:
         return len(self.name)

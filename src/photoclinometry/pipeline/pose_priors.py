@@ -100,11 +100,17 @@ def estimate_with_priors(
 
 def priors_in_frame(scene: Scene, priors: Mapping[str, PosePrior]) -> PosePriors:
     """The priors as the joint estimate takes them, in the scene's frame; views without one are free."""
-    return priors_of_views(scene.views.name, scene.views.body_from_cam, priors)
+    views = scene.views
+    return priors_of_views(views.name, views.body_from_cam, priors, views.arc)
 
 
-def priors_of_views(names: Sequence[str], body_from_cam: Rigid, priors: Mapping[str, PosePrior]) -> PosePriors:
-    """Priors by name as the joint estimate takes them; views without one are free, at the poses (K,)."""
+def priors_of_views(
+    names: Sequence[str], body_from_cam: Rigid, priors: Mapping[str, PosePrior], arc: np.ndarray | None = None
+) -> PosePriors:
+    """Priors by name as the joint estimate takes them; views without one are free, at the poses (K,).
+
+    arc: (K,) int, number of each view's arc; None where what priors have in common does not matter, or all are of one.
+    """
     rotation, center = body_from_cam.rotation.copy(), body_from_cam.translation.copy()
     rotation_sigma, center_sigma = np.full((2, len(names)), np.inf)
     for name, prior in priors.items():
@@ -117,6 +123,7 @@ def priors_of_views(names: Sequence[str], body_from_cam: Rigid, priors: Mapping[
         center_sigma=center_sigma,
         common_rotation_sigma=max((prior.common_rotation_sigma_rad for prior in priors.values()), default=0.0),
         common_center_sigma=max((prior.common_translation_sigma for prior in priors.values()), default=0.0),
+        arc=None if arc is None else np.unique(arc, return_inverse=True)[1],
     )
 
 
@@ -124,7 +131,7 @@ def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray)
     """One row per view that has a prior: how far its estimate is from that, beside the prior's sigmas.
 
     used: (K,) bool, views whose prior took part in the estimate. Sigmas are of the view's own error and of that which
-    all have in common; "off_sigmas" is the root mean square over the six.
+    all of its arc have in common; "off_sigmas" is the root mean square over the six.
     """
     rows = []
     for k, name in enumerate(scene.views.name):

@@ -332,4 +332,4 @@ def _priors(planned: PlannedViews, views: Views) -> PosePriors | None:
     known = {name: prior for name, prior in planned.priors.items() if name in views.name}
     if len(known) < MIN_PRIORS:
         return None
-    return priors_of_views(views.name, views.body_from_cam, known)
+    return priors_of_views(views.name, views.body_from_cam, known, views.arc)

@@ -103,6 +103,7 @@ def views_in(body_from_local: Rigid, used: list[SiteView], site: Site) -> Views:
         sun_measured=measured,
         sun_sigma=own[index],
         sun_common_sigma=common[index],
+        arc=site.arcs[index],
     )
 
 

@@ -119,7 +119,8 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     A prior is left out if it disagrees with what the images and the other priors say of its view (`disagreement`) by
     more than CONTRADICTS sigmas and more than CONTRADICTS times the median, since images err by more than is known of
     them; or if its attitude is off by more than SIGNIFICANT sigmas and FAR_RAD. The worst goes first: a wrong prior
-    makes sound ones look wrong. Fewer than MIN_PRIORS may be left in `used`. Raises InputError where fewer are given.
+    makes sound ones look wrong. Fewer than MIN_PRIORS may be left in `used`. Where views are of several arcs, what the
+    priors of an arc have in common is part of their sigmas. Raises InputError where fewer are given.
     """
     seen = [k for k, name in enumerate(scene.views.name) if name in priors]
     if len(seen) < MIN_PRIORS:
@@ -130,6 +131,8 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     distance = camera_distance(scene)
     names = tuple(scene.views.name[k] for k in seen)
     poses, known = scene.views.body_from_cam[seen], [priors[name] for name in names]
+    if len(set(scene.views.arc[seen])) > 1:
+        known = [_with_arcs_error(prior) for prior in known]
     information, used = pose_information(scene), np.ones(len(seen), bool)
     while True:
         fit = fit_to_priors(poses, known, distance, names, used)
@@ -138,6 +141,15 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
         if agree.sum() < MIN_PRIORS or (agree == used).all():
             return replace(fit, used=agree)
         used = used & (np.arange(len(seen)) != np.argmax(np.where(used & ~agree, fit.disagreement, -1.0)))
+
+
+def _with_arcs_error(prior: PosePrior) -> PosePrior:
+    """With sigmas that contain the error of its arc. One arc's moves the frame; several contradict each other by it."""
+    return replace(
+        prior,
+        rotation_sigma_rad=float(np.hypot(prior.rotation_sigma_rad, prior.common_rotation_sigma_rad)),
+        translation_sigma=float(np.hypot(prior.translation_sigma, prior.common_translation_sigma)),
+    )
 
 
 def _disagreement(fit: Georeference, information: np.ndarray, view: np.ndarray) -> np.ndarray:

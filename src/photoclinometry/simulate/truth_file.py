@@ -144,6 +144,7 @@ def read_facts(file: Any) -> dict[str, Any]:
         cameras=cameras,
         body_from_cam=Rigid(data.pop("rotation"), data.pop("translation")),
         dark_level=np.zeros(len(cameras)),
+        arc=np.zeros(len(cameras), int),
         **data,
     )
     return {

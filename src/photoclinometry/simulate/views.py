@@ -67,6 +67,7 @@ def measured_views(options: SimulationOptions, camera: Camera, poses: Rigid, sun
         sun_measured=measure_suns(stream(options, Stream.SUN_NOISE), sun, poses, sigma, common_sigma),
         sun_sigma=np.full(count, sigma),
         sun_common_sigma=np.full(count, common_sigma),
+        arc=np.zeros(count, int),
     )
 
 

@@ -30,33 +30,41 @@ class PosePriors:
     center_sigma: np.ndarray
     """(K,) in units of B, along each axis; infinite where nothing is known."""
     common_rotation_sigma: float = 0.0
-    """[rad] of a rotation in C by which all attitudes are off alike, about each axis."""
+    """[rad] of a rotation in C by which all attitudes of an arc are off alike, about each axis."""
     common_center_sigma: float = 0.0
-    """In units of B, of a shift in B by which all centres are off alike, along each axis."""
+    """In units of B, of a shift in B by which all centres of an arc are off alike, along each axis."""
+    arc: np.ndarray | None = None
+    """(K,) int: number of each view's arc; None where all are of one."""
     name: str = "pose prior"
 
     @property
-    def have_common_error(self) -> bool:
-        """Whether all are off alike: by the first of the estimate's systematic errors, rotation 3 and shift 3."""
-        return self.common_rotation_sigma > 0.0 or self.common_center_sigma > 0.0
+    def common_errors(self) -> int:
+        """How many arcs are off as a whole, each by one of the first of the estimate's systematic errors: rotation 3
+        and shift 3."""
+        if self.common_rotation_sigma <= 0.0 and self.common_center_sigma <= 0.0:
+            return 0
+        return 1 if self.arc is None else int(self.arc.max()) + 1
 
     def rows(self, estimate: Estimate) -> list[Rows]:
         known = np.isfinite(self.rotation_sigma) | np.isfinite(self.center_sigma)
         which = np.flatnonzero(known)
         prior, sigma = self.body_from_cam[which], (self.rotation_sigma[which], self.center_sigma[which])
         alone = pose_rows(estimate, which, prior, *sigma)
-        if not self.have_common_error:
+        count = self.common_errors
+        if not count:
             return [alone]
+        arc = np.zeros(len(which), int) if self.arc is None else self.arc[which]
         by_common = np.zeros((len(which), 6, 6))
         by_common[:, :3, :3] = -prior.rotation / sigma[0][:, None, None]
         by_common[:, 3:, 3:] = -np.eye(3) / sigma[1][:, None, None]
-        common = estimate.systematic[0, :6]
+        common = estimate.systematic[:count, :6]
         sigmas = np.repeat([self.common_rotation_sigma, self.common_center_sigma], 3)
         whiten = 1.0 / np.where(sigmas > 0.0, sigmas, _HELD)
-        first = np.zeros(len(which), int)
+        moved = (by_common @ common[arc][..., None])[..., 0]
+        stated = np.tile(np.diag(whiten), (count, 1, 1))
         return [
-            Rows(alone.residual + by_common @ common, (*alone.touches, JacobianBlock("systematic", first, by_common))),
-            Rows((whiten * common)[None], (JacobianBlock("systematic", first[:1], np.diag(whiten)[None]),)),
+            Rows(alone.residual + moved, (*alone.touches, JacobianBlock("systematic", arc, by_common))),
+            Rows(whiten * common, (JacobianBlock("systematic", np.arange(count), stated),)),
         ]
 
 

@@ -247,6 +247,7 @@ def _views(images: Sequence[ImageLines], sun_sigma_rad: float) -> Views:
         sun_measured=sun,
         sun_sigma=np.full(len(images), float(sun_sigma_rad)),
         sun_common_sigma=np.zeros(len(images)),
+        arc=np.zeros(len(images), int),
     )
 
 
