@@ -145,6 +145,21 @@ def test_a_cube_of_a_turned_and_mirrored_detector_comes_out_upright(tmp_path):
     np.testing.assert_allclose(exposure.camera.params, [125.2 / 0.0085] * 2 + [512.0, 512.0])
 
 
+def test_images_days_apart_are_of_arcs_of_their_own(tmp_path):
+    """Two of one evening, one two days later, one without a time; and of the evening alone one arc without a name."""
+    times = ("2019-04-25T21:12:32.312", "2019-04-27T22:00:00.0", "2019-04-25T23:00:00", None)
+    groups = [MAPCAM if t is None else MAPCAM.replace("Target", f"StartTime = {t}\n  Target", 1) for t in times]
+    paths = [mapcam_cube(tmp_path / f"{k}.cub", groups=group) for k, group in enumerate(groups)]
+    result = ingest(paths, tmp_path / "site", IngestOptions(undistorted=True))
+    evening, later = "orex-mapcam, ISIS tables, 2019-04-25", "orex-mapcam, ISIS tables, 2019-04-27"
+    assert [view.arc for view in read_site(result.site).views] == [evening, later, evening, None]
+    result = ingest(paths[::2], tmp_path / "one", IngestOptions(undistorted=True))
+    assert "arc" not in result.site.read_text()
+    table = suns_of(tmp_path, paths)
+    result = ingest(paths, tmp_path / "of-table", IngestOptions(undistorted=True, suns=table))
+    assert "arc" not in result.site.read_text(), "Suns of a table are of one solution"
+
+
 def test_an_alpha_cube_s_camera_is_that_of_its_window(tmp_path):
     alpha = (
         "Group = AlphaCube\nAlphaStartingSample = 100.5\nAlphaStartingLine = 200.5\nAlphaEndingSample = 160.5\n"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from photoclinometry.ingest.cameras import camera_named, known_camera
 from photoclinometry.ingest.detector import upright
-from photoclinometry.ingest.facts import Facts, read_facts
+from photoclinometry.ingest.facts import Facts, read_facts, time_of
 from photoclinometry.ingest.geometry import (
     Geometry,
     geometry_from_kernels,
@@ -62,6 +63,11 @@ class Exposure:
     """"iof" or "dn"."""
     sources: dict[str, str]
     """The sources of camera, Sun and pose, by these words."""
+    instrument: str
+    """The camera's name, as far as it is known."""
+    time: datetime | None
+    """UTC, to a minute; None where it is not known, or where the Sun is of a table or a SUMFILE: all of these are of
+    one solution."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +130,9 @@ def _exposure(
     image, brightness = calibrated(measured, facts.unit, options.solar_flux, distance)
     sun, sigma, sun_source = _sun(row, geometry, options)
     prior = _prior(geometry, options)
+    time = None
+    if geometry is not None and row is None and sumfile is None:
+        time = geometry.time or time_of(facts.start)
     if prior is not None:
         _check_looks_at_body(prior)
     return Exposure(
@@ -141,6 +150,8 @@ def _exposure(
             "sun": sun_source,
             "pose": geometry.source if geometry is not None and prior is not None else "none",
         },
+        instrument=known.name if known else f"{facts.spacecraft or ''} {facts.instrument or ''}".strip().lower(),
+        time=time,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from photoclinometry.io.spice import Kernels
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES, Rigid, unit
 
+_J2000 = datetime(2000, 1, 1, 12)
+"""Epoch of SPICE's times, TDB."""
 _M_PER_KM = METRES["km"]
 """Sites are in metres; kernels, tables and SUMFILEs are in kilometres."""
 _LARGEST_VALUE = 1e15
@@ -40,6 +43,8 @@ class Geometry:
     position_sigma_m: float | None = None
     """Standard deviation of the position, if the source gives it."""
     pointing_sigma_rad: float | None = None
+    time: datetime | None = None
+    """UTC, or TDB, which is a minute ahead; if the source gives it."""
 
     def turned(self, cam_from_instrument: np.ndarray) -> Geometry:
         """The same in the camera's frame; cam_from_instrument: (3, 3) rotation."""
@@ -75,6 +80,7 @@ def geometry_from_kernels(
         instrument_from_body=Rigid(turn, -turn @ camera * _M_PER_KM),
         source="SPICE kernels",
         sun_distance_km=float(np.linalg.norm(sun)),
+        time=_J2000 + timedelta(seconds=time),
     )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from photoclinometry.ingest.arcs import arcs_of
 from photoclinometry.ingest.exposure import SUNS_GIVEN, AuxiliaryData, Exposure, read_exposure
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.refusals import Refusal, counted, message, sentences
@@ -130,11 +131,16 @@ def _one_unit(exposures: list[Exposure]) -> list[Exposure]:
 
 def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: IngestOptions) -> None:
     names = _names(exposures)
+    sources = [", ".join(filter(None, (e.instrument, e.sources["sun"]))) for e in exposures]
+    arcs = arcs_of(sources, [e.time for e in exposures])
     views = []
-    for name, exposure in zip(names, exposures, strict=True):
+    for name, exposure, arc in zip(names, exposures, arcs, strict=True):
         pixels = np.where(exposure.image.valid, exposure.image.brightness, np.float32(np.nan))
         write_fits(folder / name, pixels)
-        views.append(SiteView(name, out / name, exposure.camera, exposure.sun, exposure.sun_sigma_rad, exposure.prior))
+        view = SiteView(
+            name, out / name, exposure.camera, exposure.sun, exposure.sun_sigma_rad, exposure.prior, arc=arc
+        )
+        views.append(view)
     called = next((e.body for e in exposures if e.body), None)
     body = _known_body(called)
     if called is not None and body is None:
@@ -150,8 +156,8 @@ def _write(folder: Path, out: Path, exposures: Sequence[Exposure], options: Inge
         sun_common_sigma_rad=_common_sigma(exposures, options),
     )
     write_site(folder / SITE_FILE, site)
-    sources = [{"image": name, "file": e.path.name, **e.sources} for name, e in zip(names, exposures, strict=True)]
-    write_json(folder / SOURCES_FILE, sources)
+    of_images = [{"image": name, "file": e.path.name, **e.sources} for name, e in zip(names, exposures, strict=True)]
+    write_json(folder / SOURCES_FILE, of_images)
 
 
 def _known_body(called: str | None) -> str | None:
@@ -161,7 +167,7 @@ def _known_body(called: str | None) -> str | None:
 
 
 def _common_sigma(exposures: Sequence[Exposure], options: IngestOptions) -> float | None:
-    """Standard deviation [rad] of the rotation that all Suns' errors share; None where the table gives all Suns."""
+    """Standard deviation [rad] of the rotation that all Suns of an arc share; None where the table gives all Suns."""
     if options.sun_common_sigma_deg is not None:
         return math.radians(options.sun_common_sigma_deg)
     all_given = all(exposure.sources["sun"] == SUNS_GIVEN for exposure in exposures)
