@@ -1,6 +1,6 @@
 """The pictures of docs/howto/symptoms.md: maps of one simulated site as it is, and with faults.
 
-python benchmarks/symptoms.py --out symptoms        five minutes; copy OUT/symptom-*.png to docs/images
+python benchmarks/symptoms.py --out symptoms        ten minutes; copy OUT/symptom-*.png to docs/images
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import tyro
 
 import photoclinometry as pcm
 from faults import SITES, region_of
-from image_faults import Images, blurred, distortion, gamma, read_images, write_spoiled
+from image_faults import Images, blurred, distortion, gamma, hits, jpeg, read_images, write_spoiled
 from photoclinometry.io.site import read_site
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.scene import Scene
@@ -27,6 +27,10 @@ from photoclinometry.simulate.site import simulate_site
 SITE, VIEW = "moderate", 3
 """And the view that a fault of one image is put into."""
 GAMMA, CORNER_PX, SUN_OFF_DEG = 2.2, 10.0, 10.0
+OFFSET = 0.4
+"""Left in all images, as a share of their median brightness."""
+HIDDEN_VIEWS, HIDDEN = 7, 0.45
+"""Views whose masks hide one corner, and its share of their width and height."""
 NAMES = ("sound", "spoilt")
 WIDTH, GAP, MARGIN = 2.1, (0.75, 0.2), (0.05, 0.65, 0.05, 0.3)
 """Of panels, between and around them [inches]."""
@@ -62,6 +66,16 @@ def main(out: Path) -> None:
     _draw(out / "symptom-blurred.png", _differences(name, (sound, images), (soft, seen)))
     turned, seen = spoilt(_with_wrong_sun)
     _draw(out / "symptom-wrong-sun.png", _differences(name, (sound, images), (turned, seen)))
+    compressed, seen = spoilt(lambda clean: jpeg(clean, np.random.default_rng(0)))
+    differences = _differences(name, (sound, images), (compressed, seen))
+    _draw(out / "symptom-compressed.png", [*_pair("relief", sound, compressed), *differences])
+    offset, _ = spoilt(lambda clean: clean.changed(lambda pixels: pixels + OFFSET * np.nanmedian(pixels)))
+    _draw(out / "symptom-dark-level.png", [*_pair("relief", sound, offset), *_pair("albedo", sound, offset)])
+    struck, seen = spoilt(lambda clean: hits(clean, np.random.default_rng(0)))
+    differences = _differences(name, (sound, images), (struck, seen))
+    _draw(out / "symptom-cosmic-rays.png", [*_pair("relief", sound, struck), *differences])
+    hidden, _ = spoilt(_with_hidden_corners)
+    _draw(out / "symptom-holes.png", [*_pair("relief", sound, hidden), *_pair("views", sound, hidden)])
     lit = [_lit(sound, azimuth) for azimuth in (315.0, 135.0)]
     _draw(out / "symptom-lit-from-below.png", [("light from above", "", lit[0]), ("light from below", "", lit[1])])
     for folder in ("site", "spoilt", "run"):
@@ -76,6 +90,17 @@ def _mapped(site_file: Path, out: Path) -> Scene:
 def _with_wrong_sun(clean: Images) -> Images:
     turn = so3_exp(np.deg2rad([0.0, SUN_OFF_DEG, 0.0]))
     return clean.with_views(lambda k, view: replace(view, sun=turn @ view.sun) if k == VIEW else view)
+
+
+def _with_hidden_corners(clean: Images) -> Images:
+    """The lower left of most images is no data."""
+    pixels = []
+    for k, image in enumerate(clean.pixels):
+        changed = image.copy()
+        if k < HIDDEN_VIEWS:
+            changed[int((1.0 - HIDDEN) * len(image)) :, : int(HIDDEN * image.shape[1])] = np.nan
+        pixels.append(changed)
+    return replace(clean, pixels=tuple(pixels))
 
 
 def _pair(layer: str, sound: Scene, spoilt: Scene) -> list[Panel]:

@@ -3,6 +3,7 @@
 import ast
 import json
 import logging
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -53,6 +54,13 @@ def test_the_reference_lists_every_code():
     listed = (ROOT / "docs" / "reference" / "metrics.md").read_text(encoding="utf-8")
     for code, meaning in CODES.items():
         assert f"| `{code}` | {meaning} |" in listed
+
+
+def test_the_page_of_symptoms_says_what_to_do_about_every_code():
+    page = (ROOT / "docs" / "howto" / "symptoms.md").read_text(encoding="utf-8")
+    rows = page[page.index("## All warnings") :].splitlines()
+    told = {code for row in rows for code in re.findall(r"`([a-z-]+)`", row.split(" | ")[0]) if row.startswith("| `")}
+    assert told == set(CODES)
 
 
 def test_a_warning_is_logged_and_collected_however_logging_is_set_up(caplog):
