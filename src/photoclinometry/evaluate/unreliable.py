@@ -44,12 +44,17 @@ def albedo_is_known(scene: Scene) -> np.ndarray:
     return np.asarray(scene.uncertainty["albedo_relative"] <= UNKNOWN_ALBEDO * scene.landmarks.albedo)
 
 
+def only_known(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Values (J, ...) of landmarks, NaN of those that are not known (J,)."""
+    return np.where(known if values.ndim == 1 else known[:, None], values, np.nan)
+
+
 def known_sigmas(scene: Scene) -> dict[str, np.ndarray]:
     """(J,) by name as `landmark_sigmas`, NaN where nothing determines the normal or the albedo."""
     found = landmark_sigmas(scene)
     for names, is_known in ((_OF_NORMALS, normal_is_known), (_OF_ALBEDOS, albedo_is_known)):
         for name in set(names) & set(found):
-            found[name] = np.where(is_known(scene), found[name], np.nan)
+            found[name] = only_known(found[name], is_known(scene))
     return found
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known
+from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known, only_known
 from photoclinometry.io.rasters.cog import Band, RasterPlace, write_cog
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
@@ -93,7 +93,7 @@ def draw_maps(
         maps.append(_single("dtm", framed.unit, f"height {above}", np.where(valid, height, np.nan)[..., None]))
     if {"normals", "slope"} & set(products):
         axes = ("east", "north", "up") if framed.globe else ("x", "y", "up")
-        normal = unit(smooth(_known(scene.landmarks.normal, normal_is_known(scene))))
+        normal = unit(smooth(only_known(scene.landmarks.normal, normal_is_known(scene))))
         maps += _orientation(normal, unit(drawn(plane.up)), plane.north, axes, products)
     for name, unit_name, about, values in _light(scene, products, options):
         maps.append(_single(name, unit_name, about, np.maximum(smooth(values[:, None]), 0.0)))
@@ -109,13 +109,13 @@ Layer = tuple[str, str, str, np.ndarray]
 def _light(scene: Scene, products: Sequence[str], options: ExportOptions) -> list[Layer]:
     absolute, found = scene.brightness == "iof", []
     if "albedo" in products:
-        known = _known(scene.landmarks.albedo, albedo_is_known(scene))
+        known = only_known(scene.landmarks.albedo, albedo_is_known(scene))
         found.append(("albedo", "", "normal albedo" if absolute else "relative albedo", known))
     if "reflectance" in products:
         angles = "incidence {:g}, emission {:g}, phase {:g} degrees".format(*options.standard_geometry_deg)
         about = f"measured {'I/F' if absolute else 'relative brightness'} reduced to {angles}"
         reflectance = corrected_reflectance(scene, options.standard_geometry_deg)
-        found.append(("reflectance", "", about, _known(reflectance, normal_is_known(scene))))
+        found.append(("reflectance", "", about, only_known(reflectance, normal_is_known(scene))))
     return found
 
 
@@ -127,19 +127,16 @@ def _sigmas(framed: Framed, up: np.ndarray) -> list[Layer]:
     if "normal" in stated:
         about = "standard deviation of the angle between the normal and the true one"
         sigma = np.degrees(sigma_of_length(stated["normal"], 2))
-        found.append(("sigma_normal", "degree", about, _known(sigma, normal_is_known(scene))))
+        found.append(("sigma_normal", "degree", about, only_known(sigma, normal_is_known(scene))))
     if "albedo" in stated:
-        sigma = _known(sigma_of_length(stated["albedo"], 1), albedo_is_known(scene))
+        sigma = only_known(sigma_of_length(stated["albedo"], 1), albedo_is_known(scene))
         found.append(("sigma_albedo", "", "standard deviation of the albedo", sigma))
     if "albedo_relative" in stated:
         about = "standard deviation of the albedo after the factor that the whole map has in common"
-        found.append(("sigma_albedo_relative", "", about, _known(stated["albedo_relative"], albedo_is_known(scene))))
+        found.append(
+            ("sigma_albedo_relative", "", about, only_known(stated["albedo_relative"], albedo_is_known(scene)))
+        )
     return found
-
-
-def _known(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Values (J, ...) of landmarks, NaN of those that are not known (J,)."""
-    return np.where(known if values.ndim == 1 else known[:, None], values, np.nan)
 
 
 def _orientation(

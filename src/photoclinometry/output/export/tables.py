@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known
+from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known, only_known
 from photoclinometry.io.csv_columns import Columns, write_csv
 from photoclinometry.io.rasters.globe import geographic
 from photoclinometry.model.sigma import sigma_along, sigma_of_length
@@ -35,19 +35,19 @@ def landmark_columns(framed: Framed) -> Columns:
         lon, lat, height = geographic(framed.globe, landmarks.position).T
         columns |= {"longitude_deg": lon, "latitude_deg": lat, "height_m": height}
     told, known = normal_is_known(scene), albedo_is_known(scene)
-    columns |= {f"normal_{axis}": np.where(told, landmarks.normal[:, i], np.nan) for i, axis in enumerate("xyz")}
+    columns |= {f"normal_{axis}": only_known(landmarks.normal[:, i], told) for i, axis in enumerate("xyz")}
     if scene.reflectance is not None:
-        columns["albedo"] = np.where(known, landmarks.albedo, np.nan)
+        columns["albedo"] = only_known(landmarks.albedo, known)
     stated = scene.uncertainty
     if "position" in stated:
         axes = np.broadcast_to(np.eye(3)[:, None], (3, len(landmarks), 3))
         columns |= {f"sigma_{a}{length}": sigma_along(stated["position"], axes[i]) for i, a in enumerate("xyz")}
     if "normal" in stated:
-        columns["sigma_normal_deg"] = np.where(told, np.degrees(sigma_of_length(stated["normal"], 2)), np.nan)
+        columns["sigma_normal_deg"] = only_known(np.degrees(sigma_of_length(stated["normal"], 2)), told)
     if "albedo" in stated:
-        columns["sigma_albedo"] = np.where(known, sigma_of_length(stated["albedo"], 1), np.nan)
+        columns["sigma_albedo"] = only_known(sigma_of_length(stated["albedo"], 1), known)
     if "albedo_relative" in stated:
-        columns["sigma_albedo_relative"] = np.where(known, stated["albedo_relative"], np.nan)
+        columns["sigma_albedo_relative"] = only_known(stated["albedo_relative"], known)
     columns |= {"row_px": landmarks.pixel[:, 0], "col_px": landmarks.pixel[:, 1]}
     return columns | {"observations": np.diff(scene.tracks.start)}
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
 from photoclinometry.evaluate.sigmas import landmark_sigmas
-from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known
+from photoclinometry.evaluate.unreliable import albedo_is_known, normal_is_known, only_known
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import tangent_basis
 from photoclinometry.model.scene import Scene
@@ -58,10 +58,7 @@ class Layer:
         view: whose Sun lights the shaded relief; by default the light comes from the upper left.
         """
         values = shade(scene, view) if self.name == "relief" else self.values(scene)
-        if self.known is None:
-            return values
-        known = self.known(scene)
-        return np.where(known if values.ndim == 1 else known[:, None], values, np.nan)
+        return values if self.known is None else only_known(values, self.known(scene))
 
 
 def length_unit(scene: Scene) -> tuple[float, str]:
