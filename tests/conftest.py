@@ -24,7 +24,7 @@ def mapped(tmp_path_factory):
 @pytest.fixture
 def adjust_nothing(monkeypatch):
     """The joint estimate stops at once, for tests of what surrounds it; the options of each call."""
-    from adjustments import not_adjusted
+    from adjustments import look_for_no_errors_of_brightness, not_adjusted
     from photoclinometry.pipeline import joint_estimate
 
     calls = []
@@ -34,6 +34,7 @@ def adjust_nothing(monkeypatch):
         return not_adjusted(scene, pose_priors=pose_priors)
 
     monkeypatch.setattr(joint_estimate, "adjust", stand_in)
+    look_for_no_errors_of_brightness(monkeypatch)
     return calls
 
 
@@ -46,14 +47,19 @@ def no_figures(monkeypatch, mapped):
 
 
 @pytest.fixture
-def no_ranking(monkeypatch):
-    """Maps are finished with the reflectance model that they begin with; `test_model_ranking.py` proves the choice."""
+def photometry_as_stated(monkeypatch):
+    """The reflectance model, the response and the error that all Suns share are those that a run begins with.
+
+    `test_model_ranking.py` proves the choice of the model.
+    """
+    from adjustments import look_for_no_errors_of_brightness
 
     def kept(scene, known, candidates, progress=None):
         return known, f"{known.name}, models are not compared"
 
     for user in ("pipeline.model_choice", "plan.forecast"):
         monkeypatch.setattr(import_module(f"photoclinometry.{user}"), "model_by_cross_validation", kept)
+    look_for_no_errors_of_brightness(monkeypatch)
 
 
 @pytest.fixture(scope="module")

@@ -282,7 +282,7 @@ def test_simulated_shots_lie_on_the_true_ground():
         SimulationOptions(preset="topshape", altimetry=(3.0, 50.0))
 
 
-@pytest.mark.usefixtures("no_figures", "no_ranking")
+@pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 def test_a_run_with_altimetry_is_in_place(mapped, tmp_path):
     """Pose priors have an error of 2 km in common. The map lies where the shots put it, and says how well it does."""
     truth = read_truth(mapped.truth)

@@ -181,7 +181,7 @@ def test_metrics_say_what_control_points_change_beside_pose_priors(known, tmp_pa
     assert "control_moved_m" not in write_products(open_run(tmp_path / "unused"), unused).metrics
 
 
-def test_a_run_with_control_is_body_fixed_and_in_metres(mapped, tmp_path, no_figures, no_ranking):
+def test_a_run_with_control_is_body_fixed_and_in_metres(mapped, tmp_path, no_figures, photometry_as_stated):
     """Four points of the true ground, measured to a tenth of a pixel in all views: frame and scale are the truth's."""
     scene, truth = mapped.result.scene, read_truth(mapped.truth)
     ground = truth_maps(truth, scene.views.name[scene.reference], scene.region)

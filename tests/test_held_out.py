@@ -173,7 +173,7 @@ def test_held_out_views_are_kept_exactly(tmp_path):
         read_held_out(tmp_path / NAME)
 
 
-def test_a_run_holds_views_out_and_evaluates_on_them(mapped, tmp_path, no_figures, no_ranking):
+def test_a_run_holds_views_out_and_evaluates_on_them(mapped, tmp_path, no_figures, photometry_as_stated):
     """The sparse stage is read back; the map is made of 5 views; the sixth is rendered; without it, it is forgotten."""
     folder = mapped.copy(tmp_path / "run")
     aside = next(n for k, n in enumerate(mapped.result.scene.views.name) if k != mapped.result.scene.reference)

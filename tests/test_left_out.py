@@ -21,7 +21,7 @@ from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth
 
-pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")
+pytestmark = pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 
 QUICK = {
     "sfm": SfmOptions(threads=1),

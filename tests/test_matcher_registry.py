@@ -50,7 +50,7 @@ def toy(monkeypatch):
     MATCHED.clear()
 
 
-@pytest.mark.usefixtures("no_figures", "no_ranking")
+@pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 def test_a_matcher_from_outside_maps_a_site_and_relights_it(mapped, tmp_path, toy):
     adopt_stages(mapped.run, tmp_path / "run", ("sparse",))
     options = RunOptions(

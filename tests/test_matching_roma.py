@@ -92,7 +92,7 @@ import photoclinometry.cli, photoclinometry.pipeline, photoclinometry.matching.r
 
 
 def test_the_first_map_is_made_of_its_matches_anew_only_for_other_weights(
-    monkeypatch, mapped, tmp_path, files, adjust_nothing, no_figures, no_ranking
+    monkeypatch, mapped, tmp_path, files, adjust_nothing, no_figures, photometry_as_stated
 ):
     """The network is stood in for by flow, whose calls are counted; the run of six views goes on in a mapped folder."""
     calls = []

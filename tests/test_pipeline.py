@@ -28,7 +28,7 @@ BEFORE = ["sparse", "distortion", "inconsistent_views", "region", "dense"]
 AFTER = ["reflectance", "suns", "response", "last_estimate"]
 """Those after the relighting iterations."""
 
-pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")
+pytestmark = pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 
 
 NEVER_KEPT = {"images", "initialise", "products", "report"}

@@ -339,7 +339,7 @@ def test_directions_of_no_length_are_refused(tmp_path, columns):
         read_table(path)
 
 
-def test_a_full_disk_ends_the_command_with_one_line(table, tmp_path, capsys, no_ranking):
+def test_a_full_disk_ends_the_command_with_one_line(table, tmp_path, capsys, photometry_as_stated):
     arguments = ["--point", 0, 0, RADIUS, "--normal", 0, 0, 1, "--patch-px", 28, "--tie-points", 500, "--no-candidates"]
     assert phomo("plan", table, "--out", tmp_path / "first", *arguments) == 0  # compiles and caches the kernels
     with small_disk(300):
@@ -349,7 +349,7 @@ def test_a_full_disk_ends_the_command_with_one_line(table, tmp_path, capsys, no_
     assert not (tmp_path / "plan").exists()
 
 
-def test_the_command_writes_a_plan_in_80_columns(table, tmp_path, capsys, no_ranking):
+def test_the_command_writes_a_plan_in_80_columns(table, tmp_path, capsys, photometry_as_stated):
     table_of_candidates = tmp_path / "more.csv"
     table_of_candidates.write_text(table_text(3).replace("\nv", "\na-long-name-of-an-image-000"))
     out = tmp_path / "plan"

@@ -193,7 +193,7 @@ def known(mapped):
     return found | {names[-1]: turned(found[names[-1]], 1.0)}
 
 
-@pytest.mark.usefixtures("no_figures", "no_ranking")
+@pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 def test_a_run_comes_out_in_the_frame_of_the_truth_and_names_a_wrong_prior(mapped, known, tmp_path, caplog):
     """Of six priors of 0.01 degrees and 100 m one is wrong by a degree. The poses of so small a site by itself are
     off by up to 0.3 degrees, so that only the estimate with all of them tells."""
@@ -229,7 +229,7 @@ def test_a_run_comes_out_in_the_frame_of_the_truth_and_names_a_wrong_prior(mappe
     np.testing.assert_array_equal(again.scene.landmarks.position, scene.landmarks.position)
 
 
-@pytest.mark.usefixtures("no_figures", "no_ranking")
+@pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 def test_priors_that_are_not_used_change_nothing(mapped, known, tmp_path):
     """Switched off, all is read back from the run without priors: the keys of every stage are the same."""
     folder = mapped.copy(tmp_path / "run")
@@ -245,7 +245,7 @@ def test_priors_that_are_not_used_change_nothing(mapped, known, tmp_path):
         assert result.metrics == mapped.result.metrics
 
 
-@pytest.mark.usefixtures("no_figures", "no_ranking")
+@pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 def test_a_view_held_out_is_placed_in_the_frame_of_the_priors(mapped, known, tmp_path, adjust_nothing):
     """Its own prior has no say, nor is it needed."""
     loose = {n: replace(p, rotation_sigma_rad=2e-3, translation_sigma=1e3) for n, p in known.items()}

@@ -26,7 +26,7 @@ from photoclinometry.pipeline.relighting import (
 from photoclinometry.pipeline.run import RunOptions, run
 from scenes import synthetic_images, synthetic_scene
 
-pytestmark = pytest.mark.usefixtures("no_figures", "no_ranking")
+pytestmark = pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 
 
 def test_an_iteration_finds_keypoints_and_normals_that_the_map_had_wrong():

@@ -30,7 +30,9 @@ def calls(monkeypatch):
     return made
 
 
-def test_the_noise_of_each_map_is_what_the_next_one_is_relit_with(mapped, tmp_path, calls, no_figures, no_ranking):
+def test_the_noise_of_each_map_is_what_the_next_one_is_relit_with(
+    mapped, tmp_path, calls, no_figures, photometry_as_stated
+):
     adopt_stages(mapped.run, tmp_path / "run", BEFORE)
     options = RunOptions(reflectance="lunar-lambert", relight=RelightOptions(settled_px=0.0, direct=False))
     run(mapped.site, tmp_path / "run", options)

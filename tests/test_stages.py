@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from adjustments import not_adjusted
+from adjustments import look_for_no_errors_of_brightness, not_adjusted
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.io.site import read_site
 from photoclinometry.matching.densify import DensifyOptions
@@ -69,6 +69,7 @@ def tell_options():
         patch.setattr(joint_estimate, "adjust", stand_in)
         patch.setattr(model_choice, "model_by_cross_validation", any_model)
         patch.setattr(direct_refinement, "MIN_LIT", 3)
+        look_for_no_errors_of_brightness(patch)
         yield
 
 

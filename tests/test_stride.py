@@ -311,7 +311,7 @@ def test_true_maps_found_in_blocks_are_those_of_one(mapped, monkeypatch, stride)
         np.testing.assert_array_equal(getattr(blocks, name), getattr(whole, name))
 
 
-@pytest.mark.usefixtures("no_figures", "no_ranking")
+@pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 @pytest.mark.parametrize("stride", [2, 3])
 def test_a_run_at_a_stride_recovers_the_truth(mapped, tmp_path, stride):
     size = 32 * stride

@@ -135,7 +135,7 @@ def test_a_stage_that_is_read_back_warns_again(tmp_path):
 
 
 @pytest.fixture
-def doubtful(mapped, monkeypatch, no_figures, no_ranking):
+def doubtful(mapped, monkeypatch, no_figures, photometry_as_stated):
     """Runs that warn at their end of what makes a map untrusted; the folder to run into."""
 
     def warning(*arguments):
