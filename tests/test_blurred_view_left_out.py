@@ -8,13 +8,14 @@ import pytest
 from astropy.io import fits
 from scipy.ndimage import gaussian_filter
 
+from adjustments import look_for_no_errors_of_brightness
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from runs import draw_no_figures
 
-pytestmark = pytest.mark.usefixtures("no_figures")
+pytestmark = pytest.mark.usefixtures("no_figures", "photometry_as_stated")
 
 BLURRED = "images/001.fits"
 OPTIONS = RunOptions(
@@ -41,6 +42,7 @@ def without(site):
     folder = site.parent.with_name("run")
     with pytest.MonkeyPatch.context() as patch:
         draw_no_figures(patch)
+        look_for_no_errors_of_brightness(patch)
         return run(site, folder, OPTIONS), folder
 
 
