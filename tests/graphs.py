@@ -105,23 +105,30 @@ def graph_of(
 
 
 def observation_factors(scene: Scene, estimate: Estimate, gradients: ImageGradients | None = None):
-    """For every observation: landmark, view, `factors.projection` and `factors.photometric`, or with gradients
-    `factors.direct`, at graph_of's sigmas."""
+    """For every observation: landmark, view, and `observation_factor`."""
+    for n, (j, k) in enumerate(zip(scene.tracks.landmark, scene.tracks.view, strict=True)):
+        yield j, k, *observation_factor(scene, estimate, n, j, k, gradients)
+
+
+def observation_factor(
+    scene: Scene, estimate: Estimate, n: int, j: int, k: int, gradients: ImageGradients | None = None
+):
+    """`factors.projection` and `factors.photometric`, or with gradients `factors.direct`, of observation n, of landmark
+    j in view k, at graph_of's sigmas."""
     views, points, tracks = estimate.views, estimate.landmarks, scene.tracks
-    for n, (j, k) in enumerate(zip(tracks.landmark, tracks.view, strict=True)):
-        pose, position = views.body_from_cam[k], points.position[j]
-        projection = factors.projection(
-            pose.rotation, pose.translation, views.intrinsics[k], position, tracks.keypoint[n], KEYPOINT_SIGMA,
-            estimate.pivot,
-        )  # fmt: skip
-        what = views.sun[k], views.scale[k], views.bias[k], position, points.normal[j], points.albedo[j]
-        parameter_vector, rest = scene.reflectance.parameter_vector, (BRIGHTNESS_SIGMA, estimate.pivot)
-        if gradients is None:
-            photometric = factors.photometric(parameter_vector, pose.translation, *what, tracks.brightness[n], *rest)
-        else:
-            camera, image = views.intrinsics[k], (tracks.brightness[n], gradients.at[n], gradients.gradient[n])
-            photometric = factors.direct(parameter_vector, pose.rotation, pose.translation, camera, *what, image, *rest)
-        yield j, k, projection, photometric
+    pose, position = views.body_from_cam[k], points.position[j]
+    projection = factors.projection(
+        pose.rotation, pose.translation, views.intrinsics[k], position, tracks.keypoint[n], KEYPOINT_SIGMA,
+        estimate.pivot,
+    )  # fmt: skip
+    what = views.sun[k], views.scale[k], views.bias[k], position, points.normal[j], points.albedo[j]
+    parameter_vector, rest = scene.reflectance.parameter_vector, (BRIGHTNESS_SIGMA, estimate.pivot)
+    if gradients is None:
+        photometric = factors.photometric(parameter_vector, pose.translation, *what, tracks.brightness[n], *rest)
+    else:
+        camera, image = views.intrinsics[k], (tracks.brightness[n], gradients.at[n], gradients.gradient[n])
+        photometric = factors.direct(parameter_vector, pose.rotation, pose.translation, camera, *what, image, *rest)
+    return projection, photometric
 
 
 def dense_jacobian(scene: Scene, estimate: Estimate, gradients: ImageGradients | None = None) -> np.ndarray:
@@ -137,15 +144,31 @@ def dense_jacobian(scene: Scene, estimate: Estimate, gradients: ImageGradients |
 
 
 def residuals_of(scene: Scene, built: Built):
-    """All whitened residuals as a function of an estimate, from the factors in plain NumPy."""
+    """All whitened residuals as a function of an estimate, from the factors in plain NumPy.
+
+    Those of an observation are kept by the view and the landmark that they are of, those of smoothness by the two
+    landmarks: derivatives by differences change one of these at a time.
+    """
+    known: dict[tuple, list[float]] = {}
 
     def residuals(estimate: Estimate) -> np.ndarray:
         views, points, out = estimate.views, estimate.landmarks, []
-        for _, _, (by_keypoint, *_), (by_brightness, _) in observation_factors(scene, estimate):
-            out.extend([*by_keypoint, by_brightness])
+        pose = views.body_from_cam
+        of_view = bytes_of_rows(pose.rotation, pose.translation, views.sun, views.scale, views.bias)
+        of_landmark = bytes_of_rows(points.position, points.normal, points.albedo)
+        for n, (j, k) in enumerate(zip(scene.tracks.landmark, scene.tracks.view, strict=True)):
+            key = n, of_view[k], of_landmark[j]
+            if key not in known:
+                (by_keypoint, *_), (by_brightness, _) = observation_factor(scene, estimate, n, j, k)
+                known[key] = [*by_keypoint, by_brightness]
+            out.extend(known[key])
         for j, m in zip(*np.nonzero(built.present), strict=True):
-            neighbour = points.position[built.index[j, m]]
-            out.append(factors.smoothness(points.position[j], points.normal[j], neighbour, SMOOTH_SIGMA)[0])
+            other = built.index[j, m]
+            key = j, m, of_landmark[j], of_landmark[other]
+            if key not in known:
+                position, normal = points.position, points.normal
+                known[key] = [factors.smoothness(position[j], normal[j], position[other], SMOOTH_SIGMA)[0]]
+            out.extend(known[key])
         out.extend(sun_residuals(views))
         start = scene.views.body_from_cam
         turn = so3_log(views.body_from_cam.rotation @ np.swapaxes(start.rotation, 1, 2))
@@ -158,6 +181,11 @@ def residuals_of(scene: Scene, built: Built):
         return np.array(out)
 
     return residuals
+
+
+def bytes_of_rows(*values: np.ndarray) -> list[bytes]:
+    """All that arrays (n, ...) have in each of their rows."""
+    return [row.tobytes() for row in np.column_stack([np.reshape(each, (len(each), -1)) for each in values])]
 
 
 def perturbed(scene: Scene, seed: int = 0, size: float = 1.0) -> Estimate:
