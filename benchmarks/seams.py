@@ -3,8 +3,8 @@
     python benchmarks/seams.py --out seams
 
 Cameras point so badly that the borders of views lie all over the region. The site is mapped as it is, and with faults
-of brightness. A step is the change of the error from one landmark to its neighbour in a row or column. Rows compare the
-steps across ends of views with the others: their means over the middle, where a seam would be a ratio above 1.
+of brightness. A step is the change of the error from one landmark to its neighbour in a row or column. The table has
+the root mean square of steps across ends of views, that of all others, and their ratio: a seam would make it large.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ def _row(scene: Scene, site: Path) -> str:
     truth = read_truth(site.with_name("truth.h5"))
     true = truth_maps(truth, scene.views.name[scene.reference], scene.region)
     found = evaluate_against_truth(scene, truth)
-    height = scene.grid(found.errors["position_error_along_normal_m"] / truth.views.gsd(0, np.zeros((1, 3))))[..., None]
-    aligned = scene.grid(scene.landmarks.normal) @ found.similarity.rotation.T
-    normal = np.degrees(aligned - np.where(true.hit[..., None], true.normal_mean, np.nan))
+    height = scene.grid(found.errors["position_error_along_normal_m"] / found.aligned.gsd)[..., None]
+    true_normal = np.where(true.hit[..., None], true.normal_mean, np.nan)
+    normal = np.degrees(scene.grid(found.aligned.landmarks.normal) - true_normal)
     ends = [_ends(scene, axis) for axis in (0, 1)]
     cells = [str(int(sum(each.sum() for each in ends)))]
     for error in (height, normal):
@@ -81,29 +81,26 @@ def _row(scene: Scene, site: Path) -> str:
 
 def _ends(scene: Scene, axis: int) -> np.ndarray:
     """Where a view ends between a cell of the map's grid and the next along an axis."""
-    rows, cols = scene.region.grid_shape
-    ends = np.zeros((rows - 1, cols) if axis == 0 else (rows, cols - 1), bool)
+    ends = np.zeros(scene.region.grid_shape, bool).swapaxes(0, axis)[1:]
     for k, camera in enumerate(scene.views.cameras):
-        seen = (
-            scene.grid(np.isin(np.arange(len(scene.landmarks)), scene.tracks.landmark[scene.tracks.view == k]), 0) > 0
-        )
+        observed = np.zeros(len(scene.landmarks), bool)
+        observed[scene.tracks.landmark[scene.tracks.view == k]] = True
         pixel = scene.grid(scene.views.project(k, scene.landmarks.position))
-        inside = np.minimum(pixel, np.array([camera.width, camera.height]) - pixel).min(-1)
+        inside = np.minimum(pixel, np.array([camera.width, camera.height]) - pixel).min(-1).swapaxes(0, axis)
+        seen = scene.grid(observed, 0).astype(bool).swapaxes(0, axis)
         out = ~seen & (inside < MARGIN_PX)
-        a, b = (slice(None, -1), slice(1, None))
-        one, other = ((a, slice(None)), (b, slice(None))) if axis == 0 else ((slice(None), a), (slice(None), b))
-        ends |= (seen[one] & out[other]) | (out[one] & seen[other])
-    return ends
+        ends |= (seen[:-1] & out[1:]) | (out[:-1] & seen[1:])
+    return ends.swapaxes(0, axis)
 
 
 def _steps(error: np.ndarray, axis: int, beside: int) -> np.ndarray:
     """Lengths of the difference of mean errors of so many cells on each side of every border between two cells."""
-    error = np.moveaxis(error, axis, 0)
+    error = error.swapaxes(0, axis)
     padded = np.pad(error, ((beside - 1, beside - 1), (0, 0), (0, 0)), constant_values=np.nan)
     count = len(error) - 1
     before = np.mean([padded[n : n + count] for n in range(beside)], axis=0)
     after = np.mean([padded[n : n + count] for n in range(beside, 2 * beside)], axis=0)
-    return np.moveaxis(np.linalg.norm(after - before, axis=-1), 0, axis)
+    return np.linalg.norm(after - before, axis=-1).swapaxes(0, axis)
 
 
 def _rms(values: np.ndarray) -> float:

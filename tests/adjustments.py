@@ -1,4 +1,4 @@
-"""A joint estimate that stops at once, for tests of what surrounds it."""
+"""Stand-ins for a joint estimate and for searches by many estimates, for tests of what surrounds them."""
 
 from __future__ import annotations
 
