@@ -12,7 +12,7 @@ from photoclinometry.model.geometry import angle_between, so3_exp, tangent_basis
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
-from photoclinometry.pipeline.doubtful_suns import CheckDoubtfulSuns
+from photoclinometry.pipeline.doubtful_suns import CheckDoubtfulSuns, largest_by_chance
 from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
@@ -69,6 +69,12 @@ def test_a_map_that_takes_the_wrong_sun_into_account_has_the_true_one(tmp_path):
     options = AdjustOptions(uncertainty=False)
     held, freed = (adjust(each, options).scene.views.sun for each in (scene, free))
     assert angle_between(freed[WRONG], true[WRONG]) < 0.2 * angle_between(held[WRONG], true[WRONG])
+
+
+@pytest.mark.parametrize("suns", [5, 12])
+def test_in_one_site_of_a_hundred_a_sound_sun_is_called_wrong(suns):
+    off = np.linalg.norm(np.random.default_rng(0).normal(size=(100_000, suns, 2)), axis=-1)
+    assert np.mean((off > largest_by_chance(suns)).any(1)) == pytest.approx(0.01, abs=0.001)
 
 
 def test_of_few_views_the_doubt_remains_and_is_said(tmp_path):

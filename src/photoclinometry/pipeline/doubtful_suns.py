@@ -25,9 +25,8 @@ from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
 
-SIGMAS = 3.0
-"""Standard deviations beyond which a doubtful site's Sun is wrong: by chance 1 % of the sound Suns are (Rayleigh), and
-the sparse points have contradicted one of them before."""
+FALSE_ALARMS = 0.01
+"""Share of the doubtful sites with sound Suns alone, in which one is called wrong by chance."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +70,7 @@ class CheckDoubtfulSuns(Stage[DoubtfulSuns]):
             nothing = np.full(len(views), np.nan)
             return DoubtfulSuns(wrong=np.zeros(len(views), bool), sun=views.sun, off=nothing)
         sigma = np.sqrt(found.sigma**2 + views.sun_sigma**2 + MODEL_RAD**2)
-        wrong = found.off > SIGMAS * sigma
+        wrong = found.off > largest_by_chance(len(views)) * sigma
         for k in np.flatnonzero(wrong):
             warn(
                 log, "suns-moved",
@@ -85,3 +84,12 @@ class CheckDoubtfulSuns(Stage[DoubtfulSuns]):
             f"{math.degrees(sigma[worst]):.1f} deg"
         )
         return DoubtfulSuns(wrong=wrong, sun=np.where(wrong[:, None], found.sun, views.sun), off=found.off)
+
+
+def largest_by_chance(suns: int) -> float:
+    """Standard deviations that none of so many sound Suns is off by, but for FALSE_ALARMS of the sites.
+
+    Of one Sun's error along two axes the length exceeds x standard deviations with the probability exp(-x^2 / 2)
+    (Rayleigh).
+    """
+    return math.sqrt(2.0 * math.log(suns / FALSE_ALARMS))
