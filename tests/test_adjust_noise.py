@@ -48,6 +48,18 @@ def test_independent_errors_share_nothing():
     assert correlation_px(*fields(0.0)) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.parametrize("smooth", [0.5, 1.0])
+def test_what_is_left_of_smooth_errors_is_not_counted(smooth):
+    """Errors alike over some landmarks beside others that are alike over ten times as many, and `smooth` as large."""
+    values, view, pixel = fields(0.8)
+    alike, _, _ = fields(12.0, seed=1)
+    both = values / values.std() + smooth * alike / alike.std()
+    short = correlation_px(values, view, pixel)
+    assert correlation_px(both, view, pixel) > 3.0 * short
+    assert correlation_px(both, view, pixel, smooth_over=2.0) == pytest.approx(short, rel=0.15)
+    assert correlation_px(values, view, pixel, smooth_over=2.0) == pytest.approx(short, rel=0.05)
+
+
 def test_fewer_landmarks_share_an_error_where_some_are_missing():
     """What counts is the number of landmarks, not the area: of every second landmark, half as many share an error."""
     values, view, pixel = fields(3.0)

@@ -122,6 +122,17 @@ def test_an_estimate_counts_brightness_times_the_factor_and_returns_it_as_measur
     np.testing.assert_allclose(half.tracks.brightness, whole.tracks.brightness / 2.0, rtol=1e-12)
 
 
+def test_without_smooth_errors_their_share_in_the_noise_before_does_not_count(true):
+    """Else an estimate that begins with brightness alike over wide ground would leave smooth errors in it."""
+    start, gradients = image_gradients(true, synthetic_images(true))
+    before = adjust(start, QUICK, gradients=gradients).noise
+    wide = replace(before, brightness_sigma=3.0 * before.brightness_sigma, brightness_correlation_px=20.0)
+    given = gradients._replace(factor=np.ones(len(start.tracks)), smooth_over=2.0)
+    one, other = (adjust(start, QUICK, gradients=given, noise=noise).noise for noise in (before, wide))
+    assert other.brightness_correlation_px == pytest.approx(one.brightness_correlation_px, rel=1e-6)
+    assert other.brightness_sigma == pytest.approx(one.brightness_sigma, rel=1e-6)
+
+
 @pytest.mark.parametrize("model", ["akimov", "mcewen", "minnaert"])
 def test_another_reflectance_than_the_grounds_bends_the_normals_less(true, model, monkeypatch):
     """The ground is Lunar-Lambert. Where brightness alone holds the poses, normals by another model are off the

@@ -24,8 +24,14 @@ MIN_PAIRS = 0.1
 _CUT = 0.05
 """Correlation below which lags are left out: beyond, there is mostly the noise of the correlation itself."""
 
+_BEYOND_SMOOTH = 3.0
+"""Distance at which errors that are still alike are smooth ones, in standard deviations of the Gaussian average that
+tells these: averages of noise are alike by exp(-9 / 4), a tenth, there."""
 
-def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stride: int = 1) -> float:
+
+def correlation_px(
+    values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stride: int = 1, smooth_over: float = np.inf
+) -> float:
     """Side of the square of pixels in which observations share an error: the median over views, `stride` at least.
 
     values: (N,) residuals, or (N, c) of c kinds, of which the most alike count; view: (N,); pixel: (N, 2) row and
@@ -33,6 +39,11 @@ def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stri
     number of landmarks that share an error, times the stride. In a view, the variance of the sum of all residuals over
     the sum of their variances, from their autocorrelation up to the lag at which it has died away. Landmarks in the
     middle of what a view sees tell it (_SIDE).
+
+    smooth_over: standard deviation [landmarks] of the Gaussian average that told the smooth errors which were taken out
+    (`photometry.smooth_errors`). What is left of them is no noise, and is not counted: the correlation at
+    _BEYOND_SMOOTH times that, and all beyond. Counted as noise it would make brightness weigh less, so that more of
+    them is left.
     """
     shared = []
     views = np.unique(view)
@@ -41,7 +52,9 @@ def correlation_px(values: np.ndarray, view: np.ndarray, pixel: np.ndarray, stri
         row, col = ((pixel[mine] - pixel[mine].min(0)) // stride).T
         middle = _in_the_middle(row) & _in_the_middle(col)
         if np.count_nonzero(middle) >= FEWEST_FOR_SIGMA:
-            shared.append(_shared(values[mine[middle]].reshape(middle.sum(), -1), row[middle], col[middle]))
+            shared.append(
+                _shared(values[mine[middle]].reshape(middle.sum(), -1), row[middle], col[middle], smooth_over)
+            )
     return stride * float(np.sqrt(max(1.0, *np.median(shared, axis=0)))) if shared else float(stride)
 
 
@@ -51,7 +64,7 @@ def _in_the_middle(cell: np.ndarray) -> np.ndarray:
     return (cell >= first) & (cell < first + _SIDE)
 
 
-def _shared(values: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
+def _shared(values: np.ndarray, row: np.ndarray, col: np.ndarray, smooth_over: float) -> np.ndarray:
     """(c,) how many of one view's residuals (n, c) share an error; row, col: (n,) of each in the map's grid."""
     row, col = row - row.min(), col - col.min()
     shape = row.max() + 1, col.max() + 1
@@ -69,16 +82,29 @@ def _shared(values: np.ndarray, row: np.ndarray, col: np.ndarray) -> np.ndarray:
         if spread > 0.0:
             there[row, col] = np.clip((column - middle) / spread, -HUBER_LIMIT, HUBER_LIMIT)
             products = _autocorrelation(there)
-            found[c] = _sum_of_correlation(np.bincount(ring, products[enough]), count, products[0, 0] / len(values))
+            total, variance = np.bincount(ring, products[enough]), products[0, 0] / len(values)
+            correlation = np.divide(total, count, out=np.zeros_like(total), where=count > 0) / variance
+            found[c] = _number(_without_smooth(correlation, smooth_over), count / len(values))
     return found
 
 
-def _sum_of_correlation(total: np.ndarray, count: np.ndarray, variance: float) -> float:
-    """The correlation summed over lags, from sums of products and numbers of pairs by distance, until it has died."""
-    correlation = np.divide(total, count, out=np.zeros_like(total), where=count > 0) / variance
+def _without_smooth(correlation: np.ndarray, smooth_over: float) -> np.ndarray:
+    """The correlation by distance of what is left where the errors are taken out that are alike at far distances."""
+    far = _BEYOND_SMOOTH * smooth_over
+    if far > len(correlation) - 1:
+        return correlation
+    smooth = max(correlation[round(far)], 0.0)
+    return (correlation[: round(far)] - smooth) / (1.0 - smooth)
+
+
+def _number(correlation: np.ndarray, pairs: np.ndarray) -> float:
+    """Of residuals that share an error: the correlation summed over lags, by distance, until it has died.
+
+    pairs: of each distance, per residual.
+    """
     died = np.flatnonzero(correlation < _CUT)
     end = died[0] if len(died) else len(correlation)
-    return float(total[:end].sum() / total[0])
+    return float(correlation[:end] @ pairs[:end])
 
 
 def _autocorrelation(field: np.ndarray) -> np.ndarray:

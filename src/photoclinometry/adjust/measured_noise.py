@@ -33,6 +33,10 @@ STARTING_BRIGHTNESS_SIGMA = 0.02
 def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -> Noise:
     """What is given, and guesses for what is to be measured: that of an estimate before, if there was one.
 
+    Without smooth errors it is measured at the start: in the estimate before, they made brightness look noisier and
+    alike over more ground. With such noise an estimate leaves part of them in its residuals, where they would be
+    measured as noise once more.
+
     Raises ReconstructionError where no brightness counts.
     """
     scene, options = setup.scene, setup.options
@@ -47,7 +51,8 @@ def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -
         "scale_scatter": _scale_scatter(setup, scene),
     }
     if before is not None:
-        return replace(before, **of_views)
+        noise = replace(before, **of_views)
+        return measured_noise(setup, scene, lit, noise) if setup.without_smooth_errors else noise
     return Noise(
         keypoint_factor=1.0,
         keypoint_correlation_px=options.keypoint_correlation_px or STARTING_KEYPOINT_CORRELATION_PX,
@@ -81,7 +86,10 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
         if options.brightness_sigma is None and noise_is_measurable(scene, lit):
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:
-            found["brightness_correlation_px"] = correlation_px(residual[lit], tracks.view[lit], pixel[lit], stride)
+            smooth_over = np.inf if setup.gradients is None else setup.gradients.smooth_over
+            found["brightness_correlation_px"] = correlation_px(
+                residual[lit], tracks.view[lit], pixel[lit], stride, smooth_over
+            )
             if not setup.without_smooth_errors:
                 excess = _view_excess(setup, scene.views)
                 found["view_prior_factor"] = view_prior_factor(excess, noise.view_prior_factor)

@@ -177,7 +177,7 @@ def _with_smooth_errors(setup: Setup, fit: Fit) -> tuple[Setup, Fit]:
     not count with the bend, which is of the same brightness.
     """
     assert setup.gradients is not None
-    plain = replace(setup, gradients=setup.gradients._replace(factor=None))
+    plain = replace(setup, gradients=setup.gradients._replace(factor=None, smooth_over=np.inf))
     tracks = fit.scene.tracks
     scene = replace(fit.scene, tracks=replace(tracks, brightness=tracks.brightness / setup.gradients.factor))
     noise = measured_noise(plain, scene, fit.lit, replace(fit.noise, view_prior_factor=1.0))

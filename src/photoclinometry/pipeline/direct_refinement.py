@@ -116,7 +116,7 @@ def without_smooth_errors(
         along.sigma,
         100.0 * np.sqrt(np.mean(error[used] ** 2)),
     )
-    return kept, gradients._replace(factor=1.0 + error)
+    return kept, gradients._replace(factor=1.0 + error, smooth_over=along.sigma)
 
 
 def image_gradients(

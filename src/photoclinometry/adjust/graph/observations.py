@@ -40,17 +40,19 @@ class ImageGradients(NamedTuple):
     """(N, 2) brightness per pixel, single precision suffices; zero where brightness is to stay what it is."""
     factor: np.ndarray | None = None
     """(N,) that takes smooth errors out of the brightness (`photometry.smooth_errors`); None where they are unknown."""
+    smooth_over: float = np.inf
+    """Standard deviation of the Gaussian average that told these errors [landmarks]; infinite where there are none."""
 
     def of(self, observations: np.ndarray) -> ImageGradients:
         """Those of some observations, in that order."""
         factor = None if self.factor is None else self.factor[observations]
-        return ImageGradients(self.at[observations], self.gradient[observations], factor)
+        return self._replace(at=self.at[observations], gradient=self.gradient[observations], factor=factor)
 
     def padded(self, count: int) -> ImageGradients:
         """These, and those of `count` more observations, whose brightness counts as it is."""
         at, gradient = (np.pad(part, ((0, count), (0, 0))) for part in (self.at, self.gradient))
         factor = None if self.factor is None else np.pad(self.factor, (0, count), constant_values=1.0)
-        return ImageGradients(at, gradient, factor)
+        return self._replace(at=at, gradient=gradient, factor=factor)
 
     def of_landmarks(self, tracks: Tracks) -> np.ndarray:
         """(J,) bool: landmarks any of whose brightness follows them."""
