@@ -16,7 +16,7 @@ import tyro
 
 import photoclinometry as pcm
 from faults import SITES, region_of
-from image_faults import Images, blurred, distortion, gamma, jpeg, read_images, write_spoiled
+from image_faults import Images, blurred, distortion, gamma, hits, jpeg, read_images, write_spoiled
 from photoclinometry.io.site import read_site
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.scene import Scene
@@ -71,6 +71,9 @@ def main(out: Path) -> None:
     _draw(out / "symptom-compressed.png", [*_pair("relief", sound, compressed), *differences])
     offset, _ = spoilt(lambda clean: clean.changed(lambda pixels: pixels + OFFSET * np.nanmedian(pixels)))
     _draw(out / "symptom-dark-level.png", [*_pair("relief", sound, offset), *_pair("albedo", sound, offset)])
+    struck, seen = spoilt(lambda clean: hits(clean, np.random.default_rng(0)))
+    differences = _differences(name, (sound, images), (struck, seen))
+    _draw(out / "symptom-cosmic-rays.png", [*_pair("relief", sound, struck), *differences])
     hidden, _ = spoilt(_with_hidden_corners)
     _draw(out / "symptom-holes.png", [*_pair("relief", sound, hidden), *_pair("views", sound, hidden)])
     lit = [_lit(sound, azimuth) for azimuth in (315.0, 135.0)]

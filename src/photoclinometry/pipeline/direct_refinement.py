@@ -20,6 +20,7 @@ from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.row_medians import row_medians
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.albedo import fitted_albedo
+from photoclinometry.photometry.cosmic_rays import is_struck
 from photoclinometry.photometry.shading import seen_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline.joint_estimate import EstimateSettings, by_relit_matches
@@ -65,14 +66,15 @@ def refine_directly(
     poses_are_known: from a larger model; smooth errors then pull little at them, and each rough estimate measures its
     noise.
     ROUGH_PASSES rough estimates are made and a last one, each with brightness and gradients taken where the one before
-    projects. Landmarks that stray in a rough one are put back and left to their matches. Where the rough ones have
+    projects. Landmarks that stray in a rough one are put back and left to their matches, and brightness that a cosmic
+    ray or a hot pixel has raised is left out. Where the rough ones have
     converged, brightness counts in the last without its smooth errors. Uncertainties allow for what that moves.
     """
     start, gradients = image_gradients(scene, images)
     if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:
         log.info("too few views light the ground: the last estimate is of matches")
         return estimate(scene, by_relit_matches(noise))
-    strayed, before = np.zeros(len(scene.landmarks), bool), None
+    strayed, struck, before = np.zeros(len(scene.landmarks), bool), np.zeros(len(scene.tracks), bool), None
     for _ in range(ROUGH_PASSES):
         reweighting = None if noise is None or poses_are_known else 1
         settings = EstimateSettings(
@@ -80,10 +82,12 @@ def refine_directly(
         )
         before = estimate(start, settings)
         noise, strayed = before.noise, strayed | has_strayed(before.scene)
-        start, gradients = image_gradients(reset_landmarks(before.scene, scene, strayed), images, ~strayed)
+        struck |= is_struck(before.scene)
+        start, gradients = image_gradients(reset_landmarks(before.scene, scene, strayed), images, ~strayed, struck)
     assert before is not None
     direct = gradients.of_landmarks(start.tracks)
     log.info("%d of %d landmarks are left to their matches", np.sum(~direct), len(strayed))
+    log.info("%d of %d brightnesses are left out as struck by cosmic rays, or of hot pixels", struck.sum(), len(struck))
     if before.converged:
         start, gradients = without_smooth_errors(start, gradients, estimate)
     found = estimate(start, EstimateSettings(gradients=gradients, noise=noise, reweighting=LAST_REWEIGHTING))
@@ -120,14 +124,16 @@ def without_smooth_errors(
 
 
 def image_gradients(
-    scene: Scene, images: Sequence[Image], among: np.ndarray | None = None
+    scene: Scene, images: Sequence[Image], among: np.ndarray | None = None, struck: np.ndarray | None = None
 ) -> tuple[Scene, ImageGradients]:
     """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the gradients there.
 
     images: of the scene's views, in their order. Gradients are zero where it is not lit, and of landmarks that are lit
-    in fewer than MIN_LIT views or not `among` those chosen (J,).
+    in fewer than MIN_LIT views or not `among` those chosen (J,). Observations that are `struck` (N,) are not lit.
     """
     measured, xy, gradient = seen_on_surface(scene, images)
+    if struck is not None:
+        measured = replace(measured, tracks=replace(measured.tracks, lit=measured.tracks.lit & ~struck))
     tracks = measured.tracks
     direct = np.bincount(tracks.landmark[tracks.lit], minlength=len(scene.landmarks)) >= MIN_LIT
     if among is not None:

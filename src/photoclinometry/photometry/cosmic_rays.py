@@ -1,0 +1,58 @@
+"""Cosmic rays and hot pixels, found by what the other views predict.
+
+A pixel that a particle has struck is far brighter than the map predicts from all views, and the ground around it is
+not. A map does not fit all ground, either: edges of boulders and of shadows differ by as much, but in both directions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import binary_dilation, median_filter
+
+from photoclinometry.model.robust import robust_sigma
+from photoclinometry.model.scene import Scene
+from photoclinometry.photometry.predict import brightness_residuals
+
+STRUCK_SIGMAS = 8.0
+"""Robust standard deviations of a view's residuals by which a struck pixel is brighter than its surroundings at least:
+of a million normal errors the largest reaches 5."""
+
+MISFITS = 0.1
+"""Share, at most, of observations that are darker than their surroundings by as much, among those that count as struck:
+no particle makes a pixel darker, so that these tell how many are misfits of the ground."""
+
+AROUND = 7
+"""Side of the square of landmarks whose median residual is that of the surroundings: a struck pixel, spread by the
+spline between pixels, covers three."""
+
+
+def is_struck(scene: Scene) -> np.ndarray:
+    """(N,) bool: lit observations whose brightness a cosmic ray or a hot pixel has raised, and their neighbours.
+
+    The scene must have a reflectance model; its normals and albedos are of all views, so that one of several cannot
+    raise what is predicted.
+    """
+    tracks, region = scene.tracks, scene.region
+    row, col = region.cells(scene.landmarks.pixel)
+    brighter, struck = -brightness_residuals(scene), np.zeros(len(tracks), bool)
+    for view in range(len(scene.views)):
+        mine = np.flatnonzero((tracks.view == view) & tracks.lit)
+        if not len(mine):
+            continue
+        cells = row[tracks.landmark[mine]], col[tracks.landmark[mine]]
+        excess = np.zeros(region.grid_shape)
+        excess[cells] = brighter[mine] - np.median(brighter[mine])
+        sigma = robust_sigma(excess[cells])
+        spike = excess - median_filter(excess, AROUND)
+        beyond = spike >= _least_spike(spike[cells], STRUCK_SIGMAS * sigma)
+        struck[mine] = binary_dilation(beyond, np.ones((3, 3), bool))[cells]
+    return struck
+
+
+def _least_spike(spike: np.ndarray, least: float) -> float:
+    """The size, `least` at least, from which on only MISFITS of the spikes (n,) are negative; infinite without any."""
+    up, down = (np.sort(side[side > least]) for side in (spike, -spike))
+    larger_up = np.arange(len(up), 0, -1)
+    larger_down = len(down) - np.searchsorted(down, up)
+    enough = np.flatnonzero(larger_down <= MISFITS * larger_up)
+    return float(up[enough[0]]) if len(enough) else np.inf
