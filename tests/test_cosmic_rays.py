@@ -46,6 +46,16 @@ def test_other_views_of_the_same_ground_stay(noisy):
     of_view = np.bincount(scene.tracks.view[which], minlength=5)
     assert (np.bincount(scene.tracks.view[found], minlength=5) <= 9 * of_view).all()
     assert (of_view == 0).any()
+    assert found.any()
+
+
+def test_what_most_views_do_not_have_is_no_particle(noisy):
+    scene, which = with_spikes(noisy, 30 * NOISE, count=60)
+    of_two = which[scene.tracks.view[which] < 2]
+    brightness = noisy.tracks.brightness.copy()
+    brightness[of_two] = scene.tracks.brightness[of_two]
+    assert not is_struck(replace(noisy, tracks=replace(noisy.tracks, brightness=brightness))).any()
+    assert is_struck(scene)[of_two].all()
 
 
 def test_ground_that_a_map_does_not_fit_stays(noisy):
@@ -53,6 +63,17 @@ def test_ground_that_a_map_does_not_fit_stays(noisy):
     brighter, _ = with_spikes(noisy, 30 * NOISE, count=100, seed=1)
     both, _ = with_spikes(brighter, -30 * NOISE, count=100, seed=2)
     assert is_struck(both).sum() < 0.1 * is_struck(brighter).sum()
+
+
+def test_a_line_is_an_edge_of_the_ground(noisy):
+    """Of a map that has not found it; spots beside it are still found."""
+    spots, which = with_spikes(noisy, 30 * NOISE, count=10)
+    tracks, (row, col) = spots.tracks, noisy.cells
+    beside = (np.abs(row[tracks.landmark] - 8) <= 3) & (tracks.view == 2)
+    line = (row == 8)[tracks.landmark] & (col > 3)[tracks.landmark] & (tracks.view == 2)
+    found = is_struck(replace(spots, tracks=replace(tracks, brightness=tracks.brightness + 30 * NOISE * line)))
+    assert not found[line].any()
+    assert found[which[~beside[which]]].all()
 
 
 def test_what_is_not_lit_does_not_count(noisy):
