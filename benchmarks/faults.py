@@ -26,6 +26,7 @@ from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.scene import Scene
 from photoclinometry.pipeline.relief_check import relief_by_parallax
+from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
 
@@ -116,7 +117,13 @@ def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Ou
         whole = RegionRequest(size_px=(VESTA_REGION_PX, VESTA_REGION_PX))
         site_file = write_spoiled(images, site, spoiled, whole if mapped is None else region_of(mapped))
     try:
-        result = pcm.run(site_file, run, densify=DensifyOptions(min_views=3 if name == "vesta" else 4), overwrite=True)
+        result = pcm.run(
+            site_file,
+            run,
+            sfm=SfmOptions(threads=1),  # reproducible
+            densify=DensifyOptions(min_views=3 if name == "vesta" else 4),
+            overwrite=True,
+        )
     except ReconstructionError as error:
         return Outcome(site=name, fault=fault, draw=draw, error=str(error))
     scene, figures = result.scene, {}

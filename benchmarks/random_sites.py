@@ -26,6 +26,7 @@ from outcomes import keep_outcome, read_outcomes, warning_codes
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.relief_check import relief_by_parallax
+from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site
@@ -151,7 +152,7 @@ def mapped(i: int, out: Path, keep: bool) -> Outcome:
     simulate_site(options, folder / "site")
     begin = time.process_time()
     try:
-        result = pcm.run(folder / "site" / "site.toml", folder / "run")
+        result = pcm.run(folder / "site" / "site.toml", folder / "run", sfm=SfmOptions(threads=1))  # reproducible
     except ReconstructionError as error:
         return Outcome(site=i, simulation=in_short(options), error=str(error))
     spent = time.process_time() - begin
