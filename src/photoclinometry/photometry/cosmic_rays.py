@@ -8,7 +8,6 @@ along lines, and in some views only: particles strike all.
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_dilation, find_objects, label, median_filter
 
 from photoclinometry.model.robust import robust_sigma
 from photoclinometry.model.scene import Scene
@@ -40,21 +39,21 @@ def is_struck(scene: Scene) -> np.ndarray:
     None where fewer than STRUCK_VIEWS of the views have any. The scene must have a reflectance model; its normals and
     albedos are of all views, so that one of several cannot raise what is predicted.
     """
-    tracks, region = scene.tracks, scene.region
+    from scipy.ndimage import binary_dilation, median_filter
+
+    tracks, (row, col) = scene.tracks, scene.cells
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
-    row, col = region.cells(scene.landmarks.pixel)
     brighter, struck = -brightness_residuals(scene), np.zeros(len(tracks), bool)
     for view in range(len(scene.views)):
         mine = np.flatnonzero((tracks.view == view) & tracks.lit)
         if not len(mine):
             continue
         cells = row[tracks.landmark[mine]], col[tracks.landmark[mine]]
-        excess = np.zeros(region.grid_shape)
-        excess[cells] = brighter[mine] - np.median(brighter[mine])
+        excess = np.nan_to_num(scene.grid_of_observations(brighter - np.median(brighter[mine]), mine))
         sigma = robust_sigma(excess[cells])
         spike = excess - median_filter(excess, AROUND)
         beyond = spike >= _least_spike(spike[cells], STRUCK_SIGMAS * sigma)
-        spots = _no_larger(beyond, max(SPOT_PX / (spacing[view] * region.stride), 1.0))
+        spots = _no_larger(beyond, max(SPOT_PX / (spacing[view] * scene.region.stride), 1.0))
         struck[mine] = binary_dilation(spots, np.ones((3, 3), bool))[cells]
     with_any = np.unique(tracks.view[struck])
     return struck if len(with_any) >= STRUCK_VIEWS * len(scene.views) else np.zeros_like(struck)
@@ -62,6 +61,8 @@ def is_struck(scene: Scene) -> np.ndarray:
 
 def _no_larger(there: np.ndarray, side: float) -> np.ndarray:
     """Cells (h, w) of the parts that are no longer than `side` cells, down and across."""
+    from scipy.ndimage import find_objects, label
+
     part = np.empty(there.shape, np.int32)
     label(there, np.ones((3, 3)), output=part)
     larger = [n for n, box in enumerate(find_objects(part), 1) if max(s.stop - s.start for s in box) > side]

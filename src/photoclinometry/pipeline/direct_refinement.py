@@ -67,8 +67,8 @@ def refine_directly(
     noise.
     ROUGH_PASSES rough estimates are made and a last one, each with brightness and gradients taken where the one before
     projects. Landmarks that stray in a rough one are put back and left to their matches, and brightness that a cosmic
-    ray or a hot pixel has raised is left out. Where the rough ones have
-    converged, brightness counts in the last without its smooth errors. Uncertainties allow for what that moves.
+    ray or a hot pixel has raised is left out. Where the rough ones have converged, brightness counts in the last
+    without its smooth errors. Uncertainties allow for what that moves.
     """
     start, gradients = image_gradients(scene, images)
     if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:
