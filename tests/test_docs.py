@@ -66,6 +66,32 @@ def test_commands_in_the_pages_parse(page):
             pytest.fail(f"{page}: `{command}` is refused with exit code {stop.code}")
 
 
+OPTION_NAMES = set(
+    re.findall(
+        r"\b(\w+):",
+        "".join(file.read_text(encoding="utf-8") for file in (ROOT / "src" / "photoclinometry").rglob("*.py")),
+    )
+)
+OF_OTHER_PROGRAMS = {"--sshlogin", "--tyro-print-completion"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_options_that_sentences_name_exist(page):
+    """`--plan.max-views` in backticks ends in a field or parameter of the package; `no-` turns one off."""
+    text = re.sub(r"^```.*?^```|^    .*$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    named = set(re.findall(r"`(--[a-z][\w.-]*\w)", text)) - OF_OTHER_PROGRAMS
+    last = {option: option.removeprefix("--").rpartition(".")[2].replace("-", "_") for option in named}
+    assert {o for o, name in last.items() if not {name, name.removeprefix("no_")} & OPTION_NAMES} == set()
+
+
+def test_the_page_of_the_python_interface_has_every_name():
+    import photoclinometry as pcm
+
+    page = (ROOT / "docs" / "reference" / "api.md").read_text(encoding="utf-8")
+    named = re.findall(r"^\.\. auto(?:function|class|exception):: (\w+)$", page, flags=re.MULTILINE)
+    assert sorted(named) == sorted(pcm.__all__)
+
+
 def anchors(page: Path) -> set[str]:
     """The anchors of a page's headings, as GitHub and MyST make them."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
