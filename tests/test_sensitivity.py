@@ -4,7 +4,8 @@ import ast
 
 import pytest
 
-from sensitivity import SOURCE, Number, Results, changed_source, described, groups_of, is_compiled, table, tuned_numbers
+from sensitivity_results import Results, described, table
+from tuned_numbers import SOURCE, Number, changed_source, groups_of, is_compiled, tuned_numbers
 
 
 @pytest.fixture(scope="module")
