@@ -56,7 +56,7 @@ def graph_of(scene: Scene, keypoint_px: float = 1.0, brightness_px: float = 1.0)
         brightness_correlation_px=brightness_px,
     )
     scene, _, members = with_tie_points(scene, None)
-    setup = setup_of(scene, members, options, scene.reflectance)
+    setup = setup_of(scene, members, options)
     smoothness = smoothness_group(setup, scene.landmarks, noise)
     return FactorGraph(factor_groups(setup, np.ones(len(scene.tracks), bool), noise, smoothness))
 

@@ -29,9 +29,9 @@ def adjust_nothing(monkeypatch):
 
     calls = []
 
-    def stand_in(scene, options, pose_priors=None, **_):
+    def stand_in(scene, options, priors, **_):
         calls.append(options)
-        return not_adjusted(scene, pose_priors=pose_priors)
+        return not_adjusted(scene, pose_priors=priors.pose_priors)
 
     monkeypatch.setattr(joint_estimate, "adjust", stand_in)
     look_for_no_errors_of_brightness(monkeypatch)

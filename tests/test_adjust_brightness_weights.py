@@ -24,7 +24,7 @@ def test_pixels_that_cover_more_ground_tell_less_of_each_landmark():
     scene = with_coarse_view(synthetic_scene(size=12, views=4), 2)
     gradients = gradients_of(scene)
     given = in_solver_order(scene, gradients)
-    setup = setup_of(given.scene, given.members, AdjustOptions(), scene.reflectance, gradients=given.gradients)
+    setup = setup_of(given.scene, given.members, AdjustOptions(), gradients=given.gradients)
     tracks, views, landmarks = given.scene.tracks, scene.views, given.scene.landmarks
     towards = views.body_from_cam.translation[tracks.view] - landmarks.position[tracks.landmark]
     cosine = np.sum(unit(towards) * landmarks.normal[tracks.landmark], -1)
@@ -38,7 +38,7 @@ def test_pixels_that_cover_more_ground_tell_less_of_each_landmark():
     light = next(group for group in factor_groups(setup, tracks.lit, noise, None) if isinstance(group, Brightness))
     shared = setup.correlation(noise.brightness_correlation_px)
     np.testing.assert_allclose(light.sigma, noise.brightness_sigma * shared * expected)
-    plain = setup_of(given.scene, given.members, AdjustOptions(), scene.reflectance)
+    plain = setup_of(given.scene, given.members, AdjustOptions())
     assert (plain.relative_sigma == 1.0).all()
 
 
@@ -46,7 +46,7 @@ def test_noise_of_brightness_is_that_of_a_pixel_from_above():
     """Errors that grow with the ground that a pixel covers are found as what they would be without it."""
     scene = with_coarse_view(synthetic_scene(size=40, views=6), 2)
     given = in_solver_order(scene, gradients_of(scene))
-    setup = setup_of(given.scene, given.members, AdjustOptions(), scene.reflectance, gradients=given.gradients)
+    setup = setup_of(given.scene, given.members, AdjustOptions(), gradients=given.gradients)
     tracks, rng, sigma = given.scene.tracks, np.random.default_rng(3), 0.02 * float(np.median(scene.tracks.brightness))
     noisy = tracks.brightness + sigma * setup.relative_sigma * rng.normal(size=len(tracks))
     measured = replace(given.scene, tracks=replace(tracks, brightness=noisy))

@@ -9,7 +9,7 @@ from convergence import DEFAULT as CONVERGENCE
 from convergence import final_cost, random_start
 from estimate_starts import INDEPENDENT, anchors_around, start_of
 from matched import OPTIONS, Noise, matched_problem
-from photoclinometry.adjust import AdjustOptions, PosePriors, SolverOptions, adjust
+from photoclinometry.adjust import AdjustOptions, PosePriors, ScenePriors, SolverOptions, adjust
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_log
 from photoclinometry.model.reflectance import published
@@ -184,7 +184,7 @@ def test_an_estimate_of_an_estimate_is_held_by_what_was_given():
     exactly = SolverOptions(relative_decrease=1e-9, absolute_decrease=1e-3, settled=0.0)
     tight = replace(OPTIONS, reflectance_sigma=0.03, uncertainty=False, solver=exactly)
     once = adjust(replace(start, reflectance=given), tight).scene
-    again, drifted = adjust(once, tight, reflectance=given).scene, adjust(once, tight).scene
+    again, drifted = adjust(once, tight, priors=ScenePriors(reflectance=given)).scene, adjust(once, tight).scene
 
     def moved(scene):
         return np.abs(once.reflectance.relative_change(scene.reflectance)).max()
@@ -203,7 +203,7 @@ def test_pose_priors_place_the_map():
         rotation_sigma=np.full(8, 1e-6),
         center_sigma=np.full(8, 0.1),
     )
-    moved = adjust(start, OPTIONS, pose_priors=priors).scene
+    moved = adjust(start, OPTIONS, priors=ScenePriors(pose_priors=priors)).scene
     np.testing.assert_allclose(moved.views.body_from_cam.translation, poses.translation + shift, atol=0.5)
     offset = np.median(moved.landmarks.position - truth.landmarks.position, axis=0)
     np.testing.assert_allclose(offset, shift, atol=0.3)
@@ -231,7 +231,9 @@ def test_suns_do_not_follow_what_brightness_errs_by_all_over_a_view():
     )
 
     def found(scene, **options):
-        adjustment = adjust(scene, replace(INDEPENDENT, uncertainty=False, **options), pose_priors=known)
+        adjustment = adjust(
+            scene, replace(INDEPENDENT, uncertainty=False, **options), priors=ScenePriors(pose_priors=known)
+        )
         suns = angle_between(adjustment.scene.views.sun, truth.views.sun)
         normals = angle_between(adjustment.scene.landmarks.normal, truth.landmarks.normal)
         return np.sqrt(np.mean(suns**2)), np.mean(normals), adjustment.noise.view_prior_factor

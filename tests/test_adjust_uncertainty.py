@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimate_starts import INDEPENDENT, anchors_around, start_of
-from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
+from photoclinometry.adjust import AdjustOptions, PosePriors, ScenePriors, adjust
 from photoclinometry.adjust.covariance.marginals import Marginals
 from photoclinometry.adjust.covariance.uncertainty import (
     bounded_normals,
@@ -89,7 +89,7 @@ def test_with_pose_priors_the_frame_is_theirs(adjusted):
         rotation_sigma=np.full(count, 1e-6),
         center_sigma=np.full(count, sigma),
     )
-    placed = adjust(start_of(true), INDEPENDENT, pose_priors=priors).scene
+    placed = adjust(start_of(true), INDEPENDENT, priors=ScenePriors(pose_priors=priors)).scene
     assert sigma_of_length(placed.uncertainty["center"], 3).max() <= np.sqrt(3) * sigma
     of_placed, of_found = (sigma_of_length(scene.uncertainty["position"], 3) for scene in (placed, found))
     apart = of_placed**2 - of_found**2

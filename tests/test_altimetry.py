@@ -9,7 +9,7 @@ import pytest
 
 from drawn_priors import priors_of, with_priors
 from estimate_starts import INDEPENDENT, start_of
-from photoclinometry.adjust import PosePriors, adjust
+from photoclinometry.adjust import PosePriors, ScenePriors, adjust
 from photoclinometry.adjust.altimeter_tracks import altimetry_at
 from photoclinometry.adjust.frame import in_its_frame
 from photoclinometry.adjust.graph.altimetry import Altimetry
@@ -130,7 +130,7 @@ def test_a_map_follows_its_shots(known):
     """
     scene, tracks, shift, loose = known
     start = start_of(transform_scene(Similarity(1.0, np.eye(3), np.array([40.0, -30.0, 150.0])), scene))
-    found = adjust(start, INDEPENDENT, pose_priors=loose, altimetry=tracks)
+    found = adjust(start, INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=tracks))
     assert found.converged
     off = found.scene.landmarks.position - scene.landmarks.position
     stated = np.sqrt(np.diag(found.frame_covariance)[3:6])
@@ -141,7 +141,7 @@ def test_a_map_follows_its_shots(known):
     assert all(row["off_sigmas"] < 1.5 and row["shift_off_sigmas"] < 2.5 and not row["left_out"] for row in rows)
     up = found.altimetry.shift[:, 2] - found.altimetry.shift[:, 2].mean()
     np.testing.assert_allclose(up, shift[:, 2] - shift[:, 2].mean(), atol=5.0 * SHOT_M)
-    alone = adjust(start, INDEPENDENT, pose_priors=loose)
+    alone = adjust(start, INDEPENDENT, priors=ScenePriors(pose_priors=loose))
     assert np.linalg.norm(np.diag(alone.frame_covariance)[3:6]) > 1000.0 * np.linalg.norm(stated**2)
 
 
@@ -150,7 +150,7 @@ def test_wrong_shots_are_left_out_and_named(known, tmp_path, caplog):
     rng = np.random.default_rng(0)
     wrong = rng.random(len(tracks)) < 0.15
     spoiled = replace(tracks, position=tracks.position + np.where(wrong, 400.0, 0.0)[:, None] * [0.0, 0.0, 1.0])
-    found = adjust(start_of(scene), INDEPENDENT, pose_priors=loose, altimetry=spoiled)
+    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=spoiled))
     fit = found.altimetry
     assert not fit.used[wrong].any()
     assert fit.used[fit.met & ~wrong].all()
@@ -168,7 +168,9 @@ def test_wrong_shots_are_left_out_and_named(known, tmp_path, caplog):
 def test_a_wrong_track_is_named(known, caplog):
     scene, tracks, _, loose = known
     wrong = tracks.position + np.where(tracks.track == 4, 400.0, 0.0)[:, None] * [0.0, 0.0, 1.0]
-    found = adjust(start_of(scene), INDEPENDENT, pose_priors=loose, altimetry=replace(tracks, position=wrong))
+    found = adjust(
+        start_of(scene), INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=replace(tracks, position=wrong))
+    )
     with caplog.at_level(logging.WARNING):
         warn_of_altimetry(altimetry_table(found.altimetry), given=True)
     assert "altimeter track T4" in caplog.text
@@ -179,7 +181,7 @@ def test_a_map_that_is_not_where_its_shots_are_says_so(known, caplog):
     """Shots of other ground: they scatter about the map by tens of their standard deviations, whatever is done."""
     scene, _, _, loose = known
     strange = tracks_on(bumpy_surface(seed=9), 14 * GSD, np.random.default_rng(3))[0]
-    found = adjust(start_of(scene), INDEPENDENT, pose_priors=loose, altimetry=strange)
+    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=strange))
     with caplog.at_level(logging.WARNING):
         warn_of_altimetry(altimetry_table(found.altimetry), given=True)
     assert "scatter about the map by" in caplog.text
@@ -204,7 +206,7 @@ def test_tracks_of_single_shots_are_warned_of(known, caplog):
     scene, tracks, _, loose = known
     every = np.arange(len(tracks))
     own = replace(tracks, name=tuple(map(str, every)), track=every, shift_sigma=np.full(len(tracks), TRACK_M))
-    found = adjust(start_of(scene), INDEPENDENT, pose_priors=loose, altimetry=own)
+    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=own))
     with caplog.at_level(logging.WARNING):
         warn_of_altimetry(altimetry_table(found.altimetry), given=True)
     assert "have a single shot" in caplog.text

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
+from photoclinometry.adjust import AdjustOptions, PosePriors, ScenePriors, adjust
 from photoclinometry.adjust.graph.sun_directions import common_turns
 from photoclinometry.evaluate.common_sun import common_sun_turn
 from photoclinometry.io.site import read_site, write_site
@@ -113,7 +113,7 @@ def test_priors_of_two_arcs_know_the_frame_as_well_as_is_stated():
             body_from_cam=known, rotation_sigma=np.full(8, 1e-4), center_sigma=np.full(8, 20.0),
             common_center_sigma=600.0, arc=arc,
         )  # fmt: skip
-        found = adjust(true, INDEPENDENT, pose_priors=priors)
+        found = adjust(true, INDEPENDENT, priors=ScenePriors(pose_priors=priors))
         moved = align_views(true.views, found.scene)
         middle = np.median(true.landmarks.position, axis=0)
         shift = moved(middle) - middle

@@ -8,7 +8,7 @@ import pytest
 
 from adjustments import not_adjusted
 from estimate_starts import INDEPENDENT, start_of
-from photoclinometry.adjust import adjust
+from photoclinometry.adjust import ScenePriors, adjust
 from photoclinometry.model.control import ControlPixel, ControlPoint
 from photoclinometry.model.geometry import Similarity, so3_exp
 from photoclinometry.model.pose_prior import PosePrior
@@ -62,7 +62,7 @@ def test_the_estimate_takes_frame_and_scale_from_control(known):
     """From a start off by 20 m, without gauge or pose priors: the map is in place to a tenth of a pixel, in metres."""
     scene, points = known
     control = ground_control(points, scene.views)
-    found = adjust(start_of(scene), INDEPENDENT, control=control)
+    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(control=control))
     assert found.converged
     off = np.median(found.scene.landmarks.position - scene.landmarks.position, axis=0)
     assert np.linalg.norm(off) < 0.1 * scene.gsd
@@ -78,7 +78,7 @@ def test_a_wrong_point_is_named(caplog):
     far off."""
     scene, points = drawn_points(np.random.default_rng(1), 8)
     points[1] = replace(points[1], position=points[1].position + [300.0, 0.0, 0.0])
-    found = adjust(start_of(scene), INDEPENDENT, control=ground_control(points, scene.views))
+    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(control=ground_control(points, scene.views)))
     with caplog.at_level(logging.WARNING):
         warn_of_contradictions(control_table(points, found.control, found.scene.views))
     assert any("P1" in record.message for record in caplog.records)
@@ -125,7 +125,7 @@ def test_a_point_that_is_left_out_is_in_the_table_and_named(caplog):
     scene, points = drawn_points(np.random.default_rng(1), 6)
     points[2] = replace(points[2], position=points[2].position + [0.0, 500.0, 0.0])
     control = ground_control(agreeing_points(points, scene.views), scene.views)
-    found = adjust(start_of(scene), INDEPENDENT, control=control)
+    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(control=control))
     rows = control_table(points, found.control, found.scene.views)
     assert [row["name"] for row in rows if not row["used"]] == ["P2"]
     assert control_metrics(rows)["control_points_left_out"] == 1

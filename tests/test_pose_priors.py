@@ -8,7 +8,7 @@ import pytest
 
 from drawn_priors import priors_of, with_priors
 from matched import OPTIONS, matched_problem
-from photoclinometry.adjust import PosePriors, adjust
+from photoclinometry.adjust import PosePriors, ScenePriors, adjust
 from photoclinometry.evaluate.compare import evaluate_against_truth
 from photoclinometry.io.held_out import NAME, read_held_out
 from photoclinometry.io.scene_file import read_scene
@@ -148,7 +148,7 @@ def test_the_place_of_a_map_is_no_better_known_than_the_error_that_its_priors_sh
     poses = scene.views.body_from_cam
     own = PosePriors(body_from_cam=poses, rotation_sigma=np.full(6, 1e-5), center_sigma=np.full(6, 10.0))
     alone, both = (
-        np.sqrt(np.diag(adjust(scene, OPTIONS, pose_priors=priors).frame_covariance))
+        np.sqrt(np.diag(adjust(scene, OPTIONS, priors=ScenePriors(pose_priors=priors)).frame_covariance))
         for priors in (own, replace(own, common_center_sigma=500.0))
     )
     assert np.all(alone[3:6] < 30.0)
@@ -174,8 +174,8 @@ def test_the_estimate_does_not_depend_on_frame_and_unit():
         for name, prior in own.items()
     }
     moved = transform_scene(METRIC, start)
-    here = adjust(start, OPTIONS, pose_priors=priors_in_frame(start, own)).scene
-    there = adjust(moved, OPTIONS, pose_priors=priors_in_frame(moved, metric))
+    here = adjust(start, OPTIONS, priors=ScenePriors(pose_priors=priors_in_frame(start, own))).scene
+    there = adjust(moved, OPTIONS, priors=ScenePriors(pose_priors=priors_in_frame(moved, metric)))
     back = transform_scene(METRIC.inverse(), there.scene)
     assert there.pose_priors_used.all()
     np.testing.assert_allclose(back.landmarks.position, here.landmarks.position, atol=0.02 * start.gsd)

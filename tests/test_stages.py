@@ -50,10 +50,10 @@ def site(mapped, tmp_path_factory):
     return path
 
 
-def stand_in(scene, options, gradients=None, pose_priors=None, **_):
+def stand_in(scene, options, priors, gradients=None, **_):
     """A joint estimate that stops at once, and whose message tells what it was given."""
     message = f"{options} {'by images' if gradients is not None else 'by matches'}"
-    return not_adjusted(scene, message, pose_priors=pose_priors)
+    return not_adjusted(scene, message, pose_priors=priors.pose_priors)
 
 
 def any_model(scene, known, candidates, progress):

@@ -274,7 +274,7 @@ def test_fewer_landmarks_share_an_error_the_farther_apart_they_are(scene):
     """Errors shared over 12 px: a square of 12 x 12 landmarks, or of 3 x 3 at every fourth pixel; one at least."""
     for stride, side in ((1, 12.0), (4, 3.0)):
         thin, _, members = with_tie_points(thinned(scene, stride), None)
-        setup = setup_of(thin, members, AdjustOptions(), thin.reflectance)
+        setup = setup_of(thin, members, AdjustOptions())
         assert setup.correlation(12.0) == side
         assert setup.correlation(1.0) == 1.0
 

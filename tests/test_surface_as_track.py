@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.adjust import AdjustOptions, PosePriors, adjust
+from photoclinometry.adjust import AdjustOptions, PosePriors, ScenePriors, adjust
 from photoclinometry.model.altimetry import track_of_surface
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity
@@ -49,7 +49,7 @@ def known():
 def errors_in_sigmas(known, tracks):
     """Of the map's place along x, y and z, and of its tilt about x and y; and sigmas of its place [m]."""
     true, start, priors = known
-    found = adjust(start, INDEPENDENT, pose_priors=priors, altimetry=tracks)
+    found = adjust(start, INDEPENDENT, priors=ScenePriors(pose_priors=priors, altimetry=tracks))
     off, arm = found.scene.landmarks.position - true.landmarks.position, true.landmarks.position.copy()
     arm -= arm.mean(0)
     east, north = np.linalg.lstsq(arm[:, :2], off[:, 2], rcond=None)[0]

@@ -29,6 +29,7 @@ from photoclinometry.adjust.graph.sun_directions import SunDirections
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
+from photoclinometry.adjust.scene_priors import ScenePriors
 from photoclinometry.adjust.solve.solver import Iteration, Solution, SolverOptions, minimize
 from photoclinometry.adjust.tie_points import GroundControl, TiePoints
 
@@ -58,6 +59,7 @@ __all__ = [
     "PosePriors",
     "ReflectancePrior",
     "Rows",
+    "ScenePriors",
     "Smoothness",
     "Solution",
     "SolverOptions",

@@ -19,7 +19,6 @@ from photoclinometry.adjust.covariance.uncertainty import OF_LANDMARKS, Stated
 from photoclinometry.adjust.frame import in_its_frame
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import ImageGradients
-from photoclinometry.adjust.graph.priors import KnownPoses, PosePriors
 from photoclinometry.adjust.graph.variables import Estimate
 from photoclinometry.adjust.groups import (
     Setup,
@@ -33,14 +32,13 @@ from photoclinometry.adjust.groups import (
 from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
+from photoclinometry.adjust.scene_priors import ScenePriors
 from photoclinometry.adjust.solve.solver import Iteration, minimize
 from photoclinometry.adjust.solver_order import in_solver_order
 from photoclinometry.adjust.stated_uncertainty import Fit, stated_uncertainty
-from photoclinometry.adjust.tie_points import GroundControl, TiePoints
-from photoclinometry.model.altimetry import AltimeterTracks
+from photoclinometry.adjust.tie_points import TiePoints
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.projection import projected_keypoints
-from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.surface.surroundings import carried_along
 
@@ -91,12 +89,8 @@ def adjust(
     scene: Scene,
     options: AdjustOptions | None = None,
     *,
+    priors: ScenePriors | None = None,
     tie_points: TiePoints | None = None,
-    pose_priors: PosePriors | None = None,
-    known_poses: KnownPoses | None = None,
-    control: GroundControl | None = None,
-    altimetry: AltimeterTracks | None = None,
-    reflectance: Reflectance | None = None,
     gradients: ImageGradients | None = None,
     noise: Noise | None = None,
     least_keypoint_factor: float = 0.0,
@@ -104,47 +98,34 @@ def adjust(
 ) -> Adjustment:
     """The joint estimate of poses, Suns, scales, biases, positions, normals and albedos.
 
-    tie_points: sparse landmarks, from structure from motion, that help to hold the poses. pose_priors: of spacecraft
-    navigation. known_poses: of a larger model, in the scene's frame. control: ground control points, in the scene's
-    frame. altimetry: likewise, of a scene that priors or control have put roughly in place. Without priors and control
-    only the gauge is fixed, by the reference view's pose and one landmark; uncertainties are then those after the best
-    similarity of the map. reflectance: as it is known beforehand, of which the scene's is an estimate; left out, the
-    scene's own. gradients: of the images where the scene's brightness was taken, so that it follows the landmarks
-    (`factors.direct`), which then stay on their rays of the reference view, while pose-only tie points hold the poses
-    (`tie_points`); the adjusted scene has the brightness where its landmarks project, by these gradients.
-    Gradients may have a `factor`: brightness is multiplied by it, and Suns, scales, biases and reflectance
-    parameters are then not estimated from brightness. Uncertainties are those of an estimate without the factor.
-    noise: as an estimate of nearly this scene has found it; reweighting starts from that. least_keypoint_factor:
-    uncertainties take keypoints' standard deviations to be no smaller than this times their own, however well they
-    are met.
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
-    estimated, the rest is returned as it came. Raises ReconstructionError where fewer than 3 views or 10 landmarks are
-    left to estimate, and InputError where residuals of the start are no numbers.
+    estimated, the rest is returned as it came.
+
+    priors: what is known of the scene apart from its images.
+    tie_points: sparse landmarks from structure from motion, whose keypoints help to hold the poses.
+    gradients: of the images, where the scene's brightness was taken. Brightness then follows the landmarks
+        (`factors.direct`), which stay on their rays of the reference view, while pose-only tie points hold the poses
+        (`tie_points`). The adjusted scene has the brightness where its landmarks project, by these gradients.
+        Brightness is multiplied by the gradients' `factor`, if they have one. Suns, scales, biases and reflectance
+        parameters are then not estimated from brightness; uncertainties are those of an estimate without the factor.
+    noise: of an earlier estimate of nearly this scene, from which reweighting starts.
+    least_keypoint_factor: for uncertainties, the standard deviations of keypoints are at least this times those of
+        `scene.tracks`, however small the residuals are.
+    on_step: called after every step.
+
+    Raises ReconstructionError where fewer than 3 views or 10 landmarks are left to estimate, and InputError where
+    residuals of the start are no numbers.
     """
-    options = options or AdjustOptions()
+    options, priors = options or AdjustOptions(), priors or ScenePriors()
     if len(scene.views) < FEWEST_VIEWS or len(scene.landmarks) < FEWEST_LANDMARKS:
         raise ReconstructionError(
             f"{len(scene.landmarks)} landmarks in {len(scene.views)} views: a joint estimate needs {FEWEST_LANDMARKS} "
             f"landmarks and {FEWEST_VIEWS} views at least; map a larger region, or ground that more views see"
         )
-    given = in_solver_order(scene, gradients, tie_points, control)
-    setup = setup_of(
-        given.scene,
-        given.members,
-        options,
-        scene.reflectance,
-        gradients=given.gradients,
-        pose_priors=pose_priors,
-        known_poses=known_poses,
-        control=control,
-        altimetry=altimetry,
-    )
+    given = in_solver_order(scene, gradients, tie_points, priors.control)
+    setup = setup_of(given.scene, given.members, options, gradients=given.gradients, priors=priors)
     pivot = np.median(scene.landmarks.position, axis=0)
-    start = Estimate(scene.views, given.scene.landmarks, pivot, systematic=setup.systematic)
-    if scene.reflectance is not None and setup.estimates_reflectance:
-        known = reflectance or scene.reflectance
-        setup = replace(setup, reflectance=known)
-        start = replace(start, parameters=known.relative_change(scene.reflectance))
+    start = Estimate(scene.views, given.scene.landmarks, pivot, setup.parameters, setup.systematic)
     fit = _reweighted(setup, start, noise, on_step)
     found, parameter_sigma = Stated(), None
     if options.uncertainty:
@@ -191,7 +172,7 @@ def _reweighted(
 
 def _framed(setup: Setup, estimate: Estimate) -> Estimate:
     """The estimate where the altimeter's shots, with priors and control points, put it as a whole."""
-    if setup.altimetry is None:
+    if setup.priors.altimetry is None:
         return estimate
     return in_its_frame(estimate, lambda now: frame_factors(setup, now), setup.scene.spacing)
 
@@ -229,7 +210,7 @@ def _in_the_order_of(
         if setup.gradients.factor is not None:
             brightness[picked] /= setup.gradients.factor[:observed]
         adjusted = replace(adjusted, tracks=replace(scene.tracks, brightness=brightness))
-    priors, control = setup.pose_priors, setup.control
+    known, control = setup.priors.pose_priors, setup.priors.control
     points, shots = estimate.landmarks.position[setup.members.control], altimetry_fit(setup, estimate)
     adjusted = adjusted.with_estimate(estimate.views, estimate.landmarks[back])
     return Adjustment(
@@ -240,7 +221,7 @@ def _in_the_order_of(
         noise=fit.noise,
         lit=lit,
         parameter_sigma=_unknown_sigma(setup) if parameter_sigma is None else parameter_sigma,
-        pose_priors_used=np.zeros(0, bool) if priors is None else np.isfinite(priors.center_sigma),
+        pose_priors_used=np.zeros(0, bool) if known is None else np.isfinite(known.center_sigma),
         frame_covariance=stated.frame,
         control={} if control is None else dict(zip(control.name, points, strict=True)),
         altimetry=None if shots is None else replace(shots, landmark=order[shots.landmark]),

@@ -25,21 +25,14 @@ from photoclinometry.adjust.graph.control_points import ControlPoints
 from photoclinometry.adjust.graph.general import FactorGroup
 from photoclinometry.adjust.graph.graph import Group
 from photoclinometry.adjust.graph.observations import Brightness, ImageGradients, Keypoints, ObservationTable
-from photoclinometry.adjust.graph.priors import (
-    Exposure,
-    Gauge,
-    KnownPoses,
-    LandmarkPriors,
-    PosePriors,
-    ReflectancePrior,
-)
+from photoclinometry.adjust.graph.priors import Exposure, Gauge, LandmarkPriors, ReflectancePrior
 from photoclinometry.adjust.graph.smoothness import Neighbours, Smoothness, bend_between, build_neighbours
 from photoclinometry.adjust.graph.sun_directions import SunDirections
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
-from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, GroundControl, Members
-from photoclinometry.model.altimetry import AltimeterTracks
+from photoclinometry.adjust.scene_priors import ScenePriors
+from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, Members
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Scene
 from photoclinometry.photometry.predict import BIAS_SIGMA, exposure_is_free
@@ -90,12 +83,7 @@ class Setup:
     reflectance: Reflectance | None
     """From which that of the estimate differs by its parameters; None without photometry."""
     gradients: ImageGradients | None
-    pose_priors: PosePriors | None
-    """Without them the gauge is fixed."""
-    known_poses: KnownPoses | None
-    """In the frame of the start, which they do not define."""
-    control: GroundControl | None
-    altimetry: AltimeterTracks | None
+    priors: ScenePriors
     scale_sigma: np.ndarray
     """(K,) as stated; infinite where free."""
     bias_sigma: np.ndarray
@@ -109,13 +97,21 @@ class Setup:
     @property
     def first_track(self) -> int:
         """Index of the first altimeter track's shift among the systematic errors: after those of pose priors."""
-        return 0 if self.pose_priors is None else self.pose_priors.common_errors
+        return 0 if self.priors.pose_priors is None else self.priors.pose_priors.common_errors
 
     @property
     def systematic(self) -> np.ndarray:
         """(M, 10) systematic errors at the start: none."""
-        tracks = 0 if self.altimetry is None else len(self.altimetry.name)
+        tracks = 0 if self.priors.altimetry is None else len(self.priors.altimetry.name)
         return np.zeros((self.first_track + tracks, VIEW_SIZE))
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """(T,) reflectance parameters at the start, as an `Estimate` has them; none where they are held."""
+        start = self.scene.reflectance
+        if self.reflectance is None or start is None or not self.estimates_reflectance:
+            return np.zeros(0)
+        return self.reflectance.relative_change(start)
 
     def correlation(self, side_px: float) -> float:
         """Side of the square of landmarks that share an error, from that in reference pixels; at least 1."""
@@ -135,23 +131,21 @@ class Setup:
     @property
     def fixes_frame(self) -> bool:
         """Whether more than the gauge is known of the frame B: two poses, control points, or all positions."""
-        poses = 0 if self.pose_priors is None else int(np.isfinite(self.pose_priors.center_sigma).sum())
-        return poses > 1 or self.control is not None or self.options.position_sigma_gsd is not None
+        known = self.priors.pose_priors
+        poses = 0 if known is None else int(np.isfinite(known.center_sigma).sum())
+        return poses > 1 or self.priors.control is not None or self.options.position_sigma_gsd is not None
 
 
 def setup_of(
     scene: Scene,
     members: Members,
     options: AdjustOptions,
-    reflectance: Reflectance | None,
     *,
     gradients: ImageGradients | None = None,
-    pose_priors: PosePriors | None = None,
-    known_poses: KnownPoses | None = None,
-    control: GroundControl | None = None,
-    altimetry: AltimeterTracks | None = None,
+    priors: ScenePriors | None = None,
 ) -> Setup:
     """scene: at the start, with tie points (`tie_points.with_tie_points`), in the solver's order of landmarks."""
+    priors = priors or ScenePriors()
     if options.keypoint_sigma_px is not None:
         tracks = scene.tracks
         dense = members.of_map | members.pose_only
@@ -159,24 +153,22 @@ def setup_of(
         scene = replace(scene, tracks=replace(tracks, keypoint_sigma=sigma))
     scale_sigma, bias_sigma = exposure_sigmas(scene, options)
     lit, relative = usable_brightness(scene, options), np.ones(len(scene.tracks))
-    if gradients is not None and reflectance is not None:
+    if gradients is not None and scene.reflectance is not None:
         relative = relative_sigma(scene, gradients, lit, members.count)
-    return Setup(
+    setup = Setup(
         scene=scene,
         members=members,
         table=ObservationTable(scene.tracks, len(scene.views)),
         options=options,
-        reflectance=reflectance,
+        reflectance=scene.reflectance,
         gradients=gradients,
-        pose_priors=pose_priors,
-        known_poses=known_poses,
-        control=control,
-        altimetry=altimetry,
+        priors=priors,
         scale_sigma=scale_sigma,
         bias_sigma=bias_sigma,
         lit=lit,
         relative_sigma=relative,
     )
+    return replace(setup, reflectance=priors.reflectance or scene.reflectance) if setup.estimates_reflectance else setup
 
 
 def factor_groups(
@@ -258,9 +250,9 @@ def smoothness_group(setup: Setup, landmarks: Landmarks, noise: Noise) -> Smooth
 
 def altimetry_fit(setup: Setup, estimate: Estimate) -> AltimetryFit | None:
     """The altimeter's shots beside an estimate; None without an altimeter."""
-    if setup.altimetry is None:
+    if setup.priors.altimetry is None:
         return None
-    return altimetry_at(setup.altimetry, estimate, setup.members.count, setup.scene.spacing, setup.first_track)
+    return altimetry_at(setup.priors.altimetry, estimate, setup.members.count, setup.scene.spacing, setup.first_track)
 
 
 def altimetry_factors(setup: Setup, estimate: Estimate) -> Altimetry | None:
@@ -284,18 +276,18 @@ def frame_factors(setup: Setup, estimate: Estimate) -> list[FactorGroup]:
 
 
 def _priors(setup: Setup) -> list[FactorGroup]:
-    scene, options, members = setup.scene, setup.options, setup.members
+    scene, options, members, known = setup.scene, setup.options, setup.members, setup.priors
     landmarks, count = scene.landmarks, len(scene.landmarks)
     groups: list[FactorGroup] = []
-    if setup.pose_priors is not None:
-        groups.append(setup.pose_priors)
-    elif setup.control is None:
+    if known.pose_priors is not None:
+        groups.append(known.pose_priors)
+    elif known.control is None:
         groups.append(_gauge(scene, options, members))
-    if setup.known_poses is not None:
-        groups.append(setup.known_poses)
-    if setup.control is not None:
+    if known.known_poses is not None:
+        groups.append(known.known_poses)
+    if known.control is not None:
         which = np.flatnonzero(members.control)
-        groups.append(ControlPoints(landmark=which, position=setup.control.position, sigma=setup.control.sigma))
+        groups.append(ControlPoints(landmark=which, position=known.control.position, sigma=known.control.sigma))
     free = np.full(count, np.inf)
     position, normal, albedo = options.position_sigma_gsd, options.normal_sigma_rad, options.albedo_sigma
     if position is not None or normal is not None or albedo is not None:

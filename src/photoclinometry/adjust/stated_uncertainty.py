@@ -20,7 +20,6 @@ from photoclinometry.adjust.covariance.uncertainty import (
 )
 from photoclinometry.adjust.graph.graph import FactorGraph
 from photoclinometry.adjust.graph.observations import ImageGradients
-from photoclinometry.adjust.graph.priors import PosePriors
 from photoclinometry.adjust.graph.smoothness import Smoothness
 from photoclinometry.adjust.graph.sun_directions import unexplained_variance
 from photoclinometry.adjust.graph.variables import Estimate
@@ -28,6 +27,7 @@ from photoclinometry.adjust.groups import Setup, altimetry_factors, factor_group
 from photoclinometry.adjust.measured_noise import measured_noise, starting_noise
 from photoclinometry.adjust.noise import Noise, local_noise, noise_is_measurable
 from photoclinometry.adjust.options import AdjustOptions
+from photoclinometry.adjust.scene_priors import ScenePriors
 from photoclinometry.adjust.solve.solver import Iteration, Solution
 from photoclinometry.adjust.solver_order import in_solver_order
 from photoclinometry.adjust.tie_points import TiePoints
@@ -103,25 +103,23 @@ def uncertainty_at(
     options: AdjustOptions,
     *,
     noise: Noise | None = None,
+    priors: ScenePriors | None = None,
     tie_points: TiePoints | None = None,
-    pose_priors: PosePriors | None = None,
     gradients: ImageGradients | None = None,
     bent: bool = False,
 ) -> tuple[dict[str, np.ndarray], Noise]:
     """The uncertainties (`Scene.uncertainty`) that an estimate with its minimum at a scene would state, and the noise.
 
     Nothing is minimised. noise: of the measurements; left out, it is measured from the scene's residuals. Errors from
-    place to place are not in it: they are of a fit. tie_points, pose_priors, gradients: as of `adjust`; gradients
-    without a factor. bent: positions are held by the smoothness of an estimate from whose brightness smooth errors were
+    place to place are not in it: they are of a fit. priors, tie_points, gradients: as of `adjust`; gradients without
+    a factor. bent: positions are held by the smoothness of an estimate from whose brightness smooth errors were
     taken out. Raises ReconstructionError where no brightness counts.
     """
-    given = in_solver_order(scene, gradients, tie_points)
-    setup = setup_of(
-        given.scene, given.members, options, scene.reflectance, gradients=given.gradients, pose_priors=pose_priors
-    )
-    parameters = np.zeros(len(scene.reflectance.parameters) if scene.reflectance and setup.estimates_reflectance else 0)
+    priors = priors or ScenePriors()
+    given = in_solver_order(scene, gradients, tie_points, priors.control)
+    setup = setup_of(given.scene, given.members, options, gradients=given.gradients, priors=priors)
     pivot = np.median(scene.landmarks.position, axis=0)
-    estimate = Estimate(scene.views, given.scene.landmarks, pivot, parameters, setup.systematic)
+    estimate = Estimate(scene.views, given.scene.landmarks, pivot, setup.parameters, setup.systematic)
     lit = setup.lit
     noise = noise or measured_noise(setup, given.scene, lit, starting_noise(setup, lit))
     smoothness = smoothness_group(setup, estimate.landmarks, noise)

@@ -16,6 +16,7 @@ from photoclinometry.adjust import (
     Iteration,
     Noise,
     PosePriors,
+    ScenePriors,
     TiePoints,
     adjust,
 )
@@ -167,12 +168,14 @@ class JointEstimate:
         found = adjust(
             start,
             options,
+            priors=ScenePriors(
+                pose_priors=priors,
+                known_poses=self.known_views.of(start.views.name) if self.known_views and priors is None else None,
+                control=self._control_for(start),
+                altimetry=altimetry,
+                reflectance=self.reflectance,
+            ),
             tie_points=self._tie_points_for(start),
-            pose_priors=priors,
-            known_poses=self.known_views.of(start.views.name) if self.known_views and priors is None else None,
-            control=self._control_for(start),
-            altimetry=altimetry,
-            reflectance=self.reflectance,
             gradients=settings.gradients,
             noise=settings.noise,
             least_keypoint_factor=settings.least_keypoint_factor,

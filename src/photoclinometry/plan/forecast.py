@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from photoclinometry.adjust import Adjustment, ImageGradients, Noise, PosePriors, TiePoints
+from photoclinometry.adjust import Adjustment, ImageGradients, Noise, PosePriors, ScenePriors, TiePoints
 from photoclinometry.adjust.stated_uncertainty import uncertainty_at
 from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.matching.interface import Matcher
@@ -225,8 +225,8 @@ def stated_at(
         measured,
         planned.run.adjust,
         noise=noise,
+        priors=ScenePriors(pose_priors=pose_priors),
         tie_points=tie_points,
-        pose_priors=pose_priors,
         gradients=gradients,
         bent=gradients is not None,
     )
