@@ -124,6 +124,12 @@ class Setup:
         return self.gradients is not None and self.gradients.factor is not None
 
     @property
+    def smooth_over(self) -> float:
+        """Standard deviation of the Gaussian average that determined the smooth errors [landmarks]; infinite where none
+        are taken out."""
+        return np.inf if self.gradients is None else self.gradients.smooth_over
+
+    @property
     def estimates_reflectance(self) -> bool:
         """Whether its parameters are free; without smooth errors they are not, as brightness says nothing of them."""
         return self.reflectance is not None and self.options.reflectance_sigma > 0 and not self.without_smooth_errors

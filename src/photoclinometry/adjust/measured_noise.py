@@ -86,9 +86,8 @@ def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) ->
         if options.brightness_sigma is None and noise_is_measurable(scene, lit):
             found["brightness_sigma"] = brightness_noise(scene, residual, lit)
         if options.brightness_correlation_px is None:
-            smooth_over = np.inf if setup.gradients is None else setup.gradients.smooth_over
             found["brightness_correlation_px"] = correlation_px(
-                residual[lit], tracks.view[lit], pixel[lit], stride, smooth_over
+                residual[lit], tracks.view[lit], pixel[lit], stride, setup.smooth_over
             )
             if not setup.without_smooth_errors:
                 excess = _view_excess(setup, scene.views)
