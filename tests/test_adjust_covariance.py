@@ -10,7 +10,7 @@ from dense_covariances import PIVOT, covariance_of, dense_covariance, jacobian_b
 from graphs import graph_of, residuals_of, some_tracks_missing
 from jacobians import numerical_jacobian
 from photoclinometry.adjust.covariance.linearized_graph import linearized_graph
-from photoclinometry.adjust.covariance.marginals import ErrorModel, marginals
+from photoclinometry.adjust.covariance.marginals import ErrorModel, PositionSmoothness, marginals
 from photoclinometry.adjust.covariance.windows import Links, covariances_given_views
 from photoclinometry.adjust.graph.altimetry import Altimetry
 from photoclinometry.adjust.graph.graph import FactorGraph
@@ -308,6 +308,18 @@ def test_an_error_model_of_the_weights_changes_nothing_and_variances_are_linear_
     size = size[:, :, None] * size[:, None, :]
     np.testing.assert_allclose((sum(parts) - 2 * priors) / size, plain / size, atol=5e-3)
     assert all(np.linalg.eigvalsh(part / size)[:, 0].min() > -1e-2 for part in parts)
+
+
+def test_smoothness_of_positions_holds_these_and_nothing_else(small):
+    at, _ = linearized_at_truth(small)
+    of_normals, of_positions = (ErrorModel(keypoint=np.ones(len(at)), smoothness=each) for each in (1.0, 0.2))
+    own = marginals(at, of_normals).landmark
+    joined = marginals(
+        at, replace(of_normals, position_smoothness=PositionSmoothness(at=at, errors=of_positions))
+    ).landmark
+    np.testing.assert_array_equal(joined[:, :3, :3], marginals(at, of_positions).landmark[:, :3, :3])
+    assert (np.einsum("jaa->ja", joined - own)[:, :3] < 0.0).all()
+    np.testing.assert_array_equal(joined[:, 3:, 3:], own[:, 3:, 3:])
 
 
 def test_errors_that_all_neighbours_share_are_not_smoothed_away():

@@ -52,6 +52,8 @@ class Fit:
     lit: np.ndarray
     noise: Noise
     history: tuple[Iteration, ...]
+    position_smoothness: Smoothness | None = None
+    """Smoothness that holds positions, where `smoothness` holds normals alone."""
 
 
 def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[Stated, np.ndarray | None]:
@@ -64,11 +66,9 @@ def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[Stated, np.ndarray | Non
     """
     if setup.reflectance is not None and setup.options.brightness_sigma is None:
         _warn_of_unknown_noise(fit)
-    surface = None
     if setup.without_smooth_errors:
-        surface = fit.smoothness
         setup, fit = _with_smooth_errors(setup, fit)
-    stated, sigma = _covariances(setup, fit, surface)
+    stated, sigma = _covariances(setup, fit)
     found = stated.uncertainty
     estimate = fit.solution.estimate
     on_map = replace(fit.scene, views=estimate.views, landmarks=estimate.landmarks[: setup.members.count])
@@ -123,11 +123,11 @@ def uncertainty_at(
     lit = setup.lit
     noise = noise or measured_noise(setup, given.scene, lit, starting_noise(setup, lit))
     smoothness = smoothness_group(setup, estimate.landmarks, noise)
-    surface = smoothness_group(_bent(setup), estimate.landmarks, noise) if bent else None
+    of_positions = smoothness_group(_bent(setup), estimate.landmarks, noise) if bent else None
     solution = Solution(estimate, True, "given", (), None)
     assert smoothness is not None
-    fit = Fit(given.scene, smoothness, solution, lit, noise, ())
-    found, _ = _covariances(setup, fit, surface)
+    fit = Fit(given.scene, smoothness, solution, lit, noise, (), of_positions)
+    found, _ = _covariances(setup, fit)
     back, uncertainty = np.argsort(given.order), found.uncertainty
     return {name: value[back] if name in OF_LANDMARKS else value for name, value in uncertainty.items()}, noise
 
@@ -138,11 +138,8 @@ def _bent(setup: Setup) -> Setup:
     return replace(setup, gradients=setup.gradients._replace(factor=np.ones(len(setup.table.tracks))))
 
 
-def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[Stated, np.ndarray | None]:
-    """As `stated_uncertainty`, with the same noise at every landmark.
-
-    surface: holds positions, if not the fit's.
-    """
+def _covariances(setup: Setup, fit: Fit) -> tuple[Stated, np.ndarray | None]:
+    """As `stated_uncertainty`, with the same noise at every landmark."""
     estimate, noise, sigma = fit.solution.estimate, fit.noise, None
     alike = ALIKE_IN_SPARSE if setup.members.direct.any() else 1.0
     stated = replace(
@@ -160,7 +157,7 @@ def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[St
         members=setup.members,
         own_frame=not setup.fixes_frame,
         stride=setup.scene.region.stride,
-        surface=surface,
+        position_smoothness=fit.position_smoothness,
     )
     if len(found.parameter_variance):
         assert setup.reflectance is not None
@@ -171,8 +168,8 @@ def _covariances(setup: Setup, fit: Fit, surface: Smoothness | None) -> tuple[St
 def _with_smooth_errors(setup: Setup, fit: Fit) -> tuple[Setup, Fit]:
     """The same solution with smooth errors as errors of brightness.
 
-    What they are is known from the surface, no better than that. Nothing is held for their sake, and smoothness does
-    not count with the bend, which is of the same brightness.
+    What they are is known from the surface, no better than that. Nothing is held for their sake. Normals are held by
+    smoothness without the bend, which is of the same brightness, positions by the smoothness of the fit.
     """
     assert setup.gradients is not None
     plain = replace(setup, gradients=setup.gradients._replace(factor=None, smooth_over=np.inf))
@@ -184,4 +181,5 @@ def _with_smooth_errors(setup: Setup, fit: Fit) -> tuple[Setup, Fit]:
         estimate = replace(estimate, parameters=np.zeros(len(scene.reflectance.parameters)))
     smoothness = smoothness_group(plain, estimate.landmarks, noise)
     solution = replace(fit.solution, estimate=estimate)
-    return plain, replace(fit, scene=scene, noise=noise, smoothness=smoothness, solution=solution)
+    plain_fit = replace(fit, scene=scene, noise=noise, smoothness=smoothness, solution=solution)
+    return plain, replace(plain_fit, position_smoothness=fit.smoothness)

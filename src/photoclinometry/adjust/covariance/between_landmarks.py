@@ -36,19 +36,18 @@ def correlation_by_distance(
     *,
     exact: bool,
     shared_side: float,
-    surface: PositionSmoothness | None = None,
 ) -> np.ndarray:
     """Shares (n,) of the variance of positions that exponentials of LENGTHS have; the rest is of each landmark alone.
 
     common: (10 K + T, 10 K + T) covariance of views and parameters, errors of the frame taken out. cell: (J', 2) of the
     map's landmarks in its grid; they come first. exact: as `marginals` has treated the map; shared_side: of the square
-    of landmarks that share an error of keypoints. surface: as of `marginals`.
+    of landmarks that share an error of keypoints.
     """
     count = len(cell)
     run = min(RUN, count)
     firsts = np.unique(np.linspace(0, count - run, RUNS).astype(int))
     stiffness = None if exact else stiffness_of(at.links, len(at))
-    held = surface or PositionSmoothness(at=at, errors=errors)
+    held = errors.position_smoothness or PositionSmoothness(at=at, errors=errors)
     value, vector = np.linalg.eigh(common)
     root = vector * np.sqrt(np.maximum(value, 0.0))
     parts, by_common, shared, cells = [], [], [], []

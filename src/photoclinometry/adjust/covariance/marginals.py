@@ -68,6 +68,8 @@ class ErrorModel:
     keypoint_common: float = 0.0
     """The part of a keypoint's variance that all landmarks nearby share, between 0 and 1."""
     brightness_common: float = 0.0
+    position_smoothness: PositionSmoothness | None = None
+    """What holds positions, where it is not what holds normals and albedos."""
 
     def common(self, first: int, last: int) -> np.ndarray:
         """(n, 3) variances of u, v and brightness of landmarks first:last that those nearby share."""
@@ -113,7 +115,6 @@ def marginals(
     *,
     frame: np.ndarray | None = None,
     keeps_frame: bool = False,
-    surface: PositionSmoothness | None = None,
     exact: int = EXACT,
     patch: int | None = None,
 ) -> Marginals:
@@ -122,7 +123,7 @@ def marginals(
     frame: (J,) bool, landmarks whose positions define the frame: covariances are those after the best similarity
     of theirs has been taken out (an S-transformation, Baarda 1973), as a map made from images alone has no frame of
     its own. None: the frame of the priors, which hold one view and one landmark.
-    errors: without them, as weighed and independent. surface: for positions, where another smoothness holds these.
+    errors: without them, as weighed and independent.
     exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond.
     """
     count = len(at)
@@ -143,8 +144,9 @@ def marginals(
         common = _without_frame(_inverse(reduced.information), at, reduced)
     without_frame = _without_frame(common, at, reduced) if keeps_frame and frame is not None else common.copy()
     landmark = _given_views(at, reduced.own, errors, windows)
-    if surface is not None:
-        landmark[:, :3, :3] = _given_views(surface.at, reduced.own, surface.errors, windows)[:, :3, :3]
+    held = None if errors is None else errors.position_smoothness
+    if held is not None:
+        landmark[:, :3, :3] = _given_views(held.at, reduced.own, held.errors, windows)[:, :3, :3]
     relative, by_common = _add_common(landmark, at, errors, common, batches)
     _forget_unmeasured(landmark, reduced.own.sum(1) + at.prior, at.links)
     unmeasured = np.diag(reduced.information) == 0.0

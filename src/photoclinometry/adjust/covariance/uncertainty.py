@@ -76,14 +76,14 @@ def estimate_uncertainty(
     members: Members,
     own_frame: bool,
     stride: int,
-    surface: Smoothness | None = None,
+    position_smoothness: Smoothness | None = None,
 ) -> Stated:
     """The uncertainties of an estimate.
 
     keypoint_correlation, brightness_correlation: sides of the squares of landmarks that share an error; own_frame: only
-    the gauge is known of the frame; stride: between neighbouring landmarks [reference px]. surface: smoothness that
-    holds positions, where it is not the graph's. Empty, with a warning, where the measurements do not determine the
-    views.
+    the gauge is known of the frame; stride: between neighbouring landmarks [reference px]. position_smoothness: the
+    smoothness that holds positions, where it is not the graph's. Empty, with a warning, where the measurements do not
+    determine the views.
     """
     at = linearized_graph(graph, estimate)
     photometric, mapped = graph.with_brightness, members.of_map
@@ -91,9 +91,9 @@ def estimate_uncertainty(
         keypoint_correlation, brightness_correlation, at.smooth_residual, members.direct, photometric=photometric
     )
     at = loosely_held(at) if own_frame else at
-    held = _surface(at, errors, surface, estimate)
+    errors = replace(errors, position_smoothness=_of_positions(at, errors, position_smoothness, estimate))
     try:
-        found = marginals(at, errors, frame=mapped, keeps_frame=not own_frame, surface=held)
+        found = marginals(at, errors, frame=mapped, keeps_frame=not own_frame)
     except np.linalg.LinAlgError:
         warn(log, "no-uncertainty", "no uncertainties: the measurements do not determine all views")
         return Stated()
@@ -107,7 +107,7 @@ def estimate_uncertainty(
     frame = np.zeros((0, 0)) if found.frame is None else found.frame
     cell = estimate.landmarks.pixel[: members.count] / stride
     exact, shared_side = len(at) <= EXACT, keypoint_correlation
-    share = correlation_by_distance(at, errors, found.common, cell, exact=exact, shared_side=shared_side, surface=held)
+    share = correlation_by_distance(at, errors, found.common, cell, exact=exact, shared_side=shared_side)
     return Stated(
         uncertainty={name: uncertainty[name] for name in estimated},
         in_common=in_common,
@@ -119,11 +119,14 @@ def estimate_uncertainty(
     )
 
 
-def _surface(
+def _of_positions(
     at: LinearizedGraph, errors: ErrorModel, smoothness: Smoothness | None, estimate: Estimate
 ) -> PositionSmoothness | None:
-    """What holds positions. For these, errors of brightness are independent: neighbours move by a common one over image
-    gradients of either sign."""
+    """What holds positions, by `smoothness`, or by the graph's where that is None; None where it is what holds normals.
+
+    For positions, errors of brightness are independent: neighbours move by a common one over image gradients of either
+    sign.
+    """
     independent = replace(errors, brightness_common=0.0)
     if smoothness is None:
         return PositionSmoothness(at=at, errors=independent) if errors.brightness_common > 0.0 else None
