@@ -166,6 +166,8 @@ def test_an_estimate_that_counts_as_settled_is_near_the_minimum():
     graph, start = graph_of(scene).graph, perturbed(scene, size=0.5)
     settled, exact = (minimize(graph, start, replace(TIGHT, settled=share), step_limit=30.0) for share in (0.5, 0.0))
     assert settled.converged
+    assert settled.message == "converged: landmarks no longer move"
+    assert exact.message == "converged: the cost no longer falls"
     assert len(settled.log) < len(exact.log)
     position, end = (solution.estimate.landmarks.position for solution in (settled, exact))
     sigma = 1.0 / np.sqrt(np.einsum("jii->ji", graph.linearize(exact.estimate).landmarks.block)[:, :3])

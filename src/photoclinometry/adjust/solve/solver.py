@@ -40,6 +40,9 @@ FAST = 0.02
 ENOUGH = 1e-3
 """A linear solve ends when what is left to gain is less than this share of what counts as convergence."""
 
+SMALL_STEPS = 2
+"""Small steps one after the other (`_State.small_steps`) with which a minimisation has converged."""
+
 _LIGHT_DAMPING = 1e-4
 """Damping up to which the linear model's promise is that of the problem itself."""
 
@@ -160,11 +163,11 @@ class _State:
     """Factor on the damping after the next step that fails."""
     fast: bool = True
     """The cost falls fast: no use in solving well."""
-    small: int = 0
-    """Steps one after the other that lowered the cost, or moved landmarks, by no more than what counts as convergence;
-    two are enough."""
-    settled: bool = False
-    """Whether the last of these moved landmarks by no more than that, though the cost fell."""
+    small_steps: int = 0
+    """Steps one after the other that lowered the cost, or moved landmarks, by no more than what counts as
+    convergence."""
+    ended: str | None = None
+    """Why the descent has converged; None where it goes on."""
 
 
 def minimize(
@@ -189,7 +192,6 @@ def minimize(
     polynomial = _polynomial(state.at, options)
     estimated = len(start.parameters) > 0
     stale = estimated and moves is None
-    message = f"no convergence within {options.max_steps} steps"
     for _ in range(options.max_steps):
         wall, cpu, used = time.perf_counter(), time.process_time(), state.damping
         system = DampedSystem(state.at, state.damping, state.of_landmarks, *polynomial)
@@ -205,7 +207,7 @@ def minimize(
         if accepted:
             _accept(state, trial, options, solved=not solve.broke_down)
             del system, state.at  # the rows of one linearization at a time: a quarter of a gigabyte for four million
-            if state.small < 2:
+            if state.ended is None:
                 state.at = graph.linearize(state.estimate)
         else:
             state.damping, state.growth = state.damping * state.growth, 2.0 * state.growth
@@ -215,13 +217,12 @@ def minimize(
         if on_step is not None:
             on_step(history[-1])
         log.debug("step %d: %s", len(history) - 1, history[-1])
-        if state.small == 2:
-            message = f"converged: {'landmarks no longer move' if state.settled else 'the cost no longer falls'}"
+        if state.ended is None and state.damping > MAX_DAMPING:
+            state.ended = "no step lowers the cost"
+        if state.ended is not None:
             break
-        if state.damping > MAX_DAMPING:
-            message, state.small = "converged: no step lowers the cost", 2
-            break
-    return Solution(state.estimate, state.small == 2, message, tuple(history), moves)
+    message = f"no convergence within {options.max_steps} steps" if state.ended is None else f"converged: {state.ended}"
+    return Solution(state.estimate, state.ended is not None, message, tuple(history), moves)
 
 
 def _require_finite(cost: Mapping[str, float]) -> None:
@@ -261,16 +262,15 @@ def _accept(state: _State, trial: Trial, options: SolverOptions, *, solved: bool
     fell, promised, limit = total - float(trial.cost.sum()), state.at.decrease(trial.moves), _limit(total, options)
     tells = solved and trial.whole and state.damping <= _LIGHT_DAMPING
     settles = tells and not state.fast and _usual_move(state.at, trial) < options.settled
-    state.settled = settles and fell > limit
     state.fast = fell > FAST * total
     state.estimate = trial.estimate
     if not solved:
-        state.small = 0
+        state.small_steps = 0
         state.damping, state.growth = max(state.damping, SINGLE) * state.growth, 2.0 * state.growth
         return
-    state.small = state.small + 1 if fell <= limit or settles else 0
-    if fell <= limit and promised <= limit and tells:
-        state.small = 2
+    state.small_steps = state.small_steps + 1 if fell <= limit or settles else 0
+    if state.small_steps == SMALL_STEPS or (fell <= limit and promised <= limit and tells):
+        state.ended = "the cost no longer falls" if fell <= limit else "landmarks no longer move"
     relief = _relief(fell / promised if promised > 0 else 1.0)
     state.growth = 4.0
     state.damping = max(state.damping * (min(relief, 1.0) if trial.whole else relief), options.min_damping)
