@@ -69,10 +69,9 @@ def footprint_of(scene: Scene, mapped: int) -> np.ndarray:
     """(N,) square root of the ground that the pixel of each observation covers, over that of a view as fine as the map
     from straight above. mapped: how many landmarks are the map's, the first ones.
 
-    A pixel shows the mean of the n landmarks that it covers: more of them where a view is coarser than the map, and
-    where it sees the ground obliquely. They share what it measures, which counts once, as noise of square root of n
-    times the standard deviation in each of them does. How they differ it does not show; of coarse views that is taken
-    from the map itself (`shading.unresolved_detail`), so that they speak for the map as it is.
+    A pixel that covers n landmarks measures their mean, so its noise counts as sqrt(n) times as large for each of them.
+    n is larger where a view is coarser than the map, and where it sees the ground obliquely. The detail within a pixel
+    is not measured; for coarse views it is taken from the map (`shading.unresolved_detail`).
     """
     tracks, views, points = scene.tracks, scene.views, scene.landmarks
     spacing = landmark_spacing_px(views, points.position[:mapped], scene.reference)

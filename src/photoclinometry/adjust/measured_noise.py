@@ -33,9 +33,10 @@ STARTING_BRIGHTNESS_SIGMA = 0.02
 def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -> Noise:
     """What is given, and guesses for what is to be measured: that of an estimate before, if there was one.
 
-    Without smooth errors it is measured at the start: in the estimate before, they made brightness look noisier and
-    alike over more ground. With such noise an estimate leaves part of them in its residuals, where they would be
-    measured as noise once more.
+    Where smooth errors are taken out of the brightness, its noise is measured anew at the start. The residuals of the
+    earlier estimate contained these errors, so its noise is too large and correlated too far. With that noise,
+    brightness would weigh too little: more of what is left of the smooth errors would stay in the residuals, and would
+    be measured as noise again.
 
     Raises ReconstructionError where no brightness counts.
     """

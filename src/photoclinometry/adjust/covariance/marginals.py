@@ -93,11 +93,14 @@ class Marginals:
     albedo_relative: np.ndarray
     """(J,) variances of albedos after the factor that all have in common."""
     albedo_by_common: np.ndarray
-    """(J, 2) the parts of albedos' variances, and of these, that errors of views and reflectance parameters make."""
+    """(J, 2) the parts of the variances of albedos, as in `landmark` and in `albedo_relative`, that errors of views and
+    reflectance parameters make."""
     of_frame: np.ndarray | None = None
-    """(J, 6, 6) the part of these that errors of the frame make; None where the frame was not asked for."""
+    """(J, 6, 6) the part of `landmark` that errors of the frame make; None unless the frame was asked for
+    and kept."""
     frame: np.ndarray | None = None
-    """(7, 7) of the similarity that the map is off by: rotation, translation and scale about the pivot. Likewise."""
+    """(7, 7) of the similarity that the map is off by: rotation, translation and scale about the pivot; None
+    likewise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +125,8 @@ def marginals(
 
     frame: (J,) bool, landmarks whose positions define the frame: covariances are those after the best similarity
     of theirs has been taken out (an S-transformation, Baarda 1973), as a map made from images alone has no frame of
-    its own. None: the frame of the priors, which hold one view and one landmark.
+    its own. None: the frame of the priors, which hold one view and one landmark. keeps_frame: the priors know the frame
+    of these landmarks; covariances keep its errors, and their part is returned besides.
     errors: without them, as weighed and independent.
     exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond.
     """

@@ -55,9 +55,9 @@ class Stated:
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
     """`Scene.uncertainty`."""
     in_common: dict[str, np.ndarray] = field(default_factory=dict)
-    """The parts of its variances that say nothing of a landmark's own brightness: of positions and normals that which
-    errors of the frame make, not there where errors are those in the map's own frame; of albedos that which errors of
-    views and reflectance parameters make."""
+    """The parts of its variances that landmarks share, so that the brightness of one landmark does not measure them. Of
+    positions and normals it is the part that errors of the frame make, missing where uncertainties are relative to the
+    map's own frame; of albedos the part that errors of views and reflectance parameters make."""
     parameter_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
     """(T,) of the reflectance parameters that are estimated, in their local coordinates."""
     frame: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
