@@ -166,7 +166,7 @@ def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_t
         assert step.all_steps
         assert step.gradients.factor is None
     assert [step.noise for step in (*rough, last)] == [None, *noise[:ROUGH_PASSES]]
-    assert photometry == EstimateSettings(rough=True, hold_geometry=True)
+    assert photometry == EstimateSettings(rough=True, photometry_alone=True)
     assert not last.rough
     assert 0.001 < np.std(last.gradients.factor) < 0.1
 

@@ -7,7 +7,7 @@ import pytest
 from adjustments import not_adjusted
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.pipeline import joint_estimate
-from photoclinometry.pipeline.joint_estimate import ROUGH_REWEIGHTING, EstimateSettings, JointEstimate
+from photoclinometry.pipeline.joint_estimate import HELD_SIGMA, ROUGH_REWEIGHTING, EstimateSettings, JointEstimate
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.pipeline.run_folder import adopt_stages
@@ -51,3 +51,22 @@ def test_rough_estimates_reweight_twice_or_as_often_as_is_allowed(calls, allowed
     estimate(synthetic_scene(size=4, views=3), EstimateSettings(rough=True))
     estimate(synthetic_scene(size=4, views=3), EstimateSettings())
     assert [options.max_reweightings for options, *_ in calls] == [min(ROUGH_REWEIGHTING, allowed), allowed]
+
+
+def test_settings_change_only_the_options_that_they_name():
+    given = AdjustOptions(keypoint_sigma_factor=1.5, max_reweightings=4)
+    assert EstimateSettings().applied_to(given) == given
+    assert EstimateSettings(keypoint_sigma_factor=2.0, reweighting=3).applied_to(given) == replace(
+        given, keypoint_sigma_factor=3.0, max_reweightings=3
+    )
+    assert EstimateSettings(rough=True, photometry_alone=True).applied_to(given) == replace(
+        given,
+        uncertainty=False,
+        solver=given.solver.roughly(),
+        max_reweightings=ROUGH_REWEIGHTING,
+        position_sigma_gsd=HELD_SIGMA,
+        normal_sigma_rad=HELD_SIGMA,
+    )
+    assert EstimateSettings(rough=True, all_steps=True, reweighting=1).applied_to(given) == replace(
+        given, uncertainty=False, solver=given.solver.roughly(all_steps=True), max_reweightings=1
+    )

@@ -109,7 +109,7 @@ def without_smooth_errors(
         return scene, gradients
     turned = replace(scene, landmarks=replace(scene.landmarks, normal=along.normal))
     step = max(1, int(np.sqrt(len(scene.landmarks) / PHOTOMETRY_LANDMARKS)))
-    found = estimate(turned.of_every(step), EstimateSettings(rough=True, hold_geometry=True)).scene
+    found = estimate(turned.of_every(step), EstimateSettings(rough=True, photometry_alone=True)).scene
     told = replace(turned, views=found.views, reflectance=found.reflectance)
     albedo, used = fitted_albedo(told)
     kept = replace(told, landmarks=replace(turned.landmarks, albedo=albedo))

@@ -53,10 +53,10 @@ class EstimateSettings:
     keypoint_sigma_factor: float = 1.0
     """On the keypoints' standard deviations, besides `AdjustOptions.keypoint_sigma_factor`."""
     rough: bool = False
-    """Whether it ends early and without uncertainties. What it leaves is matched again, and what it has not settled are
-    the slow motions of the whole map."""
+    """Whether it ends early and without uncertainties: its map is matched again, and what has not converged by then are
+    slow motions of the map as a whole."""
     all_steps: bool = False
-    """Whether a rough one may end with as many steps as the options allow, since what follows asks whether it has
+    """Whether a rough estimate takes all steps that the options allow: `refine_directly` asks whether it has
     converged."""
     gradients: ImageGradients | None = None
     """Of the images where the start's brightness was taken; that then follows the landmarks."""
@@ -66,8 +66,20 @@ class EstimateSettings:
     """As of `adjust`: how well keypoints are met is no measure of matches with the map's own relit reference."""
     reweighting: int | None = None
     """Reweighting iterations, if fewer than options allow; left out, ROUGH_REWEIGHTING of rough estimates."""
-    hold_geometry: bool = False
-    """Whether positions and normals stay what they are at the start: the photometry alone is estimated."""
+    photometry_alone: bool = False
+    """Whether positions and normals stay what they are at the start, so that only the photometry follows brightness."""
+
+    def applied_to(self, options: AdjustOptions) -> AdjustOptions:
+        """The options of this estimate, from those of all."""
+        found, reweighting = options, self.reweighting
+        if self.rough:
+            found = replace(found, uncertainty=False, solver=found.solver.roughly(all_steps=self.all_steps))
+            reweighting = reweighting or ROUGH_REWEIGHTING
+        if reweighting is not None:
+            found = replace(found, max_reweightings=min(reweighting, found.max_reweightings))
+        if self.photometry_alone:
+            found = replace(found, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
+        return replace(found, keypoint_sigma_factor=self.keypoint_sigma_factor * found.keypoint_sigma_factor)
 
 
 def by_relit_matches(noise: Noise | None) -> EstimateSettings:
@@ -111,7 +123,7 @@ class JointEstimate:
         and the result of the last one is estimated once more there. Where priors or points turn out not to determine a
         frame, the log names the reason, and the scene stays as it is.
         """
-        if settings.hold_geometry:
+        if settings.photometry_alone:
             return self._adjusted(start, settings, progress)
         if not self.pose_priors:
             return self._with_control(start, settings, progress)
@@ -143,18 +155,7 @@ class JointEstimate:
         self, start: Scene, settings: EstimateSettings, progress: Progress, priors: PosePriors | None = None
     ) -> Adjustment:
         """The one call of `adjust`, with its iterations reported."""
-        factor = settings.keypoint_sigma_factor * self.options.keypoint_sigma_factor
-        options = replace(self.options, keypoint_sigma_factor=factor)
-        reweighting = settings.reweighting
-        if settings.rough:
-            solver = options.solver.roughly(all_steps=settings.all_steps)
-            options = replace(options, uncertainty=False, solver=solver)
-            reweighting = reweighting or ROUGH_REWEIGHTING
-        if reweighting is not None:
-            options = replace(options, max_reweightings=min(reweighting, options.max_reweightings))
-        if settings.hold_geometry:
-            options = replace(options, position_sigma_gsd=HELD_SIGMA, normal_sigma_rad=HELD_SIGMA)
-        start, altimetry = self._on_altimetry(start)
+        options, (start, altimetry) = settings.applied_to(self.options), self._on_altimetry(start)
         views = start.views
         if self.holds_photometry:
             start, options = _with_photometry_held(start, options)
