@@ -81,7 +81,8 @@ def test_relief_that_contradicts_parallax_is_warned_of_and_far_off_not_trusted()
 @pytest.mark.parametrize(("ratio", "sigma"), [(1.0, 0.05), (0.95, 0.02), (0.78, 0.076), (1.3, 0.1), (0.5, 0.001)])
 def test_evidence_is_the_ratio_of_the_densities_of_both_kinds_of_map(ratio, sigma):
     spoiled, sound = (
-        norm.pdf(ratio, loc=1.0, scale=np.hypot(sigma, spread)) for spread in (relief_check.SPOILED, relief_check.SOUND)
+        norm.pdf(ratio, loc=1.0, scale=np.hypot(sigma, spread))
+        for spread in (relief_check.SPOILED_SPREAD, relief_check.SOUND_SPREAD)
     )
     found = ReliefCheck(ratio, sigma).evidence
     assert found == pytest.approx(spoiled / sound) if sound > 0.0 else found > 1e100

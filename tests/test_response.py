@@ -16,7 +16,7 @@ from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline.map_stages import IntermediateMap
-from photoclinometry.pipeline.response_check import CheckResponse, is_clear, models_that_tell, remedy
+from photoclinometry.pipeline.response_check import CheckResponse, is_clear, remedy, response_models
 from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
 
@@ -53,9 +53,9 @@ def test_the_exponent_is_found(gamma):
 
 def test_a_model_that_takes_the_response_upon_itself_is_not_asked_alone():
     scene = encoded_scene(2.2)
-    assert models_that_tell(scene, MINNAERT)[0] == MINNAERT
-    assert abs(response_of(scene, models_that_tell(scene, MINNAERT), 300).log_gamma - math.log(2.2)) < 0.1
-    assert models_that_tell(scene, HAPKE) == (HAPKE,)
+    assert response_models(scene, MINNAERT)[0] == MINNAERT
+    assert abs(response_of(scene, response_models(scene, MINNAERT), 300).log_gamma - math.log(2.2)) < 0.1
+    assert response_models(scene, HAPKE) == (HAPKE,)
 
 
 def test_linear_images_of_ground_of_another_model_are_not_called_encoded():

@@ -25,15 +25,15 @@ from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
 log = logging.getLogger(__name__)
 
 SAMPLE = 200_000
-"""Observations at most, chosen at random, that tell the variances: thousands in each of the cells below."""
+"""Observations at most, chosen at random, that determine the variances: thousands in each of the cells below."""
 
 GRADIENT_CELLS, SLOPE_CELLS = 12, 6
 """Parts of equal number into which observations are divided by the image's gradient and, within each, by the response
 to slope. The variance of each cell is a median's, which outliers do not move."""
 
 FEWEST_IN_CELL = 50
-"""Observations whose median tells a variance to a quarter or so: enough beside dozens of other cells, and maps of some
-thousand observations have no more."""
+"""Observations whose median determines a variance to a quarter or so: enough beside dozens of other cells, and maps of
+some thousand observations have no more."""
 
 LEAST_SIGMA = 0.25
 """Least standard deviation over the median one: errors alike everywhere may be too small to be found beside others."""
@@ -83,7 +83,7 @@ def relative_sigma(scene: Scene, gradients: ImageGradients, lit: np.ndarray, map
     """(N,) standard deviation of each brightness over that of the median pixel as fine as the map, from straight above.
 
     scene: as estimated before, of whose residuals the variances are. lit: (N,) brightness that counts; mapped: how many
-    landmarks are the map's, the first ones. By the footprint alone where residuals are too few or too small to tell.
+    landmarks are the map's, the first ones. By the footprint alone where residuals are too few or too small.
     """
     footprint = footprint_of(scene, mapped)
     gradient, by_slope = np.linalg.norm(gradients.gradient, axis=-1), brightness_by_slope(scene)
@@ -114,7 +114,7 @@ def variance_components(residual: np.ndarray, gradient: np.ndarray, by_slope: np
     """Components of the variance of residuals (n,) that grow with gradients (n,) and responses to slope (n,).
 
     By non-negative least squares on robust variances of cells of alike observations. None where there are too few
-    observations to tell, or no errors.
+    observations, or no errors.
     """
     from scipy.optimize import nnls
 

@@ -26,7 +26,7 @@ _CUT = 0.05
 
 _BEYOND_SMOOTH = 3.0
 """Distance at which errors that are still alike are smooth ones, in standard deviations of the Gaussian average that
-tells these: averages of noise are alike by exp(-9 / 4), a tenth, there."""
+determines these: averages of noise are alike by exp(-9 / 4), a tenth, there."""
 
 
 def correlation_px(
@@ -38,10 +38,10 @@ def correlation_px(
     column of each one's landmark in the reference image, on a grid of every `stride`-th pixel. The square root of the
     number of landmarks that share an error, times the stride. In a view, the variance of the sum of all residuals over
     the sum of their variances, from their autocorrelation up to the lag at which it has died away. Landmarks in the
-    middle of what a view sees tell it (_SIDE).
+    middle of what a view sees determine it (_SIDE).
 
-    smooth_over: standard deviation [landmarks] of the Gaussian average that told the smooth errors which were taken out
-    (`photometry.smooth_errors`). What is left of them is no noise, and is not counted: the correlation at
+    smooth_over: standard deviation [landmarks] of the Gaussian average that determined the smooth errors which were
+    taken out (`photometry.smooth_errors`). What is left of them is no noise, and is not counted: the correlation at
     _BEYOND_SMOOTH times that, and all beyond. Counted as noise it would make brightness weigh less, so that more of
     them is left.
     """

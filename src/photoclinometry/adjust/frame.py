@@ -1,7 +1,7 @@
 """The frame of a map: the similarity of all of it that what is known of its place, attitude and size fits best.
 
-Images leave a similarity open. Priors, control points and an altimeter tell it, and nothing else does, so that it has a
-minimum of its own, of seven numbers and the systematic errors. To the joint estimate it is a slow motion of all
+Images leave a similarity open. Priors, control points and an altimeter determine it, and nothing else does, so that it
+has a minimum of its own, of seven numbers and the systematic errors. To the joint estimate it is a slow motion of all
 variables together, on whose way the cost hardly falls from step to step.
 """
 
@@ -25,7 +25,7 @@ STILL = 1e-3
 def in_its_frame(estimate: Estimate, groups: Callable[[Estimate], Sequence[FactorGroup]], spacing: float) -> Estimate:
     """The estimate turned, shifted and scaled as a whole, and its systematic errors, for the least cost of `groups`.
 
-    groups: those that tell the frame, at an estimate; spacing: of landmarks. What they do not determine stays.
+    groups: those that determine the frame, at an estimate; spacing: of landmarks. What they do not determine stays.
     """
     every = np.arange(len(estimate.landmarks))
     for _ in range(MOST_ITERATIONS):
@@ -70,7 +70,7 @@ class _Equations:
     def solved(self) -> tuple[np.ndarray, np.ndarray]:
         """The step of the similarity (7,), and of the systematic errors (M, 10), which are eliminated first.
 
-        What nothing tells stays.
+        What nothing determines stays.
         """
         inverse = _inverses(self.shared)
         through = inverse @ self.crossed

@@ -276,7 +276,7 @@ def neighbour_pairs(position: np.ndarray, mapped: int, count: int, nearest: floa
 
 
 def frame_factors(setup: Setup, estimate: Estimate) -> list[FactorGroup]:
-    """What tells the frame of the map: priors, control points, and the altimeter's shots beside an estimate."""
+    """What determines the frame of the map: priors, control points, and the altimeter's shots beside an estimate."""
     shots = altimetry_factors(setup, estimate)
     return [*_priors(setup), *([] if shots is None else [shots])]
 

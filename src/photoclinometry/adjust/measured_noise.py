@@ -68,7 +68,7 @@ def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -
 def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) -> Noise:
     """`noise` with what options do not give measured from the residuals of `scene`, which is of the estimate.
 
-    What residuals do not tell stays (`noise_is_measurable`).
+    What residuals do not determine stays (`noise_is_measurable`).
     """
     options, members, tracks, found = setup.options, setup.members, scene.tracks, {}
     residual = keypoint_residuals(scene)
@@ -113,7 +113,7 @@ def _view_excess(setup: Setup, views: Views) -> float:
     scale, bias = (views.scale - 1.0) / setup.scale_sigma, views.bias / setup.bias_sigma
     known = [part[np.isfinite(sigma)] for part, sigma in ((scale, setup.scale_sigma), (bias, setup.bias_sigma))]
     own, common = sun_offsets(views)
-    # A rotation about a Sun does not move it: where all Suns are near each other, two axes of three tell.
+    # A rotation about a Sun does not move it: Suns near each other determine only two axes of three.
     return max(
         float(np.sqrt(np.mean(np.concatenate([own.ravel(), *known]) ** 2))),
         float(np.linalg.norm(common)) / np.sqrt(2.0 * len(common)),

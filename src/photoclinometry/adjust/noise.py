@@ -18,8 +18,8 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import brightness_residuals
 
 LOCAL_NOISE_SIGMA = 1.0
-"""Standard deviation of the Gaussian over which noise is told from place to place [landmarks]: misfits are as local as
-the edges, boulders and shadows that make them."""
+"""Standard deviation of the Gaussian over which noise is measured from place to place [landmarks]: misfits are as
+local as the edges, boulders and shadows that make them."""
 
 PRIOR_FREEDOM = 2.0
 """Squared residuals of the usual size that are added to those about a landmark. One that stands alone and is lit in
@@ -39,7 +39,7 @@ CHANCE_SIGMAS = 1.5
 """Differences from what is known of Suns, scales and biases that are taken to be chance, in standard deviations."""
 
 MAX_VIEW_PRIOR_FACTOR = 5.0
-"""Largest `Noise.view_prior_factor` [-]. Beyond it, what brightness tells of Suns would count for nothing."""
+"""Largest `Noise.view_prior_factor` [-]. Beyond it, what brightness says of Suns would count for nothing."""
 
 MIN_SCALE_SCATTER = 1e-3
 """Least standard deviation of calibrated scales [-]: no camera repeats its response better."""
@@ -93,7 +93,7 @@ def keypoint_factor(scene: Scene, residual: np.ndarray, which: np.ndarray) -> fl
 
 
 def noise_is_measurable(scene: Scene, lit: np.ndarray) -> bool:
-    """Whether lit residuals tell the noise: three brightnesses are fitted by a normal and an albedo, whatever they are.
+    """Whether lit residuals determine the noise: a normal and an albedo fit any three brightnesses.
 
     Degrees of freedom must be MIN_FREEDOM of the residuals.
     """

@@ -27,7 +27,7 @@ from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.tiny import TINY
 
-STEP = 0.15
+LOG_GAMMA_STEP = 0.15
 """Between the logarithms of the exponents that are tried: about what reflectance models make up for that are not the
 ground's."""
 MOST_STEPS = 9
@@ -84,8 +84,8 @@ def response_of(scene: Scene, models: Sequence[Reflectance], landmarks: int) -> 
     around = np.array([tried[middle + n] for n in (-1, 0, 1)])
     without_part = [_lowest(around[:, part != number]) for number in range(part.max() + 1)]
     return Response(
-        log_gamma=STEP * (middle + _lowest(around)),
-        sigma=STEP * float(jackknife_sigma(np.array(without_part))),
+        log_gamma=LOG_GAMMA_STEP * (middle + _lowest(around)),
+        sigma=LOG_GAMMA_STEP * float(jackknife_sigma(np.array(without_part))),
         linear_error=np.exp(linear),
         decoded_error=np.exp(tried[best]),
     )
@@ -123,7 +123,7 @@ def _lowest(around: np.ndarray) -> float:
 
 def _log_errors(scene: Scene, reflectance: Reflectance, part: np.ndarray, steps: int) -> np.ndarray:
     """(K,) logarithms of the RMS residuals of views, in the images' own numbers, predicted after raising these."""
-    tracks, views, gamma = scene.tracks, len(scene.views), math.exp(steps * STEP)
+    tracks, views, gamma = scene.tracks, len(scene.views), math.exp(steps * LOG_GAMMA_STEP)
     level = float(np.median(tracks.brightness[tracks.lit]))
     decoded = replace(scene, tracks=replace(tracks, brightness=gamma_corrected(tracks.brightness, gamma, level)))
     found, _ = cross_validated_predictions(decoded, reflectance, part)

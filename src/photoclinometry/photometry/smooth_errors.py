@@ -27,7 +27,7 @@ LEAST_SIGMA = 1.0
 MAP_SHARE = 0.125
 """Part of the map's side that the widest average's standard deviation is: beyond, there is but one tilt of the map."""
 
-STEP = 2.0**0.25
+SIGMA_RATIO = 2.0**0.25
 """Ratio of one average's standard deviation to that of the next one tried."""
 
 STEEPEST = 0.1
@@ -66,7 +66,7 @@ def normals_along_surface(scene: Scene, among: np.ndarray) -> SurfaceNormals | N
         there = grid.known[grid.cells] & np.isfinite(own + other).all(-1)
         if raw / (4.0 * np.pi * sigma**4) <= NOISE_SHARE * _mean_square((own - other)[there]):
             return _turned(scene.landmarks.normal, own, other, sigma)
-        sigma *= STEP
+        sigma *= SIGMA_RATIO
     return None
 
 

@@ -34,7 +34,7 @@ BEYOND = 0.75
 FEW_SHOTS = 3
 """So many shots may lie within the distance between two landmarks."""
 
-SINGLE = 0.5
+SINGLE_SHOT_SHARE = 0.5
 """A table that gives more than this share of its tracks one shot has most likely numbered its shots."""
 
 SCATTERS = 3.0
@@ -134,7 +134,7 @@ def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None
         )
     _warn_of_scatter(rows)
     single = sum(row["shots"] == 1 for row in rows)
-    if single > SINGLE * len(rows) and single > 1:
+    if single > SINGLE_SHOT_SHARE * len(rows) and single > 1:
         warn(
             log,
             "altimetry-tracks",

@@ -26,7 +26,7 @@ from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.posed_site import PosedSite
 from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax
 from photoclinometry.pipeline.relighting import IterationFigures
-from photoclinometry.pipeline.response_check import CheckResponse, ResponseCheck, models_that_tell
+from photoclinometry.pipeline.response_check import CheckResponse, ResponseCheck, response_models
 from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import ChosenViews, PosedImages
 from photoclinometry.pipeline.stage import Keyed, digest
@@ -133,7 +133,7 @@ def _with_photometry_checked(
     if suns.is_clear:
         relit = _with_scene(relit, suns.taken_into_account(relit.start.value.scene))
         model = _last_model(folder, posed_site.choices, relit, holds_photometry=False, again=True) or model
-    models = models_that_tell(relit.start.value.scene, model)
+    models = response_models(relit.start.value.scene, model)
     stated = tuple(sorted({view.gamma for view in posed_site.site.views}))
     response = folder.result_of(CheckResponse(relit=relit.start, models=models, stated=stated)).value
     return relit, model, response

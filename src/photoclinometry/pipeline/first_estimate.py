@@ -18,7 +18,7 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.shading import normals_from_shading
 from photoclinometry.surface.relief import reference_depth
 
-STEP = 2
+FIRST_STRIDE = 2
 """Of every so many rows and columns there is a landmark in the first estimate."""
 
 LARGE = 40_000
@@ -32,7 +32,7 @@ def first_estimate(start: Scene, estimate: Callable[[Scene], Adjustment]) -> Adj
     """The scene estimated from `start`; of a large map some landmarks are, and the others between them."""
     if len(start.landmarks) < LARGE:
         return estimate(start)
-    part = start.of_every(STEP)
+    part = start.of_every(FIRST_STRIDE)
     found = estimate(part)
     return replace(found, scene=interpolated_estimate(found.scene, part, start))
 

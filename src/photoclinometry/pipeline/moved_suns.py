@@ -15,12 +15,12 @@ from photoclinometry.photometry.inconsistent_views import MODEL_RAD
 
 log = logging.getLogger(__name__)
 
-ALIKE, BY_ITSELF = 4.0, 6.0
+MOST_COMMON_SIGMAS, MOST_OWN_SIGMAS = 4.0, 6.0
 """Standard deviations beyond which all Suns of an arc together, and a single one, have moved too far. Those of 18
 simulated maps, whose ground has another reflectance than the one inverted, move by 4.0 at most, 1.1 in the root mean
 square. With a model that has no parameters single ones move by 8, which are half a degree: MODEL_RAD of movement is
 always allowed."""
-TELLING = 2.0
+LEAST_SUN_SIGMAS = 2.0
 """Standard deviations, by the estimate itself, within which Suns that moved together are where they were: where views
 contradict each other, it does not know the Suns better (sigmas of 2 degrees of Suns stated to 0.3)."""
 
@@ -35,14 +35,14 @@ def warn_of_suns(scene: Scene) -> None:
     for number, together in zip(numbers, np.linalg.norm(common, axis=1), strict=True):
         of_arc = np.flatnonzero(views.arc == number)
         turned = float(together * np.max(views.sun_common_sigma[of_arc]))
-        if together > ALIKE and turned > max(MODEL_RAD, TELLING * _estimated_sigma(scene)):
+        if together > MOST_COMMON_SIGMAS and turned > max(MODEL_RAD, LEAST_SUN_SIGMAS * _estimated_sigma(scene)):
             warn(
                 log, "suns-moved",
                 "the estimate has turned all Suns%s alike by %.1f degrees, %.0f standard deviations of what is stated: "
                 "check the images (linear in radiance?), the reflectance model, `sun` and `sun_common_sigma_deg`",
                 f" of the arc of {views.name[of_arc[0]]}" if len(numbers) > 1 else "", math.degrees(turned), together,
             )  # fmt: skip
-    for k in np.flatnonzero((own_off > BY_ITSELF) & (own_off * views.sun_sigma > MODEL_RAD)):
+    for k in np.flatnonzero((own_off > MOST_OWN_SIGMAS) & (own_off * views.sun_sigma > MODEL_RAD)):
         degrees = math.degrees(own_off[k] * views.sun_sigma[k])
         warn(
             log, "suns-moved",

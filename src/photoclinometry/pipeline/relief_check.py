@@ -34,7 +34,7 @@ MOST_OFF, FAR_OFF = 0.05, 0.2
 untrustworthy. 18 simulated maps, whose ground has another reflectance than the one inverted, are all within 0.007. The
 map of four clean images of Vesta is at 0.96; saved as JPEG, with gamma or with distortion they give 0.6 to 0.9."""
 
-SPOILED, SOUND = 0.25, 0.01
+SPOILED_SPREAD, SOUND_SPREAD = 0.25, 0.01
 """Standard deviations of relief over parallax about 1, of maps of spoiled images and of sound ones, the errors of the
 parallax apart. The first is that of the spoiled maps of Vesta, the second that of simulated maps."""
 
@@ -67,7 +67,7 @@ class ReliefCheck:
     @property
     def evidence(self) -> float:
         """The Bayes factor of a spoiled map against a sound one: how many times likelier the ratio is for the first."""
-        sound, spoiled = (math.hypot(self.sigma, spread) for spread in (SOUND, SPOILED))
+        sound, spoiled = (math.hypot(self.sigma, spread) for spread in (SOUND_SPREAD, SPOILED_SPREAD))
         squared = (self.ratio - 1.0) ** 2 * (sound**-2 - spoiled**-2)
         return sound / spoiled * math.exp(min(0.5 * squared, _MOST_EXPONENT))
 

@@ -23,12 +23,13 @@ as long again; with 120 they scatter by 0.1 to 0.3."""
 NOTICEABLE = math.log(1.3)
 """Logarithm of an exponent below which images are left as they are. Images for the eye have 1.8 and more; models that
 are not the ground's make up for 0.93 to 1.08 of sites that fit them well, for 1.45 of sites that fit them badly."""
-TELLING = "hapke"
+RESPONSE_MODEL = "hapke"
+"""Fitted besides the model of the last estimate, see `response_models`."""
 CODE = "response-not-linear"
 METRIC = "response_gamma"
 """Name of the exponent among the figures of a run."""
-BETTER = 0.08
-"""Share by which views must be predicted better: less may be a model that is not the ground's."""
+LEAST_GAIN = 0.08
+"""Least share by which views must be predicted better: less may be a model that is not the ground's."""
 CONFIDENCE = 0.995
 """Views are predicted better with this probability, see `is_larger`."""
 
@@ -55,7 +56,7 @@ class CheckResponse(Stage[ResponseCheck]):
     result = ResponseCheck
     relit: Keyed[IntermediateMap]
     models: tuple[Reflectance, ...]
-    """As they are known beforehand; see `models_that_tell`."""
+    """As they are known beforehand; see `response_models`."""
     stated: tuple[float, ...]
     """Exponents that the site states of its cameras, by which the images were decoded; each once."""
 
@@ -80,13 +81,13 @@ class CheckResponse(Stage[ResponseCheck]):
         return ResponseCheck(gamma=gamma, is_clear=clear)
 
 
-def models_that_tell(scene: Scene, last: Reflectance) -> tuple[Reflectance, ...]:
+def response_models(scene: Scene, last: Reflectance) -> tuple[Reflectance, ...]:
     """That of the last estimate, and Hapke's.
 
     A model that was chosen for images of a wrong response may take most of that upon itself, as Minnaert's parameter
     does.
     """
-    return (last, starting_model(TELLING, scene.body)) if last.name != TELLING else (last,)
+    return (last, starting_model(RESPONSE_MODEL, scene.body)) if last.name != RESPONSE_MODEL else (last,)
 
 
 def remedy(gamma: float, stated: tuple[float, ...]) -> str:
@@ -98,5 +99,5 @@ def remedy(gamma: float, stated: tuple[float, ...]) -> str:
 
 def is_clear(found: Response) -> bool:
     """Whether images are not linear, and it matters."""
-    better = found.gain > BETTER and is_larger(found.linear_error, found.decoded_error, CONFIDENCE)
+    better = found.gain > LEAST_GAIN and is_larger(found.linear_error, found.decoded_error, CONFIDENCE)
     return better and abs(found.log_gamma) > NOTICEABLE

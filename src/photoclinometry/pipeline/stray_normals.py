@@ -23,7 +23,7 @@ UNEXPLAINED = 10.0
 """Root mean square of a landmark's lit residuals of brightness over the map's standard deviation from which on its
 normal has strayed: noise and errors of the model reach three to five."""
 
-BETTER = 3.0
+LEAST_REDUCTION = 3.0
 """So many times less of a stray landmark's residuals must be left, or it keeps its normal: brightness that the edge of
 a shadow spoils is explained little better by any other normal, which is then no nearer to the truth."""
 
@@ -53,7 +53,7 @@ def with_strays_fitted_again(scene: Scene) -> Scene:
     tracks, _ = scene.tracks.of_landmarks(stray)
     begun = replace(scene.landmarks[stray], normal=normal, albedo=albedo)
     fitted = fitted_to_brightness(replace(scene, landmarks=begun, tracks=tracks), sigma)
-    better = BETTER * _rms(brightness_residuals(fitted), tracks) < before[stray]
+    better = LEAST_REDUCTION * _rms(brightness_residuals(fitted), tracks) < before[stray]
     log.info("%d landmarks had strayed normals, of which %d are fitted again", len(known), np.count_nonzero(better))
     normals, albedos = scene.landmarks.normal.copy(), scene.landmarks.albedo.copy()
     normals[stray[better]], albedos[stray[better]] = fitted.landmarks.normal[better], fitted.landmarks.albedo[better]

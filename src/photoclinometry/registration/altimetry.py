@@ -18,10 +18,10 @@ from photoclinometry.surface.relief import local_frame
 
 log = logging.getLogger(__name__)
 
-AGREES = 3.0
+MOST_SCATTER = 3.0
 """Shots lie on the map if their heights scatter about it by no more than this many of their standard deviations."""
 
-BETTER = 0.5
+MOST_REMAINING = 0.5
 """Another place is taken only if the shots scatter there by less than this share: places that are wrong alike differ by
 little."""
 
@@ -31,7 +31,7 @@ REACH = 0.75
 STEPS = 24
 """Steps of the search to either side: of a 32nd of the map's width, a part of the length of its hills."""
 
-FEWEST_SHOTS, COVERED = 20, 0.3
+FEWEST_SHOTS, LEAST_SHARE = 20, 0.3
 """Fewest shots on the map, and least share of the most that lie on it at any of the places that are tried: of few
 shots, one of so many places fits by chance."""
 
@@ -55,9 +55,9 @@ def shift_to_altimetry(scene: Scene, tracks: AltimeterTracks) -> np.ndarray:
     shots = ground.to_local(tracks.position[::every])
     sigma = np.hypot(tracks.sigma, tracks.shift_sigma[tracks.track])[::every]
     found, scatter = _settled(ground, shots, sigma, np.zeros(3))
-    if scatter > AGREES:
+    if scatter > MOST_SCATTER:
         other, least = _settled(ground, shots, sigma, _best_place(ground, shots))
-        if least < BETTER * scatter:
+        if least < MOST_REMAINING * scatter:
             found, scatter = other, least
     if np.linalg.norm(found) < scene.spacing:
         return np.zeros(3)
@@ -107,7 +107,7 @@ def _best_place(ground: _Ground, shots: np.ndarray) -> np.ndarray:
         if len(known) >= FEWEST_SHOTS:
             middle = float(np.median(known))
             places.append((len(known), robust_sigma(known - middle), np.array([*shift, middle])))
-    enough = COVERED * max((count for count, *_ in places), default=0)
+    enough = LEAST_SHARE * max((count for count, *_ in places), default=0)
     covered = [(scatter, place) for count, scatter, place in places if count >= enough]
     return min(covered, key=lambda one: one[0], default=(0.0, np.zeros(3)))[1]
 

@@ -42,7 +42,7 @@ the first similarity by more than relief does."""
 NEIGHBOURS = 12
 """Nearest matches whose median shift tells where a keypoint is; up to half of them may be wrong."""
 
-ALIKE = 1.0 / 3.0
+AGREE_SHARE = 1.0 / 3.0
 """A match agrees with its neighbours if it is so near to where they lead, as a share of the distance within which it
 was sought."""
 
@@ -194,7 +194,7 @@ def _agree_with_neighbours(
         return np.zeros(len(matches), bool)
     xy, shift = first.xy[matches[:, 0]], second.xy[matches[:, 1]] - leads[matches[:, 0]]
     off = shift - _median_nearby(xy, shift, xy, without_itself=True)
-    return np.linalg.norm(off, axis=1) < ALIKE * reach
+    return np.linalg.norm(off, axis=1) < AGREE_SHARE * reach
 
 
 def _median_nearby(xy: np.ndarray, values: np.ndarray, at: np.ndarray, *, without_itself: bool = False) -> np.ndarray:

@@ -21,7 +21,7 @@ from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm.adjustment import RobustAdjustment
 from photoclinometry.sfm.database import DATABASE, first_pairs, padded_size, padding_px
 from photoclinometry.sfm.options import SfmOptions
-from photoclinometry.sfm.reversal import ALIKE, Oriented, resolve_depth_reversal
+from photoclinometry.sfm.reversal import UNDETERMINED_RATIO, Oriented, resolve_depth_reversal
 
 GROWTH = 1.4
 """Global bundle adjustments are repeated when the model has grown by this factor. With one local and two global
@@ -168,7 +168,7 @@ def _quality(found: list[Oriented]) -> tuple[int, bool, float]:
 def _alike(one: Oriented, other: Oriented) -> bool:
     views = [each.model.num_reg_images() for each in (one, other)]
     errors = [each.error_px for each in (one, other)]
-    return views[0] == views[1] and max(errors) < ALIKE * min(errors)
+    return views[0] == views[1] and max(errors) < UNDETERMINED_RATIO * min(errors)
 
 
 def _angle_of_pixels(cameras: list[Camera], pixels: float) -> float:

@@ -25,10 +25,10 @@ from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_poin
 
 log = logging.getLogger(__name__)
 
-ALIKE = 1.02
-"""Ratio of the two mean reprojection errors below which the images do not tell. That of right models over reversed ones
-is 0.36 to 0.6 on simulated sites with a field of view of 2 degrees. Of single views, likewise of their costs: a
-reversed pose that adjustment leads back to the view's own has a ratio of 1 to rounding."""
+UNDETERMINED_RATIO = 1.02
+"""Ratio of the two mean reprojection errors below which the images do not determine which is right. That of
+right models over reversed ones is 0.36 to 0.6 on simulated sites with a field of view of 2 degrees. Of single views,
+likewise of their costs: a reversed pose that adjustment leads back to the view's own has a ratio of 1 to rounding."""
 
 DOUBTFUL = 1.3
 """The same ratio, below which a model is mapped again. Models with some views reversed have 1.0 to 1.2; right ones of
@@ -75,7 +75,7 @@ class Oriented:
     def undecided(self) -> tuple[float, float] | None:
         """Mean reprojection errors of the model and of its reverse [px], where they hardly differ and shading does not
         decide; else None."""
-        if self.is_shown or self.reverse_px >= ALIKE * self.error_px:
+        if self.is_shown or self.reverse_px >= UNDETERMINED_RATIO * self.error_px:
             return None
         return self.error_px, self.reverse_px
 
@@ -84,7 +84,7 @@ class Oriented:
         """Mean reprojection errors of the model and of its reverse [px], where shading shows the model although its
         reverse explains the keypoints better; else None. No right model is known of which that holds: it comes of
         Suns that lie opposite."""
-        if not self.is_shown or self.error_px < ALIKE * self.reverse_px:
+        if not self.is_shown or self.error_px < UNDETERMINED_RATIO * self.reverse_px:
             return None
         return self.error_px, self.reverse_px
 
@@ -173,7 +173,7 @@ def _better_pose(model: Any, image_id: int, adjustment: RobustAdjustment) -> Any
     frame.rig_from_world = pose
     for point, place in zip(points, places, strict=True):
         point.xyz = place
-    return found if ALIKE * other < cost else None
+    return found if UNDETERMINED_RATIO * other < cost else None
 
 
 def _reprojection_rms_px(camera: Any, pose: Any, points: np.ndarray, pixels: np.ndarray) -> float:

@@ -15,7 +15,13 @@ from scipy.optimize import nnls
 from photoclinometry.adjust.covariance.elimination import factor_of
 from photoclinometry.adjust.covariance.information import Patch
 from photoclinometry.adjust.covariance.linearized_graph import LinearizedGraph
-from photoclinometry.adjust.covariance.marginals import STEP, ErrorModel, PositionSmoothness, responses, stiffness_of
+from photoclinometry.adjust.covariance.marginals import (
+    WEIGHT_STEP,
+    ErrorModel,
+    PositionSmoothness,
+    responses,
+    stiffness_of,
+)
 from photoclinometry.adjust.covariance.windows import OUTSIDE
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 
@@ -98,10 +104,10 @@ def _given_views(held: PositionSmoothness, first: int, last: int) -> np.ndarray:
     beyond = errors.keypoint[first:last] * (1.0 - errors.keypoint_common) - errors.smoothness
     of_brightness = errors.brightness * (1.0 - errors.brightness_common) - errors.smoothness
     more = np.stack([beyond, np.full_like(beyond, of_brightness)], 1)
-    heavier = patch._replace(own=patch.own * (1.0 + STEP * more)[:, :, None, None])
-    changed = (1.0 + STEP * (1.0 - errors.smoothness)) * prior
+    heavier = patch._replace(own=patch.own * (1.0 + WEIGHT_STEP * more)[:, :, None, None])
+    changed = (1.0 + WEIGHT_STEP * (1.0 - errors.smoothness)) * prior
     difference = covariance - _inverse(at, heavier, changed + around, first, last)
-    return errors.smoothness * covariance + difference / STEP
+    return errors.smoothness * covariance + difference / WEIGHT_STEP
 
 
 def _links_that_leave(at: LinearizedGraph, first: int, last: int) -> np.ndarray:

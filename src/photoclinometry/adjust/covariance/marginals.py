@@ -49,12 +49,12 @@ _PHOTOMETRIC = 6
 ALBEDO = 5
 """Of a landmark's coordinates."""
 
-TELLING = 32
-"""Batches of landmarks at most, evenly chosen, that tell the relative error that all albedos have in common: thousands
-of landmarks. Their responses are computed twice."""
+SAMPLED_BATCHES = 32
+"""Batches of landmarks at most, evenly chosen, that determine the relative error that all albedos have in common:
+thousands of landmarks. Their responses are computed twice."""
 
-STEP = 1e-3
-"""Relative change of weights in the differences that tell apart what each kind of measurement contributes."""
+WEIGHT_STEP = 1e-3
+"""Relative change of weights in the differences by which the contribution of each kind of measurement is found."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,11 +217,11 @@ def _given_views(
         return covariance
     # A measurement contributes H^-1 J^T J H^-1: how much less uncertainty there is when it counts more.
     beyond = errors.keypoint * (1.0 - errors.keypoint_common) - errors.smoothness
-    information = information + STEP * (beyond[:, None, None] * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
+    information = information + WEIGHT_STEP * (beyond[:, None, None] * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
     beyond = errors.brightness * (1.0 - errors.brightness_common) - errors.smoothness
-    information += STEP * beyond * own[:, 1]
+    information += WEIGHT_STEP * beyond * own[:, 1]
     changed = covariances_given_views(information, at.links, windows)
-    return errors.smoothness * covariance + (covariance - changed) / STEP
+    return errors.smoothness * covariance + (covariance - changed) / WEIGHT_STEP
 
 
 def _add_common(
@@ -239,7 +239,7 @@ def _add_common(
     """
     stiffness = None if len(batches) == 1 else stiffness_of(at.links, len(at))
     factor, sampled = np.zeros(len(common)), 0
-    for first, last in batches[:: -(-len(batches) // TELLING)]:
+    for first, last in batches[:: -(-len(batches) // SAMPLED_BATCHES)]:
         index, by_common, _ = responses(at, errors, stiffness, first, last)
         factor[index] += (by_common[ALBEDO::LANDMARK_SIZE] / at.points.albedo[first:last, None]).sum(0)
         sampled += last - first

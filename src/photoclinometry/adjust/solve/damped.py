@@ -21,7 +21,7 @@ change less than this share of what the parameter costs when they follow."""
 COARSE_TRUNCATION = 1e-3
 """Share of the mean gain of an iteration below which those iterations end."""
 
-SINGLE = float(np.finfo(np.float32).eps)
+SINGLE_EPSILON = float(np.finfo(np.float32).eps)
 """Rounding of single precision."""
 
 
@@ -50,7 +50,7 @@ class DampedSystem:
         """
         information = self.along(directions)
         value, vector = np.linalg.eigh(0.5 * (information + information.T))
-        least = max(np.min(np.diag(self.at.parameter_rest)), SINGLE * value[-1])
+        least = max(np.min(np.diag(self.at.parameter_rest)), SINGLE_EPSILON * value[-1])
         self.coarse, self.coarse_inverse = directions, (vector / np.maximum(value, least)) @ vector.T
 
     def along(self, directions: np.ndarray) -> np.ndarray:

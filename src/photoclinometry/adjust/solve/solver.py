@@ -25,7 +25,7 @@ import numpy as np
 from photoclinometry.adjust.graph.graph import FactorGraph, Linearization
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, Estimate
 from photoclinometry.adjust.solve.blocks import invert_blocks
-from photoclinometry.adjust.solve.damped import SINGLE, DampedSystem, parameter_moves
+from photoclinometry.adjust.solve.damped import SINGLE_EPSILON, DampedSystem, parameter_moves
 from photoclinometry.adjust.solve.krylov import Krylov, conjugate_gradients
 from photoclinometry.adjust.solve.preconditioner import chebyshev_degree, lowest_eigenvalue
 from photoclinometry.adjust.solve.step_control import Trial, descend
@@ -49,7 +49,7 @@ _LIGHT_DAMPING = 1e-4
 ROUGH_DECREASE, ROUGH_STEPS = 1e-3, 8
 """Relative decrease at which a rough estimate ends, and its steps at most."""
 
-RAGGED = 0.1
+UNSETTLED_SHARE = 0.1
 """Share of landmarks that `SolverOptions.settled` does not count. Where few views light the ground at the border of a
 map, single landmarks go on turning over for as many steps again, while the map no longer changes."""
 
@@ -260,16 +260,16 @@ def _accept(state: _State, trial: Trial, options: SolverOptions, *, solved: bool
     """
     total = float(state.at.cost.sum())
     fell, promised, limit = total - float(trial.cost.sum()), state.at.decrease(trial.moves), _limit(total, options)
-    tells = solved and trial.whole and state.damping <= _LIGHT_DAMPING
-    settles = tells and not state.fast and _usual_move(state.at, trial) < options.settled
+    reliable = solved and trial.whole and state.damping <= _LIGHT_DAMPING
+    settles = reliable and not state.fast and _usual_move(state.at, trial) < options.settled
     state.fast = fell > FAST * total
     state.estimate = trial.estimate
     if not solved:
         state.small_steps = 0
-        state.damping, state.growth = max(state.damping, SINGLE) * state.growth, 2.0 * state.growth
+        state.damping, state.growth = max(state.damping, SINGLE_EPSILON) * state.growth, 2.0 * state.growth
         return
     state.small_steps = state.small_steps + 1 if fell <= limit or settles else 0
-    if state.small_steps == SMALL_STEPS or (fell <= limit and promised <= limit and tells):
+    if state.small_steps == SMALL_STEPS or (fell <= limit and promised <= limit and reliable):
         state.ended = "the cost no longer falls" if fell <= limit else "landmarks no longer move"
     relief = _relief(fell / promised if promised > 0 else 1.0)
     state.growth = 4.0
@@ -288,10 +288,10 @@ def _damped_alone(before: np.ndarray, held: np.ndarray) -> np.ndarray:
 
 
 def _usual_move(at: Linearization, trial: Trial) -> float:
-    """The longest move of a landmark but for the share RAGGED that moves most, in its standard deviations."""
+    """The longest move of a landmark but for the share UNSETTLED_SHARE that moves most, in its standard deviations."""
     moves, block = at.split(trial.moves)[1], at.landmarks.block
     squared = np.einsum("ji,jik,jk->j", moves, block, moves) / LANDMARK_SIZE
-    return float(np.sqrt(np.quantile(squared, 1.0 - RAGGED)))
+    return float(np.sqrt(np.quantile(squared, 1.0 - UNSETTLED_SHARE)))
 
 
 def _relief(gain: float) -> float:

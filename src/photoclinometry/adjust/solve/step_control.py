@@ -35,7 +35,7 @@ SHORTER = 0.25
 WORSE = 9.0
 """A landmark is held back that makes its own squared residuals larger by this: three standard deviations of one."""
 
-HOLDS = 5
+MAX_HOLDS = 5
 """Times that landmarks are held back before the step of all is shortened. Neighbours of those that are held may have
 to be held, too."""
 
@@ -97,7 +97,7 @@ def descend(
     if trial.cost.sum() <= cost:
         return trial
     before = graph.costs(estimate)[1]
-    for less in (SHORTER, SHORTER, *(HOLDS - 2) * (0.0,)):
+    for less in (SHORTER, SHORTER, *(MAX_HOLDS - 2) * (0.0,)):
         worse = trial.of_landmarks > before + WORSE
         if trial.cost.sum() <= cost or not worse.any():
             break
