@@ -7,6 +7,7 @@ import pytest
 
 from adjustments import not_adjusted
 from photoclinometry.model.geometry import angle_between, unit
+from photoclinometry.model.scene import Surroundings
 from photoclinometry.pipeline import first_estimate as module
 from photoclinometry.pipeline.first_estimate import first_estimate, interpolated_estimate
 from photoclinometry.registration.alignment import transform_scene
@@ -84,6 +85,16 @@ def test_they_follow_into_the_frame_that_the_estimate_is_in(true):
     expected = transform_scene(TURNED_FRAME, here)
     np.testing.assert_allclose(there.landmarks.position, expected.landmarks.position, atol=1e-6 * expected.gsd)
     np.testing.assert_allclose(there.landmarks.normal, expected.landmarks.normal, atol=1e-6)
+
+
+def test_the_ground_around_the_map_is_that_of_the_estimate(true, large):
+    """Its depths are in the unit of the estimate's frame, and have followed the map."""
+    camera = true.views.cameras[true.reference]
+    shape = (-(-camera.height // 4), -(-camera.width // 4))
+    start = replace(rough(true), surroundings=Surroundings(depth=np.full(shape, 50.0), stride=4))
+    estimated = transform_scene(TURNED_FRAME, start.of_every(2))
+    found = first_estimate(start, lambda _: not_adjusted(estimated)).scene
+    np.testing.assert_allclose(found.surroundings.depth, 50.0 * TURNED_FRAME.scale)
 
 
 def test_smaller_maps_are_estimated_whole(true):

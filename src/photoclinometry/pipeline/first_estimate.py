@@ -66,6 +66,12 @@ def interpolated_estimate(found: Scene, before: Scene, scene: Scene) -> Scene:
         albedo=between(found.landmarks.albedo, 1),
     )
     whole = replace(
-        scene, views=found.views, landmarks=landmarks, reflectance=found.reflectance, frame=found.frame, uncertainty={}
+        scene,
+        views=found.views,
+        landmarks=landmarks,
+        surroundings=found.surroundings,
+        reflectance=found.reflectance,
+        frame=found.frame,
+        uncertainty={},
     )
     return whole if whole.reflectance is None else normals_from_shading(whole)
