@@ -101,7 +101,7 @@ def sum_of_areas(shape):
 
 @pytest.fixture(scope="module")
 def mapped(body):
-    """The result of the whole command, where the plan has two neighbouring tiles only."""
+    """The result of the whole command, where the plan has two neighbouring tiles only, and an earlier one had more."""
     folder, model, _ = body
     site, out = folder / "site" / "site.toml", folder / "body"
     shape, plan = model.shape.value, model.plan.value
@@ -110,6 +110,7 @@ def mapped(body):
     apart = [np.linalg.norm(middle[plan.tile_of_face == n].mean(0) - first) for n in range(len(plan.tiles))]
     two = replace(plan, tiles=tuple(plan.tiles[n] for n in np.argsort(apart)[:2]))
     write_record(out / "stages" / "plan.npz", model.plan.key, two)
+    (out / "tiles" / "0007").mkdir(parents=True)
     return map_body(site, out, OPTIONS, workers=2)
 
 

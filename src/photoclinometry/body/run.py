@@ -20,7 +20,7 @@ from photoclinometry.body.plan import PlanTiles
 from photoclinometry.body.products import BodyParts, BodyResult, write_body_products
 from photoclinometry.body.renderings import CompareRenderings
 from photoclinometry.body.sparse import BodySparse, PoseUncertainty
-from photoclinometry.body.tile import BodyModel, MapTile
+from photoclinometry.body.tile import BodyModel, MapTile, remove_tiles_from
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.body.workers import in_processes
 from photoclinometry.io.site import Site, read_site
@@ -104,6 +104,7 @@ def map_body(
         run_tasks(map_one_tile, [(site_file.resolve(), out, options, n) for n in _missing(folder, stages)], progress)
         tiles = tuple(folder.result_of(stage) for stage in stages)
         _check_tiles(tiles)
+        remove_tiles_from(folder.path, len(tiles))  # those of an earlier plan
         posed, priors = model.posed, _priors(site, options)
         cameras = folder.result_of(ShareCameras(tiles=tiles, posed=posed, priors=priors))
         merged = folder.result_of(MergeTiles(tiles=tiles, cameras=cameras, posed=posed, shape=model.shape))

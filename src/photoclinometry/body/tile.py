@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shutil
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.plan import Tile, TilePlan
 from photoclinometry.body.sparse import PoseCovariances
 from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints, tile_map
+from photoclinometry.io.atomic import unwritable
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
@@ -27,7 +29,8 @@ from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.posed_site import KnownViews, PosedSite
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import map_posed
-from photoclinometry.pipeline.run_folder import claimed_run
+from photoclinometry.pipeline.run_folder import RunFolder, claimed_run
+from photoclinometry.pipeline.run_lock import check_lock
 from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest, say_found
@@ -123,22 +126,46 @@ class MapTile(Stage[TileMap]):
 
 
 def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_progress) -> RunResult:
-    """Maps one tile into its folder. Raises what `pipeline.run.run` raises."""
+    """Maps one tile into its folder, which may hold one of an earlier plan. Raises what `pipeline.run.run` raises."""
     tile = model.plan.value.tiles[number]
     site, options = tile_site(model, tile), tile_options(model.options)
     config = {"tile": number, "body": str(Path(body).resolve()), **asdict(options)}
-    with claimed_run(tile_folder(body, number), owner_of_site(site), progress) as folder:
+    # Another plan gives this number to other ground, with other views; the body's own folder has been claimed already.
+    with claimed_run(tile_folder(body, number), owner_of_site(site), progress, overwrite=True) as folder:
         folder.write_config(config)
-        inputs, sparse, rays = read_inputs(folder, site), _sparse(model, tile), _rays(model)
-        ready = PosedSite(
-            site=site,
-            posed=PosedImages(inputs=_masked(inputs, model, tile, rays), sparse=sparse),
-            choices=_choices(model, site, options),
-            options=options,
-            depth=_depth(model, tile, sparse, rays),
-            known_views=_known(model, tile, sparse),
-        )
-        return map_posed(folder, ready, config)
+        return map_posed(folder, _posed_site(folder, site, model, tile, options), config)
+
+
+def remove_tiles_from(body: Path, first: int) -> None:
+    """Removes tiles from number `first` on, folders and results, which an earlier plan left in the body's folder.
+
+    Raises RunFolderError where a process still maps one of them, or it cannot be removed.
+    """
+    for path in sorted((*(body / "tiles").glob("*"), *(body / "stages").glob("tile_*"))):
+        number = path.stem.removeprefix("tile_")
+        if not number.isdigit() or int(number) < first:
+            continue
+        try:
+            if path.is_dir():
+                check_lock(path)
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+        except OSError as error:
+            raise unwritable(path, error) from error
+
+
+def _posed_site(folder: RunFolder, site: Site, model: BodyModel, tile: Tile, options: RunOptions) -> PosedSite:
+    """The tile's views at the body's poses, in a frame of their own, with what is known of poses and shape."""
+    inputs, sparse, rays = read_inputs(folder, site), _sparse(model, tile), _rays(model)
+    return PosedSite(
+        site=site,
+        posed=PosedImages(inputs=_masked(inputs, model, tile, rays), sparse=sparse),
+        choices=_choices(model, site, options),
+        options=options,
+        depth=_depth(model, tile, sparse, rays),
+        known_views=_known(model, tile, sparse),
+    )
 
 
 def _choices(model: BodyModel, site: Site, options: RunOptions) -> Choices:
