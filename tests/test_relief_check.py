@@ -14,9 +14,11 @@ from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings, warn
 from photoclinometry.pipeline import checked_map, relief_check
 from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.checked_map import CheckedMap
 from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate
 from photoclinometry.pipeline.moved_suns import warn_of_suns
 from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax, warn_of_relief
+from photoclinometry.pipeline.response_check import ResponseCheck
 from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.stage import Stage, Tools
 from scenes import synthetic_scene
@@ -157,7 +159,7 @@ class Matching(Stage[Common]):
 @pytest.mark.parametrize("doubtful", [(), ("b",)])
 def test_a_discarded_map_is_not_warned_of(tmp_path, monkeypatch, scene, doubtful):
     """Warnings of the map that is returned stay, and those that both maps share, and those about images, in a run that
-    goes on, too."""
+    goes on, too. So does the response of the images."""
 
     def made(folder, *_, holds_photometry):
         folder.result_of(Matching())
@@ -171,7 +173,10 @@ def test_a_discarded_map_is_not_warned_of(tmp_path, monkeypatch, scene, doubtful
         relief = ReliefCheck(held if holds_photometry else 0.7, 0.01)
         adjustment = SimpleNamespace(scene=scene)
         finished = SimpleNamespace(value=SimpleNamespace(adjustment=adjustment))
-        return SimpleNamespace(relief=relief, contradicts_parallax=relief.is_off(), finished=finished)
+        response = None if holds_photometry else ResponseCheck(gamma=2.0, is_clear=True)
+        return CheckedMap(
+            finished=finished, iterations=(), pose_priors={}, relief=relief, left_out={}, response=response
+        )
 
     monkeypatch.setattr(checked_map, "_mapped", made)
     site = SimpleNamespace(choices=SimpleNamespace(reflectance=scene.reflectance))
@@ -183,7 +188,9 @@ def test_a_discarded_map_is_not_warned_of(tmp_path, monkeypatch, scene, doubtful
         for _ in range(2):
             folder = open_run(tmp_path)
             with collected_warnings() as folder.warned:
-                checked_map.checked_map(folder, site, SimpleNamespace(doubtful=doubtful), None)
+                kept = checked_map.checked_map(folder, site, SimpleNamespace(doubtful=doubtful), None)
+            assert kept.relief.ratio == held or held == 0.6
+            assert kept.response.gamma == 2.0, "without it, `phomo calibrate --response` finds nothing"
             found = {(warned.code, warned.words.split(". ")[0].split(", and ")[0]) for warned in folder.warnings}
             assert {row for row in found if row[0] != "photometry-held"} == stated
             assert any(code == "photometry-held" for code, _ in found) == (held == 0.95)

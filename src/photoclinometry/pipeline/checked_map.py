@@ -50,7 +50,7 @@ class CheckedMap:
     left_out: Mapping[str, str]
     """Views that the first estimate found to blur the map, by name, with the reason."""
     response: ResponseCheck | None
-    """Whether images are linear; None where photometry is held, or not estimated."""
+    """Whether images are linear, as the map with estimated photometry shows; None where photometry is not estimated."""
 
     @property
     def contradicts_parallax(self) -> bool:
@@ -86,7 +86,7 @@ def checked_map(folder: RunFolder, posed_site: PosedSite, chosen: ChosenViews, d
         "relief that the parallax of the images shows, held %.2f. Their sigmas, and those of albedos, are too small",
         found.relief.ratio, held.relief.ratio,
     )  # fmt: skip
-    return held
+    return replace(held, response=found.response)  # like its warning, it is about the images
 
 
 def _mapped(
