@@ -326,6 +326,13 @@ def suns() -> Iterator[Fault]:
         left=("finished stages",),
         test="test_inconsistent_views.py::test_reversed_suns_of_all_views_are_refused_with_the_convention",
     )
+    yield rows("Suns")(
+        "the Suns light no landmark, and views are not checked",
+        f"{RUN} --no-check-views",
+        "no observation is lit: the Suns contradict the poses and the surface; check `sun` of all views in site.toml",
+        left=("finished stages",),
+        test="test_faults.py::test_suns_that_light_no_landmark_are_told",
+    )
 
 
 PRIOR = "cam_from_body = {{ rotation_wxyz = {}, translation = [0, 0, 9], sigma_deg = 0.1, sigma = 1 }}"

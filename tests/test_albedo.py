@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import published
 from photoclinometry.photometry.albedo import initial_albedo
 from scenes import synthetic_scene
@@ -45,5 +46,5 @@ def test_a_landmark_without_light_gets_the_median_albedo_and_is_marked_unknown()
 
 def test_light_from_below_is_refused():
     scene = synthetic_scene(size=20)
-    with pytest.raises(ValueError, match="no observation is lit"):
+    with pytest.raises(InputError, match=r"no observation is lit: .* `sun` points from the body towards the Sun"):
         initial(replace(scene, views=replace(scene.views, sun=-scene.views.sun)))

@@ -3,6 +3,7 @@
 import logging
 import shlex
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,9 @@ from fault_place import build_place, contents, frames, small_disk
 from faults import BOX, EVALUATE, EXPORT, FAULTS, INGEST, LINE, RENDER, RUN, SUNS, VIEWS, Fault
 from faults_at import end_of
 from faults_before import ABSENT, NO_WORDS, WORDS, read_answers
+from photoclinometry.photometry.albedo import with_model
 from photoclinometry.pipeline import run as pipeline
+from scenes import synthetic_scene
 
 TRIED = [fault for fault in FAULTS if not fault.test]
 
@@ -159,6 +162,15 @@ def test_a_run_that_ended_at_its_images_goes_on_with_corrected_ones(here, capsys
     frames(lambda x: x)()
     assert phomo(*shlex.split(RUN)) == 1
     assert "0 of 4 views registered" in capsys.readouterr().err
+
+
+def test_suns_that_light_no_landmark_are_told(here, monkeypatch, capsys):
+    (fault,) = (fault for fault in FAULTS if fault.test.endswith("::test_suns_that_light_no_landmark_are_told"))
+    scene = synthetic_scene(size=8)
+    reversed_suns = replace(scene, views=replace(scene.views, sun=-scene.views.sun))
+    monkeypatch.setattr(pipeline, "run", lambda *_, **__: with_model(reversed_suns, scene.reflectance))
+    assert phomo(*shlex.split(fault.command)) == fault.code
+    assert fault.is_said_by(message(capsys.readouterr().err, fault.form))
 
 
 def test_memory_that_does_not_suffice_is_told(here, monkeypatch, capsys):

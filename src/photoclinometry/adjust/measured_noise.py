@@ -21,6 +21,7 @@ from photoclinometry.adjust.noise import (
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.scene import Scene, Views
+from photoclinometry.model.suns import SUN_CONVENTION
 from photoclinometry.photometry.predict import brightness_residuals, phase_of_views
 
 STARTING_KEYPOINT_CORRELATION_PX, STARTING_BRIGHTNESS_CORRELATION_PX = 12.0, 3.0
@@ -43,8 +44,8 @@ def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -
     scene, options = setup.scene, setup.options
     if scene.reflectance is not None and not np.any(lit):
         raise ReconstructionError(
-            "no brightness is usable: every observation is in shadow or lit below the horizon; "
-            "check the Sun directions (towards the Sun, in the camera frame: x right, y down, z forward)"
+            "no brightness is usable: every observation is in shadow or lit below the horizon; check the Suns; "
+            f"{SUN_CONVENTION}"
         )
     level = float(np.median(scene.tracks.brightness[lit])) if np.any(lit) else 0.0
     of_views = {

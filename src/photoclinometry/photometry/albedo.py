@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import GRAZING, Reflectance
 from photoclinometry.model.robust import REWEIGHTINGS, huber_weight, robust_sigma
 from photoclinometry.model.scene import Scene, Tracks, Views
+from photoclinometry.model.suns import SUN_CONVENTION
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import exposure_is_free, reflectance_of, shading
 
@@ -91,13 +93,16 @@ def initial_albedo(
     estimate_scale: for uncalibrated brightness, or models without a phase function. Each view's scale is then the
     median ratio of its brightness to the one that the other views' albedos predict, the reference's being 1.
     Otherwise `views.scale` holds. Bias is `views.bias` throughout.
-    Raises ValueError where no observation is usable.
+    Raises InputError where no observation is usable.
     """
     landmark, view = tracks.landmark, tracks.view
     rho, oblique = predicted_ratio(position, normal, landmark, view, views, reflectance)
     usable = np.flatnonzero(tracks.lit & oblique & (rho > 0))
     if not len(usable):
-        raise ValueError("no observation is lit: the Sun directions contradict the geometry")
+        raise InputError(
+            "no observation is lit: the Suns contradict the poses and the surface; check `sun` of all views in "
+            f"site.toml; {SUN_CONVENTION}"
+        )
     value = (tracks.brightness[usable] - views.bias[view[usable]]) / rho[usable]
     unshaded = _Unshaded(value, landmark[usable], view[usable], len(position), len(views))
     scale = _relative_scales(unshaded, reference) if estimate_scale else np.array(views.scale, float)
@@ -109,7 +114,7 @@ def initial_albedo(
 def with_model(scene: Scene, reflectance: Reflectance) -> Scene:
     """The scene with a reflectance model, and the first albedos and scales by it; biases are zero.
 
-    Raises ValueError where no observation is usable.
+    Raises InputError where no observation is usable.
     """
     landmarks, views = scene.landmarks, scene.views
     views = replace(views, scale=np.ones(len(views)), bias=np.zeros(len(views)))

@@ -20,6 +20,7 @@ from photoclinometry.model.reflectance import Reflectance, photometric_angles
 from photoclinometry.model.robust import SIGNIFICANT, jackknife_sigma
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.sparse import SparseModel
+from photoclinometry.model.suns import SUN_CONVENTION
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.predict import exposure_is_free
 from photoclinometry.photometry.sun_check import MIN_POINTS, coarse_scene, gains_of_views, sun_from_other_views
@@ -57,8 +58,6 @@ SUSPECTS = 5
 
 RAYLEIGH_MEDIAN = math.sqrt(2.0 * math.log(2.0))
 """Median length of a vector of two normal components of standard deviation 1 (Rayleigh's distribution)."""
-
-CONVENTION = "`sun` points from the body towards the Sun, in the camera frame (x right, y down, z forward)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +181,7 @@ def _worst(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, str
     if off > SIGNIFICANT * sigma and off > SIGNIFICANT * math.hypot(sigma, _jackknife_sigma(scene, used, k)):
         return k, (
             f"its Sun is {math.degrees(off):.0f} degrees off that which its own brightness shows "
-            f"(uncertain by {math.degrees(sigma):.1f}); {CONVENTION}"
+            f"(uncertain by {math.degrees(sigma):.1f}); {SUN_CONVENTION}"
         )
     return None
 
@@ -297,5 +296,5 @@ def _check_horizons(scene: Scene) -> None:
         k, share = unlit[0]
         raise InputError(
             f"{views.name[k]}: the Sun direction lights {100 * share:.0f} % of the ground that is bright in the "
-            f"image, and so in {len(unlit)} of {len(views)} views; {CONVENTION}"
+            f"image, and so in {len(unlit)} of {len(views)} views; {SUN_CONVENTION}"
         )

@@ -26,8 +26,8 @@ from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import GRAZING
 from photoclinometry.model.scene import Image, Scene, Tracks
+from photoclinometry.model.suns import SUN_CONVENTION
 from photoclinometry.model.warning import warn
-from photoclinometry.photometry.inconsistent_views import CONVENTION
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 
@@ -110,7 +110,7 @@ def _lost(scene: Scene, left: int, options: DensifyOptions) -> ReconstructionErr
     if off > WRONG_LIGHT:
         return ReconstructionError(
             f"{told}; the map's brightness is {100 * off:.0f} % off the images', so the Sun directions are most likely "
-            f"wrong: check `sun` of several views in site.toml; {CONVENTION}"
+            f"wrong: check `sun` of several views in site.toml; {SUN_CONVENTION}"
         )
     return ReconstructionError(
         f"{told}; lower --densify.min-views, map without relighting (--relight.iterations 0), or use images whose "
