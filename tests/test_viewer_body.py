@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,16 +10,17 @@ from scipy.ndimage import binary_erosion
 from scipy.spatial import cKDTree
 
 from browser import why_no_browser
+from photoclinometry.body.products import reflectance_json
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
 from photoclinometry.io.scene_file import write_scene
 from photoclinometry.io.site import Site, SiteView, read_site, write_site
-from photoclinometry.model.errors import RunFolderError
+from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.reflectance import starting_model
+from photoclinometry.model.reflectance import MODELS, starting_model
 from photoclinometry.output.viewer import body_content as content
-from photoclinometry.output.viewer import write_body_viewer
+from photoclinometry.output.viewer import body_page, write_body_viewer
 from photoclinometry.output.viewer.run_page import run_page
 from photoclinometry.surface.closed_mesh import area_vectors
 from scenes import synthetic_images, synthetic_scene
@@ -104,6 +106,12 @@ def test_large_surfaces_are_made_coarser_and_have_a_level_for_moving(monkeypatch
         assert outward.sum() / 3.0 == pytest.approx(4.0 / 3.0 * np.pi * RADIUS**3, rel=0.03)
 
 
+def write_metrics(folder, views=(), **more):
+    """metrics.json of a body, whose tiles were rendered with another model than each of them has."""
+    stated = {"reflectance": reflectance_json(starting_model("hapke", "vesta"))} | more
+    (folder / "metrics.json").write_text(json.dumps({"metrics": {"gsd": 3.5}, "views": list(views), **stated}))
+
+
 @pytest.fixture
 def body_folder(tmp_path):
     """What `phomo body` leaves without its report: an unknown sphere with one tile, in four views of its site."""
@@ -121,7 +129,7 @@ def body_folder(tmp_path):
     write_colmap(folder / "sparse", scene)
     write_shape_ply(folder / "body.ply", replace(body_of(round_one, spacing=60.0).shape, unit=None))
     (folder / "config.toml").write_text(f"site = '{site}'\n")
-    (folder / "metrics.json").write_text(json.dumps({"metrics": {"gsd": 3.5}, "views": []}))
+    write_metrics(folder)
     return folder, scene
 
 
@@ -132,7 +140,7 @@ def test_a_body_whose_page_is_missing_gets_it(body_folder):
     page = data_of(path.read_text(encoding="utf-8"))["scene"]
     assert page["kind"] == "body"
     assert page["gsd"] == 1.0  # lengths are in GSD, since the images alone tell none
-    assert page["reflectance"]["name"] == scene.reflectance.name
+    assert page["reflectance"]["name"] == "hapke" != scene.reflectance.name
     assert [view["name"] for view in page["views"]] == list(scene.views.name)
     assert all(picture is not None for picture in page["pictures"])
     poses = np.array([view["local_from_cam"] for view in page["views"]])
@@ -148,19 +156,28 @@ def test_a_page_without_images_says_nothing_of_them(body_folder):
     assert not any(data_of(run_page(folder).read_text(encoding="utf-8"))["scene"]["pictures"])
 
 
+@pytest.mark.parametrize("name", MODELS)
+def test_the_reflectance_of_a_body_is_read_back_as_it_was_written(name):
+    model = starting_model(name, "vesta")
+    document = json.loads(json.dumps({"reflectance": reflectance_json(model)}))
+    assert body_page.reflectance_of(Path("body"), document) == model
+    assert body_page.reflectance_of(Path("body"), {"reflectance": reflectance_json(None)}) is None
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
         (lambda folder: (folder.parent / "site.toml").unlink(), "is not there"),
         (lambda folder: (folder / "metrics.json").unlink(), "names no ground sample distance; run `phomo body`"),
-        (lambda folder: (folder / "tiles" / "0000" / "scene.h5").unlink(), "holds no tile"),
+        (lambda folder: write_metrics(folder, reflectance=[]), "names no reflectance model; run `phomo body`"),
+        (lambda folder: write_metrics(folder, reflectance={"name": "x", "parameters": {}}), "no reflectance model 'x'"),
     ],
-    ids=["site", "metrics", "tiles"],
+    ids=["site", "metrics", "reflectance", "an unknown model"],
 )
 def test_a_body_that_lacks_what_its_page_needs_says_so(body_folder, spoil, words):
     folder, _ = body_folder
     spoil(folder)
-    with pytest.raises(RunFolderError, match=words):
+    with pytest.raises(InputError, match=words):
         run_page(folder)
 
 
@@ -172,7 +189,7 @@ def test_the_brightness_of_uncalibrated_images_is_that_of_the_folder(body_folder
     with pytest.raises(RunFolderError, match="names no brightness of its images"):
         run_page(folder)
     rows = [{"name": name, "gain": gain} for name, gain in zip(scene.views.name, (2.0, 3.0, None, 5.0), strict=True)]
-    (folder / "metrics.json").write_text(json.dumps({"metrics": {"gsd": 3.5}, "views": rows}))
+    write_metrics(folder, rows)
     page = data_of(run_page(folder).read_text(encoding="utf-8"))["scene"]
     assert [view["scale"] for view in page["views"]] == [2.0, 3.0, 1.0, 5.0]
 

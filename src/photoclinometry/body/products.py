@@ -28,6 +28,7 @@ from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.model.shape_model import ShapeModel
@@ -137,6 +138,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
         "care": list(care),
         "warnings": [warned.as_row() for warned in warnings],
         "metrics": json_numbers(metrics),
+        "reflectance": reflectance_json(viewed.reflectance),
         "tiles": rows,
         "views": views,
         "stages": [asdict(cost) for cost in folder.costs],
@@ -153,6 +155,14 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
         distrust=distrust,
         care=care,
     )
+
+
+def reflectance_json(reflectance: Reflectance | None) -> dict[str, Any] | None:
+    """A model with its parameters by name, for metrics.json; None of geometry alone."""
+    if reflectance is None:
+        return None
+    named = zip(reflectance.parameter_names, reflectance.values, strict=True)
+    return {"name": reflectance.name, "parameters": dict(named)}
 
 
 def _viewed(model: BodyModel, made: BodyParts, shape: ShapeModel) -> ViewedBody:

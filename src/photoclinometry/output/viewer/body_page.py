@@ -11,12 +11,12 @@ import numpy as np
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.io.models.colmap import read_colmap
-from photoclinometry.io.run_files import read_metrics, read_run
+from photoclinometry.io.run_files import read_metrics
 from photoclinometry.io.site import Site
 from photoclinometry.io.site_views import views_at
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.reflectance import Reflectance, mean_model
+from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Views
 from photoclinometry.output.viewer.body_content import ViewedBody
 
@@ -37,7 +37,7 @@ def read_viewed_body(folder: Path, site: Site) -> ViewedBody:
         body=site.body,
         shape=shape,
         views=_views(folder, site, document),
-        reflectance=_reflectance(folder),
+        reflectance=reflectance_of(folder, document),
         gsd=float(gsd),
         brightness=site.brightness,
         body_fixed=not shape.from_images_alone,
@@ -67,13 +67,16 @@ def _gains(folder: Path, views: Views, document: dict[str, Any]) -> np.ndarray:
     return np.array([1.0 if gain is None else gain for gain in gains], float)
 
 
-def _reflectance(folder: Path) -> Reflectance | None:
-    """The mean model of the tiles that are to be trusted, by their landmarks; None of geometry alone."""
-    tiles = [path.parent for path in sorted((folder / "tiles").glob("*/scene.h5"))]
-    if not tiles:
-        raise RunFolderError(f"{folder / 'tiles'}: holds no tile, and with these the reflectance; {REMAKE}")
-    scenes = [read_run(tile) for tile in tiles]
-    trusted = [not read_metrics(tile).get("not_trusted_because") for tile in tiles]
-    return mean_model(
-        [(each.reflectance, len(each.landmarks), good) for each, good in zip(scenes, trusted, strict=True)]
-    )
+def reflectance_of(folder: Path, document: dict[str, Any]) -> Reflectance | None:
+    """The model that the body was rendered with, as `document`, its metrics.json, has it; None of geometry alone.
+
+    Raises RunFolderError where it says nothing of it, and InputError for a model that is not there.
+    """
+    try:
+        stated = document["reflectance"]
+        if stated is None:
+            return None
+        name, values = str(stated["name"]), tuple(map(float, stated["parameters"].values()))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise RunFolderError(f"{folder / 'metrics.json'}: names no reflectance model; {REMAKE}") from error
+    return Reflectance(name, values)
