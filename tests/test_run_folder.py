@@ -1,5 +1,6 @@
 """Run folders: what they accept, what they refuse, and that stages come back as they were."""
 
+import errno
 import json
 import logging
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from photoclinometry import __version__
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid, so3_exp
 from photoclinometry.model.region import Region
+from photoclinometry.pipeline import records
 from photoclinometry.pipeline.records import write_record
 from photoclinometry.pipeline.run import RunOptions
 from photoclinometry.pipeline.run_folder import FORMAT, MARK, open_run
@@ -156,6 +158,27 @@ def test_damage_anywhere_in_a_stage_file_is_warned_of_and_made_good(folder, capl
     warnings = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
     assert len(warnings) >= 60
     assert all(w.startswith(f"{file}: damaged") for w in warnings)
+
+
+def test_a_file_that_does_not_fit_into_memory_is_not_damaged(folder, monkeypatch, caplog):
+    """Nor one that may not be read: made again, neither could be read back."""
+    folder.result_of(Sparse())
+
+    def fails(*_, **__):
+        raise MemoryError("Unable to allocate 32.0 GiB")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(np, "load", fails)
+        with pytest.raises(MemoryError):
+            folder.result_of(Never())
+
+    def refuses(*_):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(records, "open", refuses, raising=False)
+    with pytest.raises(RunFolderError, match="cannot be read: Permission denied; change the permissions"):
+        folder.result_of(Never())
+    assert not [record for record in caplog.records if record.levelno == logging.WARNING]
 
 
 def test_stages_are_timed(folder):

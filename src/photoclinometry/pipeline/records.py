@@ -18,6 +18,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.warning import Warned, warn
 
 log = logging.getLogger(__name__)
@@ -48,7 +49,10 @@ def write_record(file: Path, key: str, value: Any, warnings: Sequence[Warned] = 
 
 
 def read_record(file: Path, key: str, kind: type[T]) -> Record[T] | None:
-    """What `write_record` wrote; None where nothing of this key is there. A damaged file is warned of."""
+    """What `write_record` wrote; None where nothing of this key is there. A damaged file is warned of.
+
+    Raises RunFolderError for a file that may not be read, and MemoryError.
+    """
     if not file.is_file():
         return None
     try:
@@ -57,6 +61,12 @@ def read_record(file: Path, key: str, kind: type[T]) -> Record[T] | None:
                 return None
             warnings = tuple(Warned(**row) for row in json.loads(str(stored["warnings"])))
             return Record(_decoded(kind, json.loads(str(stored["text"])), "value", stored), warnings)
+    except MemoryError:
+        raise
+    except PermissionError as error:
+        raise RunFolderError(
+            f"{file}: cannot be read: {error.strerror}; change the permissions or choose another --out"
+        ) from error
     # zipfile meets damage with nearly every built-in exception.
     except Exception as error:
         warn(log, "file-damaged", "%s: damaged (%s); the stage is done again", file, error)
