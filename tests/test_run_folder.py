@@ -79,6 +79,18 @@ class Never(Sparse):
         return Sparse(seed=self.seed).key
 
 
+class Elsewhere(Sparse):
+    """A stage whose result is not there."""
+
+    name = "elsewhere"
+
+
+class Damaged(Sparse):
+    """A stage whose file is damaged."""
+
+    name = "dense"
+
+
 def assert_equal(a: Result, b: Result) -> None:
     assert (a.region, a.parts, a.other) == (b.region, b.parts, b.other)
     np.testing.assert_array_equal(a.maybe, b.maybe)
@@ -101,6 +113,17 @@ def test_a_stage_comes_back_as_it_was_made(folder):
     assert_equal(made, result())
     assert_equal(made, again.result_of(Never()).value)
     assert [cost.resumed for cost in folder.costs + again.costs] == [False, True]
+
+
+def test_a_folder_tells_what_it_holds_without_reading_it(folder, monkeypatch):
+    """A body asks for all its tiles, of gigabytes."""
+    folder.result_of(Sparse())
+    (folder.path / "stages" / "dense.npz").write_bytes(b"PK")
+    monkeypatch.setattr(records, "_decoded", lambda *_: pytest.fail("the content was read"))
+    assert folder.holds(Sparse())
+    assert not folder.holds(Sparse(seed=1))
+    assert not folder.holds(Elsewhere())
+    assert not folder.holds(Damaged())
 
 
 def test_another_key_makes_the_stage_again(folder):

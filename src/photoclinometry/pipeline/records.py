@@ -10,7 +10,7 @@ import json
 import logging
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -23,7 +23,7 @@ from photoclinometry.model.warning import Warned, warn
 
 log = logging.getLogger(__name__)
 
-T = TypeVar("T")
+T, R = TypeVar("T"), TypeVar("R")
 _ARRAY = {"array": True}
 """Stands in the JSON text for an array that is stored beside it."""
 
@@ -53,14 +53,32 @@ def read_record(file: Path, key: str, kind: type[T]) -> Record[T] | None:
 
     Raises RunFolderError for a file that may not be read, and MemoryError.
     """
+
+    def content(stored: Mapping[str, np.ndarray]) -> Record[T] | None:
+        if str(stored["key"]) != key:
+            return None
+        warnings = tuple(Warned(**row) for row in json.loads(str(stored["warnings"])))
+        return Record(_decoded(kind, json.loads(str(stored["text"])), "value", stored), warnings)
+
+    return _read(file, content)
+
+
+def has_record(file: Path, key: str) -> bool:
+    """Whether there is a result of this key. Reads the key alone: damage to the rest shows in `read_record`.
+
+    Raises as that.
+    """
+    return _read(file, lambda stored: str(stored["key"]) == key) or False
+
+
+def _read(file: Path, content: Callable[[Mapping[str, np.ndarray]], R]) -> R | None:
+    """The content of a record's file, whose arrays are read as they are asked for; None where it is not there, or
+    damaged. Warns and raises as `read_record`."""
     if not file.is_file():
         return None
     try:
         with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            if str(stored["key"]) != key:
-                return None
-            warnings = tuple(Warned(**row) for row in json.loads(str(stored["warnings"])))
-            return Record(_decoded(kind, json.loads(str(stored["text"])), "value", stored), warnings)
+            return content(stored)
     except MemoryError:
         raise
     except PermissionError as error:

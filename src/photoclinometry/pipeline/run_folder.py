@@ -23,7 +23,7 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.warning import Warned, collected_warnings, distinct
 from photoclinometry.pipeline import run_lock
 from photoclinometry.pipeline.memory import give_back_memory, peak_memory_gb
-from photoclinometry.pipeline.records import read_record, write_record
+from photoclinometry.pipeline.records import has_record, read_record, write_record
 from photoclinometry.pipeline.run_mark import FORMAT, MARK, check_format, check_new, clear, must_clear, write_mark
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools
 
@@ -119,8 +119,8 @@ class RunFolder:
             return Keyed(found.value, key)
 
     def holds(self, stage: Stage[Any]) -> bool:
-        """Whether the stage's result is on disk."""
-        return read_record(self._file(stage.file_name), stage.key, stage.result) is not None
+        """Whether the stage's result is on disk. Its content is not read."""
+        return has_record(self._file(stage.file_name), stage.key)
 
     @contextmanager
     def timed(self, name: str) -> Iterator[StageCost]:
