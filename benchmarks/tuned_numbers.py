@@ -39,7 +39,6 @@ NOT_HERE = (
     "surface/decimate.py",
     "surface/mass_properties.py",
     "surface/mesh_rays.py",
-    "surface/poisson.py",
     "surface/polyhedron_gravity.py",
     "surface/radial_rays.py",
     "surface/surface_gravity.py",

@@ -5,20 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fault_place import small_disk
 from photoclinometry.body.coarse_shape import ClosedMesh, oriented
 from photoclinometry.body.merge import Cloud, merged
 from photoclinometry.body.options import TilePlanOptions
 from photoclinometry.body.overlap import Overlap, overlap_of, shared_images, sigma_factors
 from photoclinometry.body.plan import planned
+from photoclinometry.body.poisson import closed_surface
 from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints
-from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.errors import OutputError, ReconstructionError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.scene import Camera, Views
 from photoclinometry.registration.view_choice import most_diverse
 from photoclinometry.simulate.trajectory import looking_at
 from photoclinometry.surface.closed_mesh import icosahedron, is_watertight, largest_component, refine, signed_volume
 from photoclinometry.surface.mesh_rays import MeshRays, depth_image, emission_image, sight_of_views
-from photoclinometry.surface.poisson import closed_surface
 
 pytest.importorskip("embreex")
 
@@ -127,6 +128,16 @@ def test_a_closed_surface_goes_through_points_of_a_ball(tmp_path):
     assert is_watertight(faces)
     assert np.abs(np.linalg.norm(vertices, axis=1) - RADIUS).max() < 0.05 * RADIUS
     assert signed_volume(vertices, faces) == pytest.approx(4.0 / 3.0 * np.pi * RADIUS**3, rel=0.01)
+
+
+def test_a_full_disk_is_told_from_points_that_make_no_surface(tmp_path, capfd):
+    """The points just fit on it, and not the surface; COLMAP leaves a part of that, and raises nothing."""
+    normal = unit(np.random.default_rng(1).normal(size=(3000, 3)))
+    refused = pytest.raises(OutputError, match=r"work/surface\.ply: cannot be written: File too large")
+    with small_disk(80_000), refused:
+        closed_surface(RADIUS * normal, normal, 0.5, tmp_path / "work")
+    assert (tmp_path / "work" / "points.ply").stat().st_size > 60_000
+    assert capfd.readouterr().err == ""
 
 
 def test_points_of_a_plane_make_no_closed_surface(tmp_path):

@@ -17,6 +17,7 @@ import numpy as np
 from photoclinometry.body.cameras import SharedCameras, in_shared_frame
 from photoclinometry.body.coarse_shape import ClosedMesh
 from photoclinometry.body.overlap import FACING, albedo_factors, overlap_of, shared_images, sigma_factors
+from photoclinometry.body.poisson import closed_surface
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import unit
@@ -24,7 +25,6 @@ from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.sparse_stages import PosedImages
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.closed_mesh import face_normals, vertex_normals
-from photoclinometry.surface.poisson import closed_surface
 
 log = logging.getLogger(__name__)
 

@@ -47,13 +47,18 @@ def disk_errors(work_dir: Path) -> Iterator[None]:
     except RuntimeError as error:
         if isinstance(error, PhotoclinometryError):
             raise
-        try:
-            _probe(work_dir)
-        except OSError as reason:
-            raise unwritable(work_dir / DATABASE, reason) from error
+        check_disk(work_dir, DATABASE)
         if "SQLite" in str(error) or "database" in str(error):
             raise OutputError(f"{work_dir / DATABASE}: cannot be written: {error}; check the disk") from error
         raise
+
+
+def check_disk(work_dir: Path, file: str) -> None:
+    """Raises OutputError with the disk's reason where nothing can be written in `work_dir`, such as `file` just now."""
+    try:
+        _probe(work_dir)
+    except OSError as error:
+        raise unwritable(work_dir / file, error) from error
 
 
 def _probe(work_dir: Path) -> None:
