@@ -1,15 +1,19 @@
 """Views that are less sharp than the map: how much, and that they are named."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.model.sampling import gaussian, masked_filter
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.sharpness import blur_px
+from photoclinometry.pipeline import checked_map
 from photoclinometry.pipeline.blurred_views import BLURRED_PX, views_to_leave_out, warn_of_blurred_views
+from photoclinometry.pipeline.options import RunOptions
 from scenes import synthetic_scene
 
 
@@ -94,3 +98,16 @@ def test_no_view_goes_whose_loss_leaves_too_few_nor_the_reference(true):
     assert views_to_leave_out(replace(two, reference=3), fewest=2).keys() == {1}
     assert views_to_leave_out(true, fewest=2) == {}
     assert views_to_leave_out(replace(two, reflectance=None), fewest=2) == {}
+
+
+@pytest.mark.parametrize(
+    ("with_prior", "left_out"), [((), [3, 1]), ((0, 2, 4), [3, 1]), ((0, 1, 2), [3]), ((0, 1, 2, 3), [3])]
+)
+def test_no_view_goes_without_whose_prior_the_frame_would_not_be_held(true, with_prior, left_out):
+    """The first map is in the priors' frame, and three of them hold it at least."""
+    two = with_blurred_view(with_blurred_view(true, 1, 2.0), 3, 2.4)
+    first = SimpleNamespace(scene=two, is_start_of_last=False)
+    options = RunOptions(densify=DensifyOptions(min_views=2))
+    priors = {true.views.name[k]: None for k in with_prior}
+    found = checked_map._blurred(first, SimpleNamespace(options=options), priors)
+    assert list(found) == [true.views.name[k] for k in left_out]

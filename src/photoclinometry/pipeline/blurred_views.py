@@ -9,6 +9,7 @@ import numpy as np
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.sharpness import blur_px
+from photoclinometry.registration.georeference import MIN_PRIORS
 
 log = logging.getLogger(__name__)
 
@@ -22,19 +23,23 @@ MOST_SHARE = 0.5
 beside which the others seem to be blurred, too."""
 
 
-def views_to_leave_out(scene: Scene, fewest: int) -> dict[int, float]:
+def views_to_leave_out(scene: Scene, fewest: int, has_prior: np.ndarray | None = None) -> dict[int, float]:
     """Views that blur the map, by index, with their blur [px of the view].
 
-    The most blurred go first, as long as `fewest` views are left; the reference view stays, whose pixels are the map's.
-    None of a scene without reflectance.
+    The most blurred go first, as long as `fewest` views are left, and MIN_PRIORS of those whose pose prior is used,
+    has_prior (K,) bool: with fewer, the frame that the map is in by now would not be held. The reference view stays,
+    whose pixels are the map's. None of a scene without reflectance.
     """
     if scene.reflectance is None or not scene.tracks.lit.any():
         return {}
     blur = np.nan_to_num(blur_px(scene))
     blur[scene.reference] = 0.0
     found = np.flatnonzero(blur > max(BLURRED_PX, MOST_SHARE * blur.max()))
-    worst = found[np.argsort(-blur[found], kind="stable")][: max(0, len(blur) - fewest)]
-    return {int(k): float(blur[k]) for k in worst}
+    worst = found[np.argsort(-blur[found], kind="stable")]
+    if has_prior is not None and has_prior.any():
+        of_prior = has_prior[worst]
+        worst = worst[~of_prior | (np.cumsum(of_prior) <= np.count_nonzero(has_prior) - MIN_PRIORS)]
+    return {int(k): float(blur[k]) for k in worst[: max(0, len(blur) - fewest)]}
 
 
 def why_left_out(blur: float) -> str:

@@ -99,7 +99,7 @@ def _mapped(
     maps = _stages(folder, posed_site, used, dense, scene.value, holds_photometry=holds_photometry)
     first = maps.first_map(scene)
     del tracks, scene  # of all maps, the latest two are held in memory
-    left_out = _blurred(first.value, posed_site)
+    left_out = _blurred(first.value, posed_site, maps.estimate.pose_priors)
     if left_out:
         used, first = _without(used, first, left_out)
         maps = _stages(folder, posed_site, used, dense, first.value.scene, holds_photometry=holds_photometry)
@@ -192,11 +192,13 @@ def _stages(
     )
 
 
-def _blurred(first: IntermediateMap, posed_site: PosedSite) -> dict[str, str]:
-    """Views that blur the first map, by name, with the reason; a warning of each."""
+def _blurred(first: IntermediateMap, posed_site: PosedSite, priors: Mapping[str, PosePrior]) -> dict[str, str]:
+    """Views that blur the first map, by name, with the reason; a warning of each. priors: those that are used."""
     if first.is_start_of_last or not posed_site.options.check_views:
         return {}
-    found = views_to_leave_out(first.scene, posed_site.options.densify.views_needed(len(first.scene.views)))
+    fewest = posed_site.options.densify.views_needed(len(first.scene.views))
+    has_prior = np.array([name in priors for name in first.scene.views.name])
+    found = views_to_leave_out(first.scene, fewest, has_prior)
     reasons = {first.scene.views.name[k]: why_left_out(blur) for k, blur in found.items()}
     for name, reason in reasons.items():
         warn(log, "view-blurred", "%s is left out: %s", name, reason, view=name)
