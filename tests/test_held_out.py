@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,10 @@ from photoclinometry.model.reflectance import published
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.sparse import SparseModel, without_views
 from photoclinometry.pipeline.run import RunOptions, run
-from scenes import synthetic_images, synthetic_scene
+from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.sparse_stages import choose_views
+from photoclinometry.pipeline.stage import Keyed
+from scenes import sparse_model_of, synthetic_images, synthetic_scene
 
 FEW = {"densify": DensifyOptions(min_views=4), "adjust": AdjustOptions(max_reweightings=1)}
 
@@ -145,6 +149,16 @@ def test_held_out_views_leave_nothing_in_the_sparse_model():
     assert rest.point_start.tolist() == [0, 2, 4]
     assert rest.point_view.tolist() == [0, 2, 0, 2]
     assert rest.point_xy.tolist() == [[0, 1], [4, 5], [10, 11], [12, 13]]
+
+
+def test_held_out_views_that_do_not_register_are_not_left_out(tmp_path):
+    """Three of five views are used: none of them is missing because of its images."""
+    scene = synthetic_scene(size=8, views=6)
+    sparse = sparse_model_of(scene, np.array([True, True, True, False, False, False]))
+    posed = SimpleNamespace(views=scene.views, sparse=Keyed(sparse, "sparse"), without=lambda views: views)
+    found = choose_views(open_run(tmp_path), posed, np.array([False, False, True, False, True, True]), None)
+    assert found.left_out == {scene.views.name[3]: "not registered"}
+    assert found.used.tolist() == [False, False, True, False, True, True]
 
 
 def test_names_that_cannot_be_held_out_are_refused():

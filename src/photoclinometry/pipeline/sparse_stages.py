@@ -191,7 +191,8 @@ def choose_views(
     where views are not checked.
     """
     names = posed.views.name
-    left_out = {names[k]: reason for k, reason in posed.sparse.value.why_unregistered().items()}
+    unregistered = posed.sparse.value.why_unregistered()
+    left_out = {names[k]: reason for k, reason in unregistered.items() if not held_out[k]}
     used = posed.without(held_out)
     if reflectance is None:
         return ChosenViews(used=used, left_out=left_out)
