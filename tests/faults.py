@@ -1177,7 +1177,7 @@ def others() -> Iterator[Fault]:
 def disks() -> Iterator[Fault]:
     row = rows("disk", code=1)
     large = "cannot be written: File too large; the file system or a limit forbids files of this size"
-    yield row("full at the first file of a run", RUN, f"map/run.json: {large}", disk=10)
+    yield row("full at the first file of a run", RUN, f"map/lock: {large}", disk=10)
     yield row("full at an export", f"{EXPORT} --products csv", f"out/landmarks.csv: {large}", disk=300)
     yield row("full at a page", "view mapped/run --no-browser", f"mapped/run/report/viewer.html: {large}", disk=300)
     yield row("full at a rendering", "render mapped/run --out a.fits", f"a.fits: {large}", disk=300)

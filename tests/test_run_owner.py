@@ -1,6 +1,7 @@
 """A run folder belongs to one site: another one is refused, or replaces what is there where that is asked for."""
 
 import json
+from contextlib import ExitStack
 from dataclasses import replace
 
 import pytest
@@ -8,7 +9,10 @@ import pytest
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import ImageError, RunFolderError
+from photoclinometry.pipeline import run_folder
 from photoclinometry.pipeline.run_folder import FORMAT, MARK, check_run, claimed_run, open_run
+from photoclinometry.pipeline.run_lock import locked
+from photoclinometry.pipeline.run_mark import owner_of_folder
 from photoclinometry.pipeline.run_owner import owner_of_model, owner_of_site
 from sites import picture, write_small_site
 
@@ -128,6 +132,31 @@ def test_a_damaged_owner_is_refused(site, tmp_path, owner):
     (tmp_path / "run" / MARK).write_text(json.dumps({"format": FORMAT, "version": "1", "owner": owner}))
     with pytest.raises(RunFolderError, match=rf"{MARK}: damaged"):
         check_run(tmp_path / "run", owner_of_site(site))
+
+
+@pytest.mark.parametrize(("looks", "begin"), [("check_run", claim), ("check_new", lambda folder, _: open_run(folder))])
+def test_of_two_runs_begun_together_the_second_leaves_the_mark_of_the_first(site, tmp_path, monkeypatch, looks, begin):
+    """The first begins when the second has found nothing there yet, as commands of an array of jobs do."""
+    look, first, folder = getattr(run_folder, looks), ExitStack(), tmp_path / "run"
+
+    def look_too_early(*given, **options):
+        look(*given, **options)
+        monkeypatch.setattr(run_folder, looks, look)
+        first.enter_context(claimed_run(folder, owner_of_site(site)))
+
+    monkeypatch.setattr(run_folder, looks, look_too_early)
+    with first, pytest.raises(RunFolderError, match="has been writing to this folder"):
+        begin(folder, site)
+    assert owner_of_folder(folder) == owner_of_site(site)
+
+
+def test_a_run_that_has_only_its_lock_is_in_use(site, tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    with locked(folder):
+        for look in (lambda: check_run(folder, owner_of_site(site)), lambda: open_run(folder)):
+            with pytest.raises(RunFolderError, match="has been writing to this folder"):
+                look()
 
 
 def test_a_model_and_a_site_do_not_share_a_folder(site, tmp_path):

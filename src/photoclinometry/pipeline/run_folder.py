@@ -10,12 +10,12 @@ import logging
 import shutil
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.atomic import atomic_path, unwritable
 from photoclinometry.io.options import write_options
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.owner import Owner
@@ -158,10 +158,9 @@ def claimed_run(
     """
     path = Path(path)
     check_run(path, owner, overwrite=overwrite)
-    if not (path / MARK).is_file():
-        write_mark(path)
-    with run_lock.locked(path), collected_warnings() as warned:
-        if must_clear(path, owner, overwrite):  # another run may have come first
+    with _locked(path), collected_warnings() as warned:
+        # Another run may have come first.
+        if (path / MARK).is_file() and must_clear(path, owner, overwrite):
             clear(path)
         write_mark(path, owner)
         yield RunFolder(path, progress, warned=warned)
@@ -170,11 +169,13 @@ def claimed_run(
 def check_run(path: Path, owner: Owner, *, overwrite: bool = False) -> None:
     """Raises RunFolderError where `claimed_run` would, but for what shows only in writing. Changes nothing."""
     path = Path(path)
-    if not (path / MARK).is_file():
+    marked = (path / MARK).is_file()
+    if not marked:
         check_new(path)
-        return
-    run_lock.check_lock(path)
-    must_clear(path, owner, overwrite)
+    if path.is_dir():
+        run_lock.check_lock(path)
+    if marked:
+        must_clear(path, owner, overwrite)
 
 
 def joined_run(path: Path, owner: Owner) -> RunFolder:
@@ -192,15 +193,37 @@ def joined_run(path: Path, owner: Owner) -> RunFolder:
 def open_run(path: Path, progress: Progress = no_progress) -> RunFolder:
     """The folder at `path`, made if it is new, neither locked nor of a certain site.
 
-    Raises RunFolderError for a folder that is not a run's, was made by another version, or cannot be written.
+    Raises RunFolderError for a folder that is not a run's, was made by another version, is just being marked by another
+    run, or cannot be written.
     """
     path = Path(path)
     if (path / MARK).is_file():
         check_format(path)
-    else:
-        check_new(path)
-        write_mark(path)
+        return RunFolder(path, progress)
+    check_new(path)
+    with _locked(path):
+        if not (path / MARK).is_file():  # another run may have come first
+            write_mark(path)
     return RunFolder(path, progress)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Holds the lock of the folder at `path` during the block. It is made if it is new, and goes again if it stays
+    empty. Raises RunFolderError as `run_lock.locked`."""
+    new: list[Path] = []
+    try:
+        new = [folder for folder in (path, *path.parents) if not folder.exists()]
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(path / MARK, error) from error
+    try:
+        with run_lock.locked(path):
+            yield
+    finally:
+        for folder in new:
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def adopt_stages(source: Path, target: Path, names: Sequence[str]) -> None:

@@ -50,9 +50,9 @@ def owner_of_folder(folder: Path) -> Owner | None:
 
 
 def check_new(path: Path) -> None:
-    """Raises RunFolderError where something that is not a run stands at `path`."""
+    """Raises RunFolderError where something that is not a run stands at `path`. A run that begins has only its lock."""
     try:
-        taken = path.exists() and (not path.is_dir() or any(path.iterdir()))
+        taken = path.exists() and (not path.is_dir() or not all(map(_is_of_a_beginning, path.iterdir())))
     except OSError as error:
         raise unwritable(path, error) from error
     if taken:
@@ -133,6 +133,11 @@ def _check_clearable(folder: Path) -> None:
     others = sorted(path.name for path in folder.iterdir() if path.name not in known and not _is_left_over(path))
     if others:
         raise RunFolderError(f"{folder}: holds {others[0]}, which no run wrote; move it, or choose another --out")
+
+
+def _is_of_a_beginning(path: Path) -> bool:
+    """Whether the file is there before the mark is."""
+    return path.name == run_lock.NAME or _is_left_over(path)
 
 
 def _is_left_over(path: Path) -> bool:
