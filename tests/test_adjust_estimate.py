@@ -10,7 +10,7 @@ from convergence import final_cost, random_start
 from estimate_starts import INDEPENDENT, anchors_around, start_of
 from matched import OPTIONS, Noise, matched_problem
 from photoclinometry.adjust import AdjustOptions, PosePriors, ScenePriors, SolverOptions, adjust
-from photoclinometry.model.errors import ReconstructionError
+from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_log
 from photoclinometry.model.reflectance import published
 from scenes import synthetic_scene
@@ -106,6 +106,12 @@ def test_too_little_to_estimate_is_refused(noisy):
     dark = replace(noisy, tracks=replace(noisy.tracks, lit=np.zeros(len(noisy.tracks), bool)))
     with pytest.raises(ReconstructionError, match="towards the Sun"):
         adjust(dark)
+
+
+def test_more_neighbours_than_there_are_landmarks_are_refused():
+    scene = synthetic_scene(size=4, views=3)
+    with pytest.raises(InputError, match=r"smooth-neighbours .*: 16 neighbours .*, and the map has 16 landmarks"):
+        adjust(scene, AdjustOptions(smooth_neighbours=16))
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ from photoclinometry.adjust.noise import Noise
 from photoclinometry.adjust.options import AdjustOptions
 from photoclinometry.adjust.scene_priors import ScenePriors
 from photoclinometry.adjust.tie_points import POSE_ONLY_STEP, Members
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Landmarks, Scene
 from photoclinometry.photometry.predict import BIAS_SIGMA, exposure_is_free
@@ -240,13 +241,21 @@ def _brightness(setup: Setup, reflectance: Reflectance, lit: np.ndarray, noise: 
 
 
 def smoothness_group(setup: Setup, landmarks: Landmarks, noise: Noise) -> Smoothness | None:
-    """Between neighbours of `landmarks`; it loosens with the correlation of brightness."""
-    options = setup.options
+    """Between neighbours of `landmarks`; it loosens with the correlation of brightness.
+
+    Raises InputError where the options ask for as many neighbours as there are landmarks, or more.
+    """
+    options, count = setup.options, setup.members.count
     if setup.reflectance is None or options.smooth_sigma_rad <= 0 or options.smooth_neighbours == 0:
         return None
+    if options.smooth_neighbours >= count:
+        raise InputError(
+            f"--adjust.smooth-neighbours (smooth_neighbours=): {options.smooth_neighbours} neighbours of each, "
+            f"and the map has {count} landmarks; give fewer, or a larger region"
+        )
     looser = setup.correlation(noise.brightness_correlation_px) / BALANCED_CORRELATION_PX
     nearest = NEAREST_NEIGHBOUR * setup.scene.spacing
-    pairs = neighbour_pairs(landmarks.position, setup.members.count, options.smooth_neighbours, nearest)
+    pairs = neighbour_pairs(landmarks.position, count, options.smooth_neighbours, nearest)
     if setup.without_smooth_errors:
         bend = bend_between(pairs, landmarks.position, landmarks.normal)
         return Smoothness(pairs, BENT_SMOOTHNESS * options.smooth_sigma_rad * max(looser, 1.0), bend)
