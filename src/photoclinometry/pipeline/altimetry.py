@@ -20,16 +20,12 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.pose_priors import changes_beside_priors
 from photoclinometry.registration.alignment import transform_scene
-from photoclinometry.registration.altimetry import shift_to_altimetry
+from photoclinometry.registration.altimetry import REACH, shift_to_altimetry
 
 log = logging.getLogger(__name__)
 
 FILE = "altimetry.csv"
 """All shots on the map in the run folder: how far each is off, and whether it was used."""
-
-BEYOND = 0.75
-"""Shots this share of the map's width away from it may still come to lie on it, as its frame gets better: so far
-`registration.altimetry` looks for them."""
 
 FEW_SHOTS = 3
 """So many shots may lie within the distance between two landmarks."""
@@ -48,7 +44,8 @@ does, and ground that is steeper than the map's landmarks tell apart leaves a fe
 
 
 def tracks_over(scene: Scene, tracks: AltimeterTracks) -> AltimeterTracks | None:
-    """The shots over a scene in their frame, with their tracks alone.
+    """The shots over a scene in their frame, or so near that they may yet come to lie on it as its frame gets better
+    (REACH of `registration.altimetry`), with their tracks alone.
 
     None where there are none, or where all lie on one landmark, as kilometres do that are called metres.
     """
@@ -56,7 +53,7 @@ def tracks_over(scene: Scene, tracks: AltimeterTracks) -> AltimeterTracks | None
 
     ground = scene.landmarks.position
     width = float(np.max(np.ptp(ground, axis=0)))
-    near = np.isfinite(KDTree(ground).query(tracks.position, distance_upper_bound=BEYOND * width)[0])
+    near = np.isfinite(KDTree(ground).query(tracks.position, distance_upper_bound=REACH * width)[0])
     if not near.any():
         return None
     if np.count_nonzero(near) > FEW_SHOTS and np.max(np.ptp(tracks.position[near], axis=0)) < scene.spacing:
