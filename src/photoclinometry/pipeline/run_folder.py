@@ -24,7 +24,7 @@ from photoclinometry.model.warning import Warned, collected_warnings, distinct
 from photoclinometry.pipeline import run_lock
 from photoclinometry.pipeline.memory import give_back_memory, peak_memory_gb
 from photoclinometry.pipeline.records import has_record, read_record, write_record
-from photoclinometry.pipeline.run_mark import FORMAT, MARK, check_format, check_new, clear, must_clear, write_mark
+from photoclinometry.pipeline.run_mark import FORMAT, MARK, check_format, check_new, clear, to_be_cleared, write_mark
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools
 
 __all__ = [
@@ -160,7 +160,7 @@ def claimed_run(
     check_run(path, owner, overwrite=overwrite)
     with _locked(path), collected_warnings() as warned:
         # Another run may have come first.
-        if (path / MARK).is_file() and must_clear(path, owner, overwrite):
+        if (path / MARK).is_file() and to_be_cleared(path, owner, overwrite):
             clear(path)
         write_mark(path, owner)
         yield RunFolder(path, progress, warned=warned)
@@ -175,7 +175,7 @@ def check_run(path: Path, owner: Owner, *, overwrite: bool = False) -> None:
     if path.is_dir():
         run_lock.check_lock(path)
     if marked:
-        must_clear(path, owner, overwrite)
+        to_be_cleared(path, owner, overwrite)
 
 
 def joined_run(path: Path, owner: Owner) -> RunFolder:
@@ -186,7 +186,7 @@ def joined_run(path: Path, owner: Owner) -> RunFolder:
     path = Path(path)
     if not (path / MARK).is_file():
         raise RunFolderError(f"{path}: no plan was made there; {PLAN_FIRST}")
-    must_clear(path, owner, overwrite=False)
+    to_be_cleared(path, owner, overwrite=False)
     return RunFolder(path)
 
 

@@ -66,7 +66,7 @@ def check_format(folder: Path) -> None:
         raise RunFolderError(_of_other_format(folder, content))
 
 
-def must_clear(folder: Path, owner: Owner, overwrite: bool) -> bool:
+def to_be_cleared(folder: Path, owner: Owner, overwrite: bool) -> bool:
     """Whether the run folder holds something else than runs of `owner`, and may be cleared of it.
 
     A folder without results is nobody's: a run that ended because of its images may go on with corrected ones.
