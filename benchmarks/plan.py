@@ -25,7 +25,6 @@ import tyro
 
 import photoclinometry as pcm
 from photoclinometry.evaluate.sigmas import landmark_sigmas
-from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.json_file import write_json
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.pose_prior import PosePrior
@@ -117,7 +116,7 @@ def mapped(folder: Path, case: Case) -> tuple[Path, Path]:
     if not (run / "evaluation" / "evaluation.json").is_file():
         pcm.run(site, run, options=case.run)
         metrics = pcm.evaluate(run, truth=site.parent / "truth.h5", images=False).metrics
-        write_json(run / "evaluation" / "evaluation.json", json_numbers(metrics))
+        write_json(run / "evaluation" / "evaluation.json", metrics)
     return site, run
 
 

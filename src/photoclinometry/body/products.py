@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -21,9 +20,8 @@ from photoclinometry.body.tile import BodyModel
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.body.trust import MOST_TILES, why_untrusted
 from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
-from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.evaluate.verdict import verdict_of, why_body_with_care
-from photoclinometry.io.atomic import write_text
+from photoclinometry.io.json_file import write_json
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
 from photoclinometry.matching.triangulation import triangulate_tracks
@@ -111,7 +109,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     shape = shape_model(surface, model.unit)
     metrics, warnings = _metrics(model, made), _of_the_body(folder.warnings, model, made.placed)
     distrust = why_untrusted([tile.value for tile in made.tiles], made.renderings.explained, warnings)
-    rows, views = ([json_numbers(row) for row in each] for each in (_tile_rows(model, made), _view_rows(model, made)))
+    rows, views = _tile_rows(model, made), _view_rows(model, made)
     care = tuple(why_body_with_care(metrics, rows, views_per_vertex(shape)))
     verdict = verdict_of(distrust, warnings, care)
     with folder.timed("products"):
@@ -137,13 +135,13 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
         "not_trusted_because": list(distrust),
         "care": list(care),
         "warnings": [warned.as_row() for warned in warnings],
-        "metrics": json_numbers(metrics),
+        "metrics": metrics,
         "reflectance": reflectance_json(viewed.reflectance),
         "tiles": rows,
         "views": views,
         "stages": [asdict(cost) for cost in folder.costs],
     }
-    write_text(folder.path / "metrics.json", json.dumps(document, indent=2) + "\n")
+    write_json(folder.path / "metrics.json", document, indent=2)
     log_verdict(verdict, (*distrust, *care))
     return BodyResult(
         folder=folder.path,

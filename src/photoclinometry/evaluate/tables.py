@@ -80,18 +80,6 @@ def grouped(value: float, decimals: int) -> str:
     return f"{value:,.{max(0, decimals)}f}".replace(",", "\u202f")
 
 
-def json_numbers(metrics: Mapping[str, float | None]) -> dict[str, float | None]:
-    """The metrics for JSON, which has no infinity and no NaN: these become null."""
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in metrics.items()
-    }
-
-
-def json_rows(rows: Mapping[str, Mapping[str, float | None]]) -> dict[str, dict[str, float | None]]:
-    """`json_numbers` of each row, by its name."""
-    return {name: json_numbers(metrics) for name, metrics in rows.items()}
-
-
 def markdown(metrics: Mapping[str, float], title: str) -> str:
     """The metrics as a Markdown page of two tables."""
     spreads, singles = metric_rows(metrics)

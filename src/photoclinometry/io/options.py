@@ -1,7 +1,8 @@
-"""The options of a run or a study as a TOML file."""
+"""The options of a run or a study in files: TOML, and JSON."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,17 @@ def write_options(path: Path, options: Mapping[str, Any]) -> None:
     import tomli_w
 
     write_text(path, tomli_w.dumps(_plain({"version": __version__, **options})))
+
+
+def options_for_json(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options with "inf", as one types it, for an infinite one: JSON has no infinity, and null is left out."""
+    return {key: _typed(value) for key, value in options.items()}
+
+
+def _typed(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return options_for_json(value)
+    return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
 def _plain(value: Any) -> Any:

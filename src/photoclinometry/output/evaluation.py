@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from photoclinometry.evaluate.compare import Comparison
 from photoclinometry.evaluate.evaluation import Evaluation
-from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path, write_text
+from photoclinometry.io.json_file import write_json
 from photoclinometry.io.similarity import write_similarity
 
 
@@ -22,7 +21,7 @@ def write_evaluation(folder: Path | str, evaluation: Evaluation, *, maps: bool =
         write_similarity(folder / "reference_from_scene.toml", evaluation.metres_from_scene)
     if maps and evaluation.comparison is not None:
         draw_differences(folder / "maps", evaluation.comparison)
-    write_text(folder / "evaluation.json", json.dumps(json_numbers(evaluation.metrics), indent=2) + "\n")
+    write_json(folder / "evaluation.json", evaluation.metrics, indent=2)
     write_text(folder / "evaluation.md", evaluation.markdown())
 
 

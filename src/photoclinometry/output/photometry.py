@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from photoclinometry.evaluate.model_ranking import ModelFit, ModelRanking
-from photoclinometry.evaluate.tables import json_numbers
-from photoclinometry.io.atomic import atomic_path, write_text
+from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.json_file import write_json
 
 
 def write_photometry(folder: Path | str, ranking: ModelRanking) -> None:
@@ -18,7 +17,7 @@ def write_photometry(folder: Path | str, ranking: ModelRanking) -> None:
     folder = Path(folder)
     with atomic_path(folder / "photometry.png") as work:
         draw_photometry(work, ranking)
-    write_text(folder / "photometry.json", json.dumps(document(ranking), indent=2) + "\n")
+    write_json(folder / "photometry.json", document(ranking), indent=2)
 
 
 def document(ranking: ModelRanking) -> dict[str, Any]:
@@ -39,11 +38,11 @@ def _row(ranking: ModelRanking, fit: ModelFit) -> dict[str, Any]:
         "level_percent": fit.level_percent,
         "as_good_as_the_best": ranking.is_as_good(fit),
         "parameters": [
-            json_numbers({"value": float(value), "sigma": float(sigma)}) | {"name": name, "determined": bool(known)}
+            {"value": float(value), "sigma": float(sigma), "name": name, "determined": bool(known)}
             for name, value, sigma, known in rows
         ],
         "views": [
-            json_numbers({"error_percent": 100.0 * float(error)}) | {"name": name}
+            {"error_percent": 100.0 * float(error), "name": name}
             for name, error in zip(ranking.views, fit.error, strict=True)
         ],
     }

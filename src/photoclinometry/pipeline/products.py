@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -255,8 +254,7 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
 
 
 def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> None:
-    from photoclinometry.evaluate.tables import json_numbers
-    from photoclinometry.io.atomic import write_text
+    from photoclinometry.io.json_file import write_json
 
     content = {
         "verdict": tables.verdict,
@@ -264,12 +262,12 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
         "not_trusted_because": list(tables.distrust),
         "care": list(tables.care),
         "warnings": [warned.as_row() for warned in tables.warnings],
-        "metrics": json_numbers(tables.metrics),
+        "metrics": tables.metrics,
         "diagnosis": tables.diagnosis,
         "views": tables.views,
         "left_out": [{"name": name, "reason": reason} for name, reason in summary.left_out.items()],
         "brought_in": [{"name": name, "by": way} for name, way in summary.brought_in.items()],
-        "relighting_iterations": [json_numbers(figures.as_row()) for figures in summary.iterations],
+        "relighting_iterations": [figures.as_row() for figures in summary.iterations],
         "frame": summary.adjustment.scene.frame,
         "pose_priors": tables.pose_priors,
         "control_points": tables.control,
@@ -277,7 +275,7 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
         "stages": [asdict(cost) for cost in folder.costs],
         "message": summary.adjustment.message,
     }
-    write_text(folder.path / "metrics.json", json.dumps(content, indent=2) + "\n")
+    write_json(folder.path / "metrics.json", content, indent=2)
 
 
 def _frame_metrics(covariance: np.ndarray) -> dict[str, float]:

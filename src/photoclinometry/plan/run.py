@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.geometry import angle_between, unit
 from photoclinometry.model.progress import Progress, no_progress
@@ -73,8 +72,8 @@ class Plan:
         return {
             "name": self.name,
             "place": {
-                "lon_deg": _finite(planned.place.lon_deg),
-                "lat_deg": _finite(planned.place.lat_deg),
+                "lon_deg": planned.place.lon_deg,
+                "lat_deg": planned.place.lat_deg,
                 "position_m": planned.place.position.tolist(),
                 "normal": planned.place.normal.tolist(),
             },
@@ -82,8 +81,8 @@ class Plan:
             "region_px": planned.region_px,
             "map_px": self.options.patch_px,
             "last_estimate": "images" if self.forecast.direct else "matches",
-            "sigmas": json_numbers(self.sigmas),
-            "light": json_numbers(self.light),
+            "sigmas": self.sigmas,
+            "light": self.light,
             "views": [
                 {"name": name, **view_angles(views, k), "shows_map": name in shown} for k, name in enumerate(views.name)
             ],
@@ -151,7 +150,3 @@ def _spread(direction: np.ndarray) -> float:
     """RMS angle of unit vectors (K, 3) from their mean [deg]."""
     off = angle_between(direction, unit(direction.mean(0)))
     return float(np.degrees(np.sqrt(np.mean(off**2))))
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -10,7 +10,6 @@ from typing import Any, Literal, get_args
 
 from photoclinometry.evaluate.same_site import read_truth_of
 from photoclinometry.evaluate.spread import Table
-from photoclinometry.evaluate.tables import json_rows
 from photoclinometry.io import run_files
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.json_file import write_json
@@ -188,7 +187,7 @@ def _write(comparison: RivalComparison, problem: Problem, masks: Sequence[Any]) 
     content = {
         "views": list(problem.scene.views.name),
         "held_out": [] if problem.held_out is None else list(problem.held_out.name),
-        "figures": json_rows(comparison.figures),
+        "figures": comparison.figures,
         "history": {outcome.name: list(outcome.history) for outcome in comparison.outcomes if len(outcome.history)},
     }
     write_json(comparison.folder / "rivals.json", content)

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from photoclinometry import __version__
-from photoclinometry.evaluate.tables import json_numbers, json_rows
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.json_file import write_json
+from photoclinometry.io.options import options_for_json
 from photoclinometry.simulate.presets import named_preset
 from photoclinometry.study.figures import CELL_FIGURES, COUNTERPART, draw_heights, draw_scales
 from photoclinometry.study.plan import GEOMETRY, StudyOptions
@@ -31,7 +31,7 @@ def write_page(out: Path, options: StudyOptions, records: Sequence[Record]) -> P
     write_text(out / "study.md", "\n".join(lines).rstrip() + "\n")
     content = {
         "version": __version__,
-        "options": asdict(options),
+        "options": options_for_json(asdict(options)),
         "tables": [table.as_dict() for table in found],
         "cells": [_as_dict(record) for record in records],
     }
@@ -85,5 +85,5 @@ def _as_dict(record: Record) -> dict[str, Any]:
     cell = record.cell
     s = cell.simulation
     about = {"preset": s.preset, "lighting": s.lighting, "surface": cell.surface, "seed": s.seed, "model": cell.model}
-    results = {"metrics": json_numbers(record.metrics), "rivals": json_rows(record.rivals)}
+    results = {"metrics": record.metrics, "rivals": record.rivals}
     return {**about, "failure": record.failure or None, **results}

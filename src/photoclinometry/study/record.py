@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.evaluate.compare import Comparison, evaluate_against_truth
-from photoclinometry.evaluate.tables import json_numbers, json_rows
 from photoclinometry.io.arrays import read_arrays, write_arrays
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.json_file import read_json, write_json
@@ -58,7 +57,7 @@ def measure(cell: Cell, result: RunResult, truth: Truth) -> tuple[Record, Compar
 
 def write_record(folder: Path, record: Record, key: str, draw: Callable[[Path], object] | None = None) -> None:
     """The record as a folder that appears whole; draw(folder) adds figures. Raises RunFolderError."""
-    results = {"metrics": json_numbers(record.metrics), "rivals": json_rows(record.rivals)}
+    results = {"metrics": record.metrics, "rivals": record.rivals}
     content = {"key": key, "failure": record.failure, **results}
     with atomic_path(folder) as work:
         work.mkdir()

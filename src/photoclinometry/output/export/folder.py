@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -10,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from photoclinometry import __version__
-from photoclinometry.io.atomic import atomic_path, write_text
-from photoclinometry.io.json_file import parse_json
+from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.json_file import parse_json, write_json
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.owner import Owner, read_owner
 from photoclinometry.model.warning import warn
@@ -60,7 +59,7 @@ def write_export(
             "files": files,
             "left_out": missing,
         }
-        write_text(temporary / MANIFEST, json.dumps(content, indent=1, default=str) + "\n")
+        write_json(temporary / MANIFEST, content)
     return content
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.evaluate.tables import json_numbers
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.json_file import write_json
 from photoclinometry.model.scene import Image
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.model.warning import Warned
@@ -75,10 +74,10 @@ def write_body_report(
         html = page.page(f"{content.name}: the whole body", _subtitle(body), sections)
         (work / "index.html").write_text(html, encoding="utf-8")
         summary = {
-            "metrics": json_numbers(content.metrics),
+            "metrics": content.metrics,
             "warnings": [warned.line for warned in content.warnings],
         }
-        (work / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        write_json(work / "summary.json", summary, indent=2)
     return Path(folder) / "index.html"
 
 

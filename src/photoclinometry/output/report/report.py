@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,9 +12,10 @@ import numpy as np
 
 from photoclinometry.evaluate.diagnosis import diagnosis
 from photoclinometry.evaluate.evaluate import evaluate_scene, view_table
-from photoclinometry.evaluate.tables import json_numbers, number, split_unit, words
+from photoclinometry.evaluate.tables import number, split_unit, words
 from photoclinometry.evaluate.unreliable import known_sigmas
 from photoclinometry.io.atomic import atomic_path
+from photoclinometry.io.json_file import write_json
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED, Image, Scene
 from photoclinometry.output.report import page
@@ -112,7 +112,7 @@ def write_report(
             sections.append(page.options_section(content.options))
         html = page.page(scene.name, _subtitle(scene), sections)
         (work / "index.html").write_text(html, encoding="utf-8")
-        (work / "summary.json").write_text(json.dumps(json_numbers(metrics), indent=2) + "\n", encoding="utf-8")
+        write_json(work / "summary.json", metrics, indent=2)
     log.info("report: %s", folder / "index.html")
     return folder / "index.html"
 

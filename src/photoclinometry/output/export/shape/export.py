@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.io.options import options_for_json
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES, Similarity
 from photoclinometry.model.owner import Owner
@@ -75,7 +76,7 @@ def export_shape(
     about = {
         "body": options.body,
         "frame": _frame_words(placed),
-        "options": asdict(options) | asdict(shape_options),
+        "options": options_for_json(asdict(options) | asdict(shape_options)),
         "not_possible": {} if options.products else _not_possible(placed),
     }
     owner = owner or Owner("body", name, options.body, "", ())

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from photoclinometry.io.atomic import write_text
+from photoclinometry.io.json_file import write_json
 from photoclinometry.output.export.shape.placed import PlacedShape
 from photoclinometry.surface.mass_properties import MassProperties
 
@@ -48,7 +47,7 @@ def write_properties(folder: Path, placed: PlacedShape, products: tuple[str, ...
         content["spin_rate_rad_s"] = placed.spin
         assert placed.gravity is not None
         content["reference_potential_J_kg"] = placed.gravity.reference
-    write_text(folder / "properties.json", json.dumps(content, indent=1) + "\n")
+    write_json(folder / "properties.json", content)
     return {"properties.json": "volume, area, centre of mass and inertia, with standard deviations"}
 
 
