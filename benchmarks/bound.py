@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.evaluate.evaluate import held_out_table, view_psnr
-from photoclinometry.io import held_out as held_out_file
-from photoclinometry.io.run_files import read_run, run_images
+from photoclinometry.io.held_out import read_held_out
+from photoclinometry.io.run_files import HELD_OUT_FILE, read_run, run_images
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.reflectance import photometric_angles
@@ -126,7 +126,7 @@ def main(run: Path, site: Path) -> None:
         print(f"; {errors(map_, true)}" if map_ is fitted else "")
     if truth.photometry != scene.reflectance:
         print(f"fitted with the ground's own reflectance: {errors(with_reflectance_of_ground(ground, truth), ground)}")
-    held_out = held_out_file.read_held_out(run / held_out_file.NAME)
+    held_out = read_held_out(run / HELD_OUT_FILE)
     if held_out is not None:
         psnr = held_out_psnr(scene, held_out, run_images(site / "site.toml", held_out.name))
         as_is, best = psnr[len(BRIGHTER) // 2].mean(), psnr.max(0).mean()

@@ -18,8 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photoclinometry.evaluate.body_folder import is_body
-from photoclinometry.io.run_files import read_run, run_images, site_path
+from photoclinometry.io.run_files import is_body, read_run, run_images, site_path
 from photoclinometry.output.viewer import write_viewer
 from photoclinometry.photometry.render import render_view
 from photoclinometry.surface.relief import local_frame, sun_from_angles

@@ -13,6 +13,7 @@ from photoclinometry.body.options import BodyOptions, TilePlanOptions
 from photoclinometry.body.run import map_body, map_one_tile, owner_of_body, plan_body
 from photoclinometry.cli import main
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
+from photoclinometry.io.run_files import PRODUCTS
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Similarity
@@ -21,7 +22,7 @@ from photoclinometry.model.warning import MANY_ALIKE
 from photoclinometry.output.viewer.run_page import run_page
 from photoclinometry.pipeline.records import write_record
 from photoclinometry.pipeline.run_folder import check_run, claimed_run
-from photoclinometry.pipeline.run_mark import MARK, PRODUCTS
+from photoclinometry.pipeline.run_mark import MARK
 from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.registration.alignment import refine_on_surface
 from photoclinometry.registration.closest_points import MeshSurface

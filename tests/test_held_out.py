@@ -11,7 +11,8 @@ from photoclinometry.adjust import AdjustOptions
 from photoclinometry.cli import main
 from photoclinometry.evaluate.evaluate import evaluate_scene, held_out_table, view_psnr
 from photoclinometry.evaluate.held_out import held_out_mask, held_out_views, resect, resect_views
-from photoclinometry.io.held_out import NAME, read_held_out, write_held_out
+from photoclinometry.io.held_out import read_held_out, write_held_out
+from photoclinometry.io.run_files import HELD_OUT_FILE
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.flow import FlowMatcher
 from photoclinometry.model.errors import InputError, RunFolderError
@@ -175,16 +176,16 @@ def test_names_that_cannot_be_held_out_are_refused():
 
 def test_held_out_views_are_kept_exactly(tmp_path):
     views = synthetic_scene(size=4).views[[1, 3]]
-    write_held_out(tmp_path / NAME, views)
-    found = read_held_out(tmp_path / NAME)
+    write_held_out(tmp_path / HELD_OUT_FILE, views)
+    found = read_held_out(tmp_path / HELD_OUT_FILE)
     assert found.name == views.name
     assert found.cameras == views.cameras
     np.testing.assert_array_equal(found.body_from_cam.rotation, views.body_from_cam.rotation)
     np.testing.assert_array_equal(found.sun, views.sun)
     assert read_held_out(tmp_path / "none.json") is None
-    (tmp_path / NAME).write_text('{"name": ["a"]}')
+    (tmp_path / HELD_OUT_FILE).write_text('{"name": ["a"]}')
     with pytest.raises(RunFolderError, match="damaged"):
-        read_held_out(tmp_path / NAME)
+        read_held_out(tmp_path / HELD_OUT_FILE)
 
 
 def test_a_run_holds_views_out_and_evaluates_on_them(mapped, tmp_path, no_figures, photometry_as_stated):

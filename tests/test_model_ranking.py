@@ -14,6 +14,7 @@ from photoclinometry.adjust.graph.sun_directions import common_turns
 from photoclinometry.cli import main
 from photoclinometry.evaluate.cross_validation import Predictions, is_larger
 from photoclinometry.evaluate.model_ranking import RankingOptions, rank_models
+from photoclinometry.io.run_files import PRODUCTS
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.progress import no_progress
@@ -21,7 +22,6 @@ from photoclinometry.model.reflectance import published
 from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import ChooseModel
-from photoclinometry.pipeline.run_mark import PRODUCTS
 from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
 

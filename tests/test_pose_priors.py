@@ -10,7 +10,8 @@ from drawn_priors import priors_of, with_priors
 from matched import OPTIONS, matched_problem
 from photoclinometry.adjust import PosePriors, ScenePriors, adjust
 from photoclinometry.evaluate.compare import evaluate_against_truth
-from photoclinometry.io.held_out import NAME, read_held_out
+from photoclinometry.io.held_out import read_held_out
+from photoclinometry.io.run_files import HELD_OUT_FILE
 from photoclinometry.io.scene_file import read_scene
 from photoclinometry.io.site import read_site
 from photoclinometry.matching.densify import DensifyOptions
@@ -255,7 +256,7 @@ def test_a_view_held_out_is_placed_in_the_frame_of_the_priors(mapped, known, tmp
         folder,
         RunOptions(hold_out=(aside,), matcher="flow", densify=few),
     )
-    [pose], truth = read_held_out(folder / NAME).body_from_cam, read_truth(mapped.truth).views
+    [pose], truth = read_held_out(folder / HELD_OUT_FILE).body_from_cam, read_truth(mapped.truth).views
     true = truth.body_from_cam[truth.name.index(aside)]
     # The sparse poses are off by some tenths of a degree, seen from 630 km.
     assert np.linalg.norm(pose.translation - true.translation) < 2e-2 * np.linalg.norm(true.translation)

@@ -10,13 +10,12 @@ from typing import Any
 from photoclinometry.adjust import Adjustment, AdjustOptions, Iteration
 from photoclinometry.adjust import adjust as _adjust
 from photoclinometry.api.given import given_folder, given_scene, scene_at
-from photoclinometry.evaluate.body_folder import evaluate_body, is_body
+from photoclinometry.evaluate.body_folder import evaluate_body
 from photoclinometry.evaluate.evaluation import Evaluation, evaluate_map
 from photoclinometry.evaluate.model_ranking import ModelRanking, RankingOptions, rank_models
 from photoclinometry.evaluate.same_site import read_truth_of
 from photoclinometry.io import run_files, scene_file
 from photoclinometry.io import site as site_file
-from photoclinometry.io.held_out import NAME as HELD_OUT_FILE
 from photoclinometry.io.held_out import read_held_out
 from photoclinometry.io.models.colmap import read_colmap
 from photoclinometry.io.reference import Reference, read_reference, scene_as_reference
@@ -268,7 +267,7 @@ def evaluate(
     Raises:
         InputError: Files are missing or damaged, do not belong together, or both truth and reference are given.
     """
-    if isinstance(scene, (str, Path)) and is_body(Path(scene)):
+    if isinstance(scene, (str, Path)) and run_files.is_body(Path(scene)):
         if cameras is not None or site is not None or isinstance(reference, Scene):
             raise InputError(f"{scene} holds a whole body: cameras, a site and the map of a place say nothing of it")
         return evaluate_body(Path(scene), truth=truth, reference=reference, unit=unit)
@@ -379,7 +378,7 @@ def _images(scene: Scene, folder: Path | None, site: str | Path | None) -> tuple
     given = None if site is None else Path(site)
     if folder is None:
         return (None if given is None else run_files.run_images(given, scene.views.name)), None
-    held_out = read_held_out(folder / HELD_OUT_FILE)
+    held_out = read_held_out(folder / run_files.HELD_OUT_FILE)
     names = scene.views.name + (held_out.name if held_out else ())
     return run_files.run_images(run_files.site_path(folder, given), names), held_out
 

@@ -19,11 +19,11 @@ from photoclinometry.body.surface_figures import surface_figures
 from photoclinometry.body.tile import BodyModel
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.body.trust import MOST_TILES, why_untrusted
-from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.evaluate.verdict import verdict_of, why_body_with_care
 from photoclinometry.io.json_file import write_json
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
+from photoclinometry.io.run_files import BODY_FILE, METRICS_FILE, POSES_FOLDER, REPORT_FOLDER
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import Reflectance
@@ -128,7 +128,8 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
             distrust=distrust,
             care=care,
         )
-        page = write_body_report(folder.path / "report", viewed, surface.step, content, model.posed.inputs.value.images)
+        images = model.posed.inputs.value.images
+        page = write_body_report(folder.path / REPORT_FOLDER, viewed, surface.step, content, images)
     document = {
         "verdict": verdict,
         "trusted": not distrust,
@@ -141,7 +142,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
         "views": views,
         "stages": [asdict(cost) for cost in folder.costs],
     }
-    write_json(folder.path / "metrics.json", document, indent=2)
+    write_json(folder.path / METRICS_FILE, document, indent=2)
     log_verdict(verdict, (*distrust, *care))
     return BodyResult(
         folder=folder.path,

@@ -16,6 +16,7 @@ from photoclinometry.body.plan import Tile, TilePlan
 from photoclinometry.body.sparse import PoseCovariances
 from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints, tile_map
 from photoclinometry.io.atomic import unwritable
+from photoclinometry.io.run_files import TILES_FOLDER
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
@@ -72,7 +73,7 @@ class BodyModel:
 
 def tile_folder(body: Path, number: int) -> Path:
     """The run folder of a tile."""
-    return Path(body) / "tiles" / f"{number:04d}"
+    return Path(body) / TILES_FOLDER / f"{number:04d}"
 
 
 def tile_site(model: BodyModel, tile: Tile) -> Site:
@@ -141,7 +142,7 @@ def remove_tiles_from(body: Path, first: int) -> None:
 
     Raises RunFolderError where a process still maps one of them, or it cannot be removed.
     """
-    for path in sorted((*(body / "tiles").glob("*"), *(body / "stages").glob("tile_*"))):
+    for path in sorted((*(body / TILES_FOLDER).glob("*"), *(body / "stages").glob("tile_*"))):
         number = path.stem.removeprefix("tile_")
         if not number.isdigit() or int(number) < first:
             continue

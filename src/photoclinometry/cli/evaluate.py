@@ -43,10 +43,11 @@ def evaluate(
         out: Folder for the files. Default: evaluation/ in the run folder.
     """
     import photoclinometry as pcm
+    from photoclinometry.io.run_files import EVALUATION_FOLDER
     from photoclinometry.output.evaluation import write_evaluation
 
     found = pcm.evaluate(run, truth=truth, reference=reference, cameras=cameras, unit=unit, site=site, images=images)
-    folder = out or run / "evaluation"
+    folder = out or run / EVALUATION_FOLDER
     write_evaluation(folder, found, maps=maps)
     show(found, folder)
     return found.metrics

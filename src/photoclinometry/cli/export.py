@@ -47,15 +47,15 @@ def export(
     from photoclinometry.io.meshes.shape_ply import read_shape_ply
     from photoclinometry.output.export import export_scene
     from photoclinometry.output.export.shape.export import (
-        body_file,
         check_no_shape_options,
         export_shape,
-        is_body,
+        is_shape,
+        shape_file,
     )
     from photoclinometry.pipeline.run_mark import owner_of_folder
 
-    if is_body(run):
-        path = body_file(run)
+    if is_shape(run):
+        path = shape_file(run)
         shape, owner = read_shape_ply(path), owner_of_folder(run)
         exported = export_shape(
             shape, out, options, body_options, name=path.name, path=path, owner=owner, overwrite=overwrite

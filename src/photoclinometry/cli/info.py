@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from photoclinometry.cli.columns import plain_number, short_names
-from photoclinometry.io.run_files import read_metrics, read_run
+from photoclinometry.io.run_files import BODY_FILE, METRICS_FILE, SCENE_FILE, is_body, is_map, read_metrics, read_run
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.scene import BODY_FIXED, SHARED
 from photoclinometry.model.warning import Warned, few_of_each
@@ -32,20 +32,17 @@ def info(path: Path, /) -> None:
     Args:
         path: A site.toml, a folder with one, a run folder, or the folder of a whole body.
     """
-    from photoclinometry.evaluate.body_folder import is_body
-
     if path.is_file():
         show_site(path)
-    elif (path / "scene.h5").is_file():
+    elif is_map(path):
         show_run(path)
     elif is_body(path):
         show_body(path)
     elif (path / "site.toml").is_file():
         show_site(path / "site.toml")
     else:
-        found = (
-            "the folder holds none of site.toml, scene.h5 and body.ply" if path.is_dir() else "no such file or folder"
-        )
+        none = f"the folder holds none of site.toml, {SCENE_FILE} and {BODY_FILE}"
+        found = none if path.is_dir() else "no such file or folder"
         raise InputError(f"{path}: {found}; give a site.toml or the folder of a finished run or body")
 
 
@@ -181,7 +178,7 @@ def show_body(body: Path) -> None:
 
     console, content = Console(highlight=False), read_metrics(body)
     metrics = content.get("metrics", {})
-    told = f"{metrics['facets']:,.0f} facets" if "facets" in metrics else "without metrics.json"
+    told = f"{metrics['facets']:,.0f} facets" if "facets" in metrics else f"without {METRICS_FILE}"
     console.print(f"[bold]{body.resolve().name}[/bold]: a whole body, {told}")
     _show_figures(console, content, few_of_each(_warnings(content)))
 

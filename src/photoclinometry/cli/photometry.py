@@ -35,11 +35,12 @@ def photometry(
 
     import photoclinometry as pcm
     from photoclinometry.cli.bars import progress_bars
+    from photoclinometry.io.run_files import PHOTOMETRY_FOLDER
     from photoclinometry.output.photometry import write_photometry
 
     with progress_bars(Console(stderr=True)) as progress:
         ranking = pcm.rank_reflectance(run, options=options, progress=progress)
-    folder = out or (run.parent if run.is_file() else run) / "photometry"
+    folder = out or (run.parent if run.is_file() else run) / PHOTOMETRY_FOLDER
     write_photometry(folder, ranking)
     show(ranking)
     Console(stderr=True).print(f"written: {folder}/photometry.json, .png", soft_wrap=True, highlight=False)

@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from photoclinometry.cli.site_path import site_file
+from photoclinometry.io.run_files import is_map
 from photoclinometry.rivals.compare import METHODS, Method, RivalOptions
 
 
@@ -70,7 +71,7 @@ def rivals(
 
 def _is_site(path: Path) -> bool:
     """Whether a path names a site, not a run."""
-    return path.suffix == ".toml" or ((path / "site.toml").is_file() and not (path / "scene.h5").is_file())
+    return path.suffix == ".toml" or ((path / "site.toml").is_file() and not is_map(path))
 
 
 def _mapped(path: Path, hold_out: tuple[str, ...]) -> Path:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from photoclinometry.cli.bars import Bars
 from photoclinometry.cli.stage_lines import StageLines, has_ended
+from photoclinometry.io.run_files import LOG_FILE
 from photoclinometry.pipeline.products import RunResult
 
 if TYPE_CHECKING:
@@ -72,9 +73,9 @@ class log_to:
         if not (self.out / MARK).is_file():
             open_run(self.out)
         try:
-            file = _LogFile(self.out / "log", self.mode, encoding="utf-8")
+            file = _LogFile(self.out / LOG_FILE, self.mode, encoding="utf-8")
         except OSError as error:
-            raise unwritable(self.out / "log", error) from error
+            raise unwritable(self.out / LOG_FILE, error) from error
         file.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
         terminal = _Terminal(self.console, self.bars)
         terminal.setLevel(logging.INFO)

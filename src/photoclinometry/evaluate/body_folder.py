@@ -14,7 +14,7 @@ from photoclinometry.evaluate.same_site import check_same_site
 from photoclinometry.io.ground import Mesh, read_ground
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.io.models.colmap import read_colmap
-from photoclinometry.io.run_files import site_path
+from photoclinometry.io.run_files import BODY_FILE, POSES_FOLDER, site_path
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
@@ -22,15 +22,8 @@ from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.registration.alignment import transform_poses
 from photoclinometry.simulate.bodies.truth import BodyTruth, read_body_truth
 
-BODY_FILE, POSES_FOLDER = "body.ply", "sparse"
-"""What a body's folder holds."""
 _PLACES = 2000
 """Places of the surface by which poses are compared."""
-
-
-def is_body(folder: Path) -> bool:
-    """Whether a folder holds the surface of a body."""
-    return (Path(folder) / BODY_FILE).is_file()
 
 
 def evaluate_body(

@@ -11,8 +11,6 @@ from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import VIEW_ARRAYS, Camera, Views
 
-NAME = "held_out.json"
-
 
 def write_held_out(path: Path, views: Views) -> None:
     """The views, exact to the last bit. Raises RunFolderError."""

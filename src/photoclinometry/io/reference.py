@@ -34,9 +34,10 @@ def read_reference(path: Path | str) -> Reference:
 
         return Reference(read_dtm_mesh(path))
     if suffix in (".h5", ".hdf5") or path.is_dir():
+        from photoclinometry.io.run_files import SCENE_FILE
         from photoclinometry.io.scene_file import read_scene
 
-        return scene_as_reference(read_scene(path / "scene.h5" if path.is_dir() else path))
+        return scene_as_reference(read_scene(path / SCENE_FILE if path.is_dir() else path))
     raise InputError(
         f"{path}: is not a map to compare with; give a .ply, a GeoTIFF (.tif), a run folder or its scene.h5"
     )

@@ -1,4 +1,7 @@
-"""The content of a finished run folder: its scene, its options, and the images that it was made from."""
+"""Run folders: the names of what lies in them, and what a finished one holds.
+
+The mark and the lock, which only `pipeline/` reads and writes, are named there (`pipeline.run_mark`, `run_lock`).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,43 @@ from typing import Any
 from photoclinometry.model.errors import ImageError, RunFolderError
 from photoclinometry.model.scene import Image, Scene
 
+SCENE_FILE = "scene.h5"
+"""The map of a place."""
+BODY_FILE = "body.ply"
+"""The surface of a whole body."""
+METRICS_FILE = "metrics.json"
+"""Verdict, warnings and figures."""
+CONFIG_FILE = "config.toml"
+"""What was mapped, and every option."""
+LANDMARKS_FILE = "landmarks.ply"
+"""The map as a mesh."""
+ALTIMETRY_FILE = "altimetry.csv"
+"""All shots of a laser altimeter on the map: how far each is off, and whether it was used."""
+HELD_OUT_FILE = "held_out.json"
+"""Views that were held out, placed in the map's frame."""
+LOG_FILE = "log"
+POSES_FOLDER = "sparse"
+"""The poses, with some points, as a COLMAP model."""
+REPORT_FOLDER = "report"
+MODEL_FOLDER = "model"
+"""The text model that `phomo refine` leaves."""
+TILES_FOLDER = "tiles"
+"""Run folders of a body's tiles, by their numbers."""
+STAGES_FOLDER = "stages"
+"""Results of finished stages."""
+EVALUATION_FOLDER, PHOTOMETRY_FOLDER, RIVALS_FOLDER = "evaluation", "photometry", "rivals"
+"""Of the commands of these names."""
+
+PRODUCTS = frozenset(
+    (
+        *(SCENE_FILE, BODY_FILE, METRICS_FILE, CONFIG_FILE, LANDMARKS_FILE, ALTIMETRY_FILE, HELD_OUT_FILE, LOG_FILE),
+        *(POSES_FOLDER, REPORT_FOLDER, MODEL_FOLDER, TILES_FOLDER, STAGES_FOLDER),
+        *(EVALUATION_FOLDER, PHOTOMETRY_FOLDER, RIVALS_FOLDER),
+    )
+)
+"""Everything that `phomo run`, `body`, `refine`, `evaluate`, `photometry` and `rivals` write into their folder, beside
+the mark and the lock."""
+
 _LARGEST_COUNT = 10**15
 """Greater whole numbers in metrics.json are damage: they may be too large for a float."""
 _LEAVE_OUT = "leave the images out (--no-images, images=False)"
@@ -16,13 +56,23 @@ _GIVE_SITE = f"give the site.toml of the run's images (--site, site=), or {_LEAV
 """To do where the images of a run are not at hand."""
 
 
+def is_map(folder: Path) -> bool:
+    """Whether a folder holds the map of a place."""
+    return (Path(folder) / SCENE_FILE).is_file()
+
+
+def is_body(folder: Path) -> bool:
+    """Whether a folder holds the surface of a whole body, and no map of a place."""
+    return (Path(folder) / BODY_FILE).is_file() and not is_map(folder)
+
+
 def read_run(run: Path) -> Scene:
     """The scene of a finished run. Raises RunFolderError."""
     from photoclinometry.io.scene_file import read_scene
 
-    path = run / "scene.h5"
+    path = run / SCENE_FILE
     if not path.is_file():
-        found = "no such folder" if not run.is_dir() else "the folder holds no scene.h5"
+        found = "no such folder" if not run.is_dir() else f"the folder holds no {SCENE_FILE}"
         raise RunFolderError(f"{run}: {found}; give a folder that `phomo run` has finished")
     return read_scene(path)
 
@@ -31,17 +81,17 @@ def read_config(run: Path) -> dict[str, Any]:
     """The options that the run recorded; empty if it has no config.toml. Raises RunFolderError."""
     from photoclinometry.io.toml_file import read_toml
 
-    path = run / "config.toml"
+    path = run / CONFIG_FILE
     if not path.is_file():
         return {}
-    return read_toml(path, "config.toml of a run", RunFolderError).content
+    return read_toml(path, f"{CONFIG_FILE} of a run", RunFolderError).content
 
 
 def read_metrics(run: Path) -> dict[str, Any]:
     """The figures and warnings that the run recorded; empty if it has no metrics.json. Raises RunFolderError."""
     from photoclinometry.io.json_file import read_json
 
-    path = run / "metrics.json"
+    path = run / METRICS_FILE
     if not path.is_file():
         return {}
     content = read_json(path)
@@ -59,9 +109,9 @@ def site_path(run: Path, given: Path | None = None) -> Path:
     """The site.toml of a run: as given, or as the run recorded it. Raises RunFolderError."""
     path = given or read_config(run).get("site")
     if path is None:
-        raise RunFolderError(f"{run}: config.toml does not name the site; {_GIVE_SITE}")
+        raise RunFolderError(f"{run}: {CONFIG_FILE} does not name the site; {_GIVE_SITE}")
     if not isinstance(path, (str, Path)):
-        raise RunFolderError(f"{run / 'config.toml'}: site: expected a path in quotes, found {path!r}; {_GIVE_SITE}")
+        raise RunFolderError(f"{run / CONFIG_FILE}: site: expected a path in quotes, found {path!r}; {_GIVE_SITE}")
     path = Path(path)
     if not path.is_file():
         raise RunFolderError(f"{path}: the site of the run is not there (any more); {_GIVE_SITE}")

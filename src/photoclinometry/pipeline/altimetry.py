@@ -12,6 +12,7 @@ import numpy as np
 
 from photoclinometry.adjust import AltimetryFit
 from photoclinometry.io.altimetry_csv import write_altimetry
+from photoclinometry.io.run_files import ALTIMETRY_FILE
 from photoclinometry.model.altimetry import AltimeterTracks
 from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.pose_prior import PosePrior
@@ -23,9 +24,6 @@ from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.registration.altimetry import REACH, shift_to_altimetry
 
 log = logging.getLogger(__name__)
-
-FILE = "altimetry.csv"
-"""All shots on the map in the run folder: how far each is off, and whether it was used."""
 
 FEW_SHOTS = 3
 """So many shots may lie within the distance between two landmarks."""
@@ -155,7 +153,7 @@ def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None
                 "altimetry-contradicts",
                 "%d of the %d shots of altimeter track %s lie too far off the map to be used; %s names them",
                 *(row[key] for key in ("left_out", "shots", "name")),
-                FILE,
+                ALTIMETRY_FILE,
             )
 
 
@@ -175,9 +173,12 @@ def _warn_of_scatter(rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def write_shots(folder: Path, fit: AltimetryFit | None) -> None:
-    """All shots on the map into FILE: the table as given, with what is found of each. Removes an older file."""
+    """All shots on the map into ALTIMETRY_FILE: the table as given, with what is found of each.
+
+    Removes an older file.
+    """
     if fit is None:
-        (folder / FILE).unlink(missing_ok=True)
+        (folder / ALTIMETRY_FILE).unlink(missing_ok=True)
         return
     met = fit.met
     own = replace(
@@ -188,7 +189,7 @@ def write_shots(folder: Path, fit: AltimetryFit | None) -> None:
         "off_sigmas": fit.off[met] / fit.stated_sigma[met],
         "used": fit.used[met].astype(int),
     }
-    write_altimetry(folder / FILE, own, found)
+    write_altimetry(folder / ALTIMETRY_FILE, own, found)
 
 
 def _rms(values: np.ndarray) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from photoclinometry.adjust import Adjustment
 from photoclinometry.evaluate.diagnosis import Diagnosis, diagnosis
 from photoclinometry.evaluate.verdict import verdict_of, why_with_care
+from photoclinometry.io.run_files import LANDMARKS_FILE, METRICS_FILE, POSES_FOLDER, REPORT_FOLDER, SCENE_FILE
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
@@ -150,9 +151,9 @@ def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
 
     adjustment, scene = summary.adjustment, summary.adjustment.scene
     with folder.timed("products"):
-        write_scene(folder.path / "scene.h5", scene)
-        write_ply(folder.path / "landmarks.ply", scene, mesh=True)
-        write_colmap(folder.path / "sparse", scene)
+        write_scene(folder.path / SCENE_FILE, scene)
+        write_ply(folder.path / LANDMARKS_FILE, scene, mesh=True)
+        write_colmap(folder.path / POSES_FOLDER, scene)
         write_shots(folder.path, adjustment.altimetry)
         tables = _tables(folder, summary)
     with folder.timed("report"):
@@ -250,7 +251,7 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         care=tables.care,
         diagnosis=tables.diagnosis,
     )
-    return report.write_report(folder.path / "report", summary.adjustment.scene, summary.images, content)
+    return report.write_report(folder.path / REPORT_FOLDER, summary.adjustment.scene, summary.images, content)
 
 
 def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> None:
@@ -275,7 +276,7 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
         "stages": [asdict(cost) for cost in folder.costs],
         "message": summary.adjustment.message,
     }
-    write_json(folder.path / "metrics.json", content, indent=2)
+    write_json(folder.path / METRICS_FILE, content, indent=2)
 
 
 def _frame_metrics(covariance: np.ndarray) -> dict[str, float]:

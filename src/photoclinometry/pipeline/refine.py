@@ -12,6 +12,7 @@ import numpy as np
 
 from photoclinometry.adjust import Adjustment, AdjustOptions
 from photoclinometry.io.models.text_model import TextModel, model_fingerprint, read_text_model, write_text_model
+from photoclinometry.io.run_files import MODEL_FOLDER
 from photoclinometry.io.site import DEFAULT_SUN_SIGMA_RAD
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
@@ -138,7 +139,7 @@ def refine(
         adjustment = folder.result_of(RefineModel(start=scene, options=options.adjust)).value
         with folder.timed("model"):
             write_text_model(
-                folder.path / "model",
+                folder.path / MODEL_FOLDER,
                 _with_albedo(adjustment.scene, 1.0 / start.albedo_unit),
                 image_id=start.model.image_id,
                 point_id=start.model.point_id,

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.evaluate.held_out import held_out_views
-from photoclinometry.io import held_out as held_out_file
+from photoclinometry.io.held_out import write_held_out
+from photoclinometry.io.run_files import HELD_OUT_FILE
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.progress import Progress, no_progress
@@ -110,12 +111,12 @@ def _place_held_out(
     folder: RunFolder, finished: Keyed[FinishedMap], posed: PosedImages, choices: Choices
 ) -> Views | None:
     """The views held out, placed in the map's frame, kept in held_out.json, too; None where there are none."""
-    file = folder.path / held_out_file.NAME
+    file = folder.path / HELD_OUT_FILE
     registered = np.flatnonzero(choices.held_out & posed.sparse.value.registered)
     if not len(registered):
         file.unlink(missing_ok=True)
         return None
     stage = PlaceHeldOutViews(finished=finished, posed=posed, held_out=registered, matcher=choices.relit_matcher)
     views = held_out_views(posed.views, folder.result_of(stage).value)
-    held_out_file.write_held_out(file, views)
+    write_held_out(file, views)
     return views

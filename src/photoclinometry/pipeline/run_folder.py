@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from photoclinometry.io.atomic import atomic_path, unwritable
 from photoclinometry.io.options import write_options
+from photoclinometry.io.run_files import CONFIG_FILE, STAGES_FOLDER
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.owner import Owner
 from photoclinometry.model.progress import Progress, no_progress
@@ -105,7 +106,7 @@ class RunFolder:
                 return Keyed(found.value, key)
             if stage.name in self.finished_by_others:
                 raise RunFolderError(f"{file}: not made yet, or of other options; {PLAN_FIRST}")
-            tools = Tools(progress=self.progress, scratch=self.path / "stages" / stage.file_name)
+            tools = Tools(progress=self.progress, scratch=self.path / STAGES_FOLDER / stage.file_name)
             with collected_warnings() as warned:
                 made = stage.make(tools)
             if not stage.kept:
@@ -140,10 +141,10 @@ class RunFolder:
 
     def write_config(self, config: Mapping[str, Any]) -> None:
         """config.toml: what was mapped, and every option, defaults included."""
-        write_options(self.path / "config.toml", config)
+        write_options(self.path / CONFIG_FILE, config)
 
     def _file(self, name: str) -> Path:
-        return self.path / "stages" / f"{name}.npz"
+        return self.path / STAGES_FOLDER / f"{name}.npz"
 
 
 @contextmanager
@@ -234,7 +235,7 @@ def adopt_stages(source: Path, target: Path, names: Sequence[str]) -> None:
     if source == target:
         return
     for name in names:
-        file, own = (folder / "stages" / f"{name}.npz" for folder in (source, target))
+        file, own = (folder / STAGES_FOLDER / f"{name}.npz" for folder in (source, target))
         if file.is_file() and not own.is_file():
             open_run(target)
             with atomic_path(own) as temporary:

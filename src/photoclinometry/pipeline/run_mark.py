@@ -11,6 +11,7 @@ from typing import Any
 from photoclinometry import __version__
 from photoclinometry.io.atomic import unwritable, write_text
 from photoclinometry.io.json_file import parse_json
+from photoclinometry.io.run_files import CONFIG_FILE, LOG_FILE, PRODUCTS, SCENE_FILE
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.owner import Owner, read_owner
 from photoclinometry.pipeline import run_lock
@@ -22,16 +23,7 @@ FORMAT = 1
 
 MARK = "run.json"
 
-PRODUCTS = frozenset(
-    (
-        *("altimetry.csv", "body.ply", "config.toml", "evaluation", "held_out.json", "landmarks.ply", "log"),
-        *("metrics.json", "model", "photometry", "report", "rivals", "scene.h5", "sparse", "stages", "tiles"),
-    )
-)
-"""Everything that `phomo run`, `body`, `refine`, `evaluate`, `photometry` and `rivals` write into their folder, beside
-MARK and the lock."""
-
-BEGUN = frozenset(("config.toml", "log"))
+BEGUN = frozenset((CONFIG_FILE, LOG_FILE))
 """What a run writes before its first stage."""
 
 
@@ -75,7 +67,7 @@ def to_be_cleared(folder: Path, owner: Owner, overwrite: bool) -> bool:
     content, found = _read_mark(folder)
     same_format = content["format"] == FORMAT
     results = {name for name in PRODUCTS - BEGUN if (folder / name).exists()}
-    unclaimed = not results or (found is None and "scene.h5" not in results)
+    unclaimed = not results or (found is None and SCENE_FILE not in results)
     if same_format and (unclaimed or (found is not None and found.is_same(owner))):
         return False
     if not same_format and not overwrite:
@@ -98,7 +90,7 @@ def clear(folder: Path) -> None:
     _check_clearable(folder)
     log.info("%s: what it holds of another run is removed", folder)
     for path in sorted(folder.iterdir()):
-        if path.name in {MARK, run_lock.NAME, "log"}:
+        if path.name in {MARK, run_lock.NAME, LOG_FILE}:
             continue
         try:
             if path.is_dir() and not path.is_symlink():

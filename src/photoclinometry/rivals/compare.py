@@ -106,7 +106,7 @@ def compare_rivals(
     run, given = Path(run), None if site is None else Path(site)
     if truth is not None and reference is not None:
         raise InputError("truth and reference are both given; compare with one at a time")
-    folder, options = Path(out) if out is not None else run / "rivals", options or RivalOptions()
+    folder, options = Path(out) if out is not None else run / run_files.RIVALS_FOLDER, options or RivalOptions()
     other = None if reference is None else read_reference(reference)
     problem = read_problem(run, given, predict)
     true = None if truth is None else read_truth_of(truth, problem.scene)

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.io import run_files
-from photoclinometry.io.held_out import NAME as HELD_OUT_FILE
 from photoclinometry.io.held_out import read_held_out
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.mesh import landmark_faces
@@ -49,7 +48,7 @@ def run_mvs(
     options = options_from(RunOptions, run_files.read_config(run_folder))
     adopt_stages(run_folder, out, ADOPTED)
     run(run_files.site_path(run_folder, site), out, replace(options, reflectance=NO_MODEL), progress)
-    scene, held_out = run_files.read_run(out), read_held_out(out / HELD_OUT_FILE)
+    scene, held_out = run_files.read_run(out), read_held_out(out / run_files.HELD_OUT_FILE)
     names = scene.views.name + (() if held_out is None else held_out.name)
     missing = sorted(set(problem.views.name) - set(names))
     if missing:

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.io import run_files
-from photoclinometry.io.held_out import NAME as HELD_OUT_FILE
 from photoclinometry.io.held_out import read_held_out
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.mesh import landmark_faces
@@ -61,7 +60,7 @@ def read_problem(run: Path, site: Path | None = None, hold_out: Sequence[str] = 
     """
     scene = run_files.read_run(run)
     reflectance_of(scene)
-    held_out = _chosen(scene, read_held_out(run / HELD_OUT_FILE), hold_out)
+    held_out = _chosen(scene, read_held_out(run / run_files.HELD_OUT_FILE), hold_out)
     names = scene.views.name + (() if held_out is None else held_out.name)
     return Problem(scene=scene, images=run_files.run_images(run_files.site_path(run, site), names), held_out=held_out)
 

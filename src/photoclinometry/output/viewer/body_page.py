@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.evaluate.body_folder import BODY_FILE, POSES_FOLDER
 from photoclinometry.io.meshes.shape_ply import read_shape_ply
 from photoclinometry.io.models.colmap import read_colmap
-from photoclinometry.io.run_files import read_metrics
+from photoclinometry.io.run_files import BODY_FILE, METRICS_FILE, POSES_FOLDER, read_metrics
 from photoclinometry.io.site import Site
 from photoclinometry.io.site_views import views_at
 from photoclinometry.model.errors import RunFolderError
@@ -31,7 +30,7 @@ def read_viewed_body(folder: Path, site: Site) -> ViewedBody:
     shape, document = read_shape_ply(folder / BODY_FILE), read_metrics(folder)
     gsd = document.get("metrics", {}).get("gsd")
     if not isinstance(gsd, (int, float)):
-        raise RunFolderError(f"{folder / 'metrics.json'}: names no ground sample distance; {REMAKE}")
+        raise RunFolderError(f"{folder / METRICS_FILE}: names no ground sample distance; {REMAKE}")
     return ViewedBody(
         name=site.name,
         body=site.body,
@@ -62,7 +61,7 @@ def _gains(folder: Path, views: Views, document: dict[str, Any]) -> np.ndarray:
     """(K,) as the body's metrics.json has them of uncalibrated images; 1 where no rendering was made."""
     kept = {each.get("name"): each for each in document.get("views", ()) if "gain" in each}
     if not set(views.name) <= set(kept):
-        raise RunFolderError(f"{folder / 'metrics.json'}: names no brightness of its images; {REMAKE}")
+        raise RunFolderError(f"{folder / METRICS_FILE}: names no brightness of its images; {REMAKE}")
     gains = [kept[name]["gain"] for name in views.name]
     return np.array([1.0 if gain is None else gain for gain in gains], float)
 
@@ -78,5 +77,5 @@ def reflectance_of(folder: Path, document: dict[str, Any]) -> Reflectance | None
             return None
         name, values = str(stated["name"]), tuple(map(float, stated["parameters"].values()))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise RunFolderError(f"{folder / 'metrics.json'}: names no reflectance model; {REMAKE}") from error
+        raise RunFolderError(f"{folder / METRICS_FILE}: names no reflectance model; {REMAKE}") from error
     return Reflectance(name, values)

@@ -6,8 +6,7 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
-from photoclinometry.evaluate.body_folder import is_body
-from photoclinometry.io.run_files import read_run, run_images, site_path
+from photoclinometry.io.run_files import REPORT_FOLDER, is_body, is_map, read_run, run_images, site_path
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.pose_prior import PosePrior
@@ -24,8 +23,8 @@ def run_page(run: Path) -> Path:
     Raises RunFolderError where there is no finished run, or the page cannot be written, and InputError where the site
     of a body is not there any more.
     """
-    path = run / "report" / NAME
-    if ((run / "scene.h5").is_file() or is_body(run)) and path.is_file():
+    path = run / REPORT_FOLDER / NAME
+    if (is_map(run) or is_body(run)) and path.is_file():
         return path
     if is_body(run):
         body = read_viewed_body(run, read_site(site_path(run)))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.io.options import options_for_json
+from photoclinometry.io.run_files import BODY_FILE, is_body
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES, Similarity
 from photoclinometry.model.owner import Owner
@@ -21,21 +22,17 @@ from photoclinometry.output.export.shape.formats import SHAPE_FORMATS
 from photoclinometry.output.export.shape.options import ShapeOptions
 from photoclinometry.output.export.shape.placed import PlacedShape, placed_shape
 
-BODY_FILE = "body.ply"
-"""The shape model in the folder of a body."""
 _OF_PLACES = ("transform", "site", "body_fixed", "projection", "center_deg", "standard_geometry_deg")
 """Options that do not apply to whole bodies, which are in the body-fixed frame."""
 
 
-def is_body(path: Path) -> bool:
-    """Whether a path is a shape model: a PLY file, or a folder with `body.ply` and without `scene.h5`."""
-    if path.is_file():
-        return path.suffix.lower() == ".ply"
-    return (path / BODY_FILE).is_file() and not (path / "scene.h5").is_file()
+def is_shape(path: Path) -> bool:
+    """Whether a path is a shape model: a PLY file, or the folder of a body."""
+    return path.suffix.lower() == ".ply" if path.is_file() else is_body(path)
 
 
-def body_file(path: Path) -> Path:
-    """The file of the shape model at a path for which `is_body` holds."""
+def shape_file(path: Path) -> Path:
+    """The file of the shape model at a path for which `is_shape` holds."""
     return path if path.is_file() else path / BODY_FILE
 
 
