@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.evaluate.verdict import CARE, SOUND, WRONG
+from photoclinometry.evaluate.verdict import CARE, SOUND, WRONG, Judgement, why_body_with_care
 from photoclinometry.model.warning import MANY_ALIKE, Warned, few_of_each
-from photoclinometry.output.report.body_overview import body_overview, phases_deg
+from photoclinometry.output.report.body_overview import body_overview, phases_deg, views_per_vertex
 from photoclinometry.output.report.body_places import body_places
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
 from photoclinometry.output.report.sides import PIXELS, SIDES, best_seen, seen_from, titles
@@ -57,12 +57,18 @@ def no_steps(body):
     return np.full(len(body.shape.vertices), np.nan)
 
 
+def seen_first(body, metrics=METRICS, tiles=TILES):
+    """The overview of a body of which nothing was warned."""
+    care = why_body_with_care(metrics, tiles, views_per_vertex(body.shape))
+    return body_overview(body, no_steps(body), metrics, Judgement(care=tuple(care)))
+
+
 def told(found):
     return {fact.name: fact.value for fact in (*found.what, *found.quality)}
 
 
 def test_the_facts_are_those_of_the_body_and_its_figures(body):
-    found = body_overview(body, no_steps(body), METRICS, TILES)
+    found = seen_first(body)
     facts = told(found)
     assert facts["Size"] == "400 x 390 x 380 m"
     assert facts["Volume"] == "33\u202f510\u202f000 ± 45\u202f000 m³"
@@ -81,10 +87,10 @@ def test_the_facts_are_those_of_the_body_and_its_figures(body):
 
 def test_lengths_of_large_bodies_are_kilometres_and_of_images_alone_ground_samples(body):
     large = METRICS | {name: 1e3 * METRICS[name] for name in ("longest_extent", "middle_extent", "shortest_extent")}
-    facts = told(body_overview(body, no_steps(body), large | {"volume": 33.51e15, "volume_sigma": 45e12}, TILES))
+    facts = told(seen_first(body, large | {"volume": 33.51e15, "volume_sigma": 45e12}))
     assert (facts["Size"], facts["Volume"]) == ("400 x 390 x 380 km", "33\u202f510\u202f000 ± 45\u202f000 km³")
     alone = replace(body, shape=replace(body.shape, unit=None), body_fixed=False)
-    facts = told(body_overview(alone, no_steps(body), METRICS, TILES))
+    facts = told(seen_first(alone))
     assert facts["Size"] == "120 x 117 x 114 GSD"
     assert facts["GSD"] == "of unknown length"
     assert facts["Heights"] == "± 0.15 GSD"
@@ -109,7 +115,7 @@ def test_light_is_the_phase_at_the_middle_of_the_body(body):
     ],
 )
 def test_doubtful_figures_make_a_body_one_to_take_care_of(body, figures, words):
-    found = body_overview(body, no_steps(body), METRICS | figures, TILES)
+    found = seen_first(body, METRICS | figures)
     assert found.verdict == CARE
     (reason,) = found.reasons
     assert words in reason
@@ -117,9 +123,9 @@ def test_doubtful_figures_make_a_body_one_to_take_care_of(body, figures, words):
 
 def test_tiles_without_a_map_and_few_images_are_told(body):
     tiles = [TILES[0], {"tile": 1, "used": False}]
-    assert body_overview(body, no_steps(body), METRICS, tiles).reasons == ("1 of 2 tiles have no map: 1",)
+    assert seen_first(body, tiles=tiles).reasons == ("1 of 2 tiles have no map: 1",)
     seldom = replace(body, shape=replace(body.shape, views=np.full(len(body.shape.vertices), 3)))
-    (reason,) = body_overview(seldom, no_steps(body), METRICS, TILES).reasons
+    (reason,) = seen_first(seldom).reasons
     assert reason.startswith("few views: 3.0")
 
 
@@ -178,8 +184,9 @@ def test_the_page_begins_with_verdict_facts_and_places(body, tmp_path):
         views=[{"name": "a", "used": True}],
         stages=[],
         options={"plan": {"tile_px": "<64>"}},
-        warnings=[Warned("view-unregistered", "b is left out", "b")],
-        distrust=["no <b> is to be trusted"],
+        judgement=Judgement(
+            warnings=(Warned("view-unregistered", "b is left out", "b"),), distrust=("no <b> is to be trusted",)
+        ),
     )
     html = write_body_report(tmp_path / "report", body, no_steps(body), content).read_text(encoding="utf-8")
     what = ("What was mapped", "How good it is", "Worst places", "overview.png")

@@ -8,8 +8,9 @@ import pytest
 from photoclinometry.evaluate.evaluate import evaluate_scene
 from photoclinometry.evaluate.illumination import sun_span_deg
 from photoclinometry.evaluate.tables import digits
-from photoclinometry.evaluate.verdict import CARE, SOUND, WRONG
+from photoclinometry.evaluate.verdict import CARE, SOUND, WRONG, Judgement
 from photoclinometry.model.scene import BODY_FIXED
+from photoclinometry.model.warning import Warned
 from photoclinometry.output.report.facts import with_sigma
 from photoclinometry.output.report.first_screen import first_screen
 from photoclinometry.output.report.overview import light, overview
@@ -17,6 +18,7 @@ from photoclinometry.output.report.weak_places import BLOCKS, block_side, block_
 from photoclinometry.surface.relief import local_frame
 from scenes import synthetic_scene
 
+WARNED = Warned("view-left-out", "a view is left out")
 METRICS = {
     "height_sigma_median_gsd": 0.0512,
     "normal_sigma_median_deg": 1.234,
@@ -128,8 +130,8 @@ def test_few_views_and_even_light_make_a_map_one_to_take_care_of(scene):
 
 
 def test_warnings_and_distrust_decide_the_verdict(scene):
-    assert overview(scene, METRICS, (), warnings=["a view is left out"]).verdict == CARE
-    wrong = overview(scene, METRICS, (), warnings=["w"], distrust=["not converged"])
+    assert overview(scene, METRICS, (), Judgement(warnings=(WARNED,))).verdict == CARE
+    wrong = overview(scene, METRICS, (), Judgement(warnings=(WARNED,), distrust=("not converged",)))
     assert wrong.verdict == WRONG
     assert wrong.reasons == ("not converged",)
     html = first_screen(wrong, "overview.png", "<caption>")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from commands import phomo
-from photoclinometry.evaluate.verdict import UNCHECKED_RELIEF
+from photoclinometry.evaluate.verdict import CARE, SOUND, UNCHECKED_RELIEF, WRONG, Judgement
 from photoclinometry.model.warning import CODES, Warned, collected_warnings, distinct, warn
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline import run as pipeline
@@ -126,6 +126,29 @@ def test_a_stage_that_is_read_back_warns_again(tmp_path):
     again.result_of(Doubtful())
     assert again.costs[0].resumed
     assert made.warnings == again.warnings == (Warned("view-left-out", "a is left out", "a"),)
+
+
+def test_a_judgement_is_its_verdict_and_its_reasons():
+    """Distrust outweighs warnings and care; these outweigh nothing at all. As `metrics.json` has it."""
+    warned, wrong, care = Warned("view-left-out", "a is left out", "a"), "the relief is off", "few views"
+    assert Judgement().verdict == SOUND
+    assert Judgement(warnings=(warned,)).verdict == Judgement(care=(care,)).verdict == CARE
+    found = Judgement(warnings=(warned,), distrust=(wrong,), care=(care,))
+    assert (found.verdict, found.trusted, found.reasons) == (WRONG, False, (wrong, care))
+    assert found.as_json() == {
+        "verdict": "do not trust",
+        "trusted": False,
+        "not_trusted_because": [wrong],
+        "care": [care],
+        "warnings": [{"code": "view-left-out", "words": "a is left out", "view": "a"}],
+    }
+
+
+def test_a_result_has_the_parts_of_its_judgement_by_name(mapped):
+    judgement = Judgement(warnings=(Warned("suns-moved", "w"),), distrust=("d",), care=("c",))
+    result = replace(mapped.result, judgement=judgement)
+    for name in ("verdict", "trusted", "warnings", "distrust", "care"):
+        assert getattr(result, name) == getattr(judgement, name)
 
 
 @pytest.fixture
@@ -286,7 +309,8 @@ def test_what_was_warned_of_is_in_the_report(mapped, tmp_path):
     from scenes import synthetic_scene
 
     scene = synthetic_scene(size=12, views=3, reflectance=None)
-    content = ReportContent(warnings=["a.fits is left out"], distrust=["7 of 13 views are left out"])
+    warned = Warned("view-left-out", "a.fits is left out")
+    content = ReportContent(judgement=Judgement(warnings=(warned,), distrust=("7 of 13 views are left out",)))
     html = write_report(tmp_path / "report", scene, content=content).read_text(encoding="utf-8")
     parts = (
         "<b>Do not trust:</b>",

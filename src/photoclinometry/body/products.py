@@ -19,7 +19,7 @@ from photoclinometry.body.surface_figures import surface_figures
 from photoclinometry.body.tile import BodyModel
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.body.trust import MOST_TILES, why_untrusted
-from photoclinometry.evaluate.verdict import verdict_of, why_body_with_care
+from photoclinometry.evaluate.verdict import Judged, Judgement, why_body_with_care
 from photoclinometry.io.json_file import write_json
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
@@ -42,7 +42,7 @@ from photoclinometry.pipeline.stage import Keyed
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyResult:
+class BodyResult(Judged):
     """What the map of a body leaves."""
 
     folder: Path
@@ -51,21 +51,8 @@ class BodyResult:
     metrics: dict[str, float]
     report: Path
     """The report's page."""
-    warnings: tuple[Warned, ...]
-    distrust: tuple[str, ...] = ()
-    """Why the map is not to be trusted; empty where it is."""
-    care: tuple[str, ...] = ()
-    """What to take care of in a map with which nothing is wrong; empty of a sound one."""
-
-    @property
-    def verdict(self) -> str:
-        """ "sound", "usable with care" (of a map that was warned of, too) or "do not trust"."""
-        return verdict_of(self.distrust, self.warnings, self.care)
-
-    @property
-    def trusted(self) -> bool:
-        """Whether nothing says that the map is wrong as a whole."""
-        return not self.distrust
+    judgement: Judgement
+    """Whether the map is to be trusted; its parts are attributes of the result, too."""
 
     @property
     def shape(self) -> ShapeModel:
@@ -108,10 +95,12 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     surface = made.surface
     shape = shape_model(surface, model.unit)
     metrics, warnings = _metrics(model, made), _of_the_body(folder.warnings, model, made.placed)
-    distrust = why_untrusted([tile.value for tile in made.tiles], made.renderings.explained, warnings)
     rows, views = _tile_rows(model, made), _view_rows(model, made)
-    care = tuple(why_body_with_care(metrics, rows, views_per_vertex(shape)))
-    verdict = verdict_of(distrust, warnings, care)
+    judgement = Judgement(
+        warnings=warnings,
+        distrust=why_untrusted([tile.value for tile in made.tiles], made.renderings.explained, warnings),
+        care=tuple(why_body_with_care(metrics, rows, views_per_vertex(shape))),
+    )
     with folder.timed("products"):
         write_shape_ply(folder.path / BODY_FILE, shape)
         write_colmap(folder.path / POSES_FOLDER, _poses(model, made))
@@ -124,18 +113,12 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
             views=views,
             stages=[asdict(cost) for cost in folder.costs if not cost.stage.startswith("tile_")],
             options=config,
-            warnings=warnings,
-            distrust=distrust,
-            care=care,
+            judgement=judgement,
         )
         images = model.posed.inputs.value.images
         page = write_body_report(folder.path / REPORT_FOLDER, viewed, surface.step, content, images)
     document = {
-        "verdict": verdict,
-        "trusted": not distrust,
-        "not_trusted_because": list(distrust),
-        "care": list(care),
-        "warnings": [warned.as_row() for warned in warnings],
+        **judgement.as_json(),
         "metrics": metrics,
         "reflectance": reflectance_json(viewed.reflectance),
         "tiles": rows,
@@ -143,16 +126,14 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
         "stages": [asdict(cost) for cost in folder.costs],
     }
     write_json(folder.path / METRICS_FILE, document, indent=2)
-    log_verdict(verdict, (*distrust, *care))
+    log_verdict(judgement)
     return BodyResult(
         folder=folder.path,
         model=model,
         surface=surface,
         metrics=metrics,
         report=page,
-        warnings=warnings,
-        distrust=distrust,
-        care=care,
+        judgement=judgement,
     )
 
 

@@ -7,11 +7,13 @@ is decided by `pipeline.trust` and `body.trust`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from photoclinometry.evaluate.illumination import sun_span_deg
 from photoclinometry.evaluate.tables import digits, number
 from photoclinometry.model.scene import BODY_FIXED, Scene
+from photoclinometry.model.warning import Warned
 
 SOUND, CARE, WRONG = "sound", "usable with care", "do not trust"
 """Verdicts."""
@@ -40,9 +42,72 @@ POOR_DISK_PSNR_DB = 22.0
 those of sound simulated bodies, which have 27 to 30 dB."""
 
 
-def verdict_of(distrust: Sequence[str], warnings: Sequence[object], care: Sequence[str]) -> str:
-    """SOUND, CARE or WRONG: of a map with reasons for distrust, warnings, and reasons for care."""
-    return WRONG if distrust else CARE if warnings or care else SOUND
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """Whether a map is to be trusted, and what speaks against it."""
+
+    warnings: tuple[Warned, ...] = ()
+    """All that was warned of, in the stages that were read back, too."""
+    distrust: tuple[str, ...] = ()
+    """Why the map is not to be trusted; empty where it is."""
+    care: tuple[str, ...] = ()
+    """What to take care of in a map with which nothing is wrong; empty of a sound one."""
+
+    @property
+    def verdict(self) -> str:
+        """ "sound", "usable with care" (of a map that was warned of, too) or "do not trust"."""
+        return WRONG if self.distrust else CARE if self.warnings or self.care else SOUND
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing says that the map is wrong as a whole."""
+        return not self.distrust
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Of the verdict, but for the warnings: one sentence each."""
+        return (*self.distrust, *self.care)
+
+    def as_json(self) -> dict[str, Any]:
+        """What `metrics.json` begins with."""
+        return {
+            "verdict": self.verdict,
+            "trusted": self.trusted,
+            "not_trusted_because": list(self.distrust),
+            "care": list(self.care),
+            "warnings": [warned.as_row() for warned in self.warnings],
+        }
+
+
+class Judged:
+    """Base of results that have a judgement: its parts by their own names."""
+
+    judgement: Judgement
+
+    @property
+    def verdict(self) -> str:
+        """ "sound", "usable with care" (of a map that was warned of, too) or "do not trust"."""
+        return self.judgement.verdict
+
+    @property
+    def trusted(self) -> bool:
+        """Whether nothing says that the map is wrong as a whole."""
+        return self.judgement.trusted
+
+    @property
+    def warnings(self) -> tuple[Warned, ...]:
+        """All that was warned of, in the stages that were read back, too."""
+        return self.judgement.warnings
+
+    @property
+    def distrust(self) -> tuple[str, ...]:
+        """Why the map is not to be trusted; empty where it is."""
+        return self.judgement.distrust
+
+    @property
+    def care(self) -> tuple[str, ...]:
+        """What to take care of in a map with which nothing is wrong; empty of a sound one."""
+        return self.judgement.care
 
 
 def why_with_care(scene: Scene, metrics: Mapping[str, Any]) -> list[str]:

@@ -12,12 +12,11 @@ import numpy as np
 
 from photoclinometry.adjust import Adjustment
 from photoclinometry.evaluate.diagnosis import Diagnosis, diagnosis
-from photoclinometry.evaluate.verdict import verdict_of, why_with_care
+from photoclinometry.evaluate.verdict import Judged, Judgement, why_with_care
 from photoclinometry.io.run_files import LANDMARKS_FILE, METRICS_FILE, POSES_FOLDER, REPORT_FOLDER, SCENE_FILE
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
-from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline import result_display
 from photoclinometry.pipeline.altimetry import (
     altimetry_metrics,
@@ -49,7 +48,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class RunResult:
+class RunResult(Judged):
     """What a run leaves."""
 
     scene: Scene
@@ -62,22 +61,8 @@ class RunResult:
     """The report's page."""
     left_out: dict[str, str]
     """Names of views that the map was made without, and why."""
-    warnings: tuple[Warned, ...] = ()
-    """All that was warned of, in the stages that were read back, too."""
-    distrust: tuple[str, ...] = ()
-    """Why the map is not to be trusted; empty where it is."""
-    care: tuple[str, ...] = ()
-    """What to take care of in a map with which nothing is wrong; empty of a sound one."""
-
-    @property
-    def verdict(self) -> str:
-        """ "sound", "usable with care" (of a map that was warned of, too) or "do not trust"."""
-        return verdict_of(self.distrust, self.warnings, self.care)
-
-    @property
-    def trusted(self) -> bool:
-        """Whether nothing says that the map is wrong as a whole."""
-        return not self.distrust
+    judgement: Judgement
+    """Whether the map is to be trusted; its parts are attributes of the result, too."""
 
     @property
     def folder(self) -> Path:
@@ -130,17 +115,8 @@ class _Tables:
     pose_priors: list[Row]
     control: list[Row]
     altimetry: list[Row]
-    warnings: tuple[Warned, ...]
-    """All of the run."""
-    distrust: tuple[str, ...]
-    """Why the map is not to be trusted."""
-    care: tuple[str, ...]
-    """What to take care of."""
+    judgement: Judgement
     diagnosis: Diagnosis
-
-    @property
-    def verdict(self) -> str:
-        return verdict_of(self.distrust, self.warnings, self.care)
 
 
 def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
@@ -159,24 +135,22 @@ def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
     with folder.timed("report"):
         page = _write_report(folder, summary, tables)
     _write_metrics(folder, summary, tables)
-    log_verdict(tables.verdict, (*tables.distrust, *tables.care))
+    log_verdict(tables.judgement)
     return RunResult(
         scene=scene,
         adjustment=adjustment,
         metrics=tables.metrics,
         report=page,
         left_out=dict(summary.left_out),
-        warnings=tables.warnings,
-        distrust=tables.distrust,
-        care=tables.care,
+        judgement=tables.judgement,
     )
 
 
-def log_verdict(verdict: str, reasons: Sequence[str]) -> None:
+def log_verdict(judgement: Judgement) -> None:
     """The verdict on a map, and its reasons, in the log."""
-    log.info("verdict: %s", verdict)
-    for reason in reasons:
-        log.info("%s: %s", verdict, reason)
+    log.info("verdict: %s", judgement.verdict)
+    for reason in judgement.reasons:
+        log.info("%s: %s", judgement.verdict, reason)
 
 
 def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
@@ -223,9 +197,11 @@ def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
         pose_priors=of_priors,
         control=of_control,
         altimetry=of_altimetry,
-        warnings=warnings,
-        distrust=why_untrusted(adjustment, len(summary.left_out), warnings, summary.relief),
-        care=tuple(why_with_care(scene, metrics)),
+        judgement=Judgement(
+            warnings=warnings,
+            distrust=why_untrusted(adjustment, len(summary.left_out), warnings, summary.relief),
+            care=tuple(why_with_care(scene, metrics)),
+        ),
         diagnosis=diagnosis(scene),
     )
 
@@ -246,9 +222,7 @@ def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Pa
         shots=summary.adjustment.altimetry,
         convergence=cost_by_reweighting(summary.adjustment.log),
         options=summary.config,
-        warnings=[warned.line for warned in tables.warnings],
-        distrust=tables.distrust,
-        care=tables.care,
+        judgement=tables.judgement,
         diagnosis=tables.diagnosis,
     )
     return report.write_report(folder.path / REPORT_FOLDER, summary.adjustment.scene, summary.images, content)
@@ -258,11 +232,7 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> N
     from photoclinometry.io.json_file import write_json
 
     content = {
-        "verdict": tables.verdict,
-        "trusted": not tables.distrust,
-        "not_trusted_because": list(tables.distrust),
-        "care": list(tables.care),
-        "warnings": [warned.as_row() for warned in tables.warnings],
+        **tables.judgement.as_json(),
         "metrics": tables.metrics,
         "diagnosis": tables.diagnosis,
         "views": tables.views,

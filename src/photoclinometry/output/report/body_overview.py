@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from photoclinometry.evaluate.illumination import sun_span_deg
 from photoclinometry.evaluate.tables import digits, number
-from photoclinometry.evaluate.verdict import verdict_of, why_body_with_care
+from photoclinometry.evaluate.verdict import Judgement
 from photoclinometry.model.geometry import angle_between
 from photoclinometry.model.shape_model import ShapeModel
-from photoclinometry.model.warning import Warned, few_of_each
+from photoclinometry.model.warning import few_of_each
 from photoclinometry.output.report.body_places import BodyPlace, body_places
 from photoclinometry.output.report.facts import (
     Fact,
@@ -36,24 +36,16 @@ _SIGMAS = {
 
 
 def body_overview(
-    body: ViewedBody,
-    step: np.ndarray,
-    metrics: Mapping[str, Any],
-    tiles: Sequence[Mapping[str, Any]],
-    warnings: Sequence[Warned] = (),
-    distrust: Sequence[str] = (),
-    care: Sequence[str] | None = None,
+    body: ViewedBody, step: np.ndarray, metrics: Mapping[str, Any], judgement: Judgement
 ) -> Overview[BodyPlace]:
     """The overview of a body.
 
-    step: (V,) scatter of heights between tiles, NaN where there is but one; metrics: as in the body's metrics.json;
-    tiles: a row for each, with "used"; care: as `why_body_with_care` gives (computed if left out).
+    step: (V,) scatter of heights between tiles, NaN where there is but one; metrics: as in the body's metrics.json.
     """
-    care = why_body_with_care(metrics, tiles, views_per_vertex(body.shape)) if care is None else care
     return Overview(
-        verdict=verdict_of(distrust, warnings, care),
-        reasons=(*distrust, *care),
-        warnings=tuple(few_of_each(warnings)),
+        verdict=judgement.verdict,
+        reasons=judgement.reasons,
+        warnings=tuple(few_of_each(judgement.warnings)),
         what=tuple(_what(body, metrics)),
         quality=tuple(_quality(body, metrics)),
         places=body_places(body.shape, step, body.gsd),

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.evaluate.verdict import Judgement
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.json_file import write_json
 from photoclinometry.model.scene import Image
 from photoclinometry.model.shape_model import ShapeModel
-from photoclinometry.model.warning import Warned
 from photoclinometry.output.report import page
 from photoclinometry.output.report.body_overview import body_overview
 from photoclinometry.output.report.first_screen import first_screen
@@ -36,11 +36,8 @@ class BodyContent:
     """One row per image; those not "used" are red."""
     stages: Sequence[Mapping[str, Any]]
     options: Mapping[str, Any]
-    warnings: Sequence[Warned] = ()
-    distrust: Sequence[str] = ()
-    """Why the body is not to be trusted."""
-    care: Sequence[str] | None = None
-    """As `evaluate.verdict.why_body_with_care` gives (computed if left out)."""
+    judgement: Judgement
+    """Whether the map of the body is to be trusted."""
 
 
 def write_body_report(
@@ -75,7 +72,7 @@ def write_body_report(
         (work / "index.html").write_text(html, encoding="utf-8")
         summary = {
             "metrics": content.metrics,
-            "warnings": [warned.line for warned in content.warnings],
+            "warnings": [warned.line for warned in content.judgement.warnings],
         }
         write_json(work / "summary.json", summary, indent=2)
     return Path(folder) / "index.html"
@@ -83,7 +80,7 @@ def write_body_report(
 
 def _summary(work: Path, body: ViewedBody, rays: MeshRays, step: np.ndarray, content: BodyContent) -> str:
     """The first screen, with its six sides drawn into `work`."""
-    found = body_overview(body, step, content.metrics, content.tiles, content.warnings, content.distrust, content.care)
+    found = body_overview(body, step, content.metrics, content.judgement)
     draw_numbered_sides(work / "overview.png", rays, body.shape, [place.vertex for place in found.places])
     numbered = " Numbers: the worst places." if found.places else ""
     caption = f"The surface from six sides; {_way_up(body)}.{numbered}"

@@ -48,7 +48,7 @@ class Overview(Generic[P]):
     """The first screen of a report, in words."""
 
     verdict: str
-    """As of `evaluate.verdict.verdict_of`."""
+    """As of `evaluate.verdict.Judgement`."""
     reasons: tuple[str, ...]
     """Why the map is not to be trusted, or what to take care of. Empty for a sound map."""
     warnings: tuple[str, ...]

@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.evaluate.illumination import sun_span_deg
 from photoclinometry.evaluate.tables import digits, number
-from photoclinometry.evaluate.verdict import verdict_of, why_with_care
+from photoclinometry.evaluate.verdict import Judgement, why_with_care
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.figures.layers import LAYERS, length_unit
@@ -43,17 +43,15 @@ def overview(
     scene: Scene,
     metrics: Mapping[str, Any],
     rows: Sequence[Mapping[str, Any]],
-    warnings: Sequence[str] = (),
-    distrust: Sequence[str] = (),
-    care: Sequence[str] | None = None,
+    judgement: Judgement | None = None,
 ) -> Overview[WeakPlace]:
-    """The overview of a scene. metrics: its figures; rows: of its views, as `ReportContent` has both; care: as
-    `why_with_care` gives (computed if left out)."""
-    care = why_with_care(scene, metrics) if care is None else care
+    """The overview of a scene. metrics: its figures; rows: of its views; judgement: all as `ReportContent` has them."""
+    if judgement is None:
+        judgement = Judgement(care=tuple(why_with_care(scene, metrics)))
     return Overview(
-        verdict=verdict_of(distrust, warnings, care),
-        reasons=(*distrust, *care),
-        warnings=tuple(warnings),
+        verdict=judgement.verdict,
+        reasons=judgement.reasons,
+        warnings=tuple(warned.line for warned in judgement.warnings),
         what=(*_what(scene, rows), *_optics(metrics)),
         quality=tuple(_quality(scene, metrics)),
         places=weak_places(scene),

@@ -14,6 +14,7 @@ from photoclinometry.evaluate.diagnosis import diagnosis
 from photoclinometry.evaluate.evaluate import evaluate_scene, view_table
 from photoclinometry.evaluate.tables import number, split_unit, words
 from photoclinometry.evaluate.unreliable import known_sigmas
+from photoclinometry.evaluate.verdict import Judgement
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.json_file import write_json
 from photoclinometry.model.pose_prior import PosePrior
@@ -75,12 +76,9 @@ class ReportContent:
     """Per-landmark values (J,) to be drawn as maps, such as `Comparison.errors`."""
     options: Mapping[str, Any] | None = None
     """Of the run, nested as they are."""
-    warnings: Sequence[str] = ()
-    """What the run warned of, with the codes: on top."""
-    distrust: Sequence[str] = ()
-    """Why the map is not to be trusted: on top, in red."""
-    care: Sequence[str] | None = None
-    """As `evaluate.verdict.why_with_care` gives (computed if left out): on top."""
+    judgement: Judgement | None = None
+    """Whether the map is to be trusted: on top. If left out, nothing was warned of, and what to take care of is as
+    `evaluate.verdict.why_with_care` gives."""
 
 
 def write_report(
@@ -132,7 +130,7 @@ def _summary(
     work: Path, scene: Scene, rows: Sequence[Mapping[str, Any]], metrics: Mapping[str, float], content: ReportContent
 ) -> Section:
     """The first screen, with its map drawn into `work`."""
-    found = overview(scene, metrics, rows, content.warnings, content.distrust, content.care)
+    found = overview(scene, metrics, rows, content.judgement)
     caption = draw_overview(work / "overview.png", scene, found.places)
     link = page.link(VIEWER, "Move the Sun over the map, and measure on it")
     return "Summary", "", first_screen(found, "overview.png", caption) + link
