@@ -17,6 +17,7 @@ from photoclinometry.io.run_files import LANDMARKS_FILE, METRICS_FILE, POSES_FOL
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
+from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline import result_display
 from photoclinometry.pipeline.altimetry import (
     altimetry_metrics,
@@ -108,13 +109,24 @@ class RunSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class _Tables:
-    """The figures of a run: all in all, per view, per pose prior, per control point, per altimeter track."""
+    """The tables of a run, a row for each view, pose prior, control point and altimeter track."""
 
-    metrics: dict[str, float]
-    views: list[Row]
+    used: list[Row]
+    """Views that the map was made from."""
+    held_out: list[Row]
     pose_priors: list[Row]
     control: list[Row]
     altimetry: list[Row]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Findings:
+    """What the report and metrics.json say of a run."""
+
+    tables: _Tables
+    views: list[Row]
+    """All of the site: used, held out, and left out."""
+    metrics: dict[str, float]
     judgement: Judgement
     diagnosis: Diagnosis
 
@@ -131,18 +143,18 @@ def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
         write_ply(folder.path / LANDMARKS_FILE, scene, mesh=True)
         write_colmap(folder.path / POSES_FOLDER, scene)
         write_shots(folder.path, adjustment.altimetry)
-        tables = _tables(folder, summary)
+        found = _findings(folder, summary)
     with folder.timed("report"):
-        page = _write_report(folder, summary, tables)
-    _write_metrics(folder, summary, tables)
-    log_verdict(tables.judgement)
+        page = _write_report(folder, summary, found)
+    _write_metrics(folder, summary, found)
+    log_verdict(found.judgement)
     return RunResult(
         scene=scene,
         adjustment=adjustment,
-        metrics=tables.metrics,
+        metrics=found.metrics,
         report=page,
         left_out=dict(summary.left_out),
-        judgement=tables.judgement,
+        judgement=found.judgement,
     )
 
 
@@ -153,96 +165,132 @@ def log_verdict(judgement: Judgement) -> None:
         log.info("%s: %s", judgement.verdict, reason)
 
 
-def _tables(folder: RunFolder, summary: RunSummary) -> _Tables:
-    from photoclinometry.evaluate.evaluate import evaluate_scene, held_out_table, view_table
-
-    adjustment, scene, images = summary.adjustment, summary.adjustment.scene, summary.images
-    used = view_table(scene, images)
-    aside = held_out_table(scene, summary.held_out, images) if summary.held_out else []
-    of_priors = prior_table(scene, summary.pose_priors, adjustment.pose_priors_used)
-    warn_of_outliers(of_priors)
-    of_control = control_table(summary.control, adjustment.control, scene.views)
-    warn_of_contradictions(of_control)
-    of_altimetry = altimetry_table(adjustment.altimetry)
-    warn_of_altimetry(of_altimetry, given=summary.altimetry)
-    warn_of_suns(scene)
-    warn_of_relief(summary.relief)
-    warn_of_blurred_views(scene)
-    warn_of_dark_level(scene, images)
-    metrics = evaluate_scene(scene, images, per_view=used, held_out=aside)
-    if scene.reflectance is not None:
-        metrics["brightness_change_explained_percent"] = 100.0 * change_explained(scene)
-        metrics[OFF] = 100.0 * brightness_off(scene)
-    warn_of_renderings(metrics)
-    metrics |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
-    metrics |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(of_priors)
-    metrics |= control_metrics(of_control) | _frame_metrics(adjustment.frame_covariance)
-    if any(row["used"] for row in of_control):
-        metrics |= changes_beside_priors(scene, summary.pose_priors, adjustment.pose_priors_used, "control")
-    if adjustment.altimetry is not None:
-        metrics |= altimetry_metrics(adjustment.altimetry, scene, summary.pose_priors, adjustment.pose_priors_used)
-    if summary.relief is not None:
-        metrics |= summary.relief.metrics()
-    if summary.psf_sigma_px is not None:
-        metrics["psf_sigma_px"] = summary.psf_sigma_px
-    if summary.response is not None:
-        metrics |= summary.response.metrics()
-    how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}
-    views = [{"used": True, **row, **how.get(row["name"], {})} for row in used + aside]
-    views += [{"name": name, "used": False, "left_out": reason} for name, reason in summary.left_out.items()]
-    warnings = folder.warnings
-    return _Tables(
+def _findings(folder: RunFolder, summary: RunSummary) -> _Findings:
+    """All that is found of the map; what is doubtful is warned of, and in the judgement."""
+    tables = _tables(summary)
+    metrics = _metrics(summary, tables)
+    _warn(summary, tables, metrics)
+    return _Findings(
+        tables=tables,
+        views=_all_views(summary, tables),
         metrics=metrics,
-        views=views,
-        pose_priors=of_priors,
-        control=of_control,
-        altimetry=of_altimetry,
-        judgement=Judgement(
-            warnings=warnings,
-            distrust=why_untrusted(adjustment, len(summary.left_out), warnings, summary.relief),
-            care=tuple(why_with_care(scene, metrics)),
-        ),
-        diagnosis=diagnosis(scene),
+        judgement=_judgement(summary, metrics, folder.warnings),
+        diagnosis=diagnosis(summary.adjustment.scene),
     )
 
 
-def _write_report(folder: RunFolder, summary: RunSummary, tables: _Tables) -> Path:
+def _tables(summary: RunSummary) -> _Tables:
+    from photoclinometry.evaluate.evaluate import held_out_table, view_table
+
+    adjustment, scene, images = summary.adjustment, summary.adjustment.scene, summary.images
+    return _Tables(
+        used=view_table(scene, images),
+        held_out=held_out_table(scene, summary.held_out, images) if summary.held_out else [],
+        pose_priors=prior_table(scene, summary.pose_priors, adjustment.pose_priors_used),
+        control=control_table(summary.control, adjustment.control, scene.views),
+        altimetry=altimetry_table(adjustment.altimetry),
+    )
+
+
+def _metrics(summary: RunSummary, tables: _Tables) -> dict[str, float]:
+    """All figures of the map."""
+    adjustment = summary.adjustment
+    found = _map_metrics(summary, tables)
+    found |= {"views_left_out": len(summary.left_out), "converged": float(adjustment.converged)}
+    found |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(tables.pose_priors)
+    found |= control_metrics(tables.control) | _frame_metrics(adjustment.frame_covariance)
+    priors = adjustment.scene, summary.pose_priors, adjustment.pose_priors_used
+    if any(row["used"] for row in tables.control):
+        found |= changes_beside_priors(*priors, "control")
+    if adjustment.altimetry is not None:
+        found |= altimetry_metrics(adjustment.altimetry, *priors)
+    if summary.relief is not None:
+        found |= summary.relief.metrics()
+    if summary.psf_sigma_px is not None:
+        found["psf_sigma_px"] = summary.psf_sigma_px
+    if summary.response is not None:
+        found |= summary.response.metrics()
+    return found
+
+
+def _map_metrics(summary: RunSummary, tables: _Tables) -> dict[str, float]:
+    """Figures of the scene by itself and beside its images."""
+    from photoclinometry.evaluate.evaluate import evaluate_scene
+
+    scene = summary.adjustment.scene
+    found = evaluate_scene(scene, summary.images, per_view=tables.used, held_out=tables.held_out)
+    if scene.reflectance is not None:
+        found["brightness_change_explained_percent"] = 100.0 * change_explained(scene)
+        found[OFF] = 100.0 * brightness_off(scene)
+    return found
+
+
+def _warn(summary: RunSummary, tables: _Tables, metrics: Mapping[str, float]) -> None:
+    """Warns of what is doubtful in the finished map."""
+    scene = summary.adjustment.scene
+    warn_of_outliers(tables.pose_priors)
+    warn_of_contradictions(tables.control)
+    warn_of_altimetry(tables.altimetry, given=summary.altimetry)
+    warn_of_suns(scene)
+    warn_of_relief(summary.relief)
+    warn_of_blurred_views(scene)
+    warn_of_dark_level(scene, summary.images)
+    warn_of_renderings(metrics)
+
+
+def _all_views(summary: RunSummary, tables: _Tables) -> list[Row]:
+    how = {name: {"brought_in_by": way} for name, way in summary.brought_in.items()}
+    views = [{"used": True, **row, **how.get(row["name"], {})} for row in tables.used + tables.held_out]
+    return views + [{"name": name, "used": False, "left_out": reason} for name, reason in summary.left_out.items()]
+
+
+def _judgement(summary: RunSummary, metrics: Mapping[str, float], warnings: tuple[Warned, ...]) -> Judgement:
+    """warnings: all of the run."""
+    adjustment = summary.adjustment
+    return Judgement(
+        warnings=warnings,
+        distrust=why_untrusted(adjustment, len(summary.left_out), warnings, summary.relief),
+        care=tuple(why_with_care(adjustment.scene, metrics)),
+    )
+
+
+def _write_report(folder: RunFolder, summary: RunSummary, found: _Findings) -> Path:
     from photoclinometry.output import report
     from photoclinometry.output.report.curves import cost_by_reweighting
 
     content = report.ReportContent(
-        metrics=tables.metrics,
-        per_view=tables.views,
+        metrics=found.metrics,
+        per_view=found.views,
         stages=[asdict(cost) for cost in folder.costs],
         iterations=[figures.as_row() for figures in summary.iterations],
-        pose_priors=tables.pose_priors,
+        pose_priors=found.tables.pose_priors,
         known_poses=summary.pose_priors,
-        control=tables.control,
-        altimetry=tables.altimetry,
+        control=found.tables.control,
+        altimetry=found.tables.altimetry,
         shots=summary.adjustment.altimetry,
         convergence=cost_by_reweighting(summary.adjustment.log),
         options=summary.config,
-        judgement=tables.judgement,
-        diagnosis=tables.diagnosis,
+        judgement=found.judgement,
+        diagnosis=found.diagnosis,
     )
     return report.write_report(folder.path / REPORT_FOLDER, summary.adjustment.scene, summary.images, content)
 
 
-def _write_metrics(folder: RunFolder, summary: RunSummary, tables: _Tables) -> None:
+def _write_metrics(folder: RunFolder, summary: RunSummary, found: _Findings) -> None:
     from photoclinometry.io.json_file import write_json
 
     content = {
-        **tables.judgement.as_json(),
-        "metrics": tables.metrics,
-        "diagnosis": tables.diagnosis,
-        "views": tables.views,
+        **found.judgement.as_json(),
+        "metrics": found.metrics,
+        "diagnosis": found.diagnosis,
+        "views": found.views,
         "left_out": [{"name": name, "reason": reason} for name, reason in summary.left_out.items()],
         "brought_in": [{"name": name, "by": way} for name, way in summary.brought_in.items()],
         "relighting_iterations": [figures.as_row() for figures in summary.iterations],
         "frame": summary.adjustment.scene.frame,
-        "pose_priors": tables.pose_priors,
-        "control_points": tables.control,
-        "altimetry": tables.altimetry,
+        "pose_priors": found.tables.pose_priors,
+        "control_points": found.tables.control,
+        "altimetry": found.tables.altimetry,
         "stages": [asdict(cost) for cost in folder.costs],
         "message": summary.adjustment.message,
     }
