@@ -36,7 +36,7 @@ LINE, LIST, BOX = "line", "list", "box"
 """How a message looks: one line; a line and one more for each file; the box of the parser of options."""
 
 NOTHING: tuple[str, ...] = ()
-BEGUN = ("map", "map/config.toml", "map/log", "map/run.json")
+BEGUN = ("map", "map/log", "map/run.json")
 """What is left by a run that ends before its first stage; the same command goes on there."""
 
 TRIANGLE = """ply
@@ -1204,7 +1204,7 @@ def disks() -> Iterator[Fault]:
     yield row(
         "full at a refinement",
         REFINE,
-        f"out/config.toml: {far}",
+        f"out/stages/refine.npz: {far}",
         left=("out/run.json", "out/log", "finished stages"),
         test=computes,
     )

@@ -117,7 +117,7 @@ LARGEST_IMAGE = 10_000
             "sites/demo-moderate-akimov+-0/truth.h5",
             PLACE,
         ),
-        (REFINE, 300, "config.toml", REFINE),
+        (REFINE, 300, "stages/refine.npz", REFINE),
     ],
     ids=["simulate a place", "simulate a body", "study", "refine"],
 )

@@ -29,7 +29,7 @@ not measured.
 HEADS = ("fault", "command", "message", "exit code", "left on disk", "before")
 LEFT = {
     (): "nothing new",
-    ("map", "map/config.toml", "map/log", "map/run.json"): "a run folder without results; the command goes on there",
+    ("map", "map/log", "map/run.json"): "a run folder without results; the command goes on there",
 }
 
 

@@ -91,7 +91,8 @@ def shape_model(surface: MergedSurface, unit: str | None) -> ShapeModel:
 
 
 def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, config: Mapping[str, Any]) -> BodyResult:
-    """body.ply, metrics.json and the report."""
+    """body.ply, config.toml, sparse/, the report, and last metrics.json."""
+    folder.reopen()
     surface = made.surface
     shape = shape_model(surface, model.unit)
     metrics, warnings = _metrics(model, made), _of_the_body(folder.warnings, model, made.placed)
@@ -103,6 +104,7 @@ def write_body_products(folder: RunFolder, model: BodyModel, made: BodyParts, co
     )
     with folder.timed("products"):
         write_shape_ply(folder.path / BODY_FILE, shape)
+        folder.write_config(config)
         write_colmap(folder.path / POSES_FOLDER, _poses(model, made))
     viewed = _viewed(model, made, shape)
     with folder.timed("report"):

@@ -180,7 +180,7 @@ def _missing(folder: RunFolder, stages: Sequence[MapTile]) -> list[int]:
 
 
 def _prepared(folder: RunFolder, site_file: Path, site: Site, options: BodyOptions) -> BodyModel:
-    folder.write_config(_config(site_file, options))
+    folder.log_config(_config(site_file, options))
     model = _model(folder, site, read_inputs(folder, site), options)
     folder.result_of(CheckCameras(inputs=model.posed.inputs, sparse=model.posed.sparse))
     return model

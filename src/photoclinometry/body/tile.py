@@ -16,7 +16,7 @@ from photoclinometry.body.plan import Tile, TilePlan
 from photoclinometry.body.sparse import PoseCovariances
 from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints, tile_map
 from photoclinometry.io.atomic import unwritable
-from photoclinometry.io.run_files import TILES_FOLDER
+from photoclinometry.io.run_files import STAGES_FOLDER, TILES_FOLDER
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
@@ -133,7 +133,7 @@ def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_
     config = {"tile": number, "body": str(Path(body).resolve()), **asdict(options)}
     # Another plan gives this number to other ground, with other views; the body's own folder has been claimed already.
     with claimed_run(tile_folder(body, number), owner_of_site(site), progress, overwrite=True) as folder:
-        folder.write_config(config)
+        folder.log_config(config)
         return map_posed(folder, _posed_site(folder, site, model, tile, options), config)
 
 
@@ -142,7 +142,7 @@ def remove_tiles_from(body: Path, first: int) -> None:
 
     Raises RunFolderError where a process still maps one of them, or it cannot be removed.
     """
-    for path in sorted((*(body / TILES_FOLDER).glob("*"), *(body / "stages").glob("tile_*"))):
+    for path in sorted((*(body / TILES_FOLDER).glob("*"), *(body / STAGES_FOLDER).glob("tile_*"))):
         number = path.stem.removeprefix("tile_")
         if not number.isdigit() or int(number) < first:
             continue

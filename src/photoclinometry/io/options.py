@@ -12,10 +12,15 @@ from photoclinometry.io.atomic import write_text
 
 
 def write_options(path: Path, options: Mapping[str, Any]) -> None:
-    """The options and the package's version. Tuples become lists, paths become text, None is omitted."""
+    """The file of `options_text`."""
+    write_text(path, options_text(options))
+
+
+def options_text(options: Mapping[str, Any]) -> str:
+    """The options and the package's version as TOML. Tuples become lists, paths become text, None is omitted."""
     import tomli_w
 
-    write_text(path, tomli_w.dumps(_plain({"version": __version__, **options})))
+    return tomli_w.dumps(_plain({"version": __version__, **options}))
 
 
 def options_for_json(options: Mapping[str, Any]) -> dict[str, Any]:

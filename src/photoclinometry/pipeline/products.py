@@ -13,7 +13,14 @@ import numpy as np
 from photoclinometry.adjust import Adjustment
 from photoclinometry.evaluate.diagnosis import Diagnosis, diagnosis
 from photoclinometry.evaluate.verdict import Judged, Judgement, why_with_care
-from photoclinometry.io.run_files import LANDMARKS_FILE, METRICS_FILE, POSES_FOLDER, REPORT_FOLDER, SCENE_FILE
+from photoclinometry.io.run_files import (
+    HELD_OUT_FILE,
+    LANDMARKS_FILE,
+    METRICS_FILE,
+    POSES_FOLDER,
+    REPORT_FOLDER,
+    SCENE_FILE,
+)
 from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
@@ -132,17 +139,21 @@ class _Findings:
 
 
 def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
-    """scene.h5, landmarks.ply, sparse/, altimetry.csv of altimetry, metrics.json and the report."""
+    """scene.h5, config.toml, landmarks.ply, sparse/, held_out.json of views held out, altimetry.csv of altimetry, the
+    report, and last metrics.json."""
     from photoclinometry.io.meshes.ply import write_ply
     from photoclinometry.io.models.colmap import write_colmap
     from photoclinometry.io.scene_file import write_scene
 
     adjustment, scene = summary.adjustment, summary.adjustment.scene
+    folder.reopen()
     with folder.timed("products"):
         write_scene(folder.path / SCENE_FILE, scene)
+        folder.write_config(summary.config)
         write_ply(folder.path / LANDMARKS_FILE, scene, mesh=True)
         write_colmap(folder.path / POSES_FOLDER, scene)
         write_shots(folder.path, adjustment.altimetry)
+        _write_held_out(folder.path / HELD_OUT_FILE, summary.held_out)
         found = _findings(folder, summary)
     with folder.timed("report"):
         page = _write_report(folder, summary, found)
@@ -156,6 +167,16 @@ def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
         left_out=dict(summary.left_out),
         judgement=found.judgement,
     )
+
+
+def _write_held_out(file: Path, views: Views | None) -> None:
+    """Removes an older file where no view was held out."""
+    from photoclinometry.io.held_out import write_held_out
+
+    if views is None:
+        file.unlink(missing_ok=True)
+    else:
+        write_held_out(file, views)
 
 
 def log_verdict(judgement: Judgement) -> None:

@@ -134,9 +134,10 @@ def refine(
     owner = owner_of_model(start.source, start.model.scene)
     with claimed_run(out, owner, progress, overwrite=overwrite) as folder:
         config = {"model": str(start.source.resolve()), **asdict(options)}
-        folder.write_config(config)
+        folder.log_config(config)
         scene = Keyed(start.model.scene, digest(model_fingerprint(start.source), options))
         adjustment = folder.result_of(RefineModel(start=scene, options=options.adjust)).value
+        folder.reopen()
         with folder.timed("model"):
             write_text_model(
                 folder.path / MODEL_FOLDER,

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.evaluate.held_out import held_out_views
-from photoclinometry.io.held_out import write_held_out
-from photoclinometry.io.run_files import HELD_OUT_FILE
 from photoclinometry.io.site import Site, read_site
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.progress import Progress, no_progress
@@ -56,7 +54,7 @@ def run(
     choices = choose(site, options)
     with claimed_run(out, owner_of_site(site), progress, overwrite=overwrite) as folder:
         config = {"site": str(Path(site_file).resolve()), **asdict(options)}
-        folder.write_config(config)
+        folder.log_config(config)
         return _map(folder, site, choices, options, config)
 
 
@@ -95,7 +93,7 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
         config=config,
         left_out=chosen.left_out | dict(found.left_out),
         brought_in={posed.views.name[k]: how for k, how in brought_in.items()},
-        held_out=_place_held_out(folder, found.finished, posed, choices),
+        held_out=_held_out_views(folder, found.finished, posed, choices),
         iterations=found.iterations,
         pose_priors=found.pose_priors,
         control=choices.control,
@@ -107,16 +105,12 @@ def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) 
     return write_products(folder, summary)
 
 
-def _place_held_out(
+def _held_out_views(
     folder: RunFolder, finished: Keyed[FinishedMap], posed: PosedImages, choices: Choices
 ) -> Views | None:
-    """The views held out, placed in the map's frame, kept in held_out.json, too; None where there are none."""
-    file = folder.path / HELD_OUT_FILE
+    """The views held out, placed in the map's frame; None where there are none."""
     registered = np.flatnonzero(choices.held_out & posed.sparse.value.registered)
     if not len(registered):
-        file.unlink(missing_ok=True)
         return None
     stage = PlaceHeldOutViews(finished=finished, posed=posed, held_out=registered, matcher=choices.relit_matcher)
-    views = held_out_views(posed.views, folder.result_of(stage).value)
-    write_held_out(file, views)
-    return views
+    return held_out_views(posed.views, folder.result_of(stage).value)

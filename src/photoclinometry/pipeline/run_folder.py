@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from photoclinometry.io.atomic import atomic_path, unwritable
-from photoclinometry.io.options import write_options
-from photoclinometry.io.run_files import CONFIG_FILE, STAGES_FOLDER
+from photoclinometry.io.options import options_text, write_options
+from photoclinometry.io.run_files import CONFIG_FILE, METRICS_FILE, REPORT_FOLDER, STAGES_FOLDER
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.owner import Owner
 from photoclinometry.model.progress import Progress, no_progress
@@ -25,7 +25,16 @@ from photoclinometry.model.warning import Warned, collected_warnings, distinct
 from photoclinometry.pipeline import run_lock
 from photoclinometry.pipeline.memory import give_back_memory, peak_memory_gb
 from photoclinometry.pipeline.records import has_record, read_record, write_record
-from photoclinometry.pipeline.run_mark import FORMAT, MARK, check_format, check_new, clear, to_be_cleared, write_mark
+from photoclinometry.pipeline.run_mark import (
+    FORMAT,
+    MARK,
+    check_format,
+    check_new,
+    clear,
+    remove,
+    to_be_cleared,
+    write_mark,
+)
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools
 
 __all__ = [
@@ -138,6 +147,19 @@ class RunFolder:
         self.costs.append(cost)
         how = "read back from the earlier run" if cost.resumed else f"{cost.wall_s:.1f} s, {cost.cpu_s:.1f} CPU s"
         log.info("%s: %s", name, how, extra={"ended": name, "wall_s": None if cost.resumed else cost.wall_s})
+
+    def log_config(self, config: Mapping[str, Any]) -> None:
+        """What is to be mapped, and every option, in the log: the products may still be of a run with others."""
+        log.debug("options:\n%s", options_text(config))
+
+    def reopen(self) -> None:
+        """Removes what says that the map in the folder is finished, and how it was made.
+
+        To be called before the first product of a run is written: a run that is stopped meanwhile then leaves no
+        figures and options of another map beside its own. metrics.json is written last. Raises RunFolderError.
+        """
+        for name in (METRICS_FILE, CONFIG_FILE, REPORT_FOLDER):
+            remove(self.path / name)
 
     def write_config(self, config: Mapping[str, Any]) -> None:
         """config.toml: what was mapped, and every option, defaults included."""

@@ -24,7 +24,7 @@ FORMAT = 1
 MARK = "run.json"
 
 BEGUN = frozenset((CONFIG_FILE, LOG_FILE))
-"""What a run writes before its first stage."""
+"""What a run may leave before its first stage: config.toml by versions that wrote it first."""
 
 
 def write_mark(folder: Path, owner: Owner | None = None) -> None:
@@ -92,13 +92,18 @@ def clear(folder: Path) -> None:
     for path in sorted(folder.iterdir()):
         if path.name in {MARK, run_lock.NAME, LOG_FILE}:
             continue
-        try:
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path)
-            else:
-                path.unlink()
-        except OSError as error:
-            raise unwritable(path, error) from error
+        remove(path)
+
+
+def remove(path: Path) -> None:
+    """Removes a file, a link or a folder, if it is there. Raises RunFolderError."""
+    try:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise unwritable(path, error) from error
 
 
 def _read_mark(folder: Path) -> tuple[dict[str, Any], Owner | None]:
