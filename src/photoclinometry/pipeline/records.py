@@ -23,7 +23,8 @@ from photoclinometry.model.warning import Warned, warn
 
 log = logging.getLogger(__name__)
 
-T, R = TypeVar("T"), TypeVar("R")
+T = TypeVar("T")
+R = TypeVar("R")
 _ARRAY = {"array": True}
 """Stands in the JSON text for an array that is stored beside it."""
 
