@@ -2,11 +2,13 @@
 
 import logging
 import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from photoclinometry.body import products as body_products
+from photoclinometry.io.held_out import read_held_out
 from photoclinometry.io.run_files import (
     BODY_FILE,
     CONFIG_FILE,
@@ -31,19 +33,17 @@ def stopped(*_, **__):
 
 @pytest.fixture
 def finished(mapped, tmp_path):
-    """A finished run folder with a view held out."""
-    folder = mapped.copy(tmp_path / "run")
-    (folder / HELD_OUT_FILE).write_text("{}")
-    return folder
+    """A finished run folder."""
+    return mapped.copy(tmp_path / "run")
 
 
 @pytest.mark.parametrize(
-    ("at", "options", "held_out"),
-    [("io.scene_file.write_scene", {}, True), ("pipeline.products._findings", {"site": "new"}, False)],
+    ("at", "options"),
+    [("io.scene_file.write_scene", {}), ("pipeline.products._findings", {"site": "new"})],
     ids=["the first file", "the report"],
 )
 def test_a_run_that_is_stopped_at_its_products_leaves_no_figures_of_another_map(
-    mapped, finished, monkeypatch, at, options, held_out
+    mapped, finished, monkeypatch, at, options
 ):
     monkeypatch.setattr(f"photoclinometry.{at}", stopped)
     summary = RunSummary(adjustment=mapped.result.adjustment, config={"site": "new"}, left_out={})
@@ -53,7 +53,16 @@ def test_a_run_that_is_stopped_at_its_products_leaves_no_figures_of_another_map(
     assert read_metrics(finished) == {}
     assert {key: value for key, value in read_config(finished).items() if key != "version"} == options
     assert (finished / SCENE_FILE).is_file()
-    assert (finished / HELD_OUT_FILE).is_file() == held_out
+
+
+def test_views_held_out_are_those_of_the_last_map(mapped, finished, monkeypatch):
+    monkeypatch.setattr("photoclinometry.pipeline.products._findings", stopped)
+    summary = RunSummary(adjustment=mapped.result.adjustment, config={}, left_out={})
+    for views in (mapped.result.scene.views[[2]], None):
+        with pytest.raises(KeyboardInterrupt):
+            write_products(RunFolder(finished), replace(summary, held_out=views))
+        found = read_held_out(finished / HELD_OUT_FILE)
+        assert (found and found.name) == (views and views.name)
 
 
 def test_a_body_that_is_stopped_at_its_products_leaves_no_figures_of_another(finished, monkeypatch):

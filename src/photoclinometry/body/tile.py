@@ -133,7 +133,6 @@ def map_tile(body: Path, model: BodyModel, number: int, progress: Progress = no_
     config = {"tile": number, "body": str(Path(body).resolve()), **asdict(options)}
     # Another plan gives this number to other ground, with other views; the body's own folder has been claimed already.
     with claimed_run(tile_folder(body, number), owner_of_site(site), progress, overwrite=True) as folder:
-        folder.log_config(config)
         return map_posed(folder, _posed_site(folder, site, model, tile, options), config)
 
 
