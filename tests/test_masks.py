@@ -99,6 +99,9 @@ def test_what_is_no_mask_or_border_is_refused(tmp_path, line, says):
         read_site(file)
 
 
-def test_a_border_wider_than_the_image_leaves_nothing(site):
-    wide = Masking(border_px=(SIZE, 0, SIZE, 0))
-    assert not wide.usable((SIZE, SIZE)).any()
+@pytest.mark.parametrize(
+    "border",
+    [(SIZE, 0, SIZE, 0), (0, 0, 0, SIZE + 10), (0, 0, SIZE + 10, 0), (0, SIZE + 10, 0, 0), (0, 0, 0, 3 * SIZE)],
+)
+def test_a_border_wider_than_the_image_leaves_nothing(border):
+    assert not Masking(border_px=border).usable((SIZE, SIZE)).any()

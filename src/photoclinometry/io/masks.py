@@ -36,7 +36,8 @@ class Masking:
         height, width = shape
         left, top, right, bottom = self.border_px
         there = np.zeros((height, width), bool)
-        there[top : height - bottom, left : width - right] = True
+        # A border wider than the image leaves nothing: a negative end would count from the far side.
+        there[top : max(height - bottom, 0), left : max(width - right, 0)] = True
         for file in self.files:
             mask = read_mask(file)
             if mask.shape != (height, width):
