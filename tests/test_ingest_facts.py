@@ -122,6 +122,15 @@ def test_line_scanners_are_told(text):
     assert not facts("INSTRUMENT_ID = FC2").scanner
 
 
+def test_bytes_before_each_line_make_no_line_scanner():
+    """Images of frame cameras have them, too: Cassini's ISS, Galileo's SSI."""
+    image = "OBJECT = IMAGE\nLINE_PREFIX_BYTES = {}\nEND_OBJECT = IMAGE"
+    assert not facts("INSTRUMENT_ID = ISSNA\n" + image.format(24)).scanner
+    assert not facts(image.format(0)).scanner
+    assert facts(image.format(0) + "\nLINE_EXPOSURE_DURATION = 1.88 <ms>").scanner
+    assert facts("INSTRUMENT_ID = HRSC\n" + image.format(0)).scanner
+
+
 def test_distances_are_kilometres_or_astronomical_units():
     assert facts("SPACECRAFT_SOLAR_DISTANCE = 248900000.0").sun_distance_km == 248900000.0
     assert facts("SOLAR_DISTANCE = 1.5").sun_distance_km == pytest.approx(1.5 * 149597870.7)
