@@ -136,6 +136,24 @@ def test_distances_are_kilometres_or_astronomical_units():
     assert facts("SOLAR_DISTANCE = 1.5").sun_distance_km == pytest.approx(1.5 * 149597870.7)
 
 
+@pytest.mark.parametrize(
+    ("written", "km"),
+    [
+        ("353123456789.0 <m>", 353123456.789),
+        ("353123456.789 <KM>", 353123456.789),
+        ("900.5 <km>", 900.5),
+        ("0.98865575639954 <AU>", 0.98865575639954 * 149597870.7),
+        ("2000.0 <au>", 2000.0 * 149597870.7),
+        ("3.5 <furlong>", None),
+        ("-3.5e8 <km>", None),
+        ("1e16 <m>", None),
+    ],
+)
+def test_a_distance_with_a_unit_is_in_that_unit(written, km):
+    """Metres that are taken for kilometres make I/F a million times too large."""
+    assert facts(f"SPACECRAFT_SOLAR_DISTANCE = {written}").sun_distance_km == (km and pytest.approx(km, rel=1e-12))
+
+
 def test_times_are_read_in_three_ways():
     assert (
         time_of("2015-170T16:15:46.345") == time_of("2015-06-19T16:15:46.345Z") == time_of("2015 JUN 19 16:15:46.345")

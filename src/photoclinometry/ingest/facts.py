@@ -12,7 +12,7 @@ from photoclinometry.io.archives.product import Product
 from photoclinometry.io.archives.pvl import Block, Quantity
 
 _LARGEST_AU = 1000.0
-"""Distances below are in astronomical units, distances above in kilometres."""
+"""Of distances without a unit, those below are in astronomical units, those above in kilometres."""
 _FARTHEST_KM = 1e12
 """Larger distances are damage: 6,700 astronomical units."""
 _SECONDS = {
@@ -21,6 +21,12 @@ _SECONDS = {
     **dict.fromkeys(("us", "microsec"), 1e-6),
 }
 """Units of durations in labels, in seconds."""
+_KILOMETRES = {
+    **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres"), 1.0),
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1e-3),
+    **dict.fromkeys(("au", "ua", "astronomical unit", "astronomical units"), AU_KM),
+}
+"""Units of distances in labels, in kilometres."""
 _MISSING = ("N/A", "NULL", "UNK", "NONE", "")
 _OCAMS = {"0": "MapCam", "1": "SamCam", "2": "PolyCam"}
 """OSIRIS-REx's cameras by their number in labels and headers, which name only the suite (ISIS, ocams2isis)."""
@@ -189,11 +195,14 @@ def time_of(text: str | None) -> datetime | None:
 
 
 def _distance_km(value: Any) -> float | None:
-    """A distance in km or astronomical units, distinguished by size."""
-    number = getattr(value, "value", value)
-    if not isinstance(number, int | float) or isinstance(number, bool) or not 0 < number < _FARTHEST_KM:
+    """A distance by its unit; without one, in km or astronomical units by its size. None for an unknown unit."""
+    if isinstance(value, Quantity):
+        distance = value.value * _KILOMETRES.get(value.unit, 0.0)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        distance = float(value) * (AU_KM if value < _LARGEST_AU else 1.0)
+    else:
         return None
-    return float(number) * (AU_KM if number < _LARGEST_AU else 1.0)
+    return distance if 0 < distance < _FARTHEST_KM else None
 
 
 _NEAR_UNITS = {"0": "dn", "1": "radiance", "2": "iof"}
