@@ -1077,6 +1077,12 @@ def others() -> Iterator[Fault]:
         "a file of no archive", "ingest site/site.toml --out out", "site/site.toml: is not a PDS3 or PDS4 label, ISIS"
     )
     yield row(
+        "a page of the web in a label's place",
+        "ingest a.img --out out",
+        "a.img: a.lbl beside it is not a PDS3 or PDS4 label (it begins with ... fetch it again, or move it",
+        both(put("a.img", bytes(100)), put("a.lbl", "<!DOCTYPE html>"), put("a.xml", "<!DOCTYPE html>")),
+    )
+    yield row(
         "an unknown camera", f"{INGEST} --camera kodak", "there is no camera 'kodak' in the table; known: dawn-fc1"
     )
     yield row(

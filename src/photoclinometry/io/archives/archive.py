@@ -31,6 +31,25 @@ def read_product(path: Path | str, *, linear: bool = False) -> Product:
 
 def _read(path: Path, linear: bool) -> Product:
     head = read_image_bytes(path, limit=_HEAD_BYTES)
+    labelled = _read_labelled(path, head)
+    if labelled is not None:
+        return labelled
+    if head.startswith((b"\x89PNG", b"II*\0", b"MM\0*")):
+        image = read_image(path, linear=linear, remedy="pass --linear")
+        return Product(path=path, data=path, kind="plain", image=image)
+    label = label_beside(path)
+    if label is not None:
+        return _read_label(label, path)
+    if head.startswith(b"SIMPLE"):
+        return _read_fits(path)
+    raise ImageError(
+        f"{path}: is not a PDS3 or PDS4 label, ISIS cube, FITS, PNG or TIFF image (it begins with {head[:8]!r}); "
+        "if it has a label, give the label; otherwise convert it"
+    )
+
+
+def _read_labelled(path: Path, head: bytes) -> Product | None:
+    """What a file with a label, which begins with `head`, describes; None for files of other formats."""
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     if _is_isis(start):
         return read_isis_cube(path)
@@ -38,19 +57,19 @@ def _read(path: Path, linear: bool) -> Product:
         return read_pds3(path)
     if start.startswith(b"<?xml") or start.startswith(b"<Product_Observational"):
         return read_pds4(path)
-    if head.startswith(b"SIMPLE"):
-        label = label_beside(path)
-        return _read(label, linear) if label else _read_fits(path)
-    if head.startswith((b"\x89PNG", b"II*\0", b"MM\0*")):
-        image = read_image(path, linear=linear, remedy="pass --linear")
-        return Product(path=path, data=path, kind="plain", image=image)
-    label = label_beside(path)
-    if label is not None:
-        return _read(label, linear)
-    raise ImageError(
-        f"{path}: is not a PDS3 or PDS4 label, ISIS cube, FITS, PNG or TIFF image (it begins with {head[:8]!r}); "
-        "if it has a label, give the label; otherwise convert it"
-    )
+    return None
+
+
+def _read_label(label: Path, path: Path) -> Product:
+    """What the label beside a data file describes. Raises ImageError for a file that is no label."""
+    head = read_image_bytes(label, limit=_HEAD_BYTES)
+    product = _read_labelled(label, head)
+    if product is None:
+        raise ImageError(
+            f"{path}: {label.name} beside it is not a PDS3 or PDS4 label (it begins with {head[:8]!r}); "
+            "fetch it again, or move it"
+        )
+    return product
 
 
 def _is_isis(start: bytes) -> bool:
