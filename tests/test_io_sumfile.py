@@ -104,6 +104,7 @@ def spoilt(summary, old, new):
         ("LANDMARKS", "LANDMARK", "line 14: expected LANDMARKS"),
         ("571.13", "57l.13", r"line 17: expected 3 numbers \(LIMB FITS of BB0001\)"),
         ("A0001", "Ä0001", "not ASCII"),
+        ("A0001", "     ", "line 1: expected the name of the image, found an empty line"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, view, old, new, message):

@@ -63,6 +63,8 @@ class Exposure:
     """"iof" or "dn"."""
     sources: dict[str, str]
     """The sources of camera, Sun and pose, by these words."""
+    sumfile: Path | None
+    """Its SUMFILE, where there is one."""
     instrument: str
     """The camera's name, as far as it is known."""
     time: datetime | None
@@ -150,6 +152,7 @@ def _exposure(
             "sun": sun_source,
             "pose": geometry.source if geometry is not None and prior is not None else "none",
         },
+        sumfile=sumfile.path if sumfile else None,
         instrument=known.name if known else f"{facts.spacecraft or ''} {facts.instrument or ''}".strip().lower(),
         time=time,
     )

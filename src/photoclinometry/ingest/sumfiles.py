@@ -40,15 +40,36 @@ def read_sumfiles(given: Sequence[Path]) -> list[NamedSum]:
 
 
 def sumfile_of(path: Path, facts: Facts, known: Sequence[NamedSum]) -> NamedSum | None:
-    """The SUMFILE with the image's name, else with its time; None if there is none. Raises InputError for two."""
+    """The SUMFILE with the image's name, else with its time; None if there is none. Raises InputError for two.
+
+    The name of an image may have more before and after that of its SUMFILE. Of several names in it the longest counts.
+    """
     stem = path.stem.lower()
-    named = [s for s in known if s.summary.name.lower() in stem or s.path.stem.lower() in stem]
+    shared = [max(_shared(name.lower(), stem) for name in (s.summary.name, s.path.stem)) for s in known]
+    named = [s for s, length in zip(known, shared, strict=True) if length == max(shared) > 0]
     time = time_of(facts.start) or _time_in(path.name)
     if not named and time is not None:
         named = [s for s in known if (other := time_of(s.summary.utc)) and abs(other - time) <= _SAME_TIME]
     if len(named) > 1:
         raise InputError(f"{path}: matches both {named[0].path.name} and {named[1].path.name}; pass one of them")
     return named[0] if named else None
+
+
+def _shared(name: str, stem: str) -> int:
+    """The length of a SUMFILE's name that is in an image's; 0 if it is not, or only within a longer number or word.
+
+    So IMG1 is in IMG1_CAL, but not in IMG10.
+    """
+    if name not in stem:  # of thousands of SUMFILEs, most
+        return 0
+    places = (found.span() for found in re.finditer(re.escape(name), stem))
+    whole = any(not (_continues(stem[max(a - 1, 0) : a + 1]) or _continues(stem[b - 1 : b + 1])) for a, b in places)
+    return len(name) if whole else 0
+
+
+def _continues(pair: str) -> bool:
+    """Whether two neighbouring characters are of one number or of one word."""
+    return len(pair) == 2 and (pair.isdigit() or pair.isalpha())
 
 
 def detector_of_sumfile(named: NamedSum) -> Detector:

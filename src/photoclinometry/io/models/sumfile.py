@@ -115,6 +115,8 @@ def read_sumfile(path: Path | str) -> SumFile:
     lines = _lines(path)
     if len(lines) < 2 + len(_HEADER):
         raise InputError(f"{path}: has {len(lines)} lines, a SUMFILE has {2 + len(_HEADER)} and more; get it again")
+    if not lines[0].strip():
+        raise InputError(f"{path}, line 1: expected the name of the image, found an empty line; get it again")
     value = {key: _numbers(path, n, lines[n - 1], key, count) for n, (key, count) in enumerate(_HEADER, start=3)}
     _check(path, value)
     landmarks, limbs = _points(path, lines, 2 + len(_HEADER))
