@@ -301,6 +301,15 @@ def test_a_candidate_of_a_table_that_does_not_see_the_place_is_named_and_not_tri
         candidates(planned.planned, CandidateOptions(table=path))
 
 
+def test_of_thousands_of_views_that_do_not_see_the_place_the_error_names_a_few(tmp_path):
+    path, behind = tmp_path / "poses.csv", NIGHT.splitlines()[1]
+    path.write_text(table_text(2) + "".join(f"{k}{behind}\n" for k in range(2000)))
+    with pytest.raises(InputError, match=r"2 of 2002 views see the place, .* and 1995 more\. Choose another") as raised:
+        planned_views(read_table(path), options())
+    assert "4behind" in str(raised.value)
+    assert len(str(raised.value)) < 600
+
+
 def test_a_landmark_that_only_the_new_image_measures_changes_no_drop():
     assert drop_percent(np.array([1.0, 1.0, np.inf]), np.array([0.8, 0.8, 5.0])) == pytest.approx(20.0)
 

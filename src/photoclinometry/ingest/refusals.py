@@ -9,6 +9,7 @@ from pathlib import Path
 from photoclinometry.io.archives.archive import label_beside
 from photoclinometry.io.spice import TimeNotCoveredError
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.first_few import first_names
 
 _CAUSES = 20
 """Causes that an error names; the others are counted."""
@@ -81,10 +82,9 @@ def sentences(refused: Sequence[Refusal]) -> list[str]:
 def _sentence(cause: str, group: Sequence[Refusal]) -> str:
     if not group[0].named:
         return cause
-    files = ", ".join(str(each.path) for each in group[:_FILES])
-    more = f" and {len(group) - _FILES} more" if len(group) > _FILES else ""
+    files = first_names([str(each.path) for each in group], _FILES)
     times = sorted(each.time for each in group)
-    return f"{files}{more}: {cause.replace(_TIMES, each_time(times[0], times[-1]))}"
+    return f"{files}: {cause.replace(_TIMES, each_time(times[0], times[-1]))}"
 
 
 def message(refused: Sequence[Refusal], count: int) -> str:

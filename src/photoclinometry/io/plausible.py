@@ -15,6 +15,7 @@ import numpy as np
 
 from photoclinometry.io.site import MIN_VIEWS, Site
 from photoclinometry.model.errors import ImageError, SiteError
+from photoclinometry.model.first_few import first_reasons
 from photoclinometry.model.scene import Image
 
 BRIGHTEST_IOF = 1.5
@@ -156,8 +157,7 @@ def _in_other_units(site: Site, level: np.ndarray) -> dict[int, str]:
 def _check_enough(site: Site, found: Mapping[str, str]) -> None:
     if not found or len(site.views) - len(found) >= MIN_VIEWS:
         return
-    listed = "; ".join(f"{name}: {reason}" for name, reason in list(found.items())[:_LISTED])
-    more = f"; and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
     raise ImageError(
-        f"{site.path}: {len(found)} of {len(site.views)} images cannot be used, {MIN_VIEWS} must remain: {listed}{more}"
+        f"{site.path}: {len(found)} of {len(site.views)} images cannot be used, {MIN_VIEWS} must remain: "
+        f"{first_reasons(found, _LISTED)}"
     )

@@ -11,6 +11,7 @@ from photoclinometry.adjust import TiePoints
 from photoclinometry.io.site import Site
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.first_few import first_reasons
 from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.projection import projected_keypoints
@@ -18,7 +19,7 @@ from photoclinometry.model.scene import Scene, Tracks, Views, join_views
 from photoclinometry.plan.exposures import cropped_views
 from photoclinometry.plan.forecast import KINDS, Forecast, stated_at
 from photoclinometry.plan.options import CandidateOptions
-from photoclinometry.plan.place import PlannedViews, listed, views_in, views_that_see
+from photoclinometry.plan.place import LISTED, PlannedViews, views_in, views_that_see
 from photoclinometry.plan.table import read_table
 from photoclinometry.simulate.trajectory import looking_at
 
@@ -81,7 +82,9 @@ def candidates(planned: PlannedViews, options: CandidateOptions) -> tuple[list[C
 def _of_table(planned: PlannedViews, site: Site) -> tuple[list[Candidate], dict[str, str]]:
     seen, not_seen = views_that_see(site.views, planned.place)
     if not seen:
-        raise InputError(f"{site.path}: none of the {len(site.views)} candidates sees the place. {listed(not_seen)}")
+        raise InputError(
+            f"{site.path}: none of the {len(site.views)} candidates sees the place. {first_reasons(not_seen, LISTED)}"
+        )
     by_name = {view.name: view for view in site.views}
     views = views_in(planned.body_from_local, [by_name[found.name] for found in seen], site)
     return [Candidate(name=name, view=views[[k]], tries="table") for k, name in enumerate(views.name)], not_seen

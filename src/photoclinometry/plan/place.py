@@ -13,6 +13,7 @@ import numpy as np
 
 from photoclinometry.io.site import MIN_VIEWS, Site, SiteView
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.first_few import first_reasons
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Views
@@ -21,6 +22,8 @@ from photoclinometry.registration.place import SEMI_AXES_M, Place, lon_lat_deg, 
 from photoclinometry.registration.view_choice import REGION_PX, reference_view
 from photoclinometry.registration.viewing import Sighting, sighting, unseen_where
 
+LISTED = 5
+"""Views that an error names with the reason why they do not see the place; the others are counted."""
 _PARALLEL = 1e-6
 """Sine of the angle between the normal and the axis z below which north is the axis y."""
 
@@ -64,7 +67,7 @@ def planned_views(site: Site, options: PlanOptions) -> PlannedViews:
     if len(seen) < MIN_VIEWS:
         raise InputError(
             f"{site.path}: {len(seen)} of {len(site.views)} views see the place, a map needs {MIN_VIEWS}. "
-            f"{listed(not_seen)}. Choose another place (--at, --point) or other views"
+            f"{first_reasons(not_seen, LISTED)}. Choose another place (--at, --point) or other views"
         )
     by_name = {view.name: view for view in posed}
     reference = _reference(site, seen, by_name)
@@ -187,11 +190,6 @@ def views_that_see(posed: Sequence[SiteView], place: Place) -> tuple[list[Sighti
         else:
             seen.append(found)
     return seen, not_seen
-
-
-def listed(not_seen: dict[str, str]) -> str:
-    """Why views do not see the place, in one line."""
-    return "; ".join(f"{name}: {reason}" for name, reason in not_seen.items())
 
 
 def _reference(site: Site, seen: list[Sighting], views: dict[str, SiteView]) -> int:
