@@ -1095,6 +1095,12 @@ def others() -> Iterator[Fault]:
         edit("photos/suns.csv", "0.6,", "0.9,"),
     )
     yield row(
+        "a table of Suns that names files with their folders",
+        f"{INGEST} {SUNS}",
+        f"{PHOTO}: the Sun's direction is unknown: ... ; no row of photos/suns.csv has its name, without folders",
+        edit("photos/suns.csv", "20190301T", "photos/20190301T"),
+    )
+    yield row(
         "a kernel that is none", f"{INGEST} --kernels a.tls", "a.tls: is not a SPICE kernel", put("a.tls", "hello")
     )
     yield row(

@@ -1,10 +1,11 @@
 """Each image has the SUMFILE of its own name or time, and no image that of another."""
 
+import logging
 from pathlib import Path
 
 import pytest
 
-from archives import CAMERA, POSE, SUN, plain_images
+from archives import CAMERA, POSE, SUN, mapcam_cube, plain_images
 from photoclinometry.ingest.facts import Facts
 from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions
@@ -68,3 +69,29 @@ def test_a_sumfile_is_of_one_image(tmp_path):
         ingest([path, other], tmp_path / "site", options)
     assert not (tmp_path / "site").exists()
     assert len(ingest([path, path], tmp_path / "site", options).exposures) == 1
+
+
+def test_an_image_without_a_sumfile_is_warned_of_where_one_describes_no_image(tmp_path, caplog):
+    """It would have the pose of its own label without a word."""
+    paths = [mapcam_cube(tmp_path / f"{name}.cub") for name in ("a1", "b1")]
+    for name in ("A1", "C1"):
+        write_sumfile(tmp_path / f"{name}.SUM", sumfile_of_view(name, CAMERA, POSE, SUN, utc=LONG_AGO))
+    given = (tmp_path / "A1.SUM", tmp_path / "C1.SUM")
+    about = {"undistorted": True, "pinhole": (9000.0, 9000.0, 512.0, 512.0)}
+    with caplog.at_level(logging.WARNING):
+        ingest(paths, tmp_path / "site", IngestOptions(sumfiles=given, **about))
+    (said,) = (r.getMessage() for r in caplog.records if "SUMFILE" in r.getMessage())
+    assert "the time of b1.cub (1 of 2 images)" in said
+    assert "those of C1.SUM (1 of 2 SUMFILEs)" in said
+    caplog.clear()
+    with caplog.at_level(logging.WARNING):
+        ingest(paths[:1], tmp_path / "of-all", IngestOptions(sumfiles=given, **about))
+        ingest(paths, tmp_path / "all-used", IngestOptions(sumfiles=given[:1], **about))
+    assert not [r for r in caplog.records if "SUMFILE" in r.getMessage()]
+
+
+def test_sumfiles_that_were_passed_are_said_not_to_match(tmp_path):
+    (path,) = plain_images(tmp_path / "in", 1)
+    write_sumfile(tmp_path / "A.SUM", sumfile_of_view("A", CAMERA, POSE, SUN, utc=LONG_AGO))
+    with pytest.raises(InputError, match=r"no SUMFILE given has its name or time$"):
+        ingest([path], tmp_path / "site", IngestOptions(sumfiles=(tmp_path / "A.SUM",), body="bennu"))

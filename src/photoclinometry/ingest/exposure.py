@@ -121,6 +121,8 @@ def _exposure(
     else:
         if geometry is None and row is None:
             missing.append("the Sun's direction is unknown: pass --kernels, --sumfiles, or --suns")
+    if missing:
+        missing.extend(_without_match(options, sumfile, row))
     if missing or optics is None:
         raise InputError("; ".join(missing)) from fault
     detector = replace(optics.detector, distortion=None) if options.undistorted else optics.detector
@@ -200,6 +202,16 @@ def _no_camera(facts: Facts, lacking: str) -> str:
         f"its camera is not known ({cause}): pass --camera NAME, --pinhole FX FY CX CY, --sumfiles, "
         "or --kernels with its instrument kernel"
     )
+
+
+def _without_match(options: IngestOptions, sumfile: NamedSum | None, row: SunRow | None) -> list[str]:
+    """What was given for images and does not name this one."""
+    found = []
+    if options.sumfiles and sumfile is None:
+        found.append("no SUMFILE given has its name or time")
+    if options.suns and row is None:
+        found.append(f"no row of {options.suns} has its name, without folders, as image")
+    return found
 
 
 def _sun(row: SunRow | None, geometry: Geometry | None, options: IngestOptions) -> tuple[np.ndarray, float, str]:

@@ -16,7 +16,7 @@ from photoclinometry.ingest.exposure import SUNS_GIVEN, AuxiliaryData, Exposure,
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.ingest.refusals import Refusal, counted, message, sentences
 from photoclinometry.ingest.sumfiles import read_sumfiles
-from photoclinometry.ingest.unmatched import check_sumfiles
+from photoclinometry.ingest.unmatched import check_sumfiles, check_suns
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.bodies import is_known
 from photoclinometry.io.images import write_fits
@@ -71,7 +71,9 @@ def ingest(
     if refused and not (options.keep_going and exposures):
         raise InputError(message(refused, counted(files)))
     exposures = _one_unit(exposures)
-    check_sumfiles(exposures)
+    check_sumfiles(exposures, sumfiles)
+    if options.suns and suns is not None:
+        check_suns(exposures, options.suns, suns, [each.path for each in refused])
     with atomic_path(out) as folder:
         _write(folder, out, exposures, options)
     if len(exposures) < MIN_VIEWS:

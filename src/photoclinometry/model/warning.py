@@ -41,6 +41,7 @@ CODES: Mapping[str, str] = {
     "reversal-undecided": "rays are so nearly parallel that the relief may be reversed",
     "rival-failed": "a method that a run is compared with finds no map, or one that lies elsewhere",
     "run-failed": "a run of a study gave no map",
+    "sumfile-missing": "images that were made into a site have no SUMFILE, though SUMFILEs given describe no image",
     "suns-moved": "brightness has all Suns alike, or one by itself, far beyond what is stated of them",
     "sun-undecided": "Sun directions contradict each other, and which are wrong cannot be told",
     "tile-failed": "a tile of a body is not mapped, and its ground is guessed or mapped by other tiles",
