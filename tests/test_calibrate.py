@@ -13,6 +13,7 @@ from photoclinometry.io.site import read_site, write_site
 from photoclinometry.io.site_images import load_images
 from photoclinometry.model.errors import ReconstructionError, RunFolderError
 from photoclinometry.model.lens import NO_DISTORTION, Lens
+from photoclinometry.model.progress import no_progress
 from photoclinometry.model.warning import Warned, collected_warnings
 from photoclinometry.pipeline import calibrate as calibrate_module
 from photoclinometry.pipeline.calibrate import CalibrationOptions, calibrate
@@ -21,6 +22,7 @@ from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.self_calibration import LensEstimate
+from sites import write_small_site
 
 CORNER_PX = 5.0
 ONE_THREAD = SfmOptions(threads=1)
@@ -120,6 +122,25 @@ def test_images_of_too_few_keypoints_are_an_error(distorted, tmp_path, monkeypat
     with pytest.raises(ReconstructionError, match=r"keypoints of 6 views do not suffice .* --sfm.max-features"):
         calibrate(distorted[0], tmp_path / "new.toml", CalibrationOptions(sfm=ONE_THREAD))
     assert not (tmp_path / "new.toml").exists()
+
+
+def test_the_maps_of_a_response_have_the_images_where_the_folder_of_temporary_files_is_a_link(tmp_path, monkeypatch):
+    """As on macOS, whose /var is /private/var."""
+    (tmp_path / "far" / "deep" / "er").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "far" / "deep" / "er")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "link"))
+    site = read_site(write_small_site(tmp_path / "site"))
+
+    def mapped(site_file, *_):
+        views = read_site(site_file).views
+        assert [view.image.resolve() for view in views] == [view.image.resolve() for view in site.views]
+        assert all(view.image.is_file() for view in views)
+        return SimpleNamespace(warnings=[], metrics={})
+
+    monkeypatch.setattr("photoclinometry.pipeline.run.run", mapped)
+    assert calibrate_module._response(site, CalibrationOptions(), no_progress) == 1.0
+    moved = calibrate_module._moved(site, tmp_path / "link" / "new.toml")
+    assert all((tmp_path / "link" / view.name).is_file() for view in moved.views)
 
 
 def response_calibrated(site, tmp_path, monkeypatch, found):

@@ -60,6 +60,17 @@ def test_a_site_with_masks_is_written_and_read_back_wherever_it_lies(site, tmp_p
         assert [f.resolve() for f in after.masking.files] == [f.resolve() for f in before.masking.files]
 
 
+def test_a_site_with_masks_is_written_where_a_link_leads(site, tmp_path):
+    known = read_site(site)
+    (tmp_path / "far" / "deep" / "er").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "far" / "deep" / "er")
+    moved = tmp_path / "link" / "site.toml"
+    write_site(moved, replace(known, path=moved))
+    for before, after in zip(known.views, read_site(moved).views, strict=True):
+        assert [f.resolve() for f in after.masking.files] == [f.resolve() for f in before.masking.files]
+        assert all(f.is_file() for f in after.masking.files)
+
+
 def test_a_changed_mask_is_a_changed_input(site):
     before = input_fingerprint(read_site(site))
     write_mask(site.parent / "masks" / "2.png", slice(20, 22), 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.io.images import read_mask
+from photoclinometry.io.relative_path import relative_path
 from photoclinometry.io.table import Table
 from photoclinometry.model.errors import ImageError
 
@@ -52,7 +52,7 @@ class Masking:
         """The keys of `site.toml` in a folder; none where all is used."""
         found: dict[str, Any] = {}
         if self.files:
-            found[MASK] = [Path(os.path.relpath(file, folder)).as_posix() for file in self.files]
+            found[MASK] = [relative_path(file, folder) for file in self.files]
         if any(self.border_px):
             found[BORDER] = list(self.border_px)
         return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
+from photoclinometry.io.relative_path import relative_path
 from photoclinometry.io.site import Site, read_site, write_site
 from photoclinometry.io.site_cameras import SiteCamera
 from photoclinometry.model.errors import ReconstructionError, RunFolderError
@@ -170,7 +170,7 @@ def _with_cameras(site: Site, cameras: list[SiteCamera], of_view: np.ndarray) ->
 
 def _moved(site: Site, path: Path) -> Site:
     """The site as a file at `path` has it, with the same images."""
-    names = {view.name: Path(os.path.relpath(view.image, path.parent)).as_posix() for view in site.views}
+    names = {view.name: relative_path(view.image, path.parent) for view in site.views}
     region = site.region
     if region is not None and region.reference is not None:
         region = replace(region, reference=names[region.reference])

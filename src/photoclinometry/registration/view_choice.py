@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
+from photoclinometry.io.relative_path import relative_path
 from photoclinometry.io.site import MIN_VIEWS, RegionRequest, Site, SiteView, write_site
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.ranges import OptionError, Range, Ranged
@@ -135,7 +135,7 @@ def write_chosen_site(path: Path, site: Site, choice: ViewChoice) -> Site:
             f"a map needs {MIN_VIEWS} at least ({limits}); widen them"
         )
     by_name = {view.name: view for view in site.views}
-    names = {s.name: _relative(by_name[s.name], path) for s in choice.chosen}
+    names = {s.name: relative_path(by_name[s.name].image, path.parent) for s in choice.chosen}
     views = tuple(replace(by_name[old], name=new, image=path.parent / new) for old, new in names.items())
     reference = reference_view(choice.chosen, by_name)
     region = None
@@ -162,15 +162,6 @@ def _room(seen: Sighting, view: SiteView) -> int:
     """Side of the largest square about the place in the image [px], REGION_PX at most."""
     (x, y), camera = seen.pixel, view.camera
     return min(REGION_PX, int(2.0 * min(x, y, camera.width - x, camera.height - y)))
-
-
-def _relative(view: SiteView, path: Path) -> str:
-    """The image's path from the folder of `path`, with forward slashes; its whole path where there is none."""
-    image = view.image.resolve()
-    try:
-        return PurePath(os.path.relpath(image, path.parent.resolve())).as_posix()
-    except ValueError:  # on another drive (Windows)
-        return image.as_posix()
 
 
 def _flag(name: str) -> str:
