@@ -25,7 +25,8 @@ def evaluate(
 
     Writes evaluation.json and evaluation.md, and prints the same as tables. Each figure's name ends in its
     unit; GSD is the ground sample distance, one reference pixel on the ground. The alignment with a truth or map in
-    metres or kilometres is kept in reference_from_scene.toml: `phomo export --transform` takes it.
+    metres or kilometres is kept in reference_from_scene.toml: `phomo export --transform` takes it. What an earlier
+    evaluation left in the folder is replaced.
 
     Args:
         run: Folder of a finished run.
