@@ -1,9 +1,13 @@
 """Shape kernels: SPICE's own routines find the surface where it is."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from archives import SHARED
+from photoclinometry.io import spice_dsk
 from photoclinometry.io.meshes.obj import read_obj
 from photoclinometry.io.spice_dsk import DskPlace, write_dsk
 from photoclinometry.model.errors import InputError
@@ -106,4 +110,21 @@ def test_an_own_body_takes_its_frame_kernel(tmp_path, egg):
 def test_what_spice_does_not_know_is_told(tmp_path, egg, place, says):
     with pytest.raises(InputError, match=says):
         write_dsk(tmp_path / "egg.bds", *egg, place=place, single_valued=True)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_spice_that_does_not_end_is_ended(tmp_path, monkeypatch):
+    triangle = np.eye(3), np.array([[0, 1, 2]])
+    begun = []
+
+    def hanging(_script):
+        sleeps = [sys.executable, "-S", "-c", "import time; time.sleep(1000)"]
+        begun.append(subprocess.Popen(sleeps, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
+        return begun[0]
+
+    monkeypatch.setattr(spice_dsk, "started", hanging)
+    monkeypatch.setattr(spice_dsk, "_TIMEOUT_S", 0.1)
+    with pytest.raises(InputError, match="SPICE had not written the kernel after 0 s; leave the DSK out"):
+        write_dsk(tmp_path / "a.bds", *triangle, place=DskPlace(body="bennu"), single_valued=False)
+    assert begun[0].poll() is not None
     assert list(tmp_path.iterdir()) == []

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,6 +24,10 @@ from photoclinometry.model.geometry import KM_PER_M
 
 LARGEST_PLATES = 32_000_000
 """SPICE's limit."""
+_TIMEOUT_S = 120.0
+"""Longest wait for an answer without a mesh [s]: to load a large text kernel takes seconds."""
+_TIMEOUT_S_PER_PLATE = 1e-4
+"""What each plate adds to it [s]: SPICE takes 4e-6 s, on a processor of its own and a fast disk."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +57,7 @@ def write_dsk(
 
     single_valued: each direction from the origin meets the surface once; comments: lines for the kernel's comment area.
     Returns the body's NAIF code and the name of the frame. Raises InputError without spiceypy, for bodies and frames
-    that SPICE does not know, and with SPICE's reason for meshes that it refuses; RunFolderError.
+    that SPICE does not know, with SPICE's reason for meshes that it refuses, and where it does not end; RunFolderError.
     """
     path = Path(path)
     if len(faces) > LARGEST_PLATES:
@@ -67,22 +72,28 @@ def write_dsk(
             "single_valued": single_valued,
             "comments": list(comments),
         }
-        return _answer(place, mesh)
+        return _answer(place, mesh, len(faces))
 
 
 def known_to_spice(place: DskPlace) -> tuple[int, str]:
     """The body's NAIF code and the name of its frame. Raises InputError without spiceypy, and for what SPICE does not
     know."""
-    return _answer(place, {})
+    return _answer(place, {}, 0)
 
 
-def _answer(place: DskPlace, mesh: dict[str, Any]) -> tuple[int, str]:
+def _answer(place: DskPlace, mesh: dict[str, Any], plates: int) -> tuple[int, str]:
     if importlib.util.find_spec("spiceypy") is None:
         raise InputError("SPICE's kernels need spiceypy: pip install 'photoclinometry[geo]', or leave the DSK out")
     kernels = [str(kernel) for kernel in place.kernels]
     process = started("dsk_worker.py")
     request = {"body": place.body, "frame": place.frame, "kernels": kernels, **mesh}
-    output, _ = process.communicate(json.dumps(request) + "\n")
+    limit = _TIMEOUT_S + _TIMEOUT_S_PER_PLATE * plates
+    try:
+        output, _ = process.communicate(json.dumps(request) + "\n", timeout=limit)
+    except subprocess.TimeoutExpired as error:
+        process.kill()
+        process.communicate()
+        raise InputError(f"SPICE had not written the kernel after {limit:.0f} s; leave the DSK out") from error
     if not output:
         raise InputError("SPICE broke down while it wrote the kernel; leave the DSK out")
     answer = json.loads(output)
