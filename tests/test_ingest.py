@@ -44,6 +44,21 @@ def test_plain_images_with_a_table_of_suns(tmp_path):
     assert {s["sun"] for s in sources} == {"table of Suns"}
 
 
+@pytest.mark.parametrize("out", [".", "link"])
+def test_a_site_may_be_made_in_the_working_folder_or_where_a_link_leads(tmp_path, monkeypatch, out):
+    paths = plain_images(tmp_path / "in")
+    options = IngestOptions(suns=suns_of(tmp_path, paths), pinhole=(500.0, 500.0, 30.0, 20.0))
+    (tmp_path / "working" / "there").mkdir(parents=True)
+    (tmp_path / "working" / "link").symlink_to("there")
+    folder = tmp_path / "working" / "there"
+    monkeypatch.chdir(folder if out == "." else folder.parent)
+    site = ingest(paths, Path(out), options).site
+    assert site == Path(out) / "site.toml"
+    assert len(load_images(read_site(site))) == 3
+    assert sorted(path.name for path in folder.iterdir()) == ["images", "site.toml", "sources.json"]
+    assert sorted(path.name for path in folder.parent.iterdir()) == ["link", "there"]
+
+
 def test_lines_that_run_up_are_turned(tmp_path):
     paths = plain_images(tmp_path / "in", 1)
     options = IngestOptions(suns=suns_of(tmp_path, paths), pinhole=(500.0, 500.0, 30.0, 20.0), lines="up")

@@ -118,6 +118,78 @@ def test_success_makes_parents_replaces_and_keeps_the_suffix(tmp_path):
     assert [p.name for p in path.parent.iterdir()] == ["a.png"]
 
 
+def fill(path):
+    """Writes the folder `path` with two files."""
+    with atomic_path(path) as temporary:
+        temporary.mkdir()
+        for name in ("a", "b"):
+            (temporary / name).write_text(name)
+
+
+@pytest.mark.parametrize("leads_to", ["an empty folder", "a full folder", "nothing"])
+def test_a_link_to_a_folder_stays_and_the_folder_is_replaced(tmp_path, leads_to):
+    there, link = tmp_path / "disk" / "there", tmp_path / "link"
+    if leads_to != "nothing":
+        there.mkdir(parents=True)
+    if leads_to == "a full folder":
+        (there / "old").write_text("old")
+    link.symlink_to(there)
+    fill(link)
+    assert link.is_symlink()
+    assert sorted(path.name for path in there.iterdir()) == ["a", "b"]
+    assert [path.name for path in there.parent.iterdir()] == ["there"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["disk", "link"]
+
+
+def test_a_link_to_a_file_is_replaced_like_a_file(tmp_path):
+    (tmp_path / "there").write_text("old")
+    (tmp_path / "link").symlink_to("there")
+    write_text(tmp_path / "link", "new")
+    assert not (tmp_path / "link").is_symlink()
+    assert [(tmp_path / name).read_text() for name in ("there", "link")] == ["old", "new"]
+
+
+@pytest.fixture
+def working(tmp_path, monkeypatch):
+    """The working folder, with a file in it."""
+    folder = tmp_path / "working"
+    folder.mkdir()
+    (folder / "old").write_text("old")
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.mark.parametrize("given", [".", "../working"])
+def test_the_working_folder_stays_itself_and_its_content_is_replaced(working, given):
+    """A shell in there would else be in a folder that is no more."""
+    before = os.stat(".").st_ino
+    fill(given)
+    assert os.stat(".").st_ino == os.stat(working).st_ino == before
+    assert sorted(os.listdir(".")) == ["a", "b"]
+    assert os.listdir("..") == ["working"]
+
+
+def test_the_content_of_the_working_folder_goes_back_where_its_replacement_fails(working, monkeypatch):
+    replace = os.replace
+
+    def failing(source, target):
+        if os.path.basename(target) == "b":
+            raise OSError(errno.EIO, "Input/output error")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", failing)
+    with pytest.raises(RunFolderError, match=r"working: cannot be written: Input/output error"):
+        fill(".")
+    assert os.listdir(".") == ["old"]
+    assert os.listdir("..") == ["working"]
+
+
+def test_a_file_is_not_written_in_the_place_of_the_working_folder(working):
+    with pytest.raises(RunFolderError, match="working: cannot be written: Is a directory"):
+        write_text(".", "x")
+    assert os.listdir(".") == ["old"]
+
+
 def test_a_block_that_writes_nothing_is_an_error(tmp_path):
     with pytest.raises(RunFolderError, match=r"a\.bin: cannot be written"), atomic_path(tmp_path / "a.bin"):
         pass

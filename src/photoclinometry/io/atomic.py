@@ -37,9 +37,13 @@ def atomic_path(path: Path | str) -> Iterator[Path]:
     is flushed to the disk and renamed over `path`; on any exception `path` stays as it was, and neither anything
     temporary nor an empty new folder remains. Every OSError becomes a RunFolderError with a remedy, those of the disk
     an OutputError.
+
+    A link to a folder stays, and the folder that it leads to is replaced. The working folder and the root of a disk
+    stay themselves, and their content is replaced; the temporary path then is within.
     """
-    path = Path(path)
-    temporary = path.with_name(f".{path.stem}.partial-{secrets.token_hex(4)}{path.suffix}")
+    path = _replaceable(Path(path))
+    place = path if _stays(path) else path.parent
+    temporary = place / f".{path.stem}.partial-{secrets.token_hex(4)}{path.suffix}"
     new: list[Path] = []
     try:
         new = [folder for folder in path.parents if not folder.exists()]
@@ -92,6 +96,20 @@ def too_long(path: Path | str) -> str:
     return f"{str(path)[:_SHOWN]}... ({len(str(path))} characters)"
 
 
+def _replaceable(path: Path) -> Path:
+    """The path as it was given; resolved where another cannot be renamed over it: ".", "..", and links.
+
+    A link to a file is replaced like a file.
+    """
+    linked = os.path.islink(path) and not os.path.isfile(path)
+    return Path(os.path.realpath(path)) if linked or path.name in ("", "..") else path
+
+
+def _stays(path: Path) -> bool:
+    """Whether a folder cannot be replaced by another: the working folder, which shells hold on to, or a disk's root."""
+    return os.path.isdir(path) and (os.path.samefile(path, os.curdir) or os.path.ismount(path))
+
+
 def _flush(path: Path) -> None:
     for file in [path] if path.is_file() else [p for p in path.rglob("*") if p.is_file()]:
         with open(file, "rb+") as stream:
@@ -100,8 +118,13 @@ def _flush(path: Path) -> None:
 
 def _move_over(source: Path, target: Path) -> None:
     """Rename `source` to `target`. A folder at `target` is moved aside first, and moved back if the rename fails."""
+    if source.is_file() and target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not (source.is_dir() and target.is_dir()):
         os.replace(source, target)
+        return
+    if source.parent == target:
+        _fill_from(source, target)
         return
     aside = target.with_name(f".{target.name}.replaced-{secrets.token_hex(4)}")
     os.replace(target, aside)
@@ -109,6 +132,25 @@ def _move_over(source: Path, target: Path) -> None:
         os.replace(source, target)
     except OSError:
         os.replace(aside, target)
+        raise
+    shutil.rmtree(aside)
+
+
+def _fill_from(source: Path, folder: Path) -> None:
+    """Put the content of `source`, a folder in `folder`, in the place of all else there; if it fails, all goes back."""
+    aside = folder / f".{folder.name}.replaced-{secrets.token_hex(4)}"
+    moves = [(old, aside / old.name) for old in folder.iterdir() if old != source]
+    moves += [(new, folder / new.name) for new in source.iterdir()]
+    aside.mkdir()
+    done: list[tuple[Path, Path]] = []
+    try:
+        for before, after in moves:
+            os.replace(before, after)
+            done.append((before, after))
+    except OSError:
+        for before, after in reversed(done):
+            os.replace(after, before)
+        aside.rmdir()
         raise
     shutil.rmtree(aside)
 

@@ -40,7 +40,6 @@ def write_export(
     with `overwrite` only. Returns what export.json holds. Raises InputError for products that cannot be written, and
     RunFolderError; `out` then is as it was.
     """
-    out = _renamable(out)
     products = _chosen(formats, placed, what, options)
     missing = {} if options.products else _not_installed(formats, products)
     products = [name for name in products if name not in missing]
@@ -61,12 +60,6 @@ def write_export(
         }
         write_json(temporary / MANIFEST, content)
     return content
-
-
-def _renamable(out: Path) -> Path:
-    """The folder as it was given, which messages then name; resolved where another cannot be renamed over it: a link,
-    and "." or ".."."""
-    return out.resolve() if out.name in ("", "..") or out.is_symlink() else out
 
 
 def _write(
