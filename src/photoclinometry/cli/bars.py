@@ -76,7 +76,7 @@ def progress_bars(console: Any) -> Iterator[Bars]:
     from rich import progress as bar
 
     columns = (
-        bar.TextColumn("{task.description:18}"),
+        bar.TextColumn("{task.description:18}", markup=False),
         bar.BarColumn(),
         bar.TextColumn("{task.fields[count]}"),
         bar.TimeElapsedColumn(),

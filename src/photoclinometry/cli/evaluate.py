@@ -58,12 +58,13 @@ def show(evaluation: Evaluation, folder: Path) -> None:
     """The figures as two tables on the terminal, and where they were written."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     from photoclinometry.evaluate.tables import metric_rows
 
     console = Console()
     spreads, singles = metric_rows(evaluation.metrics)
-    table = Table(title=evaluation.name, title_justify="left")
+    table = Table(title=Text(evaluation.name, "table.title"), title_justify="left")
     for head in ("quantity", "unit", "mean", "median", "RMS", "90 %"):
         table.add_column(head, justify="left" if head in ("quantity", "unit") else "right")
     for row in spreads:
@@ -75,4 +76,4 @@ def show(evaluation: Evaluation, folder: Path) -> None:
     for row in singles:
         table.add_row(*row)
     console.print(table)
-    Console(stderr=True).print(f"written: {folder}/evaluation.json, .md", soft_wrap=True, highlight=False)
+    Console(stderr=True).print(f"written: {folder}/evaluation.json, .md", soft_wrap=True, highlight=False, markup=False)

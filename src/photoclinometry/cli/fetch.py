@@ -48,5 +48,6 @@ def fetch(
     console.print(
         f"{len(files)} files, {total:.1f} MB, verified; {len(fetched)} fetched now, from {dataset} at {data.commit}",
         highlight=False,
+        markup=False,
     )
     print(out)

@@ -54,7 +54,7 @@ def show_site(path: Path) -> None:
 
     site = read_site(path)
     console = Console(highlight=False)
-    console.print(f"[bold]{site.name}[/bold]: {len(site.views)} views, brightness {site.brightness}, body {site.body}")
+    _say_name(console, site.name, f"{len(site.views)} views, brightness {site.brightness}, body {site.body}")
     region = site.region
     if region is None:
         console.print("region: chosen automatically")
@@ -63,7 +63,7 @@ def show_site(path: Path) -> None:
         if region.stride is not None:
             parts |= {"stride [px]": region.stride}
         listed = ", ".join(f"{k} {v if v is not None else 'automatic'}" for k, v in parts.items())
-        console.print("region: " + listed.replace("[", r"\["))
+        _say(console, f"region: {listed}")
     _show_views(console, site)
     own, common = np.degrees(site.sun_sigmas)
     if common.any():
@@ -72,6 +72,8 @@ def show_site(path: Path) -> None:
 
 def _show_views(console: Console, site: Site) -> None:
     """The views with their cameras, Suns and pose priors; what is the same of all is told once, above the table."""
+    from rich.text import Text
+
     columns: dict[tuple[str, str], list[str]] = {
         ("camera", ""): [view.camera.model for view in site.views],
         ("size", "px"): [f"{view.camera.width}\u00a0x\u00a0{view.camera.height}" for view in site.views],
@@ -90,12 +92,20 @@ def _show_views(console: Console, site: Site) -> None:
     for name, unit in shown:
         table.add_column(f"{name}\n\\[{unit}]" if unit else name, justify="right")
     for name, *values in zip(names, *shown.values(), strict=True):
-        table.add_row(name, *(f"[red]{value}[/red]" if value == "missing" else value for value in values))
+        table.add_row(Text(name), *(f"[red]{value}[/red]" if value == "missing" else value for value in values))
     console.print(table)
 
 
 def _say(console: Console, text: str) -> None:
+    """A line in which "[" is no markup: names may have it."""
     console.print(text, markup=False)
+
+
+def _say_name(console: Console, name: str, text: str) -> None:
+    """The name of what is shown, in bold, and more about it."""
+    from rich.text import Text
+
+    console.print(Text.assemble((name, "bold"), f": {text}"))
 
 
 def _names_and_table(console: Console, names: Sequence[str]) -> tuple[list[str], Table]:
@@ -137,6 +147,7 @@ def frame_in_words(frame: str, content: Mapping[str, Any]) -> str:
 def show_run(run: Path) -> None:
     """The content of the scene, its views, and the figures that the run recorded."""
     from rich.console import Console
+    from rich.text import Text
 
     from photoclinometry.evaluate.sigmas import view_sigmas
     from photoclinometry.evaluate.tables import split_unit, words
@@ -145,15 +156,18 @@ def show_run(run: Path) -> None:
     scene = read_run(run)
     console = Console(highlight=False)
     model = "geometry alone" if scene.reflectance is None else scene.reflectance.name
-    console.print(
-        f"[bold]{scene.name}[/bold]: {len(scene.landmarks)} landmarks, {len(scene.views)} views, "
-        f"{len(scene.tracks)} observations, {model}, brightness {scene.brightness}, body {scene.body}"
+    _say_name(
+        console,
+        scene.name,
+        f"{len(scene.landmarks)} landmarks, {len(scene.views)} views, {len(scene.tracks)} observations, {model}, "
+        f"brightness {scene.brightness}, body {scene.body}",
     )
     region, unit = scene.region, scene.unit or "scene unit"
     every = "" if region.stride == 1 else f", a landmark at every {region.stride} of them"
-    console.print(
+    _say(
+        console,
         f"region: {region.width} x {region.height} pixels from column {region.col}, row {region.row} of "
-        f"{scene.views.name[scene.reference]}{every}; ground sample distance {scene.gsd:.4g} ({unit})"
+        f"{scene.views.name[scene.reference]}{every}; ground sample distance {scene.gsd:.4g} ({unit})",
     )
     content = read_metrics(run)
     console.print(f"frame: {frame_in_words(scene.frame, content)}")
@@ -167,7 +181,7 @@ def show_run(run: Path) -> None:
     keypoints = np.bincount(scene.tracks.view, minlength=len(scene.views))
     for k, name in enumerate(names):
         shown = (f"{scene.views.scale[k]:.4g}", f"{scene.views.bias[k]:.1e}", *(f"{s[k]:.3g}" for s in sigmas.values()))
-        table.add_row(name, str(keypoints[k]), *shown)
+        table.add_row(Text(name), str(keypoints[k]), *shown)
     console.print(table)
     _show_figures(console, content, [warned.line for warned in _warnings(content)])
 
@@ -179,7 +193,7 @@ def show_body(body: Path) -> None:
     console, content = Console(highlight=False), read_metrics(body)
     metrics = content.get("metrics", {})
     told = f"{metrics['facets']:,.0f} facets" if "facets" in metrics else f"without {METRICS_FILE}"
-    console.print(f"[bold]{body.resolve().name}[/bold]: a whole body, {told}")
+    _say_name(console, body.resolve().name, f"a whole body, {told}")
     _show_figures(console, content, few_of_each(_warnings(content)))
 
 
@@ -191,6 +205,7 @@ def _show_figures(console: Console, content: Mapping[str, Any], warnings: Sequen
     """The figures of metrics.json, the verdict, the lines of what was warned of, and the reasons of the verdict."""
     from rich import box
     from rich.table import Column, Table
+    from rich.text import Text
 
     if not content:
         return
@@ -198,9 +213,9 @@ def _show_figures(console: Console, content: Mapping[str, Any], warnings: Sequen
     heads = (Column(head, justify="right") for head in ("mean", "median", "RMS", "90 %"))
     figures = Table("figure", *heads, box=box.SIMPLE_HEAD, padding=TIGHT, pad_edge=False)
     for name, unit, *values in spreads:
-        figures.add_row(f"{name} [{unit}]".replace("[", r"\["), *values)
+        figures.add_row(Text(f"{name} [{unit}]"), *values)
     for name, value in singles:
-        figures.add_row(name, value.replace(" ", "\u00a0"))
+        figures.add_row(Text(name), value.replace(" ", "\u00a0"))
     console.print(figures)
     if "verdict" in content:
         console.print(f"verdict: {content['verdict']}", markup=False)

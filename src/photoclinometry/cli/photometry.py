@@ -43,7 +43,8 @@ def photometry(
     folder = out or (run.parent if run.is_file() else run) / PHOTOMETRY_FOLDER
     write_photometry(folder, ranking)
     show(ranking)
-    Console(stderr=True).print(f"written: {folder}/photometry.json, .png", soft_wrap=True, highlight=False)
+    console = Console(stderr=True)
+    console.print(f"written: {folder}/photometry.json, .png", soft_wrap=True, highlight=False, markup=False)
 
 
 def show(ranking: ModelRanking) -> None:

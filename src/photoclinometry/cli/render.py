@@ -61,7 +61,7 @@ def render(
     height, width = image.valid.shape
     unit = "I/F" if scene.brightness == "iof" else "DN"
     console = Console(stderr=True)
-    console.print(f"{out}: {width} x {height} pixels, {image.valid.sum()} of the map", highlight=False)
+    console.print(f"{out}: {width} x {height} pixels, {image.valid.sum()} of the map", highlight=False, markup=False)
     console.print(f"greatest brightness: {peak:.6g} {unit}", highlight=False)
     return out
 

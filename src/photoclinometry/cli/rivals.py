@@ -65,7 +65,7 @@ def rivals(
             progress=progress,
         )
     print(found.table.terminal(console.width if console.is_terminal else 80))
-    console.print(f"written: {found.folder}/rivals.json, .md, .png", soft_wrap=True, highlight=False)
+    console.print(f"written: {found.folder}/rivals.json, .md, .png", soft_wrap=True, highlight=False, markup=False)
     return {name: dict(figures) for name, figures in found.figures.items()}
 
 

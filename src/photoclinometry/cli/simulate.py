@@ -36,5 +36,6 @@ def simulate(arguments: Annotated[Simulate, tyro.conf.arg(name="")]) -> Path:
     console = Console(stderr=True)
     with progress_bars(console) as progress:
         path = simulate_site(arguments.options, arguments.out, progress, arguments.overwrite)
-    console.print(f"site: {path}\ntruth: {path.with_name('truth.h5')}", soft_wrap=True, highlight=False)
+    said = f"site: {path}\ntruth: {path.with_name('truth.h5')}"
+    console.print(said, soft_wrap=True, highlight=False, markup=False)
     return path

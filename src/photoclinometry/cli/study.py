@@ -33,7 +33,7 @@ def study(
     console = Console(stderr=True)
 
     def progress(what: str, done: int, total: int) -> None:
-        console.print(f"{done}/{total} {what}", highlight=False)
+        console.print(f"{done}/{total} {what}", highlight=False, markup=False)
 
     path = run_study(options, out, progress)
     logging.getLogger(__name__).info("study: %s", path)
