@@ -50,7 +50,10 @@ class BumpySurface:
         return 0.3 * (1.0 + 0.2 * pattern)
 
     def hit(self, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """Where rays from `origin` (..., 3) along `direction` (..., 3) meet the surface (Newton)."""
+        """Where rays from `origin` (..., 3) along `direction` (..., 3) meet the surface.
+
+        By Newton's method until every ray is within a micrometre: the step after that leaves rounding alone.
+        """
         distance = -origin[..., 2] / direction[..., 2]
         for _ in range(30):
             point = origin + distance[..., None] * direction
@@ -58,6 +61,8 @@ class BumpySurface:
             miss = point[..., 2] - self.height(xy)
             closing = direction[..., 2] - np.sum(self.gradient(xy) * direction[..., :2], -1)
             distance = distance - miss / closing
+            if np.abs(miss).max() < 1e-6:
+                break
         return origin + distance[..., None] * direction
 
 
