@@ -58,9 +58,14 @@ def true():
     return synthetic_scene(size=32, views=10)
 
 
-def test_images_correct_a_map_that_its_matches_confirm(true):
+@pytest.fixture(scope="module")
+def images(true):
+    return synthetic_images(true)
+
+
+def test_images_correct_a_map_that_its_matches_confirm(true, images):
     """Relief off by 0.2 GSD: by matches it stays so, by images two thirds and more of the error go."""
-    start, images = confirmed(true), synthetic_images(true)
+    start = confirmed(true)
     matched = estimate(start, EstimateSettings()).scene
     found = refine_directly(start, images, estimate).scene
     assert height_error(start, true) == pytest.approx(0.2, rel=0.1)
@@ -69,8 +74,7 @@ def test_images_correct_a_map_that_its_matches_confirm(true):
     assert np.degrees(np.median(angle_between(found.landmarks.normal, true.landmarks.normal))) < 0.5
 
 
-def test_landmarks_stay_on_their_rays_and_brightness_goes_with_them(true):
-    images = synthetic_images(true)
+def test_landmarks_stay_on_their_rays_and_brightness_goes_with_them(true, images):
     start, gradients = image_gradients(confirmed(true), images)
     found = estimate(start, EstimateSettings(gradients=gradients)).scene
     off = np.linalg.norm(keypoint_residuals(found), axis=-1)
@@ -82,9 +86,8 @@ def test_landmarks_stay_on_their_rays_and_brightness_goes_with_them(true):
     np.testing.assert_array_equal(found.tracks.keypoint, start.tracks.keypoint)
 
 
-def test_gradients_predict_the_images_nearby(true):
+def test_gradients_predict_the_images_nearby(true, images):
     """A fifth of a pixel away, brightness is that by the gradients to a tenth of the difference."""
-    images = synthetic_images(true)
     start, gradients = image_gradients(true, images)
     shift = np.array([0.12, -0.16])
     for k in (1, 4):
@@ -115,9 +118,9 @@ def test_gradients_beside_invalid_pixels_and_the_border_are_those_of_the_ground(
     np.testing.assert_allclose(found[:, 1], -0.005, atol=5e-4)
 
 
-def test_landmarks_in_few_lit_views_are_left_to_their_matches(true):
+def test_landmarks_in_few_lit_views_are_left_to_their_matches(true, images):
     """Half of the ground is masked in all but three views. There, matches are met as they are."""
-    masked = [replace(image, valid=image.valid.copy()) for image in synthetic_images(true)]
+    masked = [replace(image, valid=image.valid.copy()) for image in images]
     half = true.landmarks.position[:, 0] > np.median(true.landmarks.position[:, 0])
     for k in range(3, 10):
         xy = np.floor(true.views.project(k, true.landmarks.position[half])).astype(int)
@@ -146,7 +149,7 @@ def test_with_too_few_views_the_last_estimate_is_of_matches():
     assert asked == [EstimateSettings(), EstimateSettings(least_keypoint_factor=found.noise.keypoint_factor)]
 
 
-def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_the_smooth_errors(true):
+def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_the_smooth_errors(true, images):
     asked, noise = [], []
 
     def record(start, step):
@@ -156,7 +159,7 @@ def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_t
         return found
 
     wrong = replace(true, reflectance=published("minnaert", "vesta"))
-    found = refine_directly(wrong, synthetic_images(true), record)
+    found = refine_directly(wrong, images, record)
     *rough, photometry, last = asked
     assert found.parameter_sigma.shape == wrong.reflectance.parameters.shape
     assert np.isnan(found.parameter_sigma).all()
@@ -171,16 +174,23 @@ def test_between_two_estimates_by_the_images_one_of_the_photometry_alone_finds_t
     assert 0.001 < np.std(last.gradients.factor) < 0.1
 
 
+@pytest.fixture(scope="module")
+def noise(true):
+    """As an estimate by matches finds it."""
+    return estimate(true, EstimateSettings()).noise
+
+
 @pytest.mark.parametrize(("poses_are_known", "reweighting"), [(False, 1), (True, None)])
-def test_rough_estimates_by_the_images_weigh_as_matches_do_while_poses_are_free(true, poses_are_known, reweighting):
+def test_rough_estimates_by_the_images_weigh_as_matches_do_while_poses_are_free(
+    true, images, noise, poses_are_known, reweighting
+):
     asked = []
 
     def record(start, step):
         asked.append(step.reweighting)
         return estimate(start, step)
 
-    noise = estimate(true, EstimateSettings()).noise
-    refine_directly(true, synthetic_images(true), record, noise, poses_are_known=poses_are_known)
+    refine_directly(true, images, record, noise, poses_are_known=poses_are_known)
     assert asked[:ROUGH_PASSES] == [reweighting] * ROUGH_PASSES
 
 
@@ -209,12 +219,11 @@ def pushed(scene, which, gsd=3.0):
     return replace(scene, landmarks=replace(scene.landmarks, position=position))
 
 
-def test_landmarks_that_stray_in_a_pass_are_put_back_and_left_to_their_matches(true, monkeypatch):
+def test_landmarks_that_stray_in_a_pass_are_put_back_and_left_to_their_matches(images, monkeypatch):
     """The first pass is made to leave 20 landmarks 3 GSD off: all others start without that, by their matches."""
     monkeypatch.setattr(direct_refinement, "normals_along_surface", lambda *_: None)
     noisy = synthetic_scene(size=32, views=10, keypoint_noise_px=0.03)
-    off, images = np.arange(1024) % 50 == 7, synthetic_images(true)
-    starts = []
+    off, starts = np.arange(1024) % 50 == 7, []
 
     def first_astray(start, step):
         found = estimate(start, step)
@@ -246,9 +255,8 @@ def test_what_was_put_back_looks_as_it_did_to_the_reference_in_any_frame(true):
     np.testing.assert_allclose(found.landmarks.normal, moved.landmarks.normal, atol=1e-12)
 
 
-def test_a_strided_map_is_corrected_too(true):
+def test_a_strided_map_is_corrected_too(true, images):
     start = thinned(confirmed(true), 2)
-    images = synthetic_images(true)
     found = refine_directly(start, images, estimate).scene
     kept = thinned(true, 2)
     assert height_error(found, kept) < 0.5 * height_error(start, kept)
