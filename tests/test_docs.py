@@ -1,15 +1,14 @@
 """Commands in the documentation parse, links resolve, named files exist, examples compile."""
 
 import functools
-import importlib
-import pkgutil
 import re
 import shlex
 from pathlib import Path
 
 import pytest
 
-import photoclinometry.cli
+from photoclinometry.cli.arguments import command_named
+from photoclinometry.model.errors import InputError
 from run_documents import code_blocks
 
 ROOT = Path(__file__).parents[1]
@@ -33,15 +32,15 @@ def commands_of(page: Path) -> list[str]:
     return [re.split(r" [#>|]", line)[0].strip() for line in lines if line.startswith("phomo ")]
 
 
-def phomo_commands() -> dict:
-    """The commands of `phomo` by name, as functions that parse as these do and do nothing."""
+def parse(name: str, *words: str) -> None:
+    """Parses the words after `phomo NAME` as that command does, and does nothing.
 
-    def idle(command):
-        return functools.wraps(command)(lambda *args, **kwargs: None)
+    Raises InputError where there is no such command; SystemExit where it does not take the words.
+    """
+    import tyro
 
-    modules = [module.name for module in pkgutil.iter_modules(photoclinometry.cli.__path__)]
-    found = {name: getattr(importlib.import_module(f"photoclinometry.cli.{name}"), name, None) for name in modules}
-    return {name: idle(command) for name, command in found.items() if callable(command)}
+    command = command_named(name)
+    tyro.cli(functools.wraps(command)(lambda *_, **__: None), prog=f"phomo {name}", args=words)
 
 
 COMMANDS = sorted({(name_of(page), command) for page in PAGES for command in commands_of(page)})
@@ -54,16 +53,27 @@ def test_there_are_commands_to_check():
 @pytest.mark.parametrize("page", sorted({page for page, _ in COMMANDS}))
 def test_commands_in_the_pages_parse(page):
     """Options exist and have values that they take. What stands for something (NAME, ...) is left as it is."""
-    import tyro
-
     for command in (command for where, command in COMMANDS if where == page):
         if "..." in command or "COMMAND" in command or "[--" in command or "--tyro-print-completion" in command:
             continue
-        arguments = shlex.split(command)[1:]
         try:
-            tyro.extras.subcommand_cli_from_dict(phomo_commands(), prog="phomo", args=arguments)
+            parse(*shlex.split(command)[1:])
         except SystemExit as stop:
             pytest.fail(f"{page}: `{command}` is refused with exit code {stop.code}")
+
+
+@pytest.mark.parametrize("words", ["--no-such-option 1", "--matcher nobody", "--region.stride many", ""])
+def test_words_that_a_command_does_not_take_are_refused(words):
+    """As misspelt in a page: an option that there is not, values that it does not take, and no site."""
+    parse("run", "site.toml", "--out", "run", "--matcher", "flow")
+    site = ["site.toml"] if words else []
+    with pytest.raises((SystemExit, InputError)):
+        parse("run", *site, "--out", "run", *words.split())
+
+
+def test_a_command_that_there_is_not_is_refused():
+    with pytest.raises(InputError, match="there is no command 'rum'"):
+        parse("rum", "site.toml")
 
 
 OPTION_NAMES = set(
