@@ -50,6 +50,17 @@ def spots(direction):
     return value
 
 
+@pytest.fixture(scope="module")
+def spotted():
+    return ball(spots)
+
+
+@pytest.fixture(scope="module")
+def drawn(spotted):
+    """As seen at POSE under SUN."""
+    return rendered_shape(spotted, CAMERA, POSE, SUN)
+
+
 def view_at(pose, sun):
     return Views(
         name=("0",),
@@ -81,15 +92,13 @@ def test_a_rendered_ball_has_the_brightness_of_its_equation():
     assert np.nanmin(found) == 0.0  # beyond the terminator
 
 
-def test_an_image_is_placed_by_a_rendering_from_a_prior_that_is_off_by_many_pixels():
-    surface = ball(spots)
-    image = Image("0", rendered_shape(surface, CAMERA, POSE, SUN).astype(np.float32), np.ones((SIZE, SIZE), bool))
-    image = replace(image, brightness=np.nan_to_num(image.brightness))
+def test_an_image_is_placed_by_a_rendering_from_a_prior_that_is_off_by_many_pixels(spotted, drawn):
+    image = Image("0", np.nan_to_num(drawn).astype(np.float32), np.ones((SIZE, SIZE), bool))
     turn = so3_exp(np.array([0.004, -0.003, 0.01]))
     off = Rigid(turn @ POSE.rotation, POSE.translation + [0.0, 0.6, -0.8])
     prior = PosePrior(cam_from_body=off.inverse(), rotation_sigma_rad=5e-3, translation_sigma=1.0)
     start = view_at(POSE, SUN).at_poses(Rigid(off.rotation[None], off.translation[None]))
-    found = place_view(surface, GSD, image, start, prior)
+    found = place_view(spotted, GSD, image, start, prior)
     assert found.matches > 3 * FEWEST_POINTS
     assert found.off_px < 0.3
     points = RADIUS * unit(POSE.translation + np.random.default_rng(1).normal(size=(50, 3)) * 60.0)
@@ -99,11 +108,11 @@ def test_an_image_is_placed_by_a_rendering_from_a_prior_that_is_off_by_many_pixe
     assert np.abs(placed.project(0, points) - true.project(0, points)).max() < 0.3
 
 
-def test_an_image_of_something_else_is_not_placed():
+def test_an_image_of_something_else_is_not_placed(spotted):
     rng = np.random.default_rng(2)
     image = Image("0", rng.uniform(0.1, 1.0, (SIZE, SIZE)).astype(np.float32), np.ones((SIZE, SIZE), bool))
     prior = PosePrior(cam_from_body=POSE.inverse(), rotation_sigma_rad=2e-3, translation_sigma=1.0)
-    found = place_view(ball(spots), GSD, image, view_at(POSE, SUN), prior)
+    found = place_view(spotted, GSD, image, view_at(POSE, SUN), prior)
     assert not found.is_placed
 
 
@@ -125,11 +134,10 @@ def test_the_sun_turns_with_the_camera():
     assert moved.body_from_cam.rotation[0].T @ moved.sun[0] == pytest.approx(POSE.rotation.T @ SUN)
 
 
-def test_the_optics_of_each_camera_are_found_from_its_images():
+def test_the_optics_of_each_camera_are_found_from_its_images(drawn):
     """Two cameras that see the same, one through optics of 0.75 px and one sharply; a view without a pose tells
     nothing, and has what its camera has."""
-    drawn, rng = rendered_shape(ball(spots), CAMERA, POSE, SUN), np.random.default_rng(1)
-    quality = []
+    rng, quality = np.random.default_rng(1), []
     for width in (0.75, 0.0):
         seen = np.nan_to_num(through_optics(drawn, width)) + rng.normal(0.0, 1e-4, drawn.shape)
         image = Image("0", seen.astype(np.float32), np.ones(seen.shape, bool))
@@ -140,9 +148,9 @@ def test_the_optics_of_each_camera_are_found_from_its_images():
     assert quality[0].max() > quality[0][0] + 5.0
 
 
-def test_uncalibrated_images_have_the_gain_of_their_lit_ground():
+def test_uncalibrated_images_have_the_gain_of_their_lit_ground(drawn):
     """Whatever an eighth of the pixels shows; and nothing is known where all is dark."""
-    drawn, rng = rendered_shape(ball(spots), CAMERA, POSE, SUN), np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     seen = np.where(rng.random(drawn.shape) < 0.125, 9.0, 340.0 * np.nan_to_num(drawn))
     image = Image("0", seen.astype(np.float32), np.ones(seen.shape, bool))
     assert median_gain(image, drawn) == pytest.approx(340.0, rel=1e-5)
@@ -150,9 +158,8 @@ def test_uncalibrated_images_have_the_gain_of_their_lit_ground():
     assert median_gain(image, 0.0 * drawn) == 1.0
 
 
-def test_the_share_that_is_explained_is_all_of_a_right_rendering_and_none_of_an_even_disk():
+def test_the_share_that_is_explained_is_all_of_a_right_rendering_and_none_of_an_even_disk(spotted, drawn):
     """And less than none under the opposite Sun. What the rendering does not show lit has no part."""
-    drawn = rendered_shape(ball(spots), CAMERA, POSE, SUN)
     image = Image("0", np.nan_to_num(drawn, nan=7.0).astype(np.float32), np.ones(drawn.shape, bool))
     lit = drawn > 0
     assert disk_explained(image, drawn) == pytest.approx(1.0, abs=1e-5)
@@ -160,7 +167,7 @@ def test_the_share_that_is_explained_is_all_of_a_right_rendering_and_none_of_an_
     assert disk_explained(image, even) == pytest.approx(0.0, abs=1e-6)
     towards = unit(POSE.translation)
     opposite = 2.0 * (SUN @ towards) * towards - SUN
-    assert disk_explained(image, rendered_shape(ball(spots), CAMERA, POSE, opposite)) < -0.3
+    assert disk_explained(image, rendered_shape(spotted, CAMERA, POSE, opposite)) < -0.3
     assert np.isnan(disk_explained(image, 0.0 * drawn))
 
 
