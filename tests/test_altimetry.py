@@ -37,6 +37,8 @@ from photoclinometry.simulate.truth_file import read_truth
 from scenes import GSD, bumpy_surface, synthetic_scene
 
 SHOT_M, TRACK_M = 2.0, 30.0
+UNSTATED = replace(INDEPENDENT, uncertainty=False)
+"""Of estimates whose standard deviations nothing asks for."""
 HEADER = "track,x_m,y_m,z_m,sigma_m,track_sigma_m\n"
 
 
@@ -150,7 +152,7 @@ def test_wrong_shots_are_left_out_and_named(known, tmp_path, caplog):
     rng = np.random.default_rng(0)
     wrong = rng.random(len(tracks)) < 0.15
     spoiled = replace(tracks, position=tracks.position + np.where(wrong, 400.0, 0.0)[:, None] * [0.0, 0.0, 1.0])
-    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=spoiled))
+    found = adjust(start_of(scene), UNSTATED, priors=ScenePriors(pose_priors=loose, altimetry=spoiled))
     fit = found.altimetry
     assert not fit.used[wrong].any()
     assert fit.used[fit.met & ~wrong].all()
@@ -169,7 +171,7 @@ def test_a_wrong_track_is_named(known, caplog):
     scene, tracks, _, loose = known
     wrong = tracks.position + np.where(tracks.track == 4, 400.0, 0.0)[:, None] * [0.0, 0.0, 1.0]
     found = adjust(
-        start_of(scene), INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=replace(tracks, position=wrong))
+        start_of(scene), UNSTATED, priors=ScenePriors(pose_priors=loose, altimetry=replace(tracks, position=wrong))
     )
     with caplog.at_level(logging.WARNING):
         warn_of_altimetry(altimetry_table(found.altimetry), given=True)
@@ -181,7 +183,7 @@ def test_a_map_that_is_not_where_its_shots_are_says_so(known, caplog):
     """Shots of other ground: they scatter about the map by tens of their standard deviations, whatever is done."""
     scene, _, _, loose = known
     strange = tracks_on(bumpy_surface(seed=9), 14 * GSD, np.random.default_rng(3))[0]
-    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=strange))
+    found = adjust(start_of(scene), UNSTATED, priors=ScenePriors(pose_priors=loose, altimetry=strange))
     with caplog.at_level(logging.WARNING):
         warn_of_altimetry(altimetry_table(found.altimetry), given=True)
     assert "scatter about the map by" in caplog.text
@@ -202,11 +204,18 @@ def test_shots_elsewhere_are_said_to_be_unused(known, caplog):
 
 
 def test_tracks_of_single_shots_are_warned_of(known, caplog):
-    """A table whose `track` counts shots."""
+    """A table whose `track` counts shots. Every eighth is enough: each has systematic errors of its own to estimate."""
     scene, tracks, _, loose = known
-    every = np.arange(len(tracks))
-    own = replace(tracks, name=tuple(map(str, every)), track=every, shift_sigma=np.full(len(tracks), TRACK_M))
-    found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(pose_priors=loose, altimetry=own))
+    position, sigma = tracks.position[::8], tracks.sigma[::8]
+    each = np.arange(len(sigma))
+    own = AltimeterTracks(
+        name=tuple(map(str, each)),
+        shift_sigma=np.full(len(sigma), TRACK_M),
+        track=each,
+        position=position,
+        sigma=sigma,
+    )
+    found = adjust(start_of(scene), UNSTATED, priors=ScenePriors(pose_priors=loose, altimetry=own))
     with caplog.at_level(logging.WARNING):
         warn_of_altimetry(altimetry_table(found.altimetry), given=True)
     assert "have a single shot" in caplog.text
