@@ -22,12 +22,12 @@ from photoclinometry.surface.closed_mesh import icosahedron, refine, signed_volu
 
 pytest.importorskip("embreex")
 
-RADIUS, GSD = 100.0, 6.0
+RADIUS, GSD = 100.0, 12.0
 
 
-def truth_of(vertices, faces):
+def truth_of(vertices, faces, gsd=GSD):
     albedo = 0.2 + 0.02 * np.sin(vertices[:, 0] / 20.0)
-    poses, suns = draw_mission(np.random.default_rng(0), 40, GSD, 500.0, vertices, 0.0)
+    poses, suns = draw_mission(np.random.default_rng(0), 40, gsd, 500.0, vertices, 0.0)
     camera = Camera("PINHOLE", 64, 64, (500.0, 500.0, 32.0, 32.0))
     return BodyTruth(
         name="ball",
@@ -36,15 +36,25 @@ def truth_of(vertices, faces):
         psf_sigma_px=0.5,
         brightness="iof",
         photometry=named_photometry("lunar-lambert", "vesta"),
-        surface=BodySurface(vertices, faces, vertex_normals(vertices, faces), albedo, 0.5 * GSD),
-        gsd=GSD,
+        surface=BodySurface(vertices, faces, vertex_normals(vertices, faces), albedo, 0.5 * gsd),
+        gsd=gsd,
     )
+
+
+def ball_of(gsd):
+    vertices, faces = refine(*icosahedron(), 0.5 * gsd / RADIUS, unit)
+    return truth_of(RADIUS * vertices, faces, gsd)
 
 
 @pytest.fixture(scope="module")
 def ball():
-    vertices, faces = refine(*icosahedron(), 0.5 * GSD / RADIUS, unit)
-    return truth_of(RADIUS * vertices, faces)
+    return ball_of(GSD)
+
+
+@pytest.fixture(scope="module")
+def fine_ball():
+    """Of half the ground sample distance, for what its facets cut off and what lies at its edges."""
+    return ball_of(0.5 * GSD)
 
 
 @pytest.fixture(scope="module")
@@ -87,10 +97,10 @@ def test_a_swollen_ball_is_off_by_what_it_was_moved(ball):
     assert "normal_mean_deg" not in figures  # no vertex near the truth
 
 
-def test_half_a_ball_is_half_complete(ball):
+def test_half_a_ball_is_half_complete(fine_ball):
     """What is missing shows in the distance from the truth to the mesh, not in that from the mesh to the truth."""
-    vertices, faces = ball.surface.vertices, ball.surface.faces
-    figures = compare_body(replace(same(ball), faces=faces[vertices[faces].mean(1)[:, 2] > 0]), ball)
+    vertices, faces = fine_ball.surface.vertices, fine_ball.surface.faces
+    figures = compare_body(replace(same(fine_ball), faces=faces[vertices[faces].mean(1)[:, 2] > 0]), fine_ball)
     assert figures["completeness_percent"] == pytest.approx(50.0, abs=4.0)
     assert figures["distance_p90_gsd"] < 1e-6
     assert figures["distance_back_p90_gsd"] > 10.0
@@ -109,23 +119,24 @@ def test_normals_and_albedos_are_off_by_what_they_were_changed(ball):
 
 
 @pytest.mark.parametrize("psf_px", [0.0, 0.5])
-def test_normals_and_albedos_are_compared_at_the_resolution_of_the_images(ball, psf_px):
+def test_normals_and_albedos_are_compared_at_the_resolution_of_the_images(fine_ball, psf_px):
     """Waves of albedo that pixels and optics show with exp(-2 (pi s / wavelength)^2) of their height are right so."""
-    wavelength, surface = 6.0 * GSD, ball.surface
+    wavelength, surface = 6.0 * fine_ball.gsd, fine_ball.surface
     from_pole = RADIUS * np.arccos(np.clip(surface.vertices[:, 2] / RADIUS, -1.0, 1.0))
     wave = np.sin(2.0 * np.pi * from_pole / wavelength)
-    truth = replace(ball, psf_sigma_px=psf_px, surface=replace(surface, albedo=1.0 + 0.2 * wave))
-    sigma = GSD * np.sqrt(psf_px**2 + np.var(np.linspace(-0.5, 0.5, 10001)))
+    truth = replace(fine_ball, psf_sigma_px=psf_px, surface=replace(surface, albedo=1.0 + 0.2 * wave))
+    sigma = fine_ball.gsd * np.sqrt(psf_px**2 + np.var(np.linspace(-0.5, 0.5, 10001)))
     height = 0.2 * np.exp(-2.0 * (np.pi * sigma / wavelength) ** 2)
     shown, true = (
-        compare_body(replace(same(ball), albedo=1.0 + h * wave), truth)["albedo_rms_percent"] for h in (height, 0.2)
+        compare_body(replace(same(fine_ball), albedo=1.0 + h * wave), truth)["albedo_rms_percent"]
+        for h in (height, 0.2)
     )
     assert true == pytest.approx(100.0 * (0.2 - height) / np.sqrt(2.0), rel=0.25)
     assert shown < 0.3 * true
 
 
-def test_the_volume_of_a_ball_is_that_of_a_sphere(ball):
-    assert signed_volume(ball.surface.vertices, ball.surface.faces) == pytest.approx(
+def test_the_volume_of_a_ball_is_that_of_a_sphere(fine_ball):
+    assert signed_volume(fine_ball.surface.vertices, fine_ball.surface.faces) == pytest.approx(
         4 / 3 * np.pi * RADIUS**3, rel=0.001
     )
 
