@@ -195,7 +195,7 @@ def test_a_plan_covers_what_enough_views_see_lit(plan_of_ball, ball):
 
 def test_images_narrower_than_the_body_are_planned_to_their_borders_and_on(ball):
     """Ground in an image's margin is mapped by no region of it; another view's is taken there."""
-    directions = refine(*icosahedron(), 0.22, unit)[0]
+    directions = refine(*icosahedron(), 0.3, unit)[0]  # each point of the ground in eight images
     views = views_from(directions, directions, focal=4000.0)
     options = TilePlanOptions(tile_px=128, overlap=0.25, max_incidence_deg=90.0)
     plan = planned(ball, views, np.arange(len(views)), options)
