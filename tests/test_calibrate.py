@@ -18,7 +18,7 @@ from photoclinometry.model.warning import Warned, collected_warnings
 from photoclinometry.pipeline import calibrate as calibrate_module
 from photoclinometry.pipeline.calibrate import CalibrationOptions, calibrate
 from photoclinometry.pipeline.camera_check import CheckCameras
-from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.run_folder import RunFolder, open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.self_calibration import LensEstimate
@@ -26,6 +26,23 @@ from sites import write_small_site
 
 CORNER_PX = 5.0
 ONE_THREAD = SfmOptions(threads=1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def sparse_once():
+    """Structure from motion of the same images with the same options is computed once for all tests."""
+    compute, known = RunFolder.result_of, {}
+
+    def once(self, stage):
+        if stage.name != SparseReconstruction.name:
+            return compute(self, stage)
+        if stage.key not in known:
+            known[stage.key] = compute(self, stage)
+        return known[stage.key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RunFolder, "result_of", once)
+        yield
 
 
 @pytest.fixture(scope="module")
