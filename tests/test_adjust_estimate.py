@@ -15,6 +15,9 @@ from photoclinometry.model.geometry import Rigid, align_similarity, angle_betwee
 from photoclinometry.model.reflectance import published
 from scenes import synthetic_scene
 
+MEASURED = replace(INDEPENDENT, uncertainty=False)
+"""Of estimates whose standard deviations nothing asks for."""
+
 
 def errors(found, true):
     """Mean position error [GSD], normal error [deg] and albedo error [%] after alignment of the maps."""
@@ -30,24 +33,31 @@ def noisy():
     return synthetic_scene(size=24, views=8, keypoint_noise_px=0.3, brightness_noise=0.01)
 
 
-def test_photometry_recovers_what_keypoints_alone_cannot(noisy):
+@pytest.fixture(scope="module")
+def start(noisy):
+    return start_of(noisy)
+
+
+@pytest.fixture(scope="module")
+def estimated(start):
+    return adjust(start, MEASURED)
+
+
+def test_photometry_recovers_what_keypoints_alone_cannot(noisy, start, estimated):
     """0.3 px and 1 % noise: normals to 1 degree and albedo to 0.5 %, positions better than by keypoints."""
-    start = start_of(noisy)
-    result = adjust(start, INDEPENDENT)
-    position, normal, albedo = errors(result.scene, noisy)
-    assert result.converged
+    position, normal, albedo = errors(estimated.scene, noisy)
+    assert estimated.converged
     assert position < 0.25
     assert normal < 1.0
     assert albedo < 0.5
-    geometry_alone = adjust(replace(start, reflectance=None), INDEPENDENT)
+    geometry_alone = adjust(replace(start, reflectance=None), MEASURED)
     assert errors(geometry_alone.scene, noisy)[0] > 1.2 * position
     np.testing.assert_array_equal(geometry_alone.scene.landmarks.albedo, start.landmarks.albedo)
 
 
-def test_brightness_noise_is_measured(noisy):
-    result = adjust(start_of(noisy), INDEPENDENT)
+def test_brightness_noise_is_measured(noisy, estimated):
     true = 0.01 * float(np.mean(noisy.tracks.brightness))
-    assert result.noise.brightness_sigma == pytest.approx(true, rel=0.1)
+    assert estimated.noise.brightness_sigma == pytest.approx(true, rel=0.1)
 
 
 def test_uncalibrated_brightness_gives_relative_albedo_and_scales():
@@ -60,35 +70,34 @@ def test_uncalibrated_brightness_gives_relative_albedo_and_scales():
         views=replace(scene.views, scale=scene.views.scale / gain, bias=np.zeros(8)),
         landmarks=replace(scene.landmarks, albedo=scene.landmarks.albedo * gain),
     )
-    result = adjust(start_of(first, seed=2), INDEPENDENT)
+    result = adjust(start_of(first, seed=2), MEASURED)
     assert errors(result.scene, scene)[2] < 1.5
     np.testing.assert_allclose(result.scene.views.scale, scene.views.scale / gain, rtol=0.03)
 
 
-def test_anchors_hold_the_poses_and_leave_the_map_its_own_landmarks(noisy):
+def test_anchors_hold_the_poses_and_leave_the_map_its_own_landmarks(noisy, start):
     def rotation_error(found):
         true_from_found = align_similarity(found.views.body_from_cam.translation, noisy.views.body_from_cam.translation)
         turned = true_from_found.rotation @ found.views.body_from_cam.rotation
         turn = so3_log(np.swapaxes(noisy.views.body_from_cam.rotation, 1, 2) @ turned)
         return np.linalg.norm(turn - turn.mean(0), axis=1).mean()
 
-    start = start_of(noisy)
-    without, held = adjust(start), adjust(start, tie_points=anchors_around(noisy))
+    options = AdjustOptions(uncertainty=False)
+    without, held = adjust(start, options), adjust(start, options, tie_points=anchors_around(noisy))
     assert len(held.scene.landmarks) == len(noisy.landmarks)
     assert len(held.lit) == len(noisy.tracks)
     np.testing.assert_array_equal(held.scene.landmarks.pixel, noisy.landmarks.pixel)
     assert rotation_error(held.scene) < 0.5 * rotation_error(without.scene)
 
 
-def test_outlier_keypoints_do_not_spoil_the_map(noisy):
+def test_outlier_keypoints_do_not_spoil_the_map(noisy, start, estimated):
     """A tenth of the keypoints wrong by 20 px, with the robust loss: within twice the error of clean ones."""
     rng = np.random.default_rng(6)
-    start = start_of(noisy)
     wrong = rng.uniform(size=len(start.tracks)) < 0.1
     keypoint = start.tracks.keypoint + 20.0 * wrong[:, None] * rng.choice([-1.0, 1.0], (len(wrong), 2))
     spoiled = replace(start, tracks=replace(start.tracks, keypoint=keypoint))
-    clean, robust = adjust(start, INDEPENDENT).scene, adjust(spoiled, INDEPENDENT).scene
-    assert errors(robust, noisy)[0] < 2.0 * errors(clean, noisy)[0]
+    robust = adjust(spoiled, MEASURED).scene
+    assert errors(robust, noisy)[0] < 2.0 * errors(estimated.scene, noisy)[0]
 
 
 @pytest.mark.parametrize("seed", [0, 5, 7])
@@ -129,11 +138,7 @@ def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk, sigma
     assert found.converged
     assert np.all(np.abs(found.scene.reflectance.parameters - true) < 3 * found.parameter_sigma)
     assert np.all(found.parameter_sigma > 0)
-    unstated = adjust(start, replace(OPTIONS, reflectance_sigma=sigma, uncertainty=False))
-    assert unstated.scene.reflectance == found.scene.reflectance
-    assert len(unstated.parameter_sigma) == len(true)
-    assert np.isnan(unstated.parameter_sigma).all()
-    held = adjust(start, replace(OPTIONS, reflectance_sigma=0.0))
+    held = adjust(start, replace(OPTIONS, reflectance_sigma=0.0, uncertainty=False))
     assert held.scene.reflectance == start.reflectance
 
     def tilt(scene):
@@ -142,7 +147,15 @@ def test_reflectance_parameters_are_found_from_a_wrong_start(factor, disk, sigma
     assert tilt(found.scene) < 0.8 * tilt(held.scene)
 
 
-MEASURED = replace(INDEPENDENT, uncertainty=False)
+@pytest.mark.parametrize("disk", ["lunar-lambert", "minnaert", "hapke"])
+def test_reflectance_parameters_do_not_depend_on_whether_sigmas_are_stated(disk):
+    start, truth = matched_problem(12, 8, reflectance=published(disk, "vesta"))
+    loose = replace(OPTIONS, reflectance_sigma=0.1)
+    stated, unstated = (adjust(start, replace(loose, uncertainty=sigmas)) for sigmas in (True, False))
+    assert stated.scene.reflectance != start.reflectance
+    assert unstated.scene.reflectance == stated.scene.reflectance
+    assert len(unstated.parameter_sigma) == len(truth.reflectance.parameters)
+    assert np.isnan(unstated.parameter_sigma).all()
 
 
 @pytest.mark.parametrize(("slope", "rest"), [(1.05, 1.12), (0.9, 0.9)])
@@ -209,7 +222,7 @@ def test_pose_priors_place_the_map():
         rotation_sigma=np.full(8, 1e-6),
         center_sigma=np.full(8, 0.1),
     )
-    moved = adjust(start, OPTIONS, priors=ScenePriors(pose_priors=priors)).scene
+    moved = adjust(start, replace(OPTIONS, uncertainty=False), priors=ScenePriors(pose_priors=priors)).scene
     np.testing.assert_allclose(moved.views.body_from_cam.translation, poses.translation + shift, atol=0.5)
     offset = np.median(moved.landmarks.position - truth.landmarks.position, axis=0)
     np.testing.assert_allclose(offset, shift, atol=0.3)
@@ -217,7 +230,7 @@ def test_pose_priors_place_the_map():
 
 def test_landmarks_are_held_by_their_priors():
     start, _ = matched_problem(16, 8)
-    held = replace(OPTIONS, position_sigma_gsd=1e-6, normal_sigma_rad=1e-7, albedo_sigma=1e-7)
+    held = replace(OPTIONS, position_sigma_gsd=1e-6, normal_sigma_rad=1e-7, albedo_sigma=1e-7, uncertainty=False)
     after, before = adjust(start, held).scene.landmarks, start.landmarks
     np.testing.assert_allclose(after.position, before.position, atol=1e-4)
     np.testing.assert_allclose(after.normal, before.normal, atol=1e-5)
