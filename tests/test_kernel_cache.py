@@ -1,6 +1,7 @@
 """Compiled functions on disk are made anew when a file that they were compiled with changes."""
 
 import pickle
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -61,46 +62,52 @@ print(outer.doubled(1.0), sum(outer.doubled.stats.cache_hits.values()))
 """
 
 
-def package_of_two_kernels(folder):
-    """A package whose `doubled` calls a kernel of another file; returns what writes that with a factor and runs both:
-    the outcome for 1, and how often it came from the cache."""
+def said(folder, factor: float) -> str:
+    """Writes the other file with a factor and runs both: the outcome for 1, and how often it came from the cache."""
+    inner = (
+        "import photoclinometry.model.kernel_cache\nfrom numba import njit\n\n"
+        f"@njit(cache=True)\ndef f(x):\n    return {factor} * x\n"
+    )
+    (folder / "photoclinometry" / "inner.py").write_text(inner)
+    done = subprocess.run([sys.executable, "-c", PROGRAM, str(folder)], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """The folder of a package whose `doubled` calls a kernel of another file; both are in the cache."""
+    folder = tmp_path_factory.mktemp("compiled")
     package = folder / "photoclinometry"
     (package / "model").mkdir(parents=True)
     own = Path(kernel_cache.__file__).read_text(encoding="utf-8")
     (package / "__init__.py").write_text("")
     (package / "model" / "__init__.py").write_text("")
     (package / "model" / "kernel_cache.py").write_text(own)
-    inner = (
-        "import photoclinometry.model.kernel_cache\nfrom numba import njit\n\n"
-        "@njit(cache=True)\ndef f(x):\n    return {} * x\n"
-    )
     outer = (
         "from numba import njit\nfrom photoclinometry.inner import f\n\n"
         "@njit(cache=True)\ndef doubled(x):\n    return 2.0 * f(x)\n"
     )
     (package / "outer.py").write_text(outer)
+    assert said(folder, 1.0) == "2.0 0"
+    return folder
 
-    def said(factor: float) -> str:
-        (package / "inner.py").write_text(inner.format(factor))
-        done = subprocess.run([sys.executable, "-c", PROGRAM, str(folder)], capture_output=True, text=True, check=True)
-        return done.stdout.strip()
 
-    return said
+@pytest.fixture
+def package(compiled, tmp_path):
+    """A copy of that folder, with its cache."""
+    return shutil.copytree(compiled, tmp_path / "package")
 
 
 @pytest.mark.slow
-def test_a_change_in_another_file_compiles_its_callers_anew(tmp_path):
-    """2 x 1, from the cache, then 2 x 10."""
-    said = package_of_two_kernels(tmp_path)
-    assert [said(1.0), said(1.0), said(10.0)] == ["2.0 0", "2.0 1", "20.0 0"]
+def test_a_change_in_another_file_compiles_its_callers_anew(package):
+    """2 x 1 from the cache, then 2 x 10."""
+    assert [said(package, 1.0), said(package, 10.0)] == ["2.0 1", "20.0 0"]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("content", [b"cphotoclinometry.outer\nGone\n.", b"cphotoclinometry.gone\nx\n.", b""])
-def test_a_cache_that_names_what_the_package_has_no_more_is_made_anew(tmp_path, content):
+def test_a_cache_that_names_what_the_package_has_no_more_is_made_anew(package, content):
     """Numba reads it before it looks whether it is stale."""
-    said = package_of_two_kernels(tmp_path)
-    assert said(1.0) == "2.0 0"
-    (index,) = (tmp_path / "photoclinometry" / "__pycache__").glob("outer.doubled*.nbi")
+    (index,) = (package / "photoclinometry" / "__pycache__").glob("outer.doubled*.nbi")
     index.write_bytes(pickle.dumps(numba.__version__) + content)
-    assert [said(1.0), said(1.0)] == ["2.0 0", "2.0 1"]
+    assert [said(package, 1.0), said(package, 1.0)] == ["2.0 0", "2.0 1"]
