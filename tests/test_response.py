@@ -15,9 +15,16 @@ from photoclinometry.model.gamma import gamma_corrected
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
+from photoclinometry.pipeline import response_check
 from photoclinometry.pipeline.map_stages import IntermediateMap
-from photoclinometry.pipeline.response_check import CheckResponse, is_clear, remedy, response_models
-from photoclinometry.pipeline.stage import Keyed, Tools
+from photoclinometry.pipeline.response_check import (
+    RESPONSE_LANDMARKS,
+    CheckResponse,
+    is_clear,
+    remedy,
+    response_models,
+)
+from photoclinometry.pipeline.stage import Keyed, Tools, digest
 from scenes import synthetic_scene
 
 HAPKE, MINNAERT = published("hapke", "vesta"), published("minnaert", "vesta")
@@ -31,11 +38,12 @@ def encoded_scene(gamma, views=8, model=HAPKE):
     return replace(scene, tracks=replace(tracks, brightness=gamma_corrected(tracks.brightness, 1.0 / gamma, top)))
 
 
-def checked(scene, tmp_path):
+def checked(scene, tmp_path, found=response_of):
+    """What the stage finds of a scene, whose response is `found`, and its warnings."""
     stage = CheckResponse(relit=Keyed(IntermediateMap(scene=scene), "a"), models=(HAPKE,), stated=(1.0,))
-    with collected_warnings() as warnings:
-        found = stage.make(Tools(progress=no_progress, scratch=tmp_path))
-    return found, warnings
+    with collected_warnings() as warnings, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(response_check, "response_of", found)
+        return stage.make(Tools(progress=no_progress, scratch=tmp_path)), warnings
 
 
 def test_a_power_keeps_the_sign_and_one_value():
@@ -44,9 +52,23 @@ def test_a_power_keeps_the_sign_and_one_value():
     )
 
 
-@pytest.mark.parametrize("gamma", [0.6, 1.0, 2.2])
-def test_the_exponent_is_found(gamma):
-    found = response_of(encoded_scene(gamma), (HAPKE,), 300)
+@pytest.fixture(scope="module")
+def response_once():
+    """`response_of`, computed once for the same scene, models and number of landmarks."""
+    known = {}
+
+    def of(*given):
+        key = digest(given)
+        if key not in known:
+            known[key] = response_of(*given)
+        return known[key]
+
+    return of
+
+
+@pytest.mark.parametrize("gamma", [0.6, 1.0, 1.8])
+def test_the_exponent_is_found(response_once, gamma):
+    found = response_once(encoded_scene(gamma), (HAPKE,), RESPONSE_LANDMARKS)
     assert abs(found.log_gamma - math.log(gamma)) < 0.1
     assert found.gain == 0.0 if gamma == 1.0 else found.gain > 0.1
 
@@ -63,12 +85,12 @@ def test_linear_images_of_ground_of_another_model_are_not_called_encoded():
     assert not is_clear(response_of(scene, (MINNAERT, HAPKE), 300))
 
 
-def test_encoded_images_are_warned_of_and_linear_ones_are_not(tmp_path):
-    found, warnings = checked(encoded_scene(1.8), tmp_path)
+def test_encoded_images_are_warned_of_and_linear_ones_are_not(response_once, tmp_path):
+    found, warnings = checked(encoded_scene(1.8), tmp_path, response_once)
     assert found.is_clear
     assert [warned.code for warned in warnings] == ["response-not-linear"]
     assert f"write gamma = {found.gamma:.2f} to the camera" in warnings[0].words
-    found, warnings = checked(encoded_scene(1.0), tmp_path)
+    found, warnings = checked(encoded_scene(1.0), tmp_path, response_once)
     assert not found.is_clear
     assert not warnings
 
