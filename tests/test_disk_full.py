@@ -20,6 +20,7 @@ from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.records import read_record, write_record
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.database import disk_errors
+from runs import draw_no_figures
 from scenes import synthetic_scene
 from sites import write_small_site
 
@@ -123,6 +124,7 @@ LARGEST_IMAGE = 10_000
 )
 def test_a_command_that_computes(tmp_path, monkeypatch, capsys, command, size, file, like):
     """like: what compiles and caches the same kernels. Their files would not fit on the small disk, either."""
+    draw_no_figures(monkeypatch)
     if "bilobed" in command:
         pytest.importorskip("embreex")
     monkeypatch.chdir(tmp_path)
