@@ -348,9 +348,9 @@ def test_directions_of_no_length_are_refused(tmp_path, columns):
         read_table(path)
 
 
-def test_a_full_disk_ends_the_command_with_one_line(table, tmp_path, capsys, photometry_as_stated):
+def test_a_full_disk_ends_the_command_with_one_line(table, planned, tmp_path, capsys, photometry_as_stated):
+    """`planned` compiles and caches the kernels, whose files would not fit on the small disk, either."""
     arguments = ["--point", 0, 0, RADIUS, "--normal", 0, 0, 1, "--patch-px", 28, "--tie-points", 500, "--no-candidates"]
-    assert phomo("plan", table, "--out", tmp_path / "first", *arguments) == 0  # compiles and caches the kernels
     with small_disk(300):
         assert phomo("plan", table, "--out", tmp_path / "plan", *arguments) == 1
     said = capsys.readouterr().err.splitlines()[-1]
@@ -384,19 +384,26 @@ def test_a_folder_with_something_else_is_refused_before_anything_is_computed(tab
 def test_a_plan_foresees_what_a_run_states(mapped):
     """From the geometry alone of the shared site, its ground assumed as steep as it is: medians within a factor of 1.6.
 
+    With the model that the run has chosen, as `test_a_plan_finishes_with_the_model_that_a_run_would_choose` has it.
     benchmarks/plan.py compares larger sites.
     """
-    site, truth = read_site(mapped.site), read_truth(mapped.truth)
+    site, truth, scene = read_site(mapped.site), read_truth(mapped.truth), mapped.result.scene
     poses = truth.views.body_from_cam
     views = tuple(
         replace(view, pose_prior=PosePrior(poses[k].inverse(), math.inf, math.inf)) for k, view in enumerate(site.views)
     )
     found = plan_site(
         replace(site, views=views),
-        PlanOptions(point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), patch_px=32, ground="lunar-lambert", slope_deg=25.0),
+        PlanOptions(
+            point=(0.0, 0.0, 0.0),
+            normal=(0.0, 0.0, 1.0),
+            patch_px=32,
+            ground="lunar-lambert",
+            slope_deg=25.0,
+            reflectance=scene.reflectance.name,
+        ),
         with_candidates=False,
     )
-    scene = mapped.result.scene
     stated = {"normal": np.degrees(sigma_of_length(scene.uncertainty["normal"], 2))}
     stated["albedo"] = 100.0 * sigma_of_length(scene.uncertainty["albedo"], 1) / scene.landmarks.albedo
     for kind, values in stated.items():
