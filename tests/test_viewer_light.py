@@ -36,6 +36,15 @@ def page(tmp_path_factory):
         yield found
 
 
+@pytest.fixture(scope="module", params=MODELS)
+def scene(page, tmp_path_factory, request):
+    """The scene of a model, whose page is open for all tests of that model."""
+    found = scene_of(request.param)
+    page.open(page_of(tmp_path_factory.mktemp("page"), found))
+    yield found
+    assert page.messages() == []
+
+
 def sun_of(scene, azimuth_deg, elevation_deg):
     return sun_from_angles(local_frame(scene), np.radians(azimuth_deg), np.radians(elevation_deg))
 
@@ -50,24 +59,17 @@ def shares_of_mean(page, scene, view, azimuth_deg, elevation_deg, shadows=False)
     return (got - wanted)[both] / wanted[mask].mean(), (mask != np.isfinite(got)).sum() / mask.sum()
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_every_model_under_three_suns_is_that_of_render(page, tmp_path, model):
-    scene = scene_of(model)
-    page.open(page_of(tmp_path, scene))
+def test_every_model_under_three_suns_is_that_of_render(page, scene):
     for sun in SUNS_DEG:
         for view in (0, 2):
             off, elsewhere = shares_of_mean(page, scene, view, *sun)
             assert np.abs(off).mean() < LIMIT
             assert np.percentile(np.abs(off), 99) < 4 * LIMIT
             assert elsewhere < 0.05  # of the map's edge, one pixel wide
-    assert page.messages() == []
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_models_are_those_of_the_compiled_functions_at_any_angle(page, tmp_path, model):
+def test_models_are_those_of_the_compiled_functions_at_any_angle(page, scene):
     """Without interpolation, at the landmarks of the reference view: to single precision, grazing angles included."""
-    scene = scene_of(model)
-    page.open(page_of(tmp_path, scene))
     row, col = scene.landmarks.pixel.T
     for azimuth in np.arange(0.0, 360.0, 60.0):
         for elevation in (89.0, 40.0, 3.0):
@@ -80,11 +82,8 @@ def test_models_are_those_of_the_compiled_functions_at_any_angle(page, tmp_path,
             np.testing.assert_allclose(got, wanted, rtol=2e-3, atol=1e-3 * wanted.mean())
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_models_at_zero_phase_are_those_of_render(page, tmp_path, model):
+def test_models_at_zero_phase_are_those_of_render(page, scene):
     """The Sun behind the camera, where angles are hardly defined."""
-    scene = scene_of(model)
-    page.open(page_of(tmp_path, scene))
     behind = scene.views.body_from_cam.translation[0] - scene.landmarks.position.mean(axis=0)
     sun = np.degrees(angles_from_sun(local_frame(scene), behind / np.linalg.norm(behind)))
     off, _ = shares_of_mean(page, scene, 0, *sun)
