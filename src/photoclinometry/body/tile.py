@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import shutil
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from photoclinometry.body.options import BodyOptions
 from photoclinometry.body.plan import Tile, TilePlan
 from photoclinometry.body.sparse import PoseCovariances
 from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints, tile_map
-from photoclinometry.io.atomic import unwritable
 from photoclinometry.io.run_files import STAGES_FOLDER, TILES_FOLDER
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.model.errors import ReconstructionError
@@ -32,6 +30,7 @@ from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import map_posed
 from photoclinometry.pipeline.run_folder import RunFolder, claimed_run
 from photoclinometry.pipeline.run_lock import check_lock
+from photoclinometry.pipeline.run_mark import remove
 from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs
 from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest, say_found
@@ -145,14 +144,9 @@ def remove_tiles_from(body: Path, first: int) -> None:
         number = path.stem.removeprefix("tile_")
         if not number.isdigit() or int(number) < first:
             continue
-        try:
-            if path.is_dir():
-                check_lock(path)
-                shutil.rmtree(path)
-            else:
-                path.unlink()
-        except OSError as error:
-            raise unwritable(path, error) from error
+        if path.is_dir():
+            check_lock(path)
+        remove(path)
 
 
 def _posed_site(folder: RunFolder, site: Site, model: BodyModel, tile: Tile, options: RunOptions) -> PosedSite:
