@@ -41,15 +41,15 @@ def is_struck(scene: Scene) -> np.ndarray:
     """
     from scipy.ndimage import binary_dilation, median_filter
 
-    tracks, (row, col) = scene.tracks, scene.cells
+    tracks, landmark, (row, col) = scene.tracks, scene.tracks.landmark, scene.cells
     spacing = landmark_spacing_px(scene.views, scene.landmarks.position, scene.reference)
     brighter, struck = -brightness_residuals(scene), np.zeros(len(tracks), bool)
     for view in range(len(scene.views)):
         mine = np.flatnonzero((tracks.view == view) & tracks.lit)
         if not len(mine):
             continue
-        cells = row[tracks.landmark[mine]], col[tracks.landmark[mine]]
-        excess = np.nan_to_num(scene.grid_of_observations(brighter - np.median(brighter[mine]), mine))
+        cells = row[landmark[mine]], col[landmark[mine]]
+        excess = np.nan_to_num(scene.grid_of_observations(brighter, mine) - np.median(brighter[mine]))
         sigma = robust_sigma(excess[cells])
         spike = excess - median_filter(excess, AROUND)
         beyond = spike >= _least_spike(spike[cells], STRUCK_SIGMAS * sigma)
