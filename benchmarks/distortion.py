@@ -23,7 +23,7 @@ from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline.calibrate import calibrate
 from photoclinometry.pipeline.camera_check import CheckCameras
-from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.folder.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.simulate.site import simulate_site

@@ -25,7 +25,7 @@ from photoclinometry.io.site import RegionRequest, read_site
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.scene import Scene
-from photoclinometry.pipeline.relief_check import relief_by_parallax
+from photoclinometry.pipeline.checks.relief_check import relief_by_parallax
 from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.simulate.options import SimulationOptions
 from photoclinometry.simulate.site import simulate_site

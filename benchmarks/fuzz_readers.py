@@ -122,7 +122,7 @@ def read_body_truth_file(path: Path) -> None:
 
 def read_stage(path: Path) -> None:
     """A stage's record: damage is warned of, and nothing is raised."""
-    from photoclinometry.pipeline.records import read_record
+    from photoclinometry.pipeline.folder.records import read_record
 
     read_record(path, "key", Scene)
 
@@ -165,7 +165,7 @@ def read_metrics_file(run: Path) -> None:
 
 def read_mark_file(run: Path) -> None:
     """The mark of a run folder: its format, and which site it belongs to."""
-    from photoclinometry.pipeline.run_mark import check_format, owner_of_folder
+    from photoclinometry.pipeline.folder.run_mark import check_format, owner_of_folder
 
     check_format(run)
     owner_of_folder(run)
@@ -173,7 +173,7 @@ def read_mark_file(run: Path) -> None:
 
 def read_lock_file(run: Path) -> None:
     """The lock of a run folder, of a process that has ended. A damaged one counts as just being written."""
-    from photoclinometry.pipeline.run_lock import check_lock
+    from photoclinometry.pipeline.folder.run_lock import check_lock
 
     check_lock(run)
 

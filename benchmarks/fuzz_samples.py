@@ -308,7 +308,7 @@ def make_similarity(folder: Path) -> list[str]:
 
 
 def make_record(folder: Path) -> list[str]:
-    from photoclinometry.pipeline.records import write_record
+    from photoclinometry.pipeline.folder.records import write_record
 
     write_record(folder / "a.npz", "key", synthetic_scene(size=3, views=3))
     return ["a.npz"]
@@ -352,7 +352,7 @@ def owner() -> Owner:
 
 
 def make_mark(folder: Path) -> list[str]:
-    from photoclinometry.pipeline.run_mark import write_mark
+    from photoclinometry.pipeline.folder.run_mark import write_mark
 
     (folder / "run").mkdir()
     write_mark(folder / "run", owner())
@@ -361,7 +361,7 @@ def make_mark(folder: Path) -> list[str]:
 
 def make_lock(folder: Path) -> list[str]:
     from photoclinometry.io.json_file import write_json
-    from photoclinometry.pipeline.run_lock import NAME, Holder
+    from photoclinometry.pipeline.folder.run_lock import NAME, Holder
 
     (folder / "run").mkdir()
     holder = Holder(_NO_PROCESS, socket.gethostname(), "2026-01-02T03:04:05Z", "123456")

@@ -24,8 +24,8 @@ import tyro
 import photoclinometry as pcm
 from outcomes import keep_outcome, read_outcomes, warning_codes
 from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.pipeline.checks.relief_check import relief_by_parallax
 from photoclinometry.pipeline.products import RunResult
-from photoclinometry.pipeline.relief_check import relief_by_parallax
 from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.options import SimulationOptions

@@ -25,7 +25,7 @@ NOT_HERE = (
     "adjust/graph/slot.py",
     "matching/roma.py",  # another matcher
     "matching/warp.py",
-    "pipeline/control.py",  # sites without control points, and without pose priors
+    "pipeline/frame/control.py",  # sites without control points, and without pose priors
     "pipeline/refine.py",  # another command
     "pipeline/presets.py",
     "pipeline/run_",  # who writes to a folder

@@ -44,8 +44,8 @@ def write_mapped_site(folder: Path) -> None:
     """A site with its images, and in `run` what a run of it leaves, without figures."""
     from photoclinometry.io.scene_file import write_scene
     from photoclinometry.io.site import Site, SiteView, read_site, write_site
-    from photoclinometry.pipeline.run_mark import write_mark
-    from photoclinometry.pipeline.run_owner import owner_of_site
+    from photoclinometry.pipeline.folder.run_mark import write_mark
+    from photoclinometry.pipeline.folder.run_owner import owner_of_site
     from scenes import synthetic_images, synthetic_scene
 
     scene = synthetic_scene(size=12, views=4)

@@ -21,7 +21,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, so3_log
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.pipeline import run as pipeline
-from photoclinometry.pipeline.altimetry import (
+from photoclinometry.pipeline.frame.altimetry import (
     altimetry_table,
     on_shots,
     tracks_over,

@@ -46,6 +46,14 @@ def test_imports_point_up_the_table(package):
         assert imported_packages(file) <= allowed, file
 
 
+def test_what_stages_call_imports_no_stage():
+    """The run folder, the frames and the checks of maps are below the stages that use them."""
+    for room in ("folder", "frame", "checks"):
+        for file in (SOURCE / "pipeline" / room).glob("*.py"):
+            own = {name for name in imported_modules(file) if name.startswith("photoclinometry.pipeline.")}
+            assert {name.split(".")[2] for name in own} <= {"folder", room}, file
+
+
 def test_only_comparisons_import_the_rivals():
     """What makes maps does not depend on methods that it is compared with."""
     users = {file.relative_to(SOURCE) for file in SOURCE.rglob("*.py") if "rivals" in imported_packages(file)}

@@ -14,8 +14,8 @@ from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, 
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, of_views
+from photoclinometry.pipeline.folder.stage import Keyed, Tools
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, views_from
-from photoclinometry.pipeline.stage import Keyed, Tools
 from photoclinometry.sfm.known_poses import likely_pairs
 from photoclinometry.simulate.trajectory import looking_at
 

@@ -18,7 +18,7 @@ from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import starting_model
 from photoclinometry.model.region import Region
-from photoclinometry.pipeline.stage import Keyed, Tools
+from photoclinometry.pipeline.folder.stage import Keyed, Tools
 from sites import write_small_site
 
 

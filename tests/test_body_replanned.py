@@ -13,10 +13,10 @@ from photoclinometry.body.tile import BodyModel, map_tile, remove_tiles_from, ti
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.region import Region
-from photoclinometry.pipeline.records import write_record
-from photoclinometry.pipeline.run_lock import locked
-from photoclinometry.pipeline.run_mark import MARK
-from photoclinometry.pipeline.stage import Keyed
+from photoclinometry.pipeline.folder.records import write_record
+from photoclinometry.pipeline.folder.run_lock import locked
+from photoclinometry.pipeline.folder.run_mark import MARK
+from photoclinometry.pipeline.folder.stage import Keyed
 from sites import write_small_site
 
 

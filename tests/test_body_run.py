@@ -20,10 +20,10 @@ from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.model.warning import MANY_ALIKE
 from photoclinometry.output.viewer.run_page import run_page
-from photoclinometry.pipeline.records import write_record
-from photoclinometry.pipeline.run_folder import check_run, claimed_run
-from photoclinometry.pipeline.run_mark import MARK
-from photoclinometry.pipeline.run_owner import owner_of_site
+from photoclinometry.pipeline.folder.records import write_record
+from photoclinometry.pipeline.folder.run_folder import check_run, claimed_run
+from photoclinometry.pipeline.folder.run_mark import MARK
+from photoclinometry.pipeline.folder.run_owner import owner_of_site
 from photoclinometry.registration.alignment import refine_on_surface
 from photoclinometry.registration.closest_points import MeshSurface
 from photoclinometry.simulate.bodies.truth import read_body_truth

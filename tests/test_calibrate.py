@@ -18,7 +18,7 @@ from photoclinometry.model.warning import Warned, collected_warnings
 from photoclinometry.pipeline import calibrate as calibrate_module
 from photoclinometry.pipeline.calibrate import CalibrationOptions, calibrate
 from photoclinometry.pipeline.camera_check import CheckCameras
-from photoclinometry.pipeline.run_folder import RunFolder, open_run
+from photoclinometry.pipeline.folder.run_folder import RunFolder, open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.self_calibration import LensEstimate

@@ -113,7 +113,7 @@ def test_run_logs_reports_and_prints_where(mapped, tmp_path, capsys, monkeypatch
     assert "reweighting" not in said.err
     assert f"{len(mapped.result.scene.landmarks)} landmarks in 6 views, mean PSNR" in said.err
     log = (folder / "log").read_text()
-    assert "INFO photoclinometry.pipeline.run_folder: dense: read back from the earlier run" in log
+    assert "INFO photoclinometry.pipeline.folder.run_folder: dense: read back from the earlier run" in log
     assert logging.getLogger("photoclinometry").level == level
     assert not logging.getLogger("photoclinometry").handlers
 

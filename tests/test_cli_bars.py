@@ -55,7 +55,7 @@ def test_a_bar_at_its_total_is_drawn_at_once(console):
 
 
 def test_a_bar_goes_when_its_stage_ends(console, tmp_path):
-    folder = logging.getLogger("photoclinometry.pipeline.run_folder")
+    folder = logging.getLogger("photoclinometry.pipeline.folder.run_folder")
     with progress_bars(console) as progress, log_to(tmp_path / "run", console, progress):
         progress("adjust", 7, 0)
         assert "adjust" in drawn(console)[-1]

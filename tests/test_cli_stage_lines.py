@@ -9,7 +9,7 @@ import pytest
 import photoclinometry
 from photoclinometry.cli.stage_lines import NAMES, shown_name, stage_line
 from photoclinometry.model.warning import warn
-from photoclinometry.pipeline.stage import say_found
+from photoclinometry.pipeline.folder.stage import say_found
 from runs import lines_shown
 
 
@@ -21,7 +21,7 @@ def shown():
 
 
 def test_a_stage_is_one_line_of_what_it_found_and_its_time(shown):
-    folder = logging.getLogger("photoclinometry.pipeline.run_folder")
+    folder = logging.getLogger("photoclinometry.pipeline.folder.run_folder")
     folder.info("%s ...", "sparse")
     logging.getLogger("photoclinometry.adjust").info("reweighting iteration 1: Noise(keypoint_factor=0.4354)")
     say_found("29 of 29 views, 41,203 points, 0.31 px")
@@ -36,7 +36,7 @@ def test_a_stage_is_one_line_of_what_it_found_and_its_time(shown):
 
 
 def test_what_each_estimate_warns_of_is_told_once_for_each_view(shown):
-    log = logging.getLogger("photoclinometry.pipeline.pose_priors")
+    log = logging.getLogger("photoclinometry.pipeline.frame.pose_priors")
     for metres in (193, 21, 10):
         for view in ("7.fits", "8.fits"):
             warn(log, "prior-contradicts", "%s: its pose prior is %d m off", view, metres, view=view)

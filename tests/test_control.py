@@ -14,7 +14,8 @@ from photoclinometry.model.geometry import Similarity, so3_exp
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.pipeline import run as pipeline
-from photoclinometry.pipeline.control import (
+from photoclinometry.pipeline.folder.run_folder import adopt_stages, open_run
+from photoclinometry.pipeline.frame.control import (
     agreeing_points,
     control_metrics,
     control_table,
@@ -23,7 +24,6 @@ from photoclinometry.pipeline.control import (
     warn_of_contradictions,
 )
 from photoclinometry.pipeline.products import RunSummary, write_products
-from photoclinometry.pipeline.run_folder import adopt_stages, open_run
 from photoclinometry.registration.alignment import transform_poses, transform_scene
 from photoclinometry.simulate.truth import truth_maps
 from photoclinometry.simulate.truth_file import read_truth

@@ -7,7 +7,7 @@ import pytest
 
 from photoclinometry.model.scene import Image
 from photoclinometry.model.warning import collected_warnings
-from photoclinometry.pipeline.dark_level_check import warn_of_dark_level
+from photoclinometry.pipeline.checks.dark_level_check import warn_of_dark_level
 from scenes import synthetic_scene
 
 

@@ -17,7 +17,7 @@ from photoclinometry.model.errors import OutputError, RunFolderError
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.pipeline import run as pipeline
-from photoclinometry.pipeline.records import read_record, write_record
+from photoclinometry.pipeline.folder.records import read_record, write_record
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.database import disk_errors
 from runs import draw_no_figures

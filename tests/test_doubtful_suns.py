@@ -13,8 +13,8 @@ from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline.doubtful_suns import CheckDoubtfulSuns, largest_by_chance
+from photoclinometry.pipeline.folder.stage import Keyed, Tools
 from photoclinometry.pipeline.map_stages import IntermediateMap
-from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
 
 MODEL = published("lunar-lambert", "vesta")

@@ -29,7 +29,7 @@ from photoclinometry.io.similarity import read_similarity
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.io.toml_file import read_toml
 from photoclinometry.model.errors import InputError, RunFolderError
-from photoclinometry.pipeline.records import read_record
+from photoclinometry.pipeline.folder.records import read_record
 from photoclinometry.simulate.truth_file import read_truth
 from scenes import synthetic_scene
 

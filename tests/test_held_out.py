@@ -20,10 +20,10 @@ from photoclinometry.model.geometry import Rigid, so3_exp, so3_log
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.sparse import SparseModel, without_views
+from photoclinometry.pipeline.folder.run_folder import open_run
+from photoclinometry.pipeline.folder.stage import Keyed
 from photoclinometry.pipeline.run import RunOptions, run
-from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import choose_views
-from photoclinometry.pipeline.stage import Keyed
 from scenes import sparse_model_of, synthetic_images, synthetic_scene
 
 FEW = {"densify": DensifyOptions(min_views=4), "adjust": AdjustOptions(max_reweightings=1)}

@@ -10,7 +10,7 @@ from photoclinometry.io.jpeg_blocks import shows_jpeg_blocks
 from photoclinometry.io.site import read_site
 from photoclinometry.model.scene import Image
 from photoclinometry.model.warning import collected_warnings
-from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.folder.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import read_inputs
 from sites import picture, write_small_site
 

@@ -12,8 +12,8 @@ from photoclinometry.io.json_file import read_json, write_json
 from photoclinometry.output.export.options import ExportOptions
 from photoclinometry.output.export.shape.export import export_shape
 from photoclinometry.output.export.shape.options import ShapeOptions
+from photoclinometry.pipeline.folder.run_folder import open_run
 from photoclinometry.pipeline.products import RunSummary, write_products
-from photoclinometry.pipeline.run_folder import open_run
 
 SOURCE = Path(__file__).parents[1] / "src" / "photoclinometry"
 
@@ -66,4 +66,4 @@ def test_json_for_users_is_written_in_one_place():
     """But for the mark of a run folder, which only the program reads, and glTF, where JSON is part of a binary file."""
     writes = re.compile(r"write_(text|bytes)\(.*json\.dumps")
     users = {file for file in SOURCE.rglob("*.py") if writes.search(file.read_text(encoding="utf-8"))}
-    assert users == {SOURCE / name for name in ("io/json_file.py", "io/meshes/gltf.py", "pipeline/run_mark.py")}
+    assert users == {SOURCE / name for name in ("io/json_file.py", "io/meshes/gltf.py", "pipeline/folder/run_mark.py")}

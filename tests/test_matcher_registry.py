@@ -14,9 +14,9 @@ from photoclinometry.matching.registry import MATCHERS, MatcherEntry, matcher_en
 from photoclinometry.matching.roma import RomaOptions
 from photoclinometry.model.errors import InputError
 from photoclinometry.pipeline.choices import choose, keyed_matcher
+from photoclinometry.pipeline.folder.run_folder import adopt_stages
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
-from photoclinometry.pipeline.run_folder import adopt_stages
 from photoclinometry.simulate.truth_file import read_truth
 
 MATCHED = []

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from photoclinometry.pipeline.memory import give_back_memory, peak_memory_gb
+from photoclinometry.pipeline.folder.memory import give_back_memory, peak_memory_gb
 
 CHUNK, COUNT = 100_000, 2_000
 """Bytes of each array, small enough to lie in the thread's arena, and their number: 0.2 GB."""

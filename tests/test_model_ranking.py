@@ -20,9 +20,9 @@ from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.robust import jackknife_sigma
+from photoclinometry.pipeline.folder.stage import Keyed, Tools
 from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import ChooseModel
-from photoclinometry.pipeline.stage import Keyed, Tools
 from scenes import synthetic_scene
 
 NOISE = 0.003

@@ -23,7 +23,7 @@ from photoclinometry.model.errors import ImageError, InputError, SiteError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.scene import Image
 from photoclinometry.model.sparse import SparseModel, among_more_views
-from photoclinometry.pipeline.run_folder import open_run
+from photoclinometry.pipeline.folder.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import PosedImages, SparseReconstruction, choose_views, read_inputs
 from sites import SIZE, picture, write_small_site
 

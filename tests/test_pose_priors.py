@@ -18,7 +18,8 @@ from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, so3_log
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import BODY_FIXED, OWN
-from photoclinometry.pipeline.pose_priors import (
+from photoclinometry.pipeline.folder.stage import digest
+from photoclinometry.pipeline.frame.pose_priors import (
     place_by_priors,
     prior_metrics,
     prior_table,
@@ -27,7 +28,6 @@ from photoclinometry.pipeline.pose_priors import (
     warn_of_outliers,
 )
 from photoclinometry.pipeline.run import RunOptions, run
-from photoclinometry.pipeline.stage import digest
 from photoclinometry.registration.alignment import transform_poses, transform_scene
 from photoclinometry.simulate.truth_file import read_truth
 from scenes import synthetic_scene

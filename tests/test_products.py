@@ -22,9 +22,9 @@ from photoclinometry.io.run_files import (
 )
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.folder.run_folder import RunFolder
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.products import RunSummary, write_products
-from photoclinometry.pipeline.run_folder import RunFolder
 
 
 def stopped(*_, **__):

@@ -12,15 +12,16 @@ from photoclinometry.adjust import AdjustOptions
 from photoclinometry.model.geometry import angle_between, so3_exp
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings, warn
-from photoclinometry.pipeline import checked_map, relief_check
+from photoclinometry.pipeline import checked_map
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.checked_map import CheckedMap
+from photoclinometry.pipeline.checks import relief_check
+from photoclinometry.pipeline.checks.moved_suns import warn_of_suns
+from photoclinometry.pipeline.checks.relief_check import ReliefCheck, relief_by_parallax, warn_of_relief
+from photoclinometry.pipeline.folder.run_folder import open_run
+from photoclinometry.pipeline.folder.stage import Stage, Tools
 from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate
-from photoclinometry.pipeline.moved_suns import warn_of_suns
-from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax, warn_of_relief
 from photoclinometry.pipeline.response_check import ResponseCheck
-from photoclinometry.pipeline.run_folder import open_run
-from photoclinometry.pipeline.stage import Stage, Tools
 from scenes import synthetic_scene
 
 log = logging.getLogger("photoclinometry.tests")

@@ -16,6 +16,7 @@ from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline import response_check
+from photoclinometry.pipeline.folder.stage import Keyed, Tools, digest
 from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.response_check import (
     RESPONSE_LANDMARKS,
@@ -24,7 +25,6 @@ from photoclinometry.pipeline.response_check import (
     remedy,
     response_models,
 )
-from photoclinometry.pipeline.stage import Keyed, Tools, digest
 from scenes import synthetic_scene
 
 HAPKE, MINNAERT = published("hapke", "vesta"), published("minnaert", "vesta")

@@ -14,8 +14,8 @@ from photoclinometry.io.held_out import write_held_out
 from photoclinometry.io.options import write_options
 from photoclinometry.io.run_files import PRODUCTS, read_config
 from photoclinometry.model.scene import Image
+from photoclinometry.pipeline.folder.run_mark import MARK
 from photoclinometry.pipeline.options import RelightOptions, RunOptions
-from photoclinometry.pipeline.run_mark import MARK
 from photoclinometry.rivals.compare import run_cost
 from photoclinometry.rivals.measure import common_masks, exposed, image_figures
 from photoclinometry.rivals.mvs import options_from

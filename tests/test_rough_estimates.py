@@ -7,10 +7,10 @@ import pytest
 from adjustments import not_adjusted
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.pipeline import joint_estimate
+from photoclinometry.pipeline.folder.run_folder import adopt_stages
 from photoclinometry.pipeline.joint_estimate import HELD_SIGMA, ROUGH_REWEIGHTING, EstimateSettings, JointEstimate
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
-from photoclinometry.pipeline.run_folder import adopt_stages
 from scenes import synthetic_scene
 
 BEFORE = ["sparse", "inconsistent_views", "region", "dense"]

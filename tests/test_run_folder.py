@@ -13,11 +13,11 @@ from photoclinometry import __version__
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid, so3_exp
 from photoclinometry.model.region import Region
-from photoclinometry.pipeline import records
-from photoclinometry.pipeline.records import write_record
+from photoclinometry.pipeline.folder import records
+from photoclinometry.pipeline.folder.records import write_record
+from photoclinometry.pipeline.folder.run_folder import FORMAT, MARK, open_run
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, digest, program_digest
 from photoclinometry.pipeline.run import RunOptions
-from photoclinometry.pipeline.run_folder import FORMAT, MARK, open_run
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest
 from photoclinometry.sfm import SfmOptions
 
 
@@ -134,7 +134,7 @@ def test_another_key_makes_the_stage_again(folder):
 
 def test_a_changed_program_makes_the_stage_again(folder, monkeypatch):
     folder.result_of(Sparse())
-    monkeypatch.setattr("photoclinometry.pipeline.stage.program_digest", lambda: "another")
+    monkeypatch.setattr("photoclinometry.pipeline.folder.stage.program_digest", lambda: "another")
     with pytest.raises(AssertionError, match="made again"):
         folder.result_of(Never())
 

@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from photoclinometry.model.errors import RunFolderError
-from photoclinometry.pipeline.run_lock import NAME, check_lock, locked
+from photoclinometry.pipeline.folder.run_lock import NAME, check_lock, locked
 
 
 def write_lock(folder, **changes):

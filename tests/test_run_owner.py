@@ -9,11 +9,11 @@ import pytest
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import ImageError, RunFolderError
-from photoclinometry.pipeline import run_folder
-from photoclinometry.pipeline.run_folder import FORMAT, MARK, check_run, claimed_run, open_run
-from photoclinometry.pipeline.run_lock import locked
-from photoclinometry.pipeline.run_mark import owner_of_folder
-from photoclinometry.pipeline.run_owner import owner_of_model, owner_of_site
+from photoclinometry.pipeline.folder import run_folder
+from photoclinometry.pipeline.folder.run_folder import FORMAT, MARK, check_run, claimed_run, open_run
+from photoclinometry.pipeline.folder.run_lock import locked
+from photoclinometry.pipeline.folder.run_mark import owner_of_folder
+from photoclinometry.pipeline.folder.run_owner import owner_of_model, owner_of_site
 from sites import picture, write_small_site
 
 

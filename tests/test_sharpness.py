@@ -12,7 +12,7 @@ from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.sharpness import blur_px
 from photoclinometry.pipeline import checked_map
-from photoclinometry.pipeline.blurred_views import BLURRED_PX, views_to_leave_out, warn_of_blurred_views
+from photoclinometry.pipeline.checks.blurred_views import BLURRED_PX, views_to_leave_out, warn_of_blurred_views
 from photoclinometry.pipeline.options import RunOptions
 from scenes import synthetic_scene
 

@@ -15,8 +15,8 @@ from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline import direct_refinement
 from photoclinometry.pipeline.direct_refinement import ROUGH_PASSES, image_gradients, refine_directly
+from photoclinometry.pipeline.folder.stage import digest
 from photoclinometry.pipeline.joint_estimate import JointEstimate
-from photoclinometry.pipeline.stage import digest
 from scenes import synthetic_images, synthetic_scene
 
 QUICK = AdjustOptions(uncertainty=False)

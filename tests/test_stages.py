@@ -18,10 +18,10 @@ from photoclinometry.model.ranges import numeric_parts
 from photoclinometry.model.reflectance import starting_model
 from photoclinometry.pipeline import direct_refinement, joint_estimate, model_choice
 from photoclinometry.pipeline import run as pipeline
+from photoclinometry.pipeline.folder.run_folder import RunFolder, adopt_stages
+from photoclinometry.pipeline.folder.stage import Keyed, digest
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.run import RunOptions, run
-from photoclinometry.pipeline.run_folder import RunFolder, adopt_stages
-from photoclinometry.pipeline.stage import Keyed, digest
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.region import RegionOptions
 from photoclinometry.simulate.truth_file import read_truth

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.geometry import angle_between, unit
-from photoclinometry.pipeline.stray_normals import with_strays_fitted_again
+from photoclinometry.pipeline.checks.stray_normals import with_strays_fitted_again
 from scenes import synthetic_scene
 
 STRAYS = [33, 150, 151]

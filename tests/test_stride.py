@@ -26,8 +26,8 @@ from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.region import Region
 from photoclinometry.output.figures.draw import region_extent
 from photoclinometry.photometry.render import landmark_brightness, render_reference, render_view
+from photoclinometry.pipeline.folder.run_folder import adopt_stages
 from photoclinometry.pipeline.run import RunOptions, run
-from photoclinometry.pipeline.run_folder import adopt_stages
 from photoclinometry.sfm.region import RegionOptions
 from photoclinometry.simulate import truth as truth_module
 from photoclinometry.simulate.truth import truth_maps

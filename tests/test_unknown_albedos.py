@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.pipeline.unknown_albedos import with_neighbours_albedos
+from photoclinometry.pipeline.checks.unknown_albedos import with_neighbours_albedos
 from scenes import synthetic_scene
 
 

@@ -15,12 +15,12 @@ from photoclinometry.evaluate.verdict import CARE, SOUND, UNCHECKED_RELIEF, WRON
 from photoclinometry.model.warning import CODES, Warned, collected_warnings, distinct, warn
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline import run as pipeline
-from photoclinometry.pipeline.pose_priors import prior_table
+from photoclinometry.pipeline.checks.rendering_check import OFF, POOR_FIT_PERCENT, POOR_PSNR_DB, warn_of_renderings
+from photoclinometry.pipeline.folder.run_folder import open_run
+from photoclinometry.pipeline.folder.stage import Stage, Tools
+from photoclinometry.pipeline.frame.pose_priors import prior_table
 from photoclinometry.pipeline.products import RunSummary, write_products
-from photoclinometry.pipeline.rendering_check import OFF, POOR_FIT_PERCENT, POOR_PSNR_DB, warn_of_renderings
 from photoclinometry.pipeline.result_display import result_card
-from photoclinometry.pipeline.run_folder import open_run
-from photoclinometry.pipeline.stage import Stage, Tools
 from photoclinometry.pipeline.trust import LEAST_EXPLAINED, brightness_off, change_explained, why_untrusted
 
 ROOT = Path(__file__).parents[1]

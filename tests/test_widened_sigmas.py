@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.geometry import sphere_step
-from photoclinometry.pipeline.widened_sigmas import normalized_changes, with_inflated_uncertainties
+from photoclinometry.pipeline.checks.widened_sigmas import normalized_changes, with_inflated_uncertainties
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.surface.relief import local_frame
 from scenes import synthetic_scene

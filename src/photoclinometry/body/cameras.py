@@ -21,8 +21,8 @@ from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, 
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Tracks, Views
 from photoclinometry.model.sparse import SparseModel
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.sparse_stages import PosedImages, views_from
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 TIE_SIGMA_PX = 0.3
 """Standard deviation of a tile's tie points in one view [px]. They share their error: together they weigh as one."""

@@ -9,7 +9,7 @@ import numpy as np
 from photoclinometry.body.poisson import closed_surface
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.sparse import SparseModel
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.closed_mesh import signed_volume
 from photoclinometry.surface.neighbours import normals_from_neighbours
 

@@ -12,7 +12,7 @@ from photoclinometry.body.merge import MergedSurface
 from photoclinometry.body.tile_map import TileMap
 from photoclinometry.model.reflectance import Reflectance, mean_model
 from photoclinometry.photometry.shape_rendering import ShadedSurface
-from photoclinometry.pipeline.stage import Keyed
+from photoclinometry.pipeline.folder.stage import Keyed
 from photoclinometry.surface.mesh_rays import MeshRays
 
 

@@ -22,8 +22,8 @@ from photoclinometry.body.tile_map import TileMap
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.warning import warn
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.sparse_stages import PosedImages
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.closed_mesh import face_normals, vertex_normals
 
 log = logging.getLogger(__name__)

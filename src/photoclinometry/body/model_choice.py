@@ -11,8 +11,8 @@ from photoclinometry.body.tile import BodyModel, map_tile
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.reflectance import starting_model
 from photoclinometry.pipeline.choices import choose_reflectance
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, digest, program_digest, say_found
 from photoclinometry.pipeline.model_choice import ChosenModel
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest, say_found
 
 log = logging.getLogger(__name__)
 

@@ -20,9 +20,9 @@ from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Views
 from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
-from photoclinometry.pipeline.pose_priors import priors_of_views
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
+from photoclinometry.pipeline.frame.pose_priors import priors_of_views
 from photoclinometry.pipeline.sparse_stages import PosedImages
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.sfm.keypoints import mutual_matches, sift_keypoints
 from photoclinometry.sfm.pictures import brightness_picture, shows_something
 from photoclinometry.surface.mesh_rays import MeshRays

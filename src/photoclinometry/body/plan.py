@@ -13,8 +13,8 @@ from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between, unit
 from photoclinometry.model.region import Region
 from photoclinometry.model.scene import Views
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.sparse_stages import PosedImages
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.registration.view_choice import most_diverse
 from photoclinometry.registration.viewing import differences
 from photoclinometry.surface.closed_mesh import area_vectors

@@ -35,10 +35,10 @@ from photoclinometry.model.warning import Warned
 from photoclinometry.output.report.body_overview import views_per_vertex
 from photoclinometry.output.report.body_report import BodyContent, write_body_report
 from photoclinometry.output.viewer import ViewedBody
+from photoclinometry.pipeline.folder.run_folder import RunFolder
+from photoclinometry.pipeline.folder.stage import Keyed
 from photoclinometry.pipeline.products import log_verdict
 from photoclinometry.pipeline.response_check import CODE as RESPONSE
-from photoclinometry.pipeline.run_folder import RunFolder
-from photoclinometry.pipeline.stage import Keyed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,8 @@ from photoclinometry.evaluate.metrics import psnr
 from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.shape_rendering import rendered_shape, through_optics
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.sparse_stages import PosedImages
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 OPTICS_PX = 0.25 * np.arange(9)
 """(S,) widths of a camera's point-spread function that are tried, standard deviations of a Gaussian [px]. Cameras are

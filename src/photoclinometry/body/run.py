@@ -31,10 +31,10 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import BODY_FIXED, SHARED
 from photoclinometry.pipeline.camera_check import CheckCameras
-from photoclinometry.pipeline.run_folder import RunFolder, claimed_run, joined_run
-from photoclinometry.pipeline.run_owner import owner_of_site
+from photoclinometry.pipeline.folder.run_folder import RunFolder, claimed_run, joined_run
+from photoclinometry.pipeline.folder.run_owner import owner_of_site
+from photoclinometry.pipeline.folder.stage import Keyed
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs, without_priors
-from photoclinometry.pipeline.stage import Keyed
 from photoclinometry.registration.georeference import MIN_PRIORS
 
 if TYPE_CHECKING:

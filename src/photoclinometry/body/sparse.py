@@ -19,9 +19,9 @@ from photoclinometry.model.scene import Camera, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.relief_shading import relief_shading
-from photoclinometry.pipeline.pose_priors import priors_of_views
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
+from photoclinometry.pipeline.frame.pose_priors import priors_of_views
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, views_from
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.registration.georeference import MIN_PRIORS
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.database import add_relief_keypoints, disk_errors, write_views

@@ -23,17 +23,17 @@ from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.model.sparse import SparseModel, normalised, of_views
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline.choices import Choices, choose
+from photoclinometry.pipeline.folder.run_folder import RunFolder, claimed_run
+from photoclinometry.pipeline.folder.run_lock import check_lock
+from photoclinometry.pipeline.folder.run_mark import remove
+from photoclinometry.pipeline.folder.run_owner import owner_of_site
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, digest, program_digest, say_found
 from photoclinometry.pipeline.model_choice import ChosenModel
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.posed_site import KnownViews, PosedSite
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import map_posed
-from photoclinometry.pipeline.run_folder import RunFolder, claimed_run
-from photoclinometry.pipeline.run_lock import check_lock
-from photoclinometry.pipeline.run_mark import remove
-from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, read_inputs
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, program_digest, say_found
 from photoclinometry.pipeline.trust import NOT_LINEAR
 from photoclinometry.surface.mesh_rays import MeshRays, depth_image, emission_image
 

@@ -58,7 +58,7 @@ def body(
     from photoclinometry.body.tile import tile_folder
     from photoclinometry.io.site import read_site
     from photoclinometry.model.errors import InputError
-    from photoclinometry.pipeline.run_folder import check_run
+    from photoclinometry.pipeline.folder.run_folder import check_run
 
     if workers < 1:
         raise InputError(f"--workers is {workers}; give a whole number, 1 or more")

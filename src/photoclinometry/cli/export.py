@@ -52,7 +52,7 @@ def export(
         is_shape,
         shape_file,
     )
-    from photoclinometry.pipeline.run_mark import owner_of_folder
+    from photoclinometry.pipeline.folder.run_mark import owner_of_folder
 
     if is_shape(run):
         path = shape_file(run)

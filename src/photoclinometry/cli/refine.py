@@ -33,8 +33,8 @@ def refine(
     from rich.console import Console
 
     from photoclinometry.pipeline import refine as library
-    from photoclinometry.pipeline.run_folder import check_run
-    from photoclinometry.pipeline.run_owner import owner_of_model
+    from photoclinometry.pipeline.folder.run_folder import check_run
+    from photoclinometry.pipeline.folder.run_owner import owner_of_model
 
     start = library.read_start(model, options)  # a mistake there leaves no run folder behind
     check_run(out, owner_of_model(model, start.model.scene), overwrite=overwrite)

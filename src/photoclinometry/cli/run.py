@@ -45,8 +45,8 @@ def run(
     from photoclinometry.io.site import read_site
     from photoclinometry.pipeline import run as pipeline
     from photoclinometry.pipeline.choices import choose
-    from photoclinometry.pipeline.run_folder import check_run
-    from photoclinometry.pipeline.run_owner import owner_of_site
+    from photoclinometry.pipeline.folder.run_folder import check_run
+    from photoclinometry.pipeline.folder.run_owner import owner_of_site
 
     site = site_file(site)
     described = read_site(site)  # a mistake here leaves no run folder behind

@@ -3,7 +3,7 @@
     sparse              29 of 29 views, 41,203 points, 0.31 px          12.4 s
     relighting 1        matches moved 0.12 px, normals 0.8 degrees      31.0 s
 
-What a stage found, and that it has ended, are records of the log that carry it (`pipeline.stage.say_found`,
+What a stage found, and that it has ended, are records of the log that carry it (`pipeline.folder.stage.say_found`,
 `RunFolder.timed`). Warnings are shown as they are, and everything else is only in the log file.
 """
 

@@ -66,7 +66,7 @@ class log_to:
 
     def __enter__(self) -> Self:
         from photoclinometry.io.atomic import unwritable
-        from photoclinometry.pipeline.run_folder import MARK, open_run
+        from photoclinometry.pipeline.folder.run_folder import MARK, open_run
 
         self.logger = logging.getLogger("photoclinometry")
         self.level = self.logger.level

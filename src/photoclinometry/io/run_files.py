@@ -1,6 +1,6 @@
 """Run folders: the names of what lies in them, and what a finished one holds.
 
-The mark and the lock, which only `pipeline/` reads and writes, are named there (`pipeline.run_mark`, `run_lock`).
+The mark and the lock, which only `pipeline/folder/` reads and writes, are named there (`run_mark`, `run_lock`).
 """
 
 from __future__ import annotations

@@ -18,9 +18,9 @@ from photoclinometry.model.gamma import LINEAR
 from photoclinometry.model.lens import Lens
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.ranges import Range, Ranged
+from photoclinometry.pipeline.folder.run_folder import open_run
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.response_check import CODE, METRIC
-from photoclinometry.pipeline.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import SparseReconstruction, read_inputs
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.self_calibration import LensEstimate, estimate_lenses

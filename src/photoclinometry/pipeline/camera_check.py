@@ -9,8 +9,8 @@ import numpy as np
 
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.model.warning import warn
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.sparse_stages import Inputs
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.sfm.self_calibration import estimate_lenses
 
 log = logging.getLogger(__name__)

@@ -14,22 +14,22 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import warn_undecided
-from photoclinometry.pipeline.blurred_views import views_to_leave_out, why_left_out
+from photoclinometry.pipeline.checks.blurred_views import views_to_leave_out, why_left_out
+from photoclinometry.pipeline.checks.relief_check import ReliefCheck, relief_by_parallax
 from photoclinometry.pipeline.choices import Choices
 from photoclinometry.pipeline.common_sun_error import CheckSuns
 from photoclinometry.pipeline.dense_stages import InitialScene, MatchDensely, tie_points_from
 from photoclinometry.pipeline.doubtful_suns import CheckDoubtfulSuns
+from photoclinometry.pipeline.folder.run_folder import RunFolder
+from photoclinometry.pipeline.folder.stage import Keyed, digest
+from photoclinometry.pipeline.frame.pose_priors import usable_priors
 from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.map_stages import FinishedMap, IntermediateMap, MapStages, Relit
 from photoclinometry.pipeline.model_choice import ChooseModel
-from photoclinometry.pipeline.pose_priors import usable_priors
 from photoclinometry.pipeline.posed_site import PosedSite
-from photoclinometry.pipeline.relief_check import ReliefCheck, relief_by_parallax
 from photoclinometry.pipeline.relighting import IterationFigures
 from photoclinometry.pipeline.response_check import CheckResponse, ResponseCheck, response_models
-from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import ChosenViews, PosedImages
-from photoclinometry.pipeline.stage import Keyed, digest
 
 log = logging.getLogger(__name__)
 

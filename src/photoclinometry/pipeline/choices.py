@@ -24,8 +24,8 @@ from photoclinometry.model.control import ControlPoint
 from photoclinometry.model.errors import InputError, PhotoclinometryError
 from photoclinometry.model.reflectance import Reflectance, has_published, models_for, published, starting_model
 from photoclinometry.photometry.predict import exposure_is_free
+from photoclinometry.pipeline.folder.stage import Keyed, digest
 from photoclinometry.pipeline.options import RunOptions
-from photoclinometry.pipeline.stage import Keyed, digest
 
 log = logging.getLogger(__name__)
 

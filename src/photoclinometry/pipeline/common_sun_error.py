@@ -19,9 +19,9 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene, Views
 from photoclinometry.model.warning import warn
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import CROSS_VALIDATION_LANDMARKS
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
 

@@ -16,8 +16,8 @@ from photoclinometry.model.sampling import filled_from_nearest
 from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.sampled_brightness import landmark_spacing_px, sample_brightness
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.sparse_stages import Place, PosedImages
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.surface.depth_fit import landmark_depth, sparse_depth
 from photoclinometry.surface.neighbours import normals_from_neighbours
 from photoclinometry.surface.surroundings import surroundings_of

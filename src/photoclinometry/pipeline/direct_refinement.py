@@ -23,8 +23,8 @@ from photoclinometry.photometry.albedo import fitted_albedo
 from photoclinometry.photometry.cosmic_rays import is_struck
 from photoclinometry.photometry.shading import seen_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
+from photoclinometry.pipeline.checks.widened_sigmas import with_inflated_uncertainties
 from photoclinometry.pipeline.joint_estimate import EstimateSettings, by_relit_matches
-from photoclinometry.pipeline.widened_sigmas import with_inflated_uncertainties
 
 log = logging.getLogger(__name__)
 

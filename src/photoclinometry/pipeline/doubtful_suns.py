@@ -19,9 +19,9 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import MODEL_RAD, warn_undecided
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import CROSS_VALIDATION_LANDMARKS
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
 

@@ -27,9 +27,9 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import BODY_FIXED, OWN, Scene, Views
-from photoclinometry.pipeline.altimetry import on_shots, tracks_over
-from photoclinometry.pipeline.control import agreeing_points, ground_control, place_by_control
-from photoclinometry.pipeline.pose_priors import estimate_with_priors, place_by_priors
+from photoclinometry.pipeline.frame.altimetry import on_shots, tracks_over
+from photoclinometry.pipeline.frame.control import agreeing_points, ground_control, place_by_control
+from photoclinometry.pipeline.frame.pose_priors import estimate_with_priors, place_by_priors
 from photoclinometry.pipeline.posed_site import KnownViews
 from photoclinometry.registration.alignment import align_views
 

@@ -17,8 +17,12 @@ from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.cast_shadows import surroundings_by_shadows
 from photoclinometry.photometry.point_spread import reference_psf_sigma_px
+from photoclinometry.pipeline.checks.stray_normals import with_strays_fitted_again
+from photoclinometry.pipeline.checks.unknown_albedos import with_neighbours_albedos
 from photoclinometry.pipeline.direct_refinement import refine_directly
 from photoclinometry.pipeline.first_estimate import first_estimate
+from photoclinometry.pipeline.folder.run_folder import RunFolder
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate, by_relit_matches, in_prior_frame
 from photoclinometry.pipeline.options import RelightOptions
 from photoclinometry.pipeline.relighting import (
@@ -29,11 +33,7 @@ from photoclinometry.pipeline.relighting import (
     keypoints_moved,
     rematch,
 )
-from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.sparse_stages import PosedImages
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
-from photoclinometry.pipeline.stray_normals import with_strays_fitted_again
-from photoclinometry.pipeline.unknown_albedos import with_neighbours_albedos
 from photoclinometry.surface.fine_relief import with_fine_relief
 
 

@@ -11,9 +11,9 @@ from photoclinometry.adjust import KnownPoses
 from photoclinometry.io.site import Site
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.pipeline.choices import Choices
+from photoclinometry.pipeline.folder.stage import Keyed
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.sparse_stages import PosedImages
-from photoclinometry.pipeline.stage import Keyed
 
 
 @dataclass(frozen=True, kw_only=True)

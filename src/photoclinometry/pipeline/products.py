@@ -26,27 +26,27 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Image, Scene, Views
 from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline import result_display
-from photoclinometry.pipeline.altimetry import (
+from photoclinometry.pipeline.checks.blurred_views import warn_of_blurred_views
+from photoclinometry.pipeline.checks.dark_level_check import warn_of_dark_level
+from photoclinometry.pipeline.checks.moved_suns import warn_of_suns
+from photoclinometry.pipeline.checks.relief_check import ReliefCheck, warn_of_relief
+from photoclinometry.pipeline.checks.rendering_check import OFF, warn_of_renderings
+from photoclinometry.pipeline.folder.run_folder import RunFolder
+from photoclinometry.pipeline.frame.altimetry import (
     altimetry_metrics,
     altimetry_table,
     warn_of_altimetry,
     write_shots,
 )
-from photoclinometry.pipeline.blurred_views import warn_of_blurred_views
-from photoclinometry.pipeline.control import control_metrics, control_table, warn_of_contradictions
-from photoclinometry.pipeline.dark_level_check import warn_of_dark_level
-from photoclinometry.pipeline.moved_suns import warn_of_suns
-from photoclinometry.pipeline.pose_priors import (
+from photoclinometry.pipeline.frame.control import control_metrics, control_table, warn_of_contradictions
+from photoclinometry.pipeline.frame.pose_priors import (
     changes_beside_priors,
     prior_metrics,
     prior_table,
     warn_of_outliers,
 )
-from photoclinometry.pipeline.relief_check import ReliefCheck, warn_of_relief
 from photoclinometry.pipeline.relighting import IterationFigures
-from photoclinometry.pipeline.rendering_check import OFF, warn_of_renderings
 from photoclinometry.pipeline.response_check import ResponseCheck
-from photoclinometry.pipeline.run_folder import RunFolder
 from photoclinometry.pipeline.trust import brightness_off, change_explained, why_untrusted
 
 log = logging.getLogger(__name__)

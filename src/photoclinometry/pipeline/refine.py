@@ -22,11 +22,11 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.pipeline.choices import choose_reflectance
+from photoclinometry.pipeline.folder.run_folder import claimed_run
+from photoclinometry.pipeline.folder.run_owner import owner_of_model
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, digest
 from photoclinometry.pipeline.joint_estimate import EstimateSettings, JointEstimate
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
-from photoclinometry.pipeline.run_folder import claimed_run
-from photoclinometry.pipeline.run_owner import owner_of_model
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.reflectance import Reflectance, starting_model
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.map_stages import IntermediateMap
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, say_found
 
 log = logging.getLogger(__name__)
 

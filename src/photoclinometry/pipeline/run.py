@@ -17,12 +17,13 @@ from photoclinometry.pipeline.camera_check import CheckCameras
 from photoclinometry.pipeline.checked_map import checked_map
 from photoclinometry.pipeline.choices import Choices, check_enough_views, choose, choose_reflectance
 from photoclinometry.pipeline.dense_stages import MatchDensely
+from photoclinometry.pipeline.folder.run_folder import RunFolder, claimed_run
+from photoclinometry.pipeline.folder.run_owner import owner_of_site
+from photoclinometry.pipeline.folder.stage import Keyed
 from photoclinometry.pipeline.map_stages import FinishedMap, PlaceHeldOutViews
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.posed_site import PosedSite
 from photoclinometry.pipeline.products import RunResult, RunSummary, write_products
-from photoclinometry.pipeline.run_folder import RunFolder, claimed_run
-from photoclinometry.pipeline.run_owner import owner_of_site
 from photoclinometry.pipeline.sparse_stages import (
     ChooseRegion,
     PosedImages,
@@ -31,7 +32,6 @@ from photoclinometry.pipeline.sparse_stages import (
     choose_views,
     read_inputs,
 )
-from photoclinometry.pipeline.stage import Keyed
 
 __all__ = ["RunOptions", "RunResult", "choose_reflectance", "run"]
 

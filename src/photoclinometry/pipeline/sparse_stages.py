@@ -18,8 +18,8 @@ from photoclinometry.model.scene import OWN, Camera, Image, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import InconsistentViews, find_inconsistent_views
-from photoclinometry.pipeline.run_folder import RunFolder
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools, digest, say_found
+from photoclinometry.pipeline.folder.run_folder import RunFolder
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, digest, say_found
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.region import RegionOptions, choose_region
 

@@ -11,7 +11,7 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.model.tiny import TINY
 from photoclinometry.model.warning import Warned
 from photoclinometry.photometry.predict import observation_brightness
-from photoclinometry.pipeline.relief_check import FAR_OFF, ReliefCheck
+from photoclinometry.pipeline.checks.relief_check import FAR_OFF, ReliefCheck
 from photoclinometry.pipeline.relighting import INCONSISTENT_SHARE
 from photoclinometry.pipeline.response_check import CODE as RESPONSE
 

@@ -29,10 +29,10 @@ from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.pipeline.choices import candidate_models, choose_reflectance, keyed_matcher
 from photoclinometry.pipeline.direct_refinement import MIN_SHARE, image_gradients, refine_directly
+from photoclinometry.pipeline.frame.pose_priors import priors_of_views
 from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.model_choice import model_by_cross_validation
 from photoclinometry.pipeline.options import RunOptions
-from photoclinometry.pipeline.pose_priors import priors_of_views
 from photoclinometry.pipeline.relighting import rematch
 from photoclinometry.plan.exposures import cropped_views, exposed, ground_half_extent
 from photoclinometry.plan.ground import representative_ground

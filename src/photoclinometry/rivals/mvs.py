@@ -25,9 +25,9 @@ from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.scene import Scene, join_views
 from photoclinometry.photometry.render import draw_smoothly
 from photoclinometry.photometry.sampled_brightness import sample_brightness
+from photoclinometry.pipeline.folder.run_folder import adopt_stages
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.run import run
-from photoclinometry.pipeline.run_folder import adopt_stages
 from photoclinometry.rivals.outcome import Outcome
 from photoclinometry.rivals.problem import Problem
 

@@ -16,8 +16,8 @@ from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 from photoclinometry.pipeline import run as pipeline
-from photoclinometry.pipeline.run_folder import adopt_stages
-from photoclinometry.pipeline.stage import digest, program_digest
+from photoclinometry.pipeline.folder.run_folder import adopt_stages
+from photoclinometry.pipeline.folder.stage import digest, program_digest
 from photoclinometry.rivals.compare import RIVALS_FIGURE, RivalComparison, compare_rivals
 from photoclinometry.simulate.site import simulate_site
 from photoclinometry.simulate.truth_file import read_truth

@@ -19,7 +19,7 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.robust import SIGNIFICANT
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
-from photoclinometry.pipeline.pose_priors import changes_beside_priors
+from photoclinometry.pipeline.frame.pose_priors import changes_beside_priors
 from photoclinometry.registration.alignment import transform_scene
 from photoclinometry.registration.altimetry import REACH, shift_to_altimetry
 

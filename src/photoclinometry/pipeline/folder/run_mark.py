@@ -14,7 +14,7 @@ from photoclinometry.io.json_file import parse_json
 from photoclinometry.io.run_files import CONFIG_FILE, LOG_FILE, PRODUCTS, SCENE_FILE
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.owner import Owner, read_owner
-from photoclinometry.pipeline import run_lock
+from photoclinometry.pipeline.folder import run_lock
 
 log = logging.getLogger(__name__)
 

@@ -22,10 +22,10 @@ from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.owner import Owner
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.warning import Warned, collected_warnings, distinct
-from photoclinometry.pipeline import run_lock
-from photoclinometry.pipeline.memory import give_back_memory, peak_memory_gb
-from photoclinometry.pipeline.records import has_record, read_record, write_record
-from photoclinometry.pipeline.run_mark import (
+from photoclinometry.pipeline.folder import run_lock
+from photoclinometry.pipeline.folder.memory import give_back_memory, peak_memory_gb
+from photoclinometry.pipeline.folder.records import has_record, read_record, write_record
+from photoclinometry.pipeline.folder.run_mark import (
     FORMAT,
     MARK,
     check_format,
@@ -35,7 +35,7 @@ from photoclinometry.pipeline.run_mark import (
     to_be_cleared,
     write_mark,
 )
-from photoclinometry.pipeline.stage import Keyed, Stage, Tools
+from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools
 
 __all__ = [
     "FORMAT",
