@@ -76,8 +76,8 @@ def test_a_process_of_spice_that_breaks_down_costs_no_other_kernel(tmp_path):
     first = SPICE.kernels
     read_kernel(tmp_path / "a.tpc")
     assert SPICE.kernels is first
-    first._process.kill()
-    first._process.wait()
+    first._child.process.kill()
+    first._child.process.wait()
     read_kernel(tmp_path / "a.tpc")
     assert SPICE.kernels is not first
 
@@ -160,7 +160,7 @@ def test_a_file_that_ends_the_checking_process_is_refused_and_the_next_is_checke
     from photoclinometry.io import hdf5
 
     path = hostile(tmp_path / "a.h5", lambda f: None)
-    process = hdf5._checks._started()
+    process = hdf5._checks._started().process
     process.kill()
     process.wait()
     with pytest.raises(InputError, match="crashes on it, or does not end"):

@@ -55,14 +55,14 @@ def test_the_process_ends_with_the_block(tmp_path):
     kernel(tmp_path / "a.tpc", "1 2 3")
     with pytest.raises(RuntimeError, match="on the way"), spice.loaded_kernels([tmp_path]) as kernels:
         raise RuntimeError("on the way")
-    assert kernels._process.poll() is not None
+    assert kernels._child.process.poll() is not None
 
 
 def test_a_breakdown_of_spice_is_an_error_that_names_the_binary_kernels(tmp_path):
     kernel(tmp_path / "a.tpc", "1 2 3")
     with spice.loaded_kernels([tmp_path]) as kernels:
         kernels.files.append(tmp_path / "b.bsp")
-        kernels._process.kill()
+        kernels._child.process.kill()
         with pytest.raises(
             InputError, match=r"SPICE broke down when asked for the keyword X: one of b\.bsp is damaged"
         ):

@@ -8,6 +8,7 @@ import pytest
 
 from archives import SHARED
 from photoclinometry.io import spice_dsk
+from photoclinometry.io.child import Child
 from photoclinometry.io.meshes.obj import read_obj
 from photoclinometry.io.spice_dsk import DskPlace, write_dsk
 from photoclinometry.model.errors import InputError
@@ -117,12 +118,13 @@ def test_spice_that_does_not_end_is_ended(tmp_path, monkeypatch):
     triangle = np.eye(3), np.array([[0, 1, 2]])
     begun = []
 
-    def hanging(_script):
-        sleeps = [sys.executable, "-S", "-c", "import time; time.sleep(1000)"]
-        begun.append(subprocess.Popen(sleeps, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
-        return begun[0]
+    class Hanging(Child):
+        def __init__(self, _script):
+            sleeps = [sys.executable, "-S", "-c", "import time; time.sleep(1000)"]
+            self.process = subprocess.Popen(sleeps, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+            begun.append(self.process)
 
-    monkeypatch.setattr(spice_dsk, "started", hanging)
+    monkeypatch.setattr(spice_dsk, "Child", Hanging)
     monkeypatch.setattr(spice_dsk, "_TIMEOUT_S", 0.1)
     with pytest.raises(InputError, match="SPICE had not written the kernel after 0 s; leave the DSK out"):
         write_dsk(tmp_path / "a.bds", *triangle, place=DskPlace(body="bennu"), single_valued=False)

@@ -5,17 +5,15 @@ from __future__ import annotations
 import atexit
 import contextlib
 import io
-import json
 import os
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
-from threading import Lock, Timer
+from threading import Lock
 
 import h5py
 
 from photoclinometry.io.atomic import atomic_path
-from photoclinometry.io.child import started
+from photoclinometry.io.child import Child, NoAnswerError
 from photoclinometry.model.errors import InputError
 
 _TIMEOUT_S = 120.0
@@ -60,7 +58,7 @@ class _Checks:
     def __init__(self):
         self.sound: set[tuple[str, int, int]] = set()
         """Path, size and time of change [ns] of files that need no check."""
-        self.process: subprocess.Popen[str] | None = None
+        self.child: Child | None = None
         self.owner = 0
         """The process that started it: a fork of that must not use its pipes."""
         self.lock = Lock()
@@ -68,36 +66,23 @@ class _Checks:
     def fault_of(self, path: Path) -> str:
         """What is wrong with a file; empty where nothing is."""
         with self.lock:
-            process = self._started()
-            assert process.stdin is not None
-            assert process.stdout is not None
-            timer = Timer(_TIMEOUT_S, process.kill)
-            timer.start()
             try:
-                process.stdin.write(json.dumps(str(path.resolve())) + "\n")
-                process.stdin.flush()
-                answer = process.stdout.readline()
-            except OSError:
-                answer = ""
-            finally:
-                timer.cancel()
-            if not answer:
+                return self._started().ask(str(path.resolve()), _TIMEOUT_S)
+            except NoAnswerError:
                 self.end()
                 return "the HDF5 library crashes on it, or does not end"
-            return json.loads(answer)
 
-    def _started(self) -> subprocess.Popen[str]:
-        if self.process is None or self.owner != os.getpid():
-            self.process = started("hdf5_check.py")
+    def _started(self) -> Child:
+        if self.child is None or self.owner != os.getpid():
+            self.child = Child("hdf5_check.py")
             self.owner = os.getpid()
-        return self.process
+        return self.child
 
     def end(self) -> None:
         """Ends the process."""
-        if self.process is not None and self.owner == os.getpid():
-            self.process.kill()
-            self.process.communicate()
-            self.process = None
+        if self.child is not None and self.owner == os.getpid():
+            self.child.close()
+            self.child = None
 
 
 _checks = _Checks()

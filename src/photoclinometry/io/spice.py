@@ -7,17 +7,15 @@ here, and its kernel pool is not shared with the program that uses this package.
 from __future__ import annotations
 
 import importlib.util
-import json
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 import numpy as np
 
-from photoclinometry.io.child import started
+from photoclinometry.io.child import Child, NoAnswerError
 from photoclinometry.io.reading import read_bytes
 from photoclinometry.model.errors import InputError
 
@@ -53,12 +51,11 @@ class Kernels:
 
     def __init__(self, files: Sequence[Path]):
         self.files = list(files)
-        self._process = started("spice_worker.py")
+        self._child = Child("spice_worker.py")
 
     def close(self) -> None:
         """Ends the process."""
-        self._process.kill()
-        self._process.communicate()
+        self._child.close()
 
     def load(self, file: Path) -> None:
         """Loads one more kernel, which overrides earlier ones.
@@ -164,23 +161,12 @@ class Kernels:
             return f"{time:.0f} s TDB"
 
     def _ask(self, what: str, question: str, *arguments: Any) -> Any:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        timer = Timer(_TIMEOUT_S, self._process.kill)
-        timer.start()
         try:
-            self._process.stdin.write(json.dumps([question, *arguments]) + "\n")
-            self._process.stdin.flush()
-            line = self._process.stdout.readline()
-        except OSError:
-            line = ""
-        finally:
-            timer.cancel()
-        if not line:
+            answer = self._child.ask([question, *arguments], _TIMEOUT_S)
+        except NoAnswerError as error:
             named = ", ".join(file.name for file in self.files if file.suffix.lower() in _BINARY) or "the kernels"
             asked = f" when asked for {what}" if what else ""
-            raise InputError(f"SPICE broke down{asked}: one of {named} is damaged; fetch it again")
-        answer = json.loads(line)
+            raise InputError(f"SPICE broke down{asked}: one of {named} is damaged; fetch it again") from error
         if "error" in answer:
             raise InputError(f"SPICE does not give {what}: {answer['error']}" if what else answer["error"])
         return answer["value"]

@@ -6,8 +6,6 @@ https://naif.jpl.nasa.gov/pub/naif/toolkit_docs/C/req/dsk.html. SPICE runs in a 
 from __future__ import annotations
 
 import importlib.util
-import json
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ import numpy as np
 
 from photoclinometry.io.arrays import write_arrays
 from photoclinometry.io.atomic import atomic_path
-from photoclinometry.io.child import started
+from photoclinometry.io.child import Child, NoAnswerError
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import KM_PER_M
 
@@ -85,18 +83,17 @@ def _answer(place: DskPlace, mesh: dict[str, Any], plates: int) -> tuple[int, st
     if importlib.util.find_spec("spiceypy") is None:
         raise InputError("SPICE's kernels need spiceypy: pip install 'photoclinometry[geo]', or leave the DSK out")
     kernels = [str(kernel) for kernel in place.kernels]
-    process = started("dsk_worker.py")
     request = {"body": place.body, "frame": place.frame, "kernels": kernels, **mesh}
     limit = _TIMEOUT_S + _TIMEOUT_S_PER_PLATE * plates
+    child = Child("dsk_worker.py")
     try:
-        output, _ = process.communicate(json.dumps(request) + "\n", timeout=limit)
-    except subprocess.TimeoutExpired as error:
-        process.kill()
-        process.communicate()
-        raise InputError(f"SPICE had not written the kernel after {limit:.0f} s; leave the DSK out") from error
-    if not output:
-        raise InputError("SPICE broke down while it wrote the kernel; leave the DSK out")
-    answer = json.loads(output)
+        answer = child.ask(request, limit)
+    except NoAnswerError as error:
+        if error.timed_out:
+            raise InputError(f"SPICE had not written the kernel after {limit:.0f} s; leave the DSK out") from error
+        raise InputError("SPICE broke down while it wrote the kernel; leave the DSK out") from error
+    finally:
+        child.close()
     if "error" in answer:
         raise InputError(f"no DSK can be written: {answer['error']}")
     return int(answer["value"]["body"]), str(answer["value"]["frame"])
