@@ -18,13 +18,13 @@ from photoclinometry.ingest.refusals import Refusal, counted, message, sentences
 from photoclinometry.ingest.sumfiles import read_sumfiles
 from photoclinometry.ingest.unmatched import check_sumfiles, check_suns
 from photoclinometry.io.atomic import atomic_path
-from photoclinometry.io.bodies import is_known
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.json_file import write_json
 from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
 from photoclinometry.io.site_cameras import misplaced_principal_point
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
+from photoclinometry.model.bodies import is_known
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.warning import warn

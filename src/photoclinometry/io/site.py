@@ -16,8 +16,8 @@ import numpy as np
 
 from photoclinometry.io import site_display
 from photoclinometry.io.atomic import write_text
-from photoclinometry.io.bodies import BODY, BODY_RADIUS, check_outside, read_body
 from photoclinometry.io.masks import ALL_USED, BORDER, MASK, Masking, read_masking
+from photoclinometry.io.site_body import BODY, BODY_RADIUS, check_outside, read_body
 from photoclinometry.io.site_cameras import SiteCamera, read_cameras
 from photoclinometry.io.suns_csv import GIVE_SUN
 from photoclinometry.io.table import Table

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.io.site import MIN_VIEWS, Site, SiteView
+from photoclinometry.model.bodies import SEMI_AXES_M
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.first_few import first_reasons
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Views
 from photoclinometry.plan.options import PlanOptions
-from photoclinometry.registration.place import SEMI_AXES_M, Place, lon_lat_deg, place_at, plane_at, semi_axes
+from photoclinometry.registration.place import Place, lon_lat_deg, place_at, plane_at, semi_axes
 from photoclinometry.registration.view_choice import REGION_PX, reference_view
 from photoclinometry.registration.viewing import Sighting, sighting, unseen_where
 

@@ -7,25 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from photoclinometry.model.bodies import SEMI_AXES_M
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
-
-SEMI_AXES_M = {
-    "bennu": (283.065, 271.215, 249.72),  # bennu_v16.tpc (NAIF)
-    "ceres": (482e3, 482e3, 446e3),  # dawn_ceres_v05.tpc (NAIF)
-    "deimos": (7.8e3, 6.0e3, 5.1e3),
-    "eros": (17e3, 5.5e3, 5.5e3),
-    "gaspra": (9.1e3, 5.2e3, 4.4e3),
-    "ida": (26.8e3, 12e3, 7.6e3),
-    "itokawa": (274.0, 156.0, 138.0),  # itokawa_gaskell_n3.tpc (NAIF)
-    "lutetia": (62e3, 50.5e3, 46.5e3),
-    "mathilde": (33e3, 24e3, 23e3),
-    "moon": (1737.4e3, 1737.4e3, 1737.4e3),
-    "phobos": (13e3, 11.4e3, 9.1e3),
-    "ryugu": (448.0, 448.0, 448.0),  # mean radius: Watanabe et al. (2019), Science 364, 268
-    "vesta": (289e3, 280e3, 229e3),
-}
-"""Semi-axes along x, y, z of the body-fixed frame [m]; from pck00010.tpc (NAIF) where no other source is named."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from photoclinometry.model.bodies import MEAN_RADIUS_M
 from photoclinometry.model.errors import InputError
 from photoclinometry.simulate import albedo, features, terrain
 from photoclinometry.simulate.features import CraterShape
 from photoclinometry.simulate.surface import Surface, sphere_drop
 from photoclinometry.simulate.terrain import Grid
-
-BODY_RADIUS = {"vesta": 262_000.0, "ceres": 470_000.0}
-"""Mean radii [m]: Russell et al. (2012), Science 336, 684; Russell et al. (2016), Science 353, 1008."""
 
 _FOCAL_PX = 10714.0
 """Dawn Framing Camera: 150 mm focal length, 14 um pixels."""
@@ -53,7 +51,7 @@ def build_surface(preset: Preset, half_extent: float, seed: int) -> Surface:
     del log_albedo
     axis = grid.axis
     for i, y in enumerate(axis):
-        relief[i] += sphere_drop(axis, np.full_like(axis, y), BODY_RADIUS[preset.body])
+        relief[i] += sphere_drop(axis, np.full_like(axis, y), MEAN_RADIUS_M[preset.body])
     return surface_of_relief(relief, normal_albedo, grid, preset.mean_albedo, seed)
 
 

@@ -19,6 +19,7 @@ from photoclinometry.io.site import (
     SiteView,
     write_site,
 )
+from photoclinometry.model.bodies import MEAN_RADIUS_M
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.progress import Progress, no_progress
@@ -32,7 +33,7 @@ from photoclinometry.simulate.observe import radiance
 from photoclinometry.simulate.options import SimulationOptions, body_preset, chosen_preset
 from photoclinometry.simulate.photometry import named_photometry
 from photoclinometry.simulate.place import SimulatedPlace
-from photoclinometry.simulate.presets import BODY_RADIUS, Preset, build_surface, surface_of_relief
+from photoclinometry.simulate.presets import Preset, build_surface, surface_of_relief
 from photoclinometry.simulate.raycast import Raycaster
 from photoclinometry.simulate.surface import Surface
 from photoclinometry.simulate.terrain import Grid
@@ -145,7 +146,9 @@ def ground_place(options: SimulationOptions) -> SimulatedPlace:
 def _surface(options: SimulationOptions, preset: Preset, camera: Camera) -> tuple[Surface, Similarity | None]:
     """The ground, and for ground from a file the transform from the file's coordinates to B."""
     if options.surface is None:
-        return build_surface(preset, half_extent(options, preset, camera, BODY_RADIUS[preset.body]), options.seed), None
+        return build_surface(
+            preset, half_extent(options, preset, camera, MEAN_RADIUS_M[preset.body]), options.seed
+        ), None
     level = _FLAT_RADIUS * max(preset.gsd) * preset.focal_px
     grid = Grid(preset.sample, math.ceil(half_extent(options, preset, camera, level) / preset.sample))
     given = given_relief(options.surface, grid, min(preset.gsd), options.surface_unit, options.surface_center)

@@ -13,34 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.bodies import IAU_NUMBER
 from photoclinometry.model.errors import InputError
-
-NAIF_NUMBER = {
-    "mercury": 199,
-    "moon": 301,
-    "phobos": 401,
-    "deimos": 402,
-    "borrelly": 1000005,
-    "churyumov-gerasimenko": 1000012,
-    "halley": 1000036,
-    "hartley 2": 1000041,
-    "tempel 1": 1000093,
-    "wild 2": 1000107,
-    "ceres": 2000001,
-    "vesta": 2000004,
-    "psyche": 2000016,
-    "lutetia": 2000021,
-    "kleopatra": 2000216,
-    "mathilde": 2000253,
-    "eros": 2000433,
-    "davida": 2000511,
-    "steins": 2002867,
-    "toutatis": 2004179,
-    "itokawa": 2025143,
-    "ida": 2431010,
-    "gaspra": 9511010,
-}
-"""NAIF identifiers of bodies in PROJ's IAU_2015. A code there is 100 times that, plus the kind of system."""
 
 _LATITUDE_STEPS = 30
 """Steps of Bowring's iteration: three reach rounding near a spheroid as flat as Vesta, points deep inside need more."""
@@ -72,10 +46,10 @@ def find_globe(body: str | None, radii_m: tuple[float, ...] | None = None) -> Gl
     need_rasterio()
     if radii_m is not None:
         return _globe_of_radii(body, radii_m)
-    number = NAIF_NUMBER.get((body or "").lower())
+    number = IAU_NUMBER.get((body or "").lower())
     if number is None:
         raise InputError(
-            f"no IAU_2015 reference system is known for body {body!r} (known: {', '.join(NAIF_NUMBER)}); give its "
+            f"no IAU_2015 reference system is known for body {body!r} (known: {', '.join(IAU_NUMBER)}); give its "
             "radii [m]: one of a sphere, or equatorial and polar (--radii-m)"
         )
     crs = iau_crs(100 * number)

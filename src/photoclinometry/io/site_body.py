@@ -1,4 +1,4 @@
-"""The key `body` of `site.toml`, and `body_radius_m` for bodies that are not known here."""
+"""The key `body` of `site.toml`, and `body_radius_m` for bodies that are not known (`model/bodies.py`)."""
 
 from __future__ import annotations
 
@@ -6,29 +6,19 @@ import difflib
 
 import numpy as np
 
-from photoclinometry.io.rasters.globe import NAIF_NUMBER
 from photoclinometry.io.table import Table
+from photoclinometry.model.bodies import BODIES, is_known
 from photoclinometry.model.pose_prior import PosePrior
 
 BODY, BODY_RADIUS = "body", "body_radius_m"
 """Keys in `site.toml`."""
-MORE_BODIES = (
-    *("67p", "annefrank", "apophis", "arrokoth", "bennu", "braille", "charon", "didymos", "dimorphos", "dinkinesh"),
-    *("donaldjohanson", "pluto", "ryugu"),
-)
-"""Bodies of missions that PROJ's IAU_2015 has no reference system of, or not under this name."""
-
-
-def is_known(body: str) -> bool:
-    """Whether `site.toml` may name a body without its radius; case does not count."""
-    return body.lower() in NAIF_NUMBER or body.lower() in MORE_BODIES
 
 
 def read_body(table: Table) -> tuple[str | None, float | None]:
     """The body's name and its mean radius [m], None where the site does not give them. Raises SiteError."""
     body, radius = table.text(BODY, None), table.positive_number(BODY_RADIUS, None)
     if body is not None and radius is None and not is_known(body):
-        known = sorted([*NAIF_NUMBER, *MORE_BODIES])
+        known = [each.name for each in BODIES]
         near = difflib.get_close_matches(body.lower(), known, n=1)
         meant = f", did you mean {near[0]!r}?" if near else ""
         raise table.error(
