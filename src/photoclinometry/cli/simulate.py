@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from photoclinometry.simulate.options import SimulationOptions
-from photoclinometry.simulate.site import check_output_folder, simulate_site
+from photoclinometry.simulate.site import check_site_folder, simulate_site
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ def simulate(arguments: Annotated[Simulate, tyro.conf.arg(name="")]) -> Path:
 
     from photoclinometry.cli.bars import progress_bars
 
-    check_output_folder(arguments.out, arguments.overwrite)
+    check_site_folder(arguments.out, arguments.overwrite)
     console = Console(stderr=True)
     with progress_bars(console) as progress:
         path = simulate_site(arguments.options, arguments.out, progress, arguments.overwrite)

@@ -20,12 +20,13 @@ from photoclinometry.ingest.unmatched import check_sumfiles, check_suns
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.json_file import write_json
+from photoclinometry.io.output_folder import check_output_folder
 from photoclinometry.io.site import MIN_VIEWS, Site, SiteView, write_site
 from photoclinometry.io.site_cameras import misplaced_principal_point
 from photoclinometry.io.spice import loaded_kernels
 from photoclinometry.io.suns_csv import read_suns
 from photoclinometry.model.bodies import is_known
-from photoclinometry.model.errors import InputError, RunFolderError
+from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.warning import warn
 
@@ -61,7 +62,7 @@ def ingest(
     progress: called with the name, files read, files in all. Lengths in site.toml are in metres, poses in the
     body-fixed frame. Raises InputError that lists the faults of each file.
     """
-    check_out(out)
+    check_output_folder(out, "site")
     if not files:
         raise InputError("no files to ingest; name images, labels or cubes")
     sumfiles, suns = read_sumfiles(options.sumfiles), read_suns(options.suns) if options.suns else None
@@ -79,12 +80,6 @@ def ingest(
     if len(exposures) < MIN_VIEWS:
         warn(logger, "few-views", "the site has %d views; phomo run needs at least %d", len(exposures), MIN_VIEWS)
     return IngestResult(out / SITE_FILE, tuple(exposures), tuple(sentences(refused)))
-
-
-def check_out(out: Path) -> None:
-    """Raises RunFolderError if `out` is a file, or a folder that is not empty."""
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise RunFolderError(f"{out}: exists and is not empty; choose another folder for the site")
 
 
 def _read_all(

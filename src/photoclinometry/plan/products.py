@@ -6,7 +6,7 @@ from pathlib import Path
 
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.json_file import write_json
-from photoclinometry.model.errors import InputError
+from photoclinometry.io.output_folder import check_output_folder
 from photoclinometry.plan.run import Plan
 
 JSON = "plan.json"
@@ -14,17 +14,14 @@ JSON = "plan.json"
 
 
 def check_folder(folder: Path) -> None:
-    """Raises InputError where `write_plan` must not write: a folder that holds something else than a plan."""
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / JSON).is_file():
-        raise InputError(f"{folder}: is not empty and holds no plan; choose another --out")
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; choose a folder for the plan (--out)")
+    """Raises RunFolderError where `write_plan` must not write: a folder that holds something else than a plan."""
+    check_output_folder(folder, "plan", JSON, option="--out")
 
 
 def write_plan(folder: Path, plan: Plan) -> None:
     """plan.json and the pictures; the folder appears whole, in the place of an earlier plan.
 
-    Raises InputError where the folder holds something else, RunFolderError where it cannot be written.
+    Raises RunFolderError where the folder holds something else, and where it cannot be written.
     """
     from photoclinometry.plan.pictures import draw_plan
 

@@ -13,6 +13,7 @@ import numpy as np
 from photoclinometry.io.altimetry_csv import write_altimetry
 from photoclinometry.io.atomic import atomic_path, write_text
 from photoclinometry.io.images import write_fits, write_png
+from photoclinometry.io.output_folder import check_output_folder
 from photoclinometry.io.site import (
     RegionRequest,
     Site,
@@ -20,7 +21,6 @@ from photoclinometry.io.site import (
     write_site,
 )
 from photoclinometry.model.bodies import MEAN_RADIUS_M
-from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.scene import Camera, Views
@@ -59,11 +59,11 @@ def simulate_site(
 
     Returns the path of site.toml.
 
-    The folder appears whole, at the end, or not at all. Raises InputError if it is not empty, unless it holds a
+    The folder appears whole, at the end, or not at all. Raises RunFolderError if it is not empty, unless it holds a
     simulated site and `overwrite` is set.
     """
     out_folder = Path(out_folder)
-    check_output_folder(out_folder, overwrite)
+    check_site_folder(out_folder, overwrite)
     progress("terrain", 0, 1)
     preset = body_preset(options)
     place = ground_place(options) if preset is None else body_place(options, preset)
@@ -97,18 +97,9 @@ def _write_images(folder: Path, place: SimulatedPlace, options: SimulationOption
     return replace(views, scale=scale, bias=bias)
 
 
-def check_output_folder(folder: Path, overwrite: bool) -> None:
-    """Raises InputError if `simulate_site` must not write there."""
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise InputError(f"{folder}: is a file; choose a folder for the simulated site")
-    if not any(folder.iterdir()):
-        return
-    if not (folder / OPTIONS_FILE).is_file():
-        raise InputError(f"{folder}: is not empty and holds no simulated site; choose another folder")
-    if not overwrite:
-        raise InputError(f"{folder}: holds a simulated site already; pass --overwrite, or choose another folder")
+def check_site_folder(folder: Path, overwrite: bool) -> None:
+    """Raises RunFolderError if `simulate_site` must not write there."""
+    check_output_folder(folder, "simulated site", OPTIONS_FILE, overwrite=overwrite)
 
 
 def ground_place(options: SimulationOptions) -> SimulatedPlace:
