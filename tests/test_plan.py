@@ -17,10 +17,10 @@ from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.scene import Camera, Landmarks, Views
 from photoclinometry.model.sigma import sigma_of_length
+from photoclinometry.plan.assumed_ground import representative_ground
 from photoclinometry.plan.candidates import candidates, drop_percent, gains
 from photoclinometry.plan.exposures import cropped_views
 from photoclinometry.plan.forecast import KINDS, with_frame
-from photoclinometry.plan.ground import representative_ground
 from photoclinometry.plan.options import CandidateOptions, PlanOptions
 from photoclinometry.plan.place import planned_views
 from photoclinometry.plan.run import _figures, plan_site

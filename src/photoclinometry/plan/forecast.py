@@ -22,8 +22,7 @@ from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.region import Region
-from photoclinometry.model.scene import BODY_FIXED, Image, Landmarks, Scene, Tracks, Views
+from photoclinometry.model.scene import BODY_FIXED, Image, Scene, Views
 from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.shading import brightness_on_surface
@@ -34,16 +33,12 @@ from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.model_choice import model_by_cross_validation
 from photoclinometry.pipeline.options import RunOptions
 from photoclinometry.pipeline.relighting import rematch
-from photoclinometry.plan.exposures import cropped_views, exposed, ground_half_extent
-from photoclinometry.plan.ground import representative_ground
+from photoclinometry.plan.assumed_ground import AssumedGround, assumed_ground, scene_at_truth
+from photoclinometry.plan.exposures import cropped_views
 from photoclinometry.plan.options import PlanOptions
 from photoclinometry.plan.place import PlannedViews
 from photoclinometry.plan.tie_points import expected_tie_points
 from photoclinometry.registration.georeference import MIN_PRIORS
-from photoclinometry.simulate.hapke import BODIES as HAPKE_BODIES
-from photoclinometry.simulate.photometry import Photometry, named_photometry
-from photoclinometry.simulate.raycast import Raycaster
-from photoclinometry.simulate.truth import Truth, truth_maps
 from photoclinometry.surface.fine_relief import with_fine_relief
 
 log = logging.getLogger(__name__)
@@ -58,28 +53,6 @@ measures no noise and states sigmas of nothing."""
 TIE_POINT_RELIEF = 0.02
 """Standard deviation of the tie points' heights, as a share of the reference image's width on the ground: relief over
 an image is some hundredths of its width."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class AssumedGround:
-    """The assumed ground and what looks at it."""
-
-    tracer: Raycaster
-    truth: Truth
-    options: PlanOptions
-
-    @property
-    def photometry(self) -> Photometry:
-        return self.truth.photometry
-
-    @property
-    def model_name(self) -> str:
-        """Of its reflectance."""
-        return self.photometry.name if isinstance(self.photometry, Reflectance) else "hapke"
-
-    def image(self, views: Views, k: int) -> Image:
-        """Of view k, whose image is cut to the map."""
-        return exposed(self.tracer, views, k, self.photometry, self.options.detector, self.options.seed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,9 +126,9 @@ def forecast(
     if not shown[planned.reference]:
         raise InputError(f"{planned.views.name[planned.reference]}: does not show the place; choose another")
     reference = int(np.count_nonzero(shown[: planned.reference]))
-    ground = _ground(planned, views, half_side, _photometry(options, body, reflectance), body, brightness, options)
-    images = tuple(_images(ground, views, progress))
-    scene = _scene_at_truth(ground, views, reference, reflectance, options)
+    ground = assumed_ground(planned, views, half_side, reflectance, body, brightness, options)
+    images = ground.images(views, progress)
+    scene = scene_at_truth(ground, reference, reflectance)
     matcher: Matcher = keyed_matcher("flow", run).value
     tie_points = expected_tie_points(
         planned.views[np.flatnonzero(shown)],
@@ -242,82 +215,6 @@ def _measured(scene: Scene, images: tuple[Image, ...]) -> tuple[Scene, ImageGrad
     measured, gradients = image_gradients(scene, images)
     directly = np.mean(gradients.of_landmarks(measured.tracks)) >= MIN_SHARE
     return measured, gradients if directly else None
-
-
-def _photometry(options: PlanOptions, body: str | None, reflectance: Reflectance) -> Photometry:
-    if options.ground != "auto":
-        return named_photometry(options.ground, body or "")
-    return HAPKE_BODIES.get((body or "").lower(), reflectance)
-
-
-def _ground(
-    planned: PlannedViews,
-    views: Views,
-    half_side: float,
-    photometry: Photometry,
-    body: str | None,
-    brightness: str,
-    options: PlanOptions,
-) -> AssumedGround:
-    finest = min(s.gsd_m for s in planned.seen)
-    extent = ground_half_extent(views, half_side)
-    surface = representative_ground(extent, planned.gsd_m, finest, options.slope_deg, options.albedo, options.seed)
-    truth = Truth(
-        name="plan",
-        body=body or "",
-        surface=surface,
-        views=views,
-        psf_sigma_px=options.detector.psf_sigma_px,
-        brightness=brightness,
-        photometry=photometry,
-    )
-    return AssumedGround(tracer=Raycaster(surface), truth=truth, options=options)
-
-
-def _images(ground: AssumedGround, views: Views, progress: Progress) -> list[Image]:
-    images = []
-    for k in range(len(views)):
-        progress("images", k, len(views))
-        images.append(ground.image(views, k))
-    progress("images", len(views), len(views))
-    return images
-
-
-def _scene_at_truth(
-    ground: AssumedGround, views: Views, reference: int, reflectance: Reflectance, options: PlanOptions
-) -> Scene:
-    """The map as it is, every landmark projected into every image that has it."""
-    side = options.patch_px
-    column, row = np.floor(views.project(reference, np.zeros((1, 3)))[0]).astype(int) - side // 2
-    region = Region(row=int(row), col=int(column), height=side, width=side)
-    maps = truth_maps(ground.truth, views.name[reference], region, ground.tracer)
-    cells = np.argwhere(maps.hit)
-    at = tuple(cells.T)
-    landmarks = Landmarks(
-        position=maps.position[at],
-        normal=maps.normal_mean[at],
-        albedo=maps.albedo_mean[at],
-        pixel=(cells + (region.row, region.col)).astype(np.int32),
-    )
-    count, number = len(landmarks), len(views)
-    keypoint = np.stack([views.project(k, landmarks.position) for k in range(number)], 1)
-    tracks = Tracks.of_keypoints(
-        np.arange(0, count * number + 1, number, dtype=np.int64),
-        np.tile(np.arange(number, dtype=np.int32), count),
-        keypoint.reshape(-1, 2),
-        1.0,
-    )
-    return Scene(
-        name="plan",
-        body=ground.truth.body or None,
-        brightness=ground.truth.brightness,
-        reflectance=reflectance,
-        views=views,
-        landmarks=landmarks,
-        tracks=tracks,
-        reference=reference,
-        region=region,
-    )
 
 
 def _with_better_model(scene: Scene, known: Reflectance, progress: Progress) -> tuple[Scene, Reflectance]:
