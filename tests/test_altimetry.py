@@ -139,8 +139,8 @@ def test_a_map_follows_its_shots(known):
     assert np.all(np.abs(off.mean(0)) < 3.0 * stated)
     assert stated[2] < 15.0, "six tracks of 30 m"
     rows = altimetry_table(found.altimetry)
-    assert [row["name"] for row in rows] == [f"T{n}" for n in range(6)]
-    assert all(row["off_sigmas"] < 1.5 and row["shift_off_sigmas"] < 2.5 and not row["left_out"] for row in rows)
+    assert [row.name for row in rows] == [f"T{n}" for n in range(6)]
+    assert all(row.off_sigmas < 1.5 and row.shift_off_sigmas < 2.5 and not row.left_out for row in rows)
     up = found.altimetry.shift[:, 2] - found.altimetry.shift[:, 2].mean()
     np.testing.assert_allclose(up, shift[:, 2] - shift[:, 2].mean(), atol=5.0 * SHOT_M)
     alone = adjust(start, INDEPENDENT, priors=ScenePriors(pose_priors=loose))

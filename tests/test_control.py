@@ -67,7 +67,7 @@ def test_the_estimate_takes_frame_and_scale_from_control(known):
     off = np.median(found.scene.landmarks.position - scene.landmarks.position, axis=0)
     assert np.linalg.norm(off) < 0.1 * scene.gsd
     rows = control_table(points, found.control, found.scene.views)
-    assert [row["name"] for row in rows] == ["P0", "P1", "P2", "P3"]
+    assert [row.name for row in rows] == ["P0", "P1", "P2", "P3"]
     assert control_metrics(rows)["control_point_off_rms_sigmas"] < 2.0
     sigma = np.sqrt(np.einsum("jaa->ja", found.scene.uncertainty["position"])).max()
     assert np.isfinite(sigma)
@@ -127,12 +127,12 @@ def test_a_point_that_is_left_out_is_in_the_table_and_named(caplog):
     control = ground_control(agreeing_points(points, scene.views), scene.views)
     found = adjust(start_of(scene), INDEPENDENT, priors=ScenePriors(control=control))
     rows = control_table(points, found.control, found.scene.views)
-    assert [row["name"] for row in rows if not row["used"]] == ["P2"]
+    assert [row.name for row in rows if not row.used] == ["P2"]
     assert control_metrics(rows)["control_points_left_out"] == 1
     with caplog.at_level(logging.WARNING):
         warn_of_contradictions(rows)
     assert "control point P2 is left out: it is" in caplog.text
-    assert all(row["off_sigmas"] < 3.0 for row in rows if row["used"])
+    assert all(row.off_sigmas < 3.0 for row in rows if row.used)
 
 
 def test_too_few_points_and_points_on_a_line_do_not_place(known, caplog):

@@ -112,10 +112,10 @@ def test_residuals_after_the_estimate_by_hand(scene, priors, caplog):
     off = replace(moved, views=replace(moved.views, body_from_cam=Rigid(rotation, center)))
     used = np.arange(len(center)) != 1
     rows = prior_table(off, priors, used)
-    assert rows[0]["center_off_m"] == pytest.approx(300.0)
-    assert rows[0]["off_sigmas"] == pytest.approx(3.0 / np.sqrt(6.0), rel=1e-6)
-    assert rows[1]["rotation_off_deg"] == pytest.approx(np.degrees(1e-3))
-    assert [row["used"] for row in rows] == used.tolist()
+    assert rows[0].center_off_m == pytest.approx(300.0)
+    assert rows[0].off_sigmas == pytest.approx(3.0 / np.sqrt(6.0), rel=1e-6)
+    assert rows[1].rotation_off_deg == pytest.approx(np.degrees(1e-3))
+    assert [row.used for row in rows] == used.tolist()
     metrics = prior_metrics(rows)
     assert (metrics["pose_priors_used"], metrics["pose_priors_left_out"]) == (5, 1)
     assert metrics["pose_prior_center_rms_m"] == pytest.approx(300.0 / np.sqrt(5.0))
@@ -138,8 +138,8 @@ def test_an_error_that_all_priors_share_counts_with_each_ones_own(scene, priors)
     poses = Rigid(moved.views.body_from_cam.rotation, center)
     off = replace(moved, views=replace(moved.views, body_from_cam=poses))
     row = prior_table(off, shared, np.ones(len(center), bool))[0]
-    assert row["center_sigma_m"] == pytest.approx(500.0)
-    assert row["off_sigmas"] == pytest.approx(1.0 / np.sqrt(6.0), rel=1e-6)
+    assert row.center_sigma_m == pytest.approx(500.0)
+    assert row.off_sigmas == pytest.approx(1.0 / np.sqrt(6.0), rel=1e-6)
 
 
 def test_the_place_of_a_map_is_no_better_known_than_the_error_that_its_priors_share():

@@ -33,13 +33,15 @@ from photoclinometry.pipeline.checks.relief_check import ReliefCheck, warn_of_re
 from photoclinometry.pipeline.checks.rendering_check import OFF, warn_of_renderings
 from photoclinometry.pipeline.folder.run_folder import RunFolder
 from photoclinometry.pipeline.frame.altimetry import (
+    TrackRow,
     altimetry_metrics,
     altimetry_table,
     warn_of_altimetry,
     write_shots,
 )
-from photoclinometry.pipeline.frame.control import control_metrics, control_table, warn_of_contradictions
+from photoclinometry.pipeline.frame.control import ControlRow, control_metrics, control_table, warn_of_contradictions
 from photoclinometry.pipeline.frame.pose_priors import (
+    PriorRow,
     changes_beside_priors,
     prior_metrics,
     prior_table,
@@ -121,9 +123,9 @@ class _Tables:
     used: list[Row]
     """Views that the map was made from."""
     held_out: list[Row]
-    pose_priors: list[Row]
-    control: list[Row]
-    altimetry: list[Row]
+    pose_priors: list[PriorRow]
+    control: list[ControlRow]
+    altimetry: list[TrackRow]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,7 +223,7 @@ def _metrics(summary: RunSummary, tables: _Tables) -> dict[str, float]:
     found |= _noise_metrics(adjustment) | _parameter_metrics(adjustment) | prior_metrics(tables.pose_priors)
     found |= control_metrics(tables.control) | _frame_metrics(adjustment.frame_covariance)
     priors = adjustment.scene, summary.pose_priors, adjustment.pose_priors_used
-    if any(row["used"] for row in tables.control):
+    if any(row.used for row in tables.control):
         found |= changes_beside_priors(*priors, "control")
     if adjustment.altimetry is not None:
         found |= altimetry_metrics(adjustment.altimetry, *priors)
@@ -284,10 +286,10 @@ def _write_report(folder: RunFolder, summary: RunSummary, found: _Findings) -> P
         per_view=found.views,
         stages=[asdict(cost) for cost in folder.costs],
         iterations=[figures.as_row() for figures in summary.iterations],
-        pose_priors=found.tables.pose_priors,
+        pose_priors=_rows(found.tables.pose_priors),
         known_poses=summary.pose_priors,
-        control=found.tables.control,
-        altimetry=found.tables.altimetry,
+        control=_rows(found.tables.control),
+        altimetry=_rows(found.tables.altimetry),
         shots=summary.adjustment.altimetry,
         convergence=cost_by_reweighting(summary.adjustment.log),
         options=summary.config,
@@ -309,13 +311,18 @@ def _write_metrics(folder: RunFolder, summary: RunSummary, found: _Findings) -> 
         "brought_in": [{"name": name, "by": way} for name, way in summary.brought_in.items()],
         "relighting_iterations": [figures.as_row() for figures in summary.iterations],
         "frame": summary.adjustment.scene.frame,
-        "pose_priors": found.tables.pose_priors,
-        "control_points": found.tables.control,
-        "altimetry": found.tables.altimetry,
+        "pose_priors": _rows(found.tables.pose_priors),
+        "control_points": _rows(found.tables.control),
+        "altimetry": _rows(found.tables.altimetry),
         "stages": [asdict(cost) for cost in folder.costs],
         "message": summary.adjustment.message,
     }
     write_json(folder.path / METRICS_FILE, content, indent=2)
+
+
+def _rows(table: Sequence[PriorRow | ControlRow | TrackRow]) -> list[Row]:
+    """A table as files and pages have it."""
+    return [asdict(row) for row in table]
 
 
 def _frame_metrics(covariance: np.ndarray) -> dict[str, float]:

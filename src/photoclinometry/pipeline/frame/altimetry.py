@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -39,6 +38,28 @@ further off the map than this many of their standard deviations (RMS): hundreds 
 MOST_LEFT_OUT = 0.1
 """Likewise if more than this share of its shots on the map lie too far off to be used: of good shots one in a million
 does, and ground that is steeper than the map's landmarks tell apart leaves a few in a hundred."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackRow:
+    """How far the shots of an altimeter's track are off the map after the track was shifted, and by how much it was."""
+
+    name: str
+    """The track's."""
+    shots: int
+    """Those on the map."""
+    left_out: int
+    """Those of them that lie too far off to be used."""
+    off_m: float
+    """Heights of the shots used above the map: root mean square."""
+    off_sigmas: float
+    """Likewise, over the sigmas that the table of shots and the ground between landmarks state."""
+    shift_m: float
+    """Length of the track's shift."""
+    shift_sigma_m: float
+    """As stated, along each axis."""
+    shift_off_sigmas: float
+    """Root mean square over the axes."""
 
 
 def tracks_over(scene: Scene, tracks: AltimeterTracks) -> AltimeterTracks | None:
@@ -75,10 +96,8 @@ def on_shots(scene: Scene, tracks: AltimeterTracks) -> Scene:
     return replace(moved, frame=scene.frame)
 
 
-def altimetry_table(fit: AltimetryFit | None) -> list[dict[str, Any]]:
-    """One row for each track with shots on the map: how many of these are used, how far they are off after the track
-    was shifted, and by how much it was. "off_sigmas" is over the sigmas that the table of shots and the ground between
-    landmarks state; "shift_off_sigmas" the root mean square over the axes."""
+def altimetry_table(fit: AltimetryFit | None) -> list[TrackRow]:
+    """One row for each track with shots on the map."""
     if fit is None:
         return []
     rows = []
@@ -89,16 +108,16 @@ def altimetry_table(fit: AltimetryFit | None) -> list[dict[str, Any]]:
             continue
         shift, sigma = fit.shift[n], float(fit.tracks.shift_sigma[n])
         rows.append(
-            {
-                "name": name,
-                "shots": int(met.sum()),
-                "left_out": int(met.sum() - used.sum()),
-                "off_m": _rms(fit.off[used]),
-                "off_sigmas": _rms(fit.off[used] / fit.stated_sigma[used]),
-                "shift_m": float(np.linalg.norm(shift)),
-                "shift_sigma_m": sigma,
-                "shift_off_sigmas": float(np.sqrt(np.mean((shift / sigma) ** 2))),
-            }
+            TrackRow(
+                name=name,
+                shots=int(met.sum()),
+                left_out=int(met.sum() - used.sum()),
+                off_m=_rms(fit.off[used]),
+                off_sigmas=_rms(fit.off[used] / fit.stated_sigma[used]),
+                shift_m=float(np.linalg.norm(shift)),
+                shift_sigma_m=sigma,
+                shift_off_sigmas=float(np.sqrt(np.mean((shift / sigma) ** 2))),
+            )
         )
     return rows
 
@@ -118,7 +137,7 @@ def altimetry_metrics(
     return figures | changes_beside_priors(scene, priors, used, "altimetry")
 
 
-def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None:
+def warn_of_altimetry(rows: Sequence[TrackRow], *, given: bool) -> None:
     """Names tracks that contradict the map, or says that there are none on it though altimetry was `given`."""
     if given and not rows:
         warn(
@@ -128,7 +147,7 @@ def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None
             "that x_m, y_m, z_m are metres in the frame of the pose priors",
         )
     _warn_of_scatter(rows)
-    single = sum(row["shots"] == 1 for row in rows)
+    single = sum(row.shots == 1 for row in rows)
     if single > SINGLE_SHOT_SHARE * len(rows) and single > 1:
         warn(
             log,
@@ -139,27 +158,31 @@ def warn_of_altimetry(rows: Sequence[Mapping[str, Any]], *, given: bool) -> None
             len(rows),
         )
     for row in rows:
-        if row["shift_off_sigmas"] > SIGNIFICANT:
+        if row.shift_off_sigmas > SIGNIFICANT:
             warn(
                 log,
                 "altimetry-contradicts",
                 "altimeter track %s lies on the map only where it is shifted by %.4g m, %.3g sigmas; check its "
                 "track_sigma_m, and the pose priors",
-                *(row[key] for key in ("name", "shift_m", "shift_off_sigmas")),
+                row.name,
+                row.shift_m,
+                row.shift_off_sigmas,
             )
-        if row["left_out"] > MOST_LEFT_OUT * row["shots"]:
+        if row.left_out > MOST_LEFT_OUT * row.shots:
             warn(
                 log,
                 "altimetry-contradicts",
                 "%d of the %d shots of altimeter track %s lie too far off the map to be used; %s names them",
-                *(row[key] for key in ("left_out", "shots", "name")),
+                row.left_out,
+                row.shots,
+                row.name,
                 ALTIMETRY_FILE,
             )
 
 
-def _warn_of_scatter(rows: Sequence[Mapping[str, Any]]) -> None:
+def _warn_of_scatter(rows: Sequence[TrackRow]) -> None:
     """Names the tracks whose shots scatter about the map by far more than they state."""
-    far = [row for row in rows if row["off_sigmas"] > SCATTERS]
+    far = [row for row in rows if row.off_sigmas > SCATTERS]
     if far:
         warn(
             log,
@@ -167,8 +190,8 @@ def _warn_of_scatter(rows: Sequence[Mapping[str, Any]]) -> None:
             "shots of altimeter track%s %s scatter about the map by %.3g standard deviations (RMS): either sigma_m is "
             "too small, or the map does not lie where the pose priors put it",
             "" if len(far) == 1 else "s",
-            ", ".join(str(row["name"]) for row in far),
-            max(row["off_sigmas"] for row in far),
+            ", ".join(row.name for row in far),
+            max(row.off_sigmas for row in far),
         )
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
@@ -36,6 +35,28 @@ numbers."""
 
 ONE_IN = 1e-3
 """Probability, for all points of a table together, that a sound one is left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlRow:
+    """How far the estimate of a control point is from its known position and from its pixels."""
+
+    name: str
+    """The point's."""
+    used: bool
+    """Whether it took part in the estimate; one that did not is triangulated."""
+    views: int
+    """Those of the map in which it was measured."""
+    off_m: float
+    """Distance from its known position."""
+    sigma_m: float
+    """Of that position: root mean square over the axes."""
+    off_sigmas: float
+    """Root mean square over the axes."""
+    pixels_off_px: float
+    """From where it was measured: root mean square over both axes of its pixels."""
+    pixels_off_sigmas: float
+    """Likewise."""
 
 
 def ground_control(points: Sequence[ControlPoint], views: Views) -> GroundControl | None:
@@ -140,12 +161,11 @@ def place_by_control(scene: Scene, points: Sequence[ControlPoint]) -> Scene | No
 
 def control_table(
     points: Sequence[ControlPoint], estimated: Mapping[str, np.ndarray], views: Views
-) -> list[dict[str, Any]]:
-    """One row per control point that was used, or left out: how far the estimate is from its known position and from
-    its pixels.
+) -> list[ControlRow]:
+    """One row per control point that was used, or left out.
 
     estimated: position (3,) by name, as `Adjustment.control`; views: as estimated, with which points that were left out
-    are triangulated. "off_sigmas" is the root mean square over the axes, "pixels_off_sigmas" that over its pixels.
+    are triangulated.
     """
     if not estimated:
         return []
@@ -160,16 +180,16 @@ def control_table(
         missed = np.array([xy - (p.x_px, p.y_px) for xy, p in zip(seen, pixels, strict=True)])
         sigma = np.array([[p.sigma_px] for p in pixels])
         rows.append(
-            {
-                "name": point.name,
-                "used": point.name in used,
-                "views": len(pixels),
-                "off_m": float(np.linalg.norm(off)),
-                "sigma_m": float(np.sqrt(np.mean(point.sigma**2))),
-                "off_sigmas": float(np.sqrt(np.mean((off / point.sigma) ** 2))),
-                "pixels_off_px": float(np.sqrt(np.mean(missed**2))),
-                "pixels_off_sigmas": float(np.sqrt(np.mean((missed / sigma) ** 2))),
-            }
+            ControlRow(
+                name=point.name,
+                used=point.name in used,
+                views=len(pixels),
+                off_m=float(np.linalg.norm(off)),
+                sigma_m=float(np.sqrt(np.mean(point.sigma**2))),
+                off_sigmas=float(np.sqrt(np.mean((off / point.sigma) ** 2))),
+                pixels_off_px=float(np.sqrt(np.mean(missed**2))),
+                pixels_off_sigmas=float(np.sqrt(np.mean((missed / sigma) ** 2))),
+            )
         )
     return rows
 
@@ -183,35 +203,41 @@ def _triangulated(points: Sequence[ControlPoint], views: Views) -> dict[str, np.
     return {name: at for name, at in zip(control.name, found, strict=True) if np.isfinite(at).all()}
 
 
-def warn_of_contradictions(rows: Sequence[Mapping[str, Any]]) -> None:
+def warn_of_contradictions(rows: Sequence[ControlRow]) -> None:
     """Names control points in the log that were left out, and those that images or other points contradict."""
     for row in rows:
-        if not row["used"]:
+        if not row.used:
             warn(
                 log,
                 "control-contradicts",
                 "control point %s is left out: it is %.4g m (%.3g sigmas) from where the images and the other points "
                 "put it; check its pixels and its position",
-                *(row[key] for key in ("name", "off_m", "off_sigmas")),
+                row.name,
+                row.off_m,
+                row.off_sigmas,
             )
-        elif max(row["off_sigmas"], row["pixels_off_sigmas"]) > SIGNIFICANT:
+        elif max(row.off_sigmas, row.pixels_off_sigmas) > SIGNIFICANT:
             warn(
                 log,
                 "control-contradicts",
                 "control point %s: the estimate is %.4g m from its position (%.3g sigmas) and %.3g px from its pixels "
                 "(%.3g sigmas); check its pixels, its position and its sigma",
-                *(row[key] for key in ("name", "off_m", "off_sigmas", "pixels_off_px", "pixels_off_sigmas")),
+                row.name,
+                row.off_m,
+                row.off_sigmas,
+                row.pixels_off_px,
+                row.pixels_off_sigmas,
             )
 
 
-def control_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def control_metrics(rows: Sequence[ControlRow]) -> dict[str, float]:
     """Figures of `control_table`, of the points that were used."""
-    used = [row for row in rows if row["used"]]
+    used = [row for row in rows if row.used]
     if not used:
         return {}
     return {
         "control_points": float(len(used)),
         "control_points_left_out": float(len(rows) - len(used)),
-        "control_point_off_rms_m": float(np.sqrt(np.mean([row["off_m"] ** 2 for row in used]))),
-        "control_point_off_rms_sigmas": float(np.sqrt(np.mean([row["off_sigmas"] ** 2 for row in used]))),
+        "control_point_off_rms_m": float(np.sqrt(np.mean([row.off_m**2 for row in used]))),
+        "control_point_off_rms_sigmas": float(np.sqrt(np.mean([row.off_sigmas**2 for row in used]))),
     }

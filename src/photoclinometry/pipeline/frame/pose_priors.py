@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -32,6 +31,29 @@ class Placed:
     """The priors that agree with the scene, in its frame."""
     names: tuple[str, ...]
     """Views whose priors these are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PriorRow:
+    """How far the estimate of a view is from its pose prior.
+
+    Sigmas are of the view's own error and of that which all of its arc have in common.
+    """
+
+    name: str
+    """The view's."""
+    used: bool
+    """Whether the prior took part in the estimate."""
+    center_off_m: float
+    """Distance of the camera from where the prior puts it."""
+    center_sigma_m: float
+    """Of the prior, along each axis."""
+    rotation_off_deg: float
+    """Angle between the attitudes."""
+    rotation_sigma_deg: float
+    """Of the prior, about each axis."""
+    off_sigmas: float
+    """Root mean square over the six."""
 
 
 def usable_priors(priors: Mapping[str, PosePrior], scene: Scene) -> dict[str, PosePrior]:
@@ -127,12 +149,8 @@ def priors_of_views(
     )
 
 
-def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray) -> list[dict[str, Any]]:
-    """One row per view that has a prior: how far its estimate is from that, beside the prior's sigmas.
-
-    used: (K,) bool, views whose prior took part in the estimate. Sigmas are of the view's own error and of that which
-    all of its arc have in common; "off_sigmas" is the root mean square over the six.
-    """
+def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray) -> list[PriorRow]:
+    """One row per view that has a prior. used: (K,) bool, views whose prior took part in the estimate."""
     rows = []
     for k, name in enumerate(scene.views.name):
         if name not in priors or not len(used):
@@ -144,35 +162,35 @@ def prior_table(scene: Scene, priors: Mapping[str, PosePrior], used: np.ndarray)
         rotation_sigma = float(np.hypot(prior.rotation_sigma_rad, prior.common_rotation_sigma_rad))
         off = float(deviation(moved, turned, center_sigma, rotation_sigma))
         rows.append(
-            {
-                "name": name,
-                "used": bool(used[k]),
-                "center_off_m": float(np.linalg.norm(moved)),
-                "center_sigma_m": center_sigma,
-                "rotation_off_deg": float(np.degrees(np.linalg.norm(turned))),
-                "rotation_sigma_deg": float(np.degrees(rotation_sigma)),
-                "off_sigmas": off,
-            }
+            PriorRow(
+                name=name,
+                used=bool(used[k]),
+                center_off_m=float(np.linalg.norm(moved)),
+                center_sigma_m=center_sigma,
+                rotation_off_deg=float(np.degrees(np.linalg.norm(turned))),
+                rotation_sigma_deg=float(np.degrees(rotation_sigma)),
+                off_sigmas=off,
+            )
         )
     return rows
 
 
-def warn_of_outliers(rows: Sequence[Mapping[str, Any]]) -> None:
+def warn_of_outliers(rows: Sequence[PriorRow]) -> None:
     """Names in the log the priors of `prior_table` that were left out, and those that were used though far off."""
     for row in rows:
-        if row["used"] and row["off_sigmas"] <= SIGNIFICANT:
+        if row.used and row.off_sigmas <= SIGNIFICANT:
             continue
-        what = "is used, but is far off; check its sigmas" if row["used"] else "contradicts the images and is left out"
+        what = "is used, but is far off; check its sigmas" if row.used else "contradicts the images and is left out"
         warn(
             log,
             "prior-contradicts",
             "%s: its pose prior %s: %.4g m and %.3g degrees from the estimate, %.3g sigmas",
-            row["name"],
+            row.name,
             what,
-            row["center_off_m"],
-            row["rotation_off_deg"],
-            row["off_sigmas"],
-            view=row["name"],
+            row.center_off_m,
+            row.rotation_off_deg,
+            row.off_sigmas,
+            view=row.name,
         )
 
 
@@ -197,15 +215,15 @@ def changes_beside_priors(
     }
 
 
-def prior_metrics(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def prior_metrics(rows: Sequence[PriorRow]) -> dict[str, float]:
     """Figures of `prior_table`, of those that were used."""
     if not rows:
         return {}
-    used = [row for row in rows if row["used"]]
+    used = [row for row in rows if row.used]
     return {
         "pose_priors_used": len(used),
         "pose_priors_left_out": len(rows) - len(used),
-        **spread(np.array([row["center_off_m"] for row in used]), "pose_prior_center", "m"),
-        **spread(np.array([row["rotation_off_deg"] for row in used]), "pose_prior_rotation", "deg"),
-        "pose_prior_deviation_rms_sigmas": float(np.sqrt(np.mean([row["off_sigmas"] ** 2 for row in used]))),
+        **spread(np.array([row.center_off_m for row in used]), "pose_prior_center", "m"),
+        **spread(np.array([row.rotation_off_deg for row in used]), "pose_prior_rotation", "deg"),
+        "pose_prior_deviation_rms_sigmas": float(np.sqrt(np.mean([row.off_sigmas**2 for row in used]))),
     }
