@@ -25,10 +25,10 @@ NOT_HERE = (
     "adjust/graph/slot.py",
     "matching/roma.py",  # another matcher
     "matching/warp.py",
-    "pipeline/frame/control.py",  # sites without control points, and without pose priors
+    "pipeline/frame/",  # sites without control points, and without pose priors
     "pipeline/refine.py",  # another command
     "pipeline/presets.py",
-    "pipeline/run_",  # who writes to a folder
+    "pipeline/folder/",  # who writes to a folder, and what
     "pipeline/trust.py",  # warnings
     "sfm/region",  # the sites name theirs
     "registration/",  # maps in frames that are given, and comparison of maps
