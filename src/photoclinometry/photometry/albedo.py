@@ -55,10 +55,10 @@ class _Unshaded(NamedTuple):
 
 
 def fitted_albedo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo (J,) of each landmark by all its lit brightness, of which none is grazing, the rest of the scene held; as
-    it was where there is none. And (N,) bool, which brightness that is.
+    """Albedo (J,) of each landmark from its lit and not grazing brightness, with the rest of the scene held; the old
+    albedo where there is no such brightness. And (N,) bool: the brightness used.
 
-    Least squares of brightness with Huber's loss, whose limit is of all residuals.
+    Least squares with Huber's loss, whose limit is computed from all residuals.
     """
     points, tracks, views = scene.landmarks, scene.tracks, scene.views
     rho, oblique = predicted_ratio(

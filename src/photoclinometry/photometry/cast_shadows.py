@@ -1,11 +1,11 @@
 """The ground around a map, fitted to the shadows that it casts onto the map.
 
 Sparse points give that ground to about half a ground sample distance. Under a low Sun the edge of a shadow is off by
-several times the error of the height, and the images show where it is. A landmark in sunlight has all ground towards
-the Sun below its ray; of one in shadow some stands above (shadow carving, Savarese et al. 2007,
-doi:10.1007/s11263-006-8323-9). Each ray is decided by one node of the ground: where it passes deepest below, or lowest
-above. Each node goes to where it decides the most of its rays rightly, against what the sparse points say of it, until
-nothing more is gained.
+several times the error of the height, and the images show where the edge is. If a landmark is in sunlight, all ground
+towards the Sun is below its ray; if it is in shadow, some ground is above the ray (shadow carving, Savarese et al.
+2007, doi:10.1007/s11263-006-8323-9). One node of the ground decides each ray: the node where the ray passes deepest
+below the ground, or lowest above it. Each node moves to the depth that decides most of its rays correctly, weighed
+against its depth from the sparse points, until the cost falls no further.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ SHADED = 0.5
 """
 
 FAINT = 0.1
-"""Share of light that tells nothing. Landmarks that are to be darker than this share of the median are dark without a
-shadow where their slopes are off by degrees; of those around which this share of the ground lies in the map's own
-shadow, the shadow's edge is in the pixel."""
+"""Share below which light is not used. Landmarks predicted darker than this share of the median may be dark without a
+shadow if their slopes are off by degrees. If this share of the ground around a landmark lies in the map's own shadow,
+the shadow's edge is in the pixel."""
 
 SIGMA_GSD = 4.0
-"""Standard deviation of the depths that sparse points leave between them [ground sample distances]: of slopes that
-change by 0.1 per pixel (`surroundings.GROUND`) 17 pixels from a point, 0.1 x 17^1.5 / sqrt(3). With 2 and with endless
-ones renderings of six sites differ by 0.1 dB; of a seventh, lit from all sides, 2 loses 1.1 of 2.3 dB."""
+"""Standard deviation of the interpolated depths between sparse points [ground sample distances]: for slopes that change
+by 0.1 per pixel (`surroundings.GROUND`), 17 pixels from a point, 0.1 x 17^1.5 / sqrt(3). With 2 and with infinity,
+renderings of six sites differ by 0.1 dB; on a seventh, lit from all sides, 2 loses 1.1 of 2.3 dB."""
 
 PAST_GSD = 0.05
-"""Ground goes so far past the last ray that it is to let through or obstruct [ground sample distances]: beyond
-rounding, and little against what places are known to."""
+"""Distance by which the ground is moved past the last ray that it is to let through or obstruct [ground sample
+distances]: more than rounding, and little compared with the errors of positions."""
 
 HIGHEST = 3.0
-"""Rays that pass higher above all ground than this [SIGMA_GSD] are left to themselves."""
+"""Rays that pass higher above all ground than this [SIGMA_GSD] are ignored."""
 
 LEAST_GAIN = 1.0
-"""Of the cost, by which another round goes on: one ray."""
+"""Least reduction of the cost for another round: one ray."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,11 +63,11 @@ class _Seen:
 
 
 def surroundings_by_shadows(scene: Scene, images: Sequence[Image]) -> Surroundings | None:
-    """The scene's surroundings, moved to where they cast the shadows that the images show.
+    """The scene's surroundings, moved so that they cast the shadows that the images show.
 
     images: of the scene's views, in their order. Minimises the number of rays that are wrongly in shadow or not, plus
-    half of the squared moves of the nodes in standard deviations, a node at a time. Nodes that no ray passes stay. None
-    where the scene has no surroundings. Raises InputError where it has no reflectance model.
+    half of the squared moves of the nodes in standard deviations, one node at a time. Nodes that no ray passes stay.
+    None where the scene has no surroundings. Raises InputError where it has no reflectance model.
     """
     before = scene.surroundings
     if before is None:
@@ -135,8 +135,8 @@ def _decided(scene: Scene, around: Surroundings, seen: Sequence[_Seen]) -> tuple
 def _shift(below: np.ndarray, shaded: np.ndarray, moved: float) -> float:
     """The shift of a node's depth that costs least; all lengths in SIGMA_GSD.
 
-    below: (n,) of the rays that the node decides; those that are `below` by more than the shift are obstructed then.
-    moved: how far the node is from where it began.
+    below: (n,) of the rays that the node decides; rays with `below` greater than the shift are then obstructed. moved:
+    distance of the node from its start.
     """
     order = np.argsort(below, kind="stable")
     below, shaded = below[order], shaded[order]

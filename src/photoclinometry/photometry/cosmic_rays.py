@@ -1,8 +1,8 @@
-"""Cosmic rays and hot pixels, found by what the other views predict.
+"""Cosmic rays and hot pixels, found by comparison with the prediction from the other views.
 
 A pixel that a particle has struck is far brighter than the map predicts from all views, and the ground around it is
-not. A map does not fit all ground, either: edges of boulders and of shadows differ by as much, but in both directions,
-along lines, and in some views only: particles strike all.
+not. Ground that the map does not fit differs by as much, such as edges of boulders and of shadows. It differs in both
+directions, along lines, and in some views only, whereas particles strike all views.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.sampled_brightness import landmark_spacing_px
 
 STRUCK_SIGMAS = 8.0
-"""Robust standard deviations of a view's residuals by which a struck pixel is brighter than its surroundings at least:
-of a million normal errors the largest reaches 5."""
+"""A struck pixel is brighter than its surroundings by at least this many robust standard deviations of the view's
+residuals; the largest of a million normal errors reaches 5."""
 
 MISFITS = 0.1
-"""Share, at most, of observations that are darker than their surroundings by as much, among those that count as struck:
-no particle makes a pixel darker, so that these tell how many are misfits of the ground."""
+"""Largest ratio of observations that are darker than their surroundings by as much to those that count as struck. No
+particle makes a pixel darker, so that the dark ones show how many of the bright ones are misfits of the ground."""
 
 STRUCK_VIEWS = 0.5
-"""Share of the views at least in which something is struck: a detector is hit as often in each image. Of 32
-views of three sound sites 5 have misfits of the ground that look like particles, of ten views with particles all do."""
+"""Least share of the views in which something is struck: a detector is hit as often in each image. 5 of 32 views of
+three sound sites have misfits of the ground that look like particles; all of ten views with particles do."""
 
 SPOT_PX = 3.0
-"""Longest side of what a struck pixel raises [px of the view], as the spline between pixels spreads it."""
+"""Longest side of the spot that a struck pixel brightens [px of the view], spread by the spline between pixels."""
 
 AROUND = 7
-"""Side of the square of landmarks whose median residual is that of the surroundings: more than twice SPOT_PX."""
+"""Side of the square of landmarks whose median residual stands for the surroundings: more than twice SPOT_PX."""
 
 
 def is_struck(scene: Scene) -> np.ndarray:
     """(N,) bool: lit observations whose brightness a cosmic ray or a hot pixel has raised, and their neighbours.
 
-    None where fewer than STRUCK_VIEWS of the views have any. The scene must have a reflectance model; its normals and
-    albedos are of all views, so that one of several cannot raise what is predicted.
+    None where less than a share STRUCK_VIEWS of the views has any. The scene must have a reflectance model. Its
+    normals and albedos are estimated from all views, so that a single view hardly changes the prediction.
     """
     from scipy.ndimage import binary_dilation, median_filter
 

@@ -1,9 +1,9 @@
 """Which views to leave out, and why: those whose brightness contradicts all the others (`sun_check`).
 
-One view at a time is left out: the one without which the fewest contradictions remain. Its own contradiction must be
-larger than all uncertainties together, and must hold whichever single other view is left out (jackknife). Where that
-does not tell which view is wrong, those that stand out are doubtful: the dense map tells more of their Suns
-(`doubtful_suns`).
+Views are left out one at a time: each time the view without which the fewest contradictions remain. Its own
+contradiction must be larger than all uncertainties together, and must hold whichever single other view is left out
+(jackknife). Where this does not identify the wrong view, the outstanding ones are doubtful: the dense map constrains
+their Suns better (`doubtful_suns`).
 """
 
 from __future__ import annotations
@@ -29,29 +29,30 @@ from photoclinometry.photometry.sun_fit import MIN_LIT_SHARE, SunFit
 log = logging.getLogger(__name__)
 
 MODEL_RAD = math.radians(1.0)
-"""Error of a fitted Sun because the reflectance model is not the ground's: 0.5 to 1.5 degrees at the median of
-simulated sites that were mapped with another model than their own."""
+"""Error of a fitted Sun due to a wrong reflectance model: median 0.5 to 1.5 degrees on simulated sites that were mapped
+with another model than their own."""
 
 AS_A_WHOLE_RAD = math.radians(10.0)
-"""The Suns as a whole are wrong where the typical one is off by more, per axis. Sound sites of strong light have up to
-7.3 degrees, since their sparse ground is coarse; Suns that are mirrored, swapped, shuffled or all equal 15 to 79."""
+"""The Suns as a whole are wrong where the typical one is off by more, per axis. Sound sites under strong light have up
+to 7.3 degrees, since their sparse ground is coarse; mirrored, swapped, shuffled or equal Suns have 15 to 79."""
 
 MIN_EXPLAINED = 0.5
 """A view whose brightness correlates less than this with the map's, under its best Sun, shows something else."""
 
 MIN_OTHER_VIEWS = 4
-"""A view is left out only if at least so many others are in use: the ground from fewer is too uncertain to judge by
+"""Least number of other views in use for a view to be left out: the ground from fewer is too uncertain as a reference
 (with three others, a sound view was left out)."""
 
 FEW_SIGMAS = 8.0
-"""As SIGNIFICANT, where fewer are in use, of the jackknife's standard deviation. This has two degrees of freedom then:
-Student's t exceeds 8 in 1.5 % of cases. Of four simulated views one that is off by 30 degrees is named in 83 to 89 %,
-by 60 in 94 %; sound ones are named in 17 to 33 %, with 5 in 67 %."""
+"""Takes the place of SIGNIFICANT where fewer are in use, in standard deviations of the jackknife. These have two
+degrees of freedom then: Student's t exceeds 8 in 1.5 % of cases. Among four simulated views, a view that is off by 30
+degrees is named in 83 to 89 % of cases, one off by 60 in 94 %; sound ones are named in 17 to 33 %, with a limit of 5 in
+67 %."""
 
 OTHER_EXPOSURE = 3.0
-"""A calibrated view whose brightness is so many times what the others predict, or that share of it, has another
-exposure or unit. Gains of sound simulated views, the typical one 1, are 0.94 to 1.07 in seven sites and 0.71 to 1.43 in
-three, two of which have Suns all round."""
+"""A calibrated view has another exposure or unit if its brightness exceeds this multiple of the others' prediction, or
+is below the prediction over this. Gains of sound simulated views, relative to the typical one, are 0.94 to 1.07 in
+seven sites and 0.71 to 1.43 in three, two of which have Suns all round."""
 
 SUSPECTS = 5
 """Views that are tried as the one to leave out, the most suspicious first: each costs a Sun fit of all the others."""
@@ -74,12 +75,12 @@ class InconsistentViews:
 
 @dataclass(frozen=True, kw_only=True)
 class Contradictions:
-    """What the Sun checks of a `coarse_scene` come to; views by their index."""
+    """The outcome of the Sun checks of a `coarse_scene`; views by their index."""
 
     left_out: tuple[tuple[int, str], ...] = ()
     """To be left out, in this order, and why."""
     doubtful: tuple[int, ...] = ()
-    """Those that stand out where the wrong ones cannot be told from the right ones."""
+    """Outstanding views where the wrong ones cannot be distinguished from the right ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +99,7 @@ class _SunChecks:
         return (self.off > SIGNIFICANT * self.sigma) | (self.explained < MIN_EXPLAINED)
 
     def typical_off(self, used: np.ndarray) -> float:
-        """Standard deviation per axis [rad] of how far the Suns of views `used` (K,) are off, from their median."""
+        """Standard deviation per axis [rad] of the errors of the Suns of views `used` (K,), from their median."""
         return float(np.median(self.off[used])) / RAYLEIGH_MEDIAN
 
 
@@ -107,8 +108,8 @@ def find_inconsistent_views(
 ) -> InconsistentViews:
     """Which of the registered views (of K) contradict the others.
 
-    None where there are fewer than MIN_POINTS sparse points. Raises InputError if in half of the views, or in one of
-    few, the stated Sun lights nearly none of the bright ground.
+    None are found where there are fewer than MIN_POINTS sparse points. Raises InputError if in half of the views, or in
+    one of few, the stated Sun lights nearly none of the bright ground.
     """
     left_out, doubtful = np.zeros((2, len(views)), bool)
     reason = np.full(len(views), "", object)
@@ -127,7 +128,7 @@ def inconsistent_views(scene: Scene) -> Contradictions:
     """Views of a `coarse_scene` to leave out, and doubtful ones.
 
     None is left out if the remaining views still contradict each other far beyond the models' errors: then the wrong
-    ones cannot be told from the right ones. Suns that are wrong as a whole are warned of.
+    ones cannot be distinguished from the right ones. Suns that are wrong as a whole are warned of.
     """
     used, found, doubtful = np.ones(len(scene.views), bool), [], ()
     while (used & (checks := _check_suns(scene, used)).inconsistent()).any():
@@ -147,9 +148,9 @@ def inconsistent_views(scene: Scene) -> Contradictions:
 
 
 def _exposed_otherwise(scene: Scene, used: np.ndarray) -> list[tuple[int, str]]:
-    """Views in use (K,) bool whose exposure is not that of the others, as `inconsistent_views` names them.
+    """Views in use (K,) bool whose exposure differs from that of the others, as `inconsistent_views` names them.
 
-    None of images whose exposures are free, and none where too few others are left to judge by.
+    None where exposures are free, and none where too few others are left for a judgement.
     """
     assert scene.reflectance is not None
     if exposure_is_free(scene.brightness, scene.reflectance):
@@ -189,8 +190,8 @@ def _worst(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, str
 def _most_contradicting(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, float]:
     """The view without which the fewest views are inconsistent, and its Sun's standard deviation per axis [rad].
 
-    Of equals, the one whose Sun is off by the most standard deviations. The standard deviation includes how far the
-    other views' Suns are off without it.
+    Among equals, the view whose Sun is off by the most standard deviations. The standard deviation includes the errors
+    of the other views' Suns without it.
     """
     suspicion = np.where(used, np.where(checks.explained < MIN_EXPLAINED, np.inf, checks.off / checks.sigma), -1.0)
     suspects = [k for k in np.argsort(-suspicion, kind="stable")[:SUSPECTS] if used[k]]
@@ -210,11 +211,11 @@ def _most_contradicting(scene: Scene, used: np.ndarray, checks: _SunChecks) -> t
 def _doubtful(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, ...]:
     """The views that stand out, or all inconsistent ones where even the typical Sun is off.
 
-    None, and a warning, where the Suns as a whole are wrong, or a view looks like the ground under no Sun: the map
-    tells no more of these.
+    None, and a warning, where the Suns as a whole are wrong, or where no Sun makes a view look like the ground: the map
+    gives no more information on these.
 
-    Of few views those that stand out whichever single other one is left out: the ground from the two or three others
-    is uncertain by itself, and says nothing of the Suns as a whole.
+    Among few views, those that stand out whichever single other view is left out: the ground from the two or three
+    others is itself uncertain, and does not test the Suns as a whole.
     """
     few, typical = used.sum() <= MIN_OTHER_VIEWS, checks.typical_off(used)
     contradict = not few and typical > SIGNIFICANT * MODEL_RAD
@@ -234,9 +235,9 @@ def _doubtful(scene: Scene, used: np.ndarray, checks: _SunChecks) -> tuple[int, 
 
 
 def warn_undecided(names: Sequence[str], views: int, *, as_a_whole: bool = False) -> None:
-    """Warns of views whose Suns and brightness contradict each other, among so many views.
+    """Warns of views whose Suns and brightness contradict each other.
 
-    as_a_whole: whether that says that the Suns as a whole are wrong.
+    as_a_whole: whether this shows that the Suns as a whole are wrong.
     """
     warn(
         log, "most-suns-contradict" if as_a_whole else "sun-undecided",

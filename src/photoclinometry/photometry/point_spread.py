@@ -1,10 +1,10 @@
-"""The width of a camera's point-spread function, told by images of rough ground.
+"""The width of a camera's point-spread function, determined from images of rough ground.
 
 Natural ground is rough at all scales: the power of its brightness falls as a power of the wave number (Pentland 1984,
-doi:10.1109/TPAMI.1984.4767591). Pixels and point-spread function take from that, the more the shorter the waves, and
-noise adds the same power to all. So the power spectrum of images is fitted with A k^-b B(k)^2 exp(-s^2 k^2) + N, of
-which B is a pixel's transfer function and s the standard deviation of a Gaussian: of the point-spread function, and of
-what the ground itself may lack of its finest waves.
+doi:10.1109/TPAMI.1984.4767591). Pixels and point-spread function attenuate short waves more than long ones, and noise
+adds the same power to all. The power spectrum of images is therefore fitted with A k^-b B(k)^2 exp(-s^2 k^2) + N. B is
+a pixel's transfer function; s is the standard deviation of a Gaussian that stands for the point-spread function and for
+the finest waves that the ground itself may lack.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from photoclinometry.model.tiny import TINY
 log = logging.getLogger(__name__)
 
 USUAL_PX = 0.5
-"""Standard deviation of the point-spread function of lenses that fit their pixels [px]: where images do not tell it, or
-show no more blur than it and smooth ground together."""
+"""Standard deviation of the point-spread function of lenses that fit their pixels [px]. It is used where images do not
+determine another one, or show no more blur than this one and smooth ground together."""
 
 SMOOTH_GROUND_PX = 0.4
-"""Ground may lack its finest waves as if blurred by so much, where it is settled dust or a model with a limit of its
-own. Images of simulated ground without a point-spread function have 0.41 px."""
+"""Blur that stands for the missing finest waves of ground that is settled dust, or a model of limited resolution [px].
+Images of simulated ground without a point-spread function have 0.41 px."""
 
 WIDEST_PX = 1.0
-"""Cameras in focus are sharper than that. Relief that ends at longer waves looks like more blur, and restored with it
-a map gets waves that are not there."""
+"""Cameras in focus are sharper than this. Relief without short waves looks like more blur, and restoration with that
+blur adds waves to the map that do not exist."""
 
 WINDOW_PX = 48
-"""Side of the windows whose spectra are taken: a dozen of the shortest waves that noise leaves, and small against an
-image, so that dozens are free of shadows and sky."""
+"""Side of the windows whose spectra are taken: a dozen of the shortest waves above the noise, and small compared with
+an image, so that dozens of windows are free of shadows and sky."""
 
 MOST, FEWEST = 1000, 10
-"""Windows that are looked at, evenly chosen, and with fewer of which nothing is told. The median of ten spectra in
-rings of dozens of coefficients is good to a few per cent."""
+"""Most windows that are used, evenly chosen, and fewest that determine a width. The median of ten spectra in rings of
+dozens of coefficients is good to a few per cent."""
 
 DARK, SHADOW = 0.3, 0.2
-"""A window counts whose median is this share of that of the brightest tenth, and whose darkest pixel this share of its
-own: edges of sky and cast shadows are sharper than ground."""
+"""Least ratios for a window to count: of its median to that of the brightest tenth, and of its darkest pixel to its own
+median. Edges of sky and cast shadows are sharper than ground."""
 
 LONGEST_WAVE_PX = 18.0
-"""Longer waves are too few in a window, and are bent by the plane that is taken away."""
+"""Longer waves are too few in a window, and are distorted by the subtracted plane."""
 
 RINGS = 23
 """Rings of wave numbers, down to waves of two pixels, in which power is averaged."""
@@ -55,8 +55,8 @@ ground of three kinds and images of Vesta have 0.01 to 0.05."""
 
 
 UNCERTAIN_PX = 0.2
-"""Standard deviation of the width, by the fit, beyond which it is not told. Where ground shows it is 0.02 to 0.15 px;
-where noise hides it there is no limit."""
+"""Standard deviation of the width, by the fit, beyond which the width counts as unknown. It is 0.02 to 0.15 px where
+the ground shows the width, and without limit where noise hides it."""
 
 FLATTEST = 0.7
 """Least exponent of the power law of ground, whose spectra have 1.3 to 3. Noise alone has 0."""
@@ -65,7 +65,8 @@ FLATTEST = 0.7
 def psf_sigma_px(images: Sequence[Image]) -> float:
     """Standard deviation [px] of the point-spread function that images of one camera have in common.
 
-    At most WIDEST_PX. USUAL_PX where the images do not tell it, and less only where they are sharper even so.
+    At most WIDEST_PX. USUAL_PX where the images do not determine it. Less than USUAL_PX only where the measured blur,
+    that of the ground included, is less.
     """
     spectra = [_spectrum(window) for window in _windows(images)]
     if len(spectra) < FEWEST:
@@ -92,7 +93,8 @@ def psf_sigma_px(images: Sequence[Image]) -> float:
 
 
 def reference_psf_sigma_px(scene: Scene, images: Sequence[Image]) -> float:
-    """That of the reference view's camera [px], by those of the images, one for each view, that it took."""
+    """Standard deviation [px] for the reference view's camera, from the images that it took. images: one for each
+    view."""
     cameras = scene.views.cameras
     return psf_sigma_px(
         [image for image, camera in zip(images, cameras, strict=True) if camera == cameras[scene.reference]]
@@ -137,7 +139,7 @@ def _of_rings(values: np.ndarray) -> np.ndarray:
 
 
 def _spectrum(window: np.ndarray) -> np.ndarray:
-    """(RINGS,) power of a window without its plane, over that of its longer half of the waves."""
+    """(RINGS,) power of a window without its plane, divided by the power of the longer half of its waves."""
     across = np.linspace(-1.0, 1.0, WINDOW_PX)
     level = window - window.mean()
     level -= across * (level @ across).mean() / (across @ across)

@@ -13,8 +13,8 @@ from photoclinometry.model.reflectance import Reflectance, angles_at, photometri
 from photoclinometry.model.scene import Scene, Views
 
 BIAS_SIGMA = {"iof": 1e-3, "dn": 0.1}
-"""Standard deviation of a view's bias as a share of the median brightness [-], by `Scene.brightness`: calibrated images
-have their offset subtracted, to about a thousandth; of uncalibrated ones it is hardly known."""
+"""Standard deviation of a view's bias as a share of the median brightness [-], by `Scene.brightness`: the offset of
+calibrated images is subtracted to about a thousandth; that of uncalibrated ones is hardly known."""
 
 ALL = slice(None)
 """Of the observations."""
@@ -31,7 +31,7 @@ def reflectance_of(scene: Scene) -> Reflectance:
 
 
 def exposure_is_free(brightness: str, reflectance: Reflectance) -> bool:
-    """Whether nothing but a view's own brightness tells its exposure. brightness: "iof" or "dn"."""
+    """Whether only a view's own brightness determines its exposure. brightness: "iof" or "dn"."""
     return brightness == "dn" or not reflectance.predicts_absolute_brightness
 
 
@@ -83,8 +83,8 @@ def _shade(landmark, view, center, sun, position, normal, parameter_vector, out)
 
 
 def brightness_by_slope(scene: Scene) -> np.ndarray:
-    """(N,) how fast each observation's predicted brightness changes as its landmark's normal turns, in the direction in
-    which it changes fastest [per rad]. Zero where unlit or unseen. Raises InputError."""
+    """(N,) rate of change of each observation's predicted brightness as its landmark's normal turns, in the direction
+    of the fastest change [per rad]. Zero where unlit or unseen. Raises InputError."""
     views, landmarks, tracks = scene.views, scene.landmarks, scene.tracks
     out = np.empty(len(tracks))
     center = np.ascontiguousarray(views.body_from_cam.translation)

@@ -1,8 +1,9 @@
 """Whether the brightness of images shows the relief of a sparse model, or its reverse.
 
-Keypoints hardly tell a model from its reverse where rays are nearly parallel (`sfm/reversal.py`): hills for hollows,
-and the cameras on the other side. Shading does, since the Sun's direction in each image is known: slopes towards the
-Sun are bright. Of the model and its reverse, that one is right whose slopes go with the images' brightness.
+Keypoints hardly distinguish a model from its reverse where rays are nearly parallel (`sfm/reversal.py`): the reverse
+has hills for hollows, and the cameras on the other side. Shading distinguishes them, since the Sun's direction in each
+image is known and slopes towards the Sun are bright. The right one of the two is that whose slopes correlate with the
+images' brightness.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from photoclinometry.photometry.sparse_planes import as_blurred, sparse_planes
 
 NEIGHBOURS = 16
 """Points, itself included, whose plane is the ground at a point: half as many as where slopes themselves are wanted
-(`surface.neighbours.PLANE_NEIGHBOURS`), since only their signs count here, and more patches tell more."""
+(`surface.neighbours.PLANE_NEIGHBOURS`), since only the signs of slopes count here, and more patches decide better."""
 
 FEWEST_POINTS = NEIGHBOURS
-"""A view that sees fewer points than lie in one patch of ground says nothing."""
+"""Views that see fewer points, less than one patch of ground, are not used."""
 
 CERTAIN = 3.0
 """Standard deviations between the two correlations beyond which brightness decides."""
@@ -32,7 +33,7 @@ CERTAIN = 3.0
 
 @dataclass(frozen=True)
 class ReliefShading:
-    """How the shading of a model, and of its reverse, goes with the brightness of the images."""
+    """Correlations of the shading of a model, and of its reverse, with the brightness of the images."""
 
     correlation: float
     """Of the predicted with the measured brightness, about the mean of each view."""
@@ -43,10 +44,10 @@ class ReliefShading:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the two correlations' difference, were brightness that of albedo alone.
+        """Standard deviation of the difference of the two correlations if brightness depended on albedo alone.
 
-        A correlation of n pairs that are independent has 1 / sqrt(n). The reverse of a slope is as dark as the slope is
-        bright, so that the difference has twice that.
+        A correlation of n independent pairs has a standard deviation of 1 / sqrt(n). The reverse of a slope is as dark
+        as the slope is bright, so that the difference has twice that.
         """
         return 2.0 / np.sqrt(max(self.patches, 1.0))
 

@@ -48,8 +48,8 @@ def landmark_brightness(
 def sunlit_share(scene: Scene, lit: np.ndarray) -> np.ndarray:
     """(J,) share in sunlight of the 3 x 3 landmarks about each. lit: (J,) bool, of each (`in_sunlight`).
 
-    An image averages over its pixels and point-spread function, so that cast shadows have edges three pixels wide.
-    At a stride above 1 the landmark alone is as wide as that.
+    An image averages over its pixels and point-spread function, so that cast shadows have edges three pixels wide. At a
+    stride above 1 a single landmark is as wide as that.
     """
     from scipy.ndimage import convolve
 
@@ -112,8 +112,8 @@ def draw_smoothly(
     """`draw_landmarks` of values (J,) that are nowhere negative, such as radiance, by a cubic spline over the map's
     grid: as images are interpolated between their pixels (`sample_image`).
 
-    A map holds brightness up to waves of two landmarks. Halfway between landmarks, linear interpolation takes three
-    tenths of the amplitude of waves of four: 1 - cos(45 degrees).
+    A map holds brightness of wavelengths down to two landmarks. Halfway between landmarks, linear interpolation reduces
+    the amplitude of waves of four landmarks by three tenths: 1 - cos(45 degrees).
     """
     cell, mask = draw_landmarks(scene, view, cell_coordinates(scene), faces)
     drawn = np.zeros(mask.shape)

@@ -41,8 +41,8 @@ def brightness_with_gradient(
     shadow_fraction: float = SHADOW_SHARE,
     spacing_px: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What `sample_brightness` gives, and between the two the images' gradients (N, 2) float32 [brightness per px],
-    0 where a pixel is invalid."""
+    """The two results of `sample_brightness`, with the images' gradients (N, 2) float32 [brightness per px] between
+    them; gradients are 0 where a pixel is invalid."""
     brightness, lit = np.zeros(len(view)), np.zeros(len(view), bool)
     gradient = np.zeros((len(view), 2), np.float32)
 
@@ -61,7 +61,7 @@ def brightness_with_gradient(
 def landmark_spacing_px(views: Views, position: np.ndarray, reference: int) -> np.ndarray:
     """(K,) pixels of each view across one pixel of the reference view, whose resolution the landmarks (J, 3) have.
 
-    The map's stride does not matter: a map of larger stride has every so many of the same landmarks.
+    The map's stride does not matter: a map of larger stride has a subset of the same landmarks.
     """
     gsd = np.array([views.gsd(k, position) for k in range(len(views))])
     return gsd[reference] / gsd

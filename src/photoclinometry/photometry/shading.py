@@ -1,9 +1,9 @@
 """Normals and albedos from brightness alone, where the surface and the cameras are held.
 
-The joint estimate takes brightness at keypoints, which err by a tenth of a pixel or more, differently in each view: its
-brightness is blurred by these errors. The estimated positions average over all views and are several times better.
-Brightness is therefore sampled again where the surface projects, and each landmark's normal and albedo are fitted to
-it, without regard to its neighbours. Pictures rendered from the result are as sharp as the images.
+The joint estimate takes brightness at keypoints, whose errors are a tenth of a pixel or more and differ between views:
+they blur this brightness. The estimated positions average over all views and are several times better. Brightness is
+therefore sampled again where the surface projects, and each landmark's normal and albedo are fitted to it, without
+regard to its neighbours. Pictures rendered from the result are as sharp as the images.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from photoclinometry.surface.map_rays import MapRays
 
 NORMAL_SIGMA_RAD, ALBEDO_SIGMA = 0.1, 0.1
 """Prior standard deviations of the changes of normals, and of albedos relative to their size. They exceed the errors of
-the start, so that they matter only in directions that few views leave undetermined."""
+the start, and so matter only in directions that too few views determine."""
 
 LEAST_SIGMA = 1e-4
 """Least standard deviation of brightness, as a share of the median: one or two views are fitted exactly, and the prior
@@ -57,7 +57,7 @@ def brightness_on_surface(scene: Scene, images: Sequence[Image]) -> Scene:
 
 
 class SeenOnSurface(NamedTuple):
-    """What images show where the landmarks of a scene project."""
+    """Brightness and gradients of the images where the landmarks of a scene project."""
 
     scene: Scene
     """With that brightness, as `brightness_on_surface` gives it."""
@@ -120,7 +120,8 @@ def fitted_to_brightness(
 ) -> Scene:
     """The scene with normals and albedos fitted as by `normals_from_shading`, to brightness of a given sigma.
 
-    The scene's own normals and albedos are the prior's; the iterations start from them, or from those of `start`.
+    The scene's own normals and albedos are the mean of the prior; the iterations start from them, or from those of
+    `start`.
     """
     begin = (start or scene).landmarks
     normal, albedo = begin.normal.copy(), begin.albedo.copy()
@@ -152,7 +153,7 @@ class _Observations(NamedTuple):
 
 
 class _Lighting(NamedTuple):
-    """K views: what shading depends on."""
+    """Properties of K views on which shading depends."""
 
     sun: np.ndarray
     """(K, 3) in B."""

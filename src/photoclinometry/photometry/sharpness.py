@@ -1,9 +1,10 @@
 """How sharp each view is, against the brightness that a map of all views predicts for it.
 
-A blur takes contrast from fine detail and leaves that of coarser detail. So the contrast of the view over that of the
-prediction is compared between two bands. The prediction is wrong in detail, too, where a view's Sun shows slopes that
-other views tell little of, and a regression on it would be weakened like a blur. The prediction is therefore regressed
-on the view (regression with errors in the predictor; Fuller 1987, Measurement Error Models, 1.1).
+A blur reduces the contrast of fine detail and leaves that of coarser detail. The ratio of the view's contrast to the
+prediction's is therefore compared between two bands. The prediction, too, has errors of detail where a view's Sun shows
+slopes that other views hardly constrain. A regression on the prediction would be attenuated by them as by a blur. The
+prediction is therefore regressed on the view (regression with errors in the predictor; Fuller 1987, Measurement Error
+Models, 1.1).
 """
 
 from __future__ import annotations
@@ -18,29 +19,29 @@ from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import observation_brightness
 
 COARSE = 4.0
-"""Waves longer than those that a Gaussian of this standard deviation leaves tell nothing of sharpness, and are taken
-away first [landmarks]."""
+"""Standard deviation of the Gaussian whose average is subtracted first [landmarks]: longer waves do not depend on
+sharpness."""
 
 FINE = 1.5
-"""Detail is fine that a Gaussian of this standard deviation takes away, coarser what is left [landmarks]. It is between
-the blurs that matter, of one landmark, and COARSE."""
+"""Standard deviation of the Gaussian that separates fine detail, which it removes, from coarser detail, which it leaves
+[landmarks]. It lies between the blurs that matter, of one landmark, and COARSE."""
 
 WIDTHS = np.array([0.0, *np.geomspace(0.3, COARSE, 10)])
 """Standard deviations of Gaussians that are tried [landmarks]."""
 
 SIDE = 128
-"""So many landmarks, down and across, in the middle of the map are enough."""
+"""Side of the square of landmarks in the middle of the map that is used."""
 
 INSIDE = 0.9
-"""Share of the weight within two landmarks that must be known where a landmark counts: edges of shadows do not."""
+"""Least known share of the weight within two landmarks for a landmark to count; edges of shadows have less."""
 
 
 def blur_px(scene: Scene) -> np.ndarray:
-    """(K,) standard deviation [px, of the view] of the Gaussian that takes as much contrast from the predicted detail
-    as the view lacks.
+    """(K,) standard deviation [px, of the view] of the Gaussian that reduces the contrast of the predicted detail to
+    that of the view.
 
-    0 where the view is at least as sharp as the map; NaN where it shows too little of it. Raises InputError for a scene
-    without reflectance.
+    0 where the view is at least as sharp as the map; NaN where it shows too little of the map. Raises InputError for a
+    scene without reflectance.
     """
     tracks, views = scene.tracks, scene.views
     both = np.column_stack((tracks.brightness, observation_brightness(scene)))
@@ -70,8 +71,8 @@ def _width_of_blur(measured: np.ndarray, predicted: np.ndarray) -> float:
 def _contrast_ratio(measured: np.ndarray, predicted: np.ndarray) -> float:
     """Contrast of the measured over that of the predicted detail, in the fine band over that in the coarser one.
 
-    Bands (2, n). Contrasts are those of the regression of `predicted` on `measured`, huge where the two have
-    nothing in common.
+    Bands (2, n). Contrasts are those of the regression of `predicted` on `measured`, huge where the two are not
+    correlated.
     """
     common = np.mean(measured * predicted, axis=-1)
     contrast = np.mean(measured**2, axis=-1) / np.maximum(common, TINY)

@@ -1,10 +1,11 @@
-"""Errors of the images' brightness that are smooth over the ground: what the reflectance model misses in a view.
+"""Errors of the images' brightness that are smooth over the ground: errors of the reflectance model in a view.
 
-A reflectance model errs alike on all ground of one slope, light and phase. Where every landmark counts such an error as
-its own noise, long waves of the slope follow brightness, although the surface through the positions has them better:
-positions come from parallax, which no reflectance model bends. Short waves are the other way round. So the long waves
-of the normals are taken from the surface (`normals_along_surface`), and what brightness then lacks in a view, averaged
-over the same length, is that view's smooth error (`smooth_errors`).
+A reflectance model has the same error on all ground of one slope, light and phase. If every landmark treats such an
+error as its own noise, long waves of the slope follow brightness. The surface through the positions has better long
+waves, since positions come from parallax, which does not depend on the reflectance model; its short waves are worse.
+The long waves of the normals are therefore taken from the surface (`normals_along_surface`). The difference between
+predicted and measured brightness of a view, averaged over the same length, is then that view's smooth error
+(`smooth_errors`).
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import brightness_residuals
 
 NOISE_SHARE = 0.02
-"""Part of the variance of the tilt between normals and surface, averaged, that noise of the positions may have."""
+"""Largest part of the variance of the averaged tilt between normals and surface that may be noise of the positions."""
 
 LEAST_SIGMA = 1.0
-"""Standard deviation of the narrowest average [landmarks]: differences of neighbours see nothing shorter."""
+"""Standard deviation of the narrowest average [landmarks]: differences of neighbours do not resolve shorter waves."""
 
 MAP_SHARE = 0.125
-"""Part of the map's side that the widest average's standard deviation is: beyond, there is but one tilt of the map."""
+"""Standard deviation of the widest average, as a share of the map's side: wider averages give one tilt for the whole
+map."""
 
 SIGMA_RATIO = 2.0**0.25
 """Ratio of one average's standard deviation to that of the next one tried."""
@@ -43,17 +45,17 @@ class SurfaceNormals(NamedTuple):
     normal: np.ndarray
     """(J, 3)."""
     sigma: float
-    """Standard deviation of the Gaussian average that tells long from short waves [landmarks]."""
+    """Standard deviation of the Gaussian average that separates long from short waves [landmarks]."""
     tilt: np.ndarray
     """(J,) angle from the averaged normals to the averaged surface [rad]; zero where nothing is known of it."""
 
 
 def normals_along_surface(scene: Scene, among: np.ndarray) -> SurfaceNormals | None:
-    """The scene's normals, turned as the averaged ones are to be turned to become those of the averaged surface.
+    """The scene's normals, each turned by the rotation from the averaged normal to that of the averaged surface.
 
-    among: (J,) bool, landmarks whose positions are to be trusted. The average is the narrowest whose tilt is not of
-    noise: white noise of the heights, of which differences of neighbours have the variance v, leaves v / (4 pi s^4)
-    after a Gaussian average of standard deviation s. None where no average is wide enough, as on ground whose
+    among: (J,) bool, landmarks whose positions are to be trusted. The average is the narrowest whose tilt is not caused
+    by noise. White noise of the heights with a variance v of the differences of neighbours leaves a variance of v / (4
+    pi s^4) after a Gaussian average of standard deviation s. None where no average is wide enough, as on ground whose
     reflectance is that of the model.
     """
     grid, sigma = _Grid(scene, among), LEAST_SIGMA
@@ -90,7 +92,8 @@ def smooth_errors(scene: Scene, used: np.ndarray, sigma: float) -> np.ndarray:
 class _Grid:
     """Slopes of normals and of the surface on the grid of the reference image's pixels.
 
-    Slopes are vectors whose part along the line of sight of the reference view is one: these can be averaged.
+    Slopes are vectors with a component of one along the line of sight of the reference view: such vectors can be
+    averaged.
     """
 
     def __init__(self, scene: Scene, among: np.ndarray):
@@ -123,7 +126,7 @@ class _Grid:
 
 
 def _central_difference(values: np.ndarray, axis: int) -> np.ndarray:
-    """Half the difference of the next and the last cell; NaN where either lacks."""
+    """Half the difference between the next and the last cell; NaN where either is missing."""
     step = np.full_like(values, np.nan)
     to, of = np.moveaxis(step, axis, 0), np.moveaxis(values, axis, 0)
     to[1:-1] = (of[2:] - of[:-2]) / 2.0

@@ -14,9 +14,9 @@ LEAST_BLUR_PX = 0.5
 
 
 def sparse_planes(sparse: SparseModel, neighbours: int = PLANE_NEIGHBOURS) -> tuple[np.ndarray, float]:
-    """Outward normals (P, 3) of planes through neighbours, and the standard deviation of the blur that such a plane is.
+    """Outward normals (P, 3) of planes through neighbours, and the standard deviation of the blur by such a plane.
 
-    That is half the radius of the neighbours: the standard deviation of a disk along each axis.
+    The latter is half the radius of the neighbours: the standard deviation of a disk along each axis.
     """
     from scipy.spatial import KDTree
 
@@ -27,5 +27,6 @@ def sparse_planes(sparse: SparseModel, neighbours: int = PLANE_NEIGHBOURS) -> tu
 
 
 def as_blurred(image: Image, blur: float, gsd: float) -> Image:
-    """The image as planes show the ground whose standard deviation is `blur`; both in units of B, gsd a pixel."""
+    """The image blurred like planes of the standard deviation `blur`; `blur` and `gsd`, the size of a pixel, in units
+    of B."""
     return blurred(image, max(blur / gsd, LEAST_BLUR_PX))

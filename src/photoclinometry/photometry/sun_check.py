@@ -1,8 +1,8 @@
-"""The leave-one-out Sun check: each view's Sun direction from the ground that the other views see.
+"""The leave-one-out Sun check: each view's Sun direction from ground that the other views determine.
 
 The sparse points, projected into every view, are a coarse map. Its normals (planes through neighbours, then shading)
 and albedos come from all views but one. They predict how that view looks under any Sun, so that its own brightness
-gives its Sun (`sun_fit`). No dense match is needed: wrong views are found before any effort is spent on them.
+determines its Sun (`sun_fit`). No dense match is needed: wrong views are found before any effort is spent on them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MIN_COSINE = 0.3
 """Points are used where the cosine of emission is above this: at 73 degrees and more relief hides others."""
 
 MIN_POINTS = 50
-"""A view that sees fewer points is not judged: the fit has four unknowns and its patches need some points each."""
+"""Fewest points of a view that is checked: the fit has four unknowns and its patches need some points each."""
 
 
 def coarse_scene(
@@ -97,7 +97,8 @@ def sun_from_other_views(scene: Scene, used: np.ndarray, view: int) -> SunFit | 
 
 
 def ground_from_views(scene: Scene, used: np.ndarray) -> tuple[Scene, np.ndarray]:
-    """Normals and albedos of the landmarks from some views (K,) bool, and (J,) bool: which of them these views light.
+    """Normals and albedos of the landmarks from some views (K,) bool, and (J,) bool: landmarks that are lit in these
+    views.
 
     Gains of all views are free. Albedos and gains are medians, taken in turns, which a minority of wrong views does not
     move far; shading then turns the normals, with Huber's loss.
@@ -114,7 +115,7 @@ def ground_from_views(scene: Scene, used: np.ndarray) -> tuple[Scene, np.ndarray
 
 
 def gains_of_views(scene: Scene, used: np.ndarray) -> np.ndarray:
-    """(K,) gains of views `used` (K,) bool, up to a factor of all, as `ground_from_views` takes them.
+    """(K,) gains of views `used` (K,) bool, up to a common factor, as `ground_from_views` uses them.
 
     NaN of views with fewer than MIN_POINTS usable points, and of those out of use.
     """
@@ -123,7 +124,8 @@ def gains_of_views(scene: Scene, used: np.ndarray) -> np.ndarray:
 
 
 def _unshaded(scene: Scene, used: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Albedo (J,), NaN where unseen, and gain (K,) of views `used` (K,) bool, and (K,) from how many points it is."""
+    """Albedo (J,), NaN where unseen; gain (K,) of views `used` (K,) bool; and (K,) the number of points of each
+    gain."""
     landmarks, tracks = scene.landmarks, scene.tracks
     assert scene.reflectance is not None
     ratio, oblique = predicted_ratio(
@@ -164,7 +166,7 @@ def _median_by(group: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _projected(position: np.ndarray, normal: np.ndarray, views: Views, images: Sequence[Image]) -> Tracks:
-    """Tracks of every point (P, 3) in all views whose frame it lies in and that do not see it too obliquely."""
+    """Tracks of every point (P, 3) in all views that contain it and do not see it too obliquely."""
     found = []
     for k, camera in enumerate(views.cameras):
         local = views.body_from_cam[k].inverse()(position)

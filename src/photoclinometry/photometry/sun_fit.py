@@ -36,8 +36,8 @@ MIN_LIT_SHARE = 0.1
 errors of coarse normals."""
 
 PATCHES = 5
-"""The ground is cut into PATCHES x PATCHES patches. Residuals are correlated over relief and albedo features; sums over
-patches are taken for independent, and 25 of them give the covariance to about 30 %."""
+"""The ground is divided into PATCHES x PATCHES patches. Residuals are correlated over relief and albedo features; sums
+over patches are assumed independent, and 25 of them give the covariance to about 30 %."""
 
 _LEAST_SIGMA = 1e-6
 """Least standard deviation of the residuals, relative to the median brightness: exact brightness has none."""
@@ -98,7 +98,7 @@ class SunFit:
 
 
 class _Light(NamedTuple):
-    """What is fitted."""
+    """The fitted parameters."""
 
     sun: np.ndarray
     """(3,) unit vector in B."""

@@ -1,4 +1,4 @@
-"""A site with the distortion of its cameras and the response of its images, as the images themselves tell them."""
+"""A site whose camera distortion and image response are determined from its own images."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from photoclinometry.sfm.self_calibration import LensEstimate, estimate_lenses
 NAME = "calibrated.toml"
 """Of the new site, beside the old one."""
 SETTLED_PX, SETTLED_RESPONSE = 0.1, 0.03
-"""No further pass once the images show no more distortion than this, and no exponent farther from 1."""
+"""Passes end once the images show no more distortion than this, and an exponent no farther from 1 than this."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,16 +46,16 @@ class CalibrationOptions(Ranged):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraCalibration:
-    """What was found of one camera."""
+    """The calibration of one camera."""
 
     views: tuple[str, ...]
     """Names of its views."""
     camera: SiteCamera
     """As the new site has it."""
     shown: LensEstimate
-    """What the images show beyond the old site's lens."""
+    """The distortion that the images show beyond the old site's lens."""
     left: LensEstimate
-    """What they show beyond the lens found, before the last pass that changed it."""
+    """The distortion that they show beyond the lens found, before the last pass that changed it."""
     changed: bool
     """Whether the lens is another than in the old site."""
 
@@ -67,7 +67,7 @@ class Calibration:
     site: Path
     cameras: tuple[CameraCalibration, ...]
     gamma: float = LINEAR
-    """What the exponents of all cameras were multiplied by."""
+    """The factor by which the exponents of all cameras were multiplied."""
 
 
 def calibrate(
@@ -76,11 +76,11 @@ def calibrate(
     options: CalibrationOptions = CalibrationOptions(),
     progress: Progress = no_progress,
 ) -> Calibration:
-    """Writes a site that is as the one given, with the distortion and the response that its images show in the cameras.
+    """Writes a copy of the site whose cameras have the distortion and the response that the images show.
 
     A camera keeps its lens where the images show no more than `LensEstimate.is_clear` asks for. out: a TOML file, new;
     by default NAME beside the site. The images are those of the old site; they are undistorted when they are read.
-    Exponents stay as they are where images do not clearly tell others (`response_check.is_clear`).
+    Exponents stay as they are where the images do not clearly show others (`response_check.is_clear`).
     Raises InputError for wrong sites and images, RunFolderError if `out` exists or cannot be written, and
     ReconstructionError where the images give no sparse model, or one of too few keypoints.
     """
@@ -119,7 +119,8 @@ def calibrate(
 def _estimates(
     site: Site, cameras: list[SiteCamera], of_view: np.ndarray, options: SfmOptions, progress: Progress
 ) -> list[LensEstimate]:
-    """What a sparse model of the images shows of each camera (C,), beyond its lens. Raises ReconstructionError."""
+    """The distortion of each camera (C,) beyond its lens, from a sparse model of the images. Raises
+    ReconstructionError."""
     with TemporaryDirectory() as scratch:
         folder = open_run(Path(scratch) / "run", progress)
         inputs = read_inputs(folder, _with_cameras(site, cameras, of_view))

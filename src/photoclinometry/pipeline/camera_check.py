@@ -18,7 +18,8 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class Displacements:
-    """How far distortion displaces keypoints, by camera (C,); (0,) where there are too few keypoints to tell."""
+    """How far distortion displaces keypoints, by camera (C,); (0,) where there are too few keypoints to determine
+    it."""
 
     shift_px: np.ndarray
     """Largest displacement."""

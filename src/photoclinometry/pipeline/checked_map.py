@@ -34,7 +34,7 @@ from photoclinometry.pipeline.sparse_stages import ChosenViews, PosedImages
 log = logging.getLogger(__name__)
 
 NOT_OF_ONE_MAP = ("file-damaged", "response-not-linear", "sun-undecided")
-"""Codes of warnings about files, images and stated Suns: they stay where the map is discarded that showed them."""
+"""Codes of warnings about files, images and stated Suns: they stay when the map that revealed them is discarded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class CheckedMap:
     iterations: tuple[IterationFigures, ...]
     """Of all maps, the finished one included."""
     pose_priors: Mapping[str, PosePrior]
-    """Those that determine its frame; none where they do not."""
+    """The pose priors that determine its frame; none where they do not determine one."""
     relief: ReliefCheck | None
     left_out: Mapping[str, str]
     """Views that the first estimate found to blur the map, by name, with the reason."""
@@ -61,7 +61,7 @@ def checked_map(folder: RunFolder, posed_site: PosedSite, chosen: ChosenViews, d
     """All stages from dense matching to the finished map.
 
     A map whose relief contradicts the parallax is made a second time with Suns, biases and reflectance held at what is
-    known of them, and the one that is nearer to the parallax is returned. Warnings of the other are taken back.
+    known of them. The map that is nearer to the parallax is returned. Warnings of the other are taken back.
     chosen: the views to map with.
     """
     made = partial(_mapped, folder, posed_site, chosen, dense)
@@ -123,8 +123,8 @@ def _mapped(
 def _with_photometry_checked(
     folder: RunFolder, posed_site: PosedSite, relit: Relit, model: Reflectance, doubtful: Sequence[str]
 ) -> tuple[Relit, Reflectance, ResponseCheck]:
-    """The start and the model of the last estimate, after a look at doubtful Suns, by name, and for errors that all
-    views have in common."""
+    """The start and the model of the last estimate, after checks of doubtful Suns, given by name, and of errors that
+    all views have in common."""
     if doubtful:
         own = folder.result_of(CheckDoubtfulSuns(relit=relit.start, reflectance=model, doubtful=doubtful)).value
         if own.wrong.any():
@@ -151,7 +151,8 @@ def _last_model(
 ) -> Reflectance | None:
     """The reflectance model of the last estimate: given, chosen for the map, or that of the estimates before.
 
-    A model is chosen with Suns and parameters free: not where photometry is held. again: as of `ChooseModel`.
+    A model is chosen with Suns and parameters free, and therefore not where photometry is held. again: see
+    `ChooseModel`.
     """
     known = choices.reflectance
     if known is None or not choices.candidates or holds_photometry:

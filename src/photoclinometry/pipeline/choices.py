@@ -1,4 +1,4 @@
-"""What the options mean for a site: its reflectance model, its matchers, and which views are held out."""
+"""The choices that the options imply for a site: its reflectance model, its matchers, and the views held out."""
 
 from __future__ import annotations
 
@@ -32,18 +32,19 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """What a run works with."""
+    """The model, the matchers and the data of a run."""
 
     reflectance: Reflectance | None
     """None of geometry alone."""
     candidates: tuple[str, ...]
     """Names of models of which the last estimate takes the best; none where the model is given."""
     last_reflectance: Reflectance | None = None
-    """The model of the last estimate, where it was chosen by another map and is not that of the others."""
+    """The model of the last estimate, where another map's choice gave one that differs from the earlier estimates'."""
     matcher: Keyed[Matcher]
     """Of the first map."""
     relit_matcher: Keyed[Matcher]
-    """Of what shows the same light: the reference relit, and views held out, with the finished map."""
+    """The matcher of images under the same light: of views with the relit reference, and of held-out views with the
+    finished map."""
     held_out: np.ndarray
     """(K,) bool."""
     max_iterations: int
@@ -55,7 +56,8 @@ class Choices:
 
 
 def choose(site: Site, options: RunOptions) -> Choices:
-    """What the options mean for a site. Raises InputError where they do not fit it, or a matcher lacks something."""
+    """The choices that the options imply for a site. Raises InputError where they do not fit it, or a matcher lacks
+    something."""
     reference = site.region.reference if site.region else None
     names = [view.name for view in site.views]
     control = read_control_points(options.control, names) if options.control else ()
@@ -110,7 +112,7 @@ def choose_reflectance(name: str, body: str | None) -> Reflectance | None:
 
 
 def candidate_models(first: Reflectance, body: str | None, brightness: str) -> tuple[str, ...]:
-    """Names of the models that may turn out better for images of a body than the one to begin with, and its own.
+    """Names of the model to begin with and of the models that may turn out better for images of a body.
 
     Of calibrated images they predict the brightness itself, if the first does: a model without a phase function has
     relative albedos.

@@ -1,7 +1,7 @@
-"""Whether all Suns are off alike, beyond what is stated of them: as the brightness of some landmarks tells it.
+"""Whether brightness shows a common error of all Suns beyond their stated uncertainty, judged by some landmarks.
 
-An alignment of the camera that is off, or a wrong frame, turns all Suns alike. Suns that are stated to be certain hold
-the map to it: normals turn, slopes change, and the residuals only look like more noise.
+An alignment of the camera that is off, or a wrong frame, turns all Suns alike. Suns with small stated uncertainties
+force this error into the map: normals turn, slopes change, and the residuals only look like more noise.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from photoclinometry.pipeline.model_choice import CROSS_VALIDATION_LANDMARKS
 log = logging.getLogger(__name__)
 
 NOTICEABLE_RAD = math.radians(0.5)
-"""Turns below this are left to what is stated: models that are not the ground's turn Suns by tenths of a degree."""
+"""Smaller turns are covered by the stated uncertainty: a wrong reflectance model turns Suns by tenths of a degree."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,9 +34,10 @@ class CommonSunError:
     """The rotation in C by which all measured Suns are off."""
 
     turn: np.ndarray
-    """(3,) rotation vector from the measured Suns to where the images have them [rad]; NaN where they do not tell."""
+    """(3,) rotation vector from the measured Suns to those that fit the images [rad]; NaN where images do not determine
+    it."""
     sigma: np.ndarray
-    """(3,) its standard deviation about each axis, with what is stated of a common error [rad]."""
+    """(3,) its standard deviation about each axis, the stated common error included [rad]."""
 
     @property
     def is_clear(self) -> bool:
@@ -45,7 +46,8 @@ class CommonSunError:
         return bool(np.linalg.norm(self.turn[clear]) > NOTICEABLE_RAD)
 
     def taken_into_account(self, scene: Scene) -> Scene:
-        """The scene with Suns turned to where the images have them, and as uncertain together as they were wrong."""
+        """The scene with Suns turned to fit the images, and with a common uncertainty as large as their common
+        error."""
         views = scene.views
         in_cam = (so3_exp(self.turn) @ views.sun_measured[..., None])[..., 0]
         sun = np.einsum("kij,kj->ki", views.body_from_cam.rotation, in_cam)

@@ -23,18 +23,18 @@ from photoclinometry.surface.neighbours import normals_from_neighbours
 from photoclinometry.surface.surroundings import surroundings_of
 
 PLANE_PX, MIN_PLANE_LANDMARKS = 32, 9
-"""First normals are of planes through as many landmarks as lie on so many pixels, but through 3 x 3 at least."""
+"""Side of the window [px] whose landmarks define the plane of a first normal; at least 3 x 3 landmarks are used."""
 
 MIN_TIE_POINT_SIGMA_PX = 0.1
-"""Tie points' keypoints are not taken to be more precise than this [px]; SIFT's are not."""
+"""Smallest sigma assumed for keypoints of tie points [px]; SIFT keypoints are not more precise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatchDensely(Stage[DenseTracks]):
     """Landmarks and their tracks: every registered view matched with the reference, in several passes.
 
-    Each pass predicts positions from the surface of the one before, so that what is left to match is small and
-    undistorted.
+    Each pass predicts positions from the surface of the one before, so that the remaining displacements are small and
+    without distortion.
     """
 
     name = "dense"

@@ -1,10 +1,11 @@
 """Direct photometric refinement: the last estimate, in which image gradients take the place of matches.
 
-A match is of a window, and was found with the map that it is to correct. Once that map is good to a fraction of a
-pixel, no match is needed: the brightness where a landmark projects must be that which its normal, its albedo and the
-Sun predict, and the image's gradient tells how it changes as the landmark moves. Each landmark stays on its ray of the
-reference view. Where too few views light a landmark for that, its matches hold it as before. This is the direct method
-(Irani and Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place of constant brightness.
+A match belongs to a window, and was found with the very map that it is to correct. Once that map is good to a fraction
+of a pixel, no match is needed. The brightness where a landmark projects must equal the prediction from its normal, its
+albedo and the Sun, and the image's gradient shows how this brightness changes as the landmark moves. Each landmark
+stays on its ray of the reference view. Where too few views light a landmark for that, its matches hold it as before.
+This is the direct method (Irani and Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place
+of constant brightness.
 """
 
 from __future__ import annotations
@@ -33,22 +34,23 @@ ROUGH_PASSES = 2
 worse; a third changes them by less than 0.5 per cent."""
 
 LAST_REWEIGHTING = 3
-"""Reweighting iterations of the last estimate. The first has the noise that the rough ones have, of places that of the
-matches; two more have what the images are found to have."""
+"""Reweighting iterations of the last estimate. The first has the noise of the rough estimates, with that of the matches
+for positions; the other two have the noise that was measured in the images."""
 
 MIN_LIT = 5
 """Lit views from which on brightness determines where a landmark lies: one more than it then has unknowns (depth, two
 of the normal, albedo). With as many as unknowns, and Suns that differ little, single landmarks go astray."""
 
 MIN_SHARE = 0.5
-"""Share of the landmarks that must be lit so; with fewer, the last estimate is of matches alone."""
+"""Share of the landmarks that must be lit in MIN_LIT views; with fewer, the last estimate uses matches alone."""
 
 PHOTOMETRY_LANDMARKS = 10_000
-"""Landmarks that tell Suns, exposures and reflectance where the geometry is held: dozens for each of these numbers."""
+"""Landmarks that determine Suns, exposures and reflectance where the geometry is held: dozens for each parameter."""
 
 STRAYED, STRAYED_PX = 8.0, 0.2
-"""A landmark has strayed whose projections are so many times farther from its matches than the median landmark's, and
-so far [px]: an image's gradient is good for about a pixel, and that of a shadow's edge is not the ground's."""
+"""A landmark has strayed if its projections lie farther from its matches than this multiple of the median landmark's
+distance, and farther than this distance [px]. An image's gradient holds for about a pixel, and the gradient at a
+shadow's edge is not that of the ground."""
 
 
 def refine_directly(
@@ -59,16 +61,17 @@ def refine_directly(
     *,
     poses_are_known: bool = False,
 ) -> Adjustment:
-    """The last estimate of a scene by its images; by its matches, where too few views light more than half of it.
+    """The last estimate of a scene by its images, or by its matches where too few views light more than half of it.
 
-    images: of the scene's views, in their order. estimate: as `JointEstimate`. noise: as an estimate by matches has
-    found it; the rough estimates weigh with it, so that brightness counts loosely and its smooth errors pull little.
-    poses_are_known: from a larger model; smooth errors then pull little at them, and each rough estimate measures its
-    noise.
+    images: of the scene's views, in their order. estimate: as `JointEstimate`. noise: found by an estimate from
+    matches. The rough estimates take their weights from it, so that brightness has a low weight and its smooth errors
+    bias little. poses_are_known: whether the poses come from a larger model. Smooth errors then hardly bias them, and
+    each rough estimate measures its noise.
+
     ROUGH_PASSES rough estimates are made and a last one, each with brightness and gradients taken where the one before
     projects. Landmarks that stray in a rough one are put back and left to their matches, and brightness that a cosmic
-    ray or a hot pixel has raised is left out. Where the rough ones have converged, brightness counts in the last
-    without its smooth errors. Uncertainties allow for what that moves.
+    ray or a hot pixel has raised is left out. Where the rough estimates have converged, the smooth errors of brightness
+    are removed before the last one. Uncertainties allow for the resulting move.
     """
     start, gradients = image_gradients(scene, images)
     if np.mean(gradients.of_landmarks(start.tracks)) < MIN_SHARE:
@@ -99,9 +102,9 @@ def without_smooth_errors(
 ) -> tuple[Scene, ImageGradients]:
     """The scene and gradients of the last estimate.
 
-    The normals get the long waves of the surface. With that geometry held, the photometry is estimated, and what
-    brightness then lacks smoothly in each view is the gradients' factor. Both are as given where normals and surface
-    agree.
+    The normals get the long waves of the surface. With that geometry held, the photometry is estimated. The smooth
+    differences of brightness that remain in each view become the gradients' factor. Scene and gradients are returned as
+    given where normals and surface agree.
     """
     along = normals_along_surface(scene, gradients.of_landmarks(scene.tracks))
     if along is None:
@@ -149,7 +152,8 @@ def has_strayed(scene: Scene) -> np.ndarray:
 
 
 def reset_landmarks(scene: Scene, before: Scene, which: np.ndarray) -> Scene:
-    """The scene with landmarks `which` (J,) as they were before, to the reference view: frames may differ."""
+    """The scene with landmarks `which` (J,) as they were before, relative to the reference view, since frames may
+    differ."""
     now, then = (one.views.body_from_cam[one.reference] for one in (scene, before))
     landmarks, old = scene.landmarks, before.landmarks
     position, normal, albedo = landmarks.position.copy(), landmarks.normal.copy(), landmarks.albedo.copy()

@@ -1,7 +1,7 @@
-"""Whether Suns are wrong that the sparse points contradict: as the brightness of some landmarks of the map tells it.
+"""Whether Suns that the sparse points contradict are really wrong, judged by the brightness of landmarks of the map.
 
-Sparse ground is coarse: it contradicts sound Suns of steep ground, and does not tell which of several is wrong. The
-landmarks of the map are dense. A Sun that is wrong by itself holds its view's shading to what is not there.
+Sparse ground is coarse: it contradicts sound Suns of steep ground, and does not show which of several Suns is wrong.
+The landmarks of the map are dense. A wrong Sun of a single view distorts the slopes that its shading implies.
 """
 
 from __future__ import annotations
@@ -31,17 +31,18 @@ FALSE_ALARMS = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class DoubtfulSuns:
-    """What the map tells of the Suns of its K views."""
+    """The errors of the Suns of the map's K views, as determined from the map."""
 
     wrong: np.ndarray
     """(K,) bool: those that are wrong by themselves."""
     sun: np.ndarray
-    """(K, 3) unit vectors in B: where brightness has them; as they were where they are not wrong."""
+    """(K, 3) unit vectors in B: wrong ones as brightness determines them, the others as they were."""
     off: np.ndarray
-    """(K,) by how much they are wrong [rad]; NaN where the map does not tell."""
+    """(K,) by how much they are wrong [rad]; NaN where the map does not determine it."""
 
     def taken_into_account(self, scene: Scene) -> Scene:
-        """The scene with wrong Suns where the images have them, and as uncertain as they were wrong."""
+        """The scene with wrong Suns replaced by those that fit the images, and with uncertainties as large as their
+        errors."""
         views = scene.views
         sigma = np.where(self.wrong, np.fmax(views.sun_sigma, self.off), views.sun_sigma)
         return replace(scene, views=replace(views, sun=self.sun, sun_sigma=sigma))
@@ -87,9 +88,9 @@ class CheckDoubtfulSuns(Stage[DoubtfulSuns]):
 
 
 def largest_by_chance(suns: int) -> float:
-    """Standard deviations that none of so many sound Suns is off by, but for FALSE_ALARMS of the sites.
+    """Standard deviations that no Sun of `suns` sound ones is off by, except at a share FALSE_ALARMS of the sites.
 
-    Of one Sun's error along two axes the length exceeds x standard deviations with the probability exp(-x^2 / 2)
+    The length of one Sun's error along two axes exceeds x standard deviations with the probability exp(-x^2 / 2)
     (Rayleigh).
     """
     return math.sqrt(2.0 * math.log(suns / FALSE_ALARMS))

@@ -1,7 +1,7 @@
 """The first estimate of a large map, by some of its landmarks.
 
-It is relit and matched again, so that what it lacks in detail is made up for by shading. A quarter of the landmarks
-tell all that landmarks share as well as all of them do.
+The map is then relit and matched again, so that shading adds the missing detail. A quarter of the landmarks determine
+the parameters that all landmarks share as well as all of them do.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from photoclinometry.photometry.shading import normals_from_shading
 from photoclinometry.surface.relief import reference_depth
 
 FIRST_STRIDE = 2
-"""Of every so many rows and columns there is a landmark in the first estimate."""
+"""Spacing of the landmarks in the first estimate [rows and columns of the map]."""
 
 LARGE = 40_000
 """Landmarks from which on a map is first estimated by some. Smaller ones take seconds, and need all that they have."""
@@ -29,7 +29,7 @@ _WHOLE = 1.0 - 1e-6
 
 
 def first_estimate(start: Scene, estimate: Callable[[Scene], Adjustment]) -> Adjustment:
-    """The scene estimated from `start`; of a large map some landmarks are, and the others between them."""
+    """The scene estimated from `start`. In a large map some landmarks are estimated and the others interpolated."""
     if len(start.landmarks) < LARGE:
         return estimate(start)
     part = start.of_every(FIRST_STRIDE)
@@ -38,11 +38,12 @@ def first_estimate(start: Scene, estimate: Callable[[Scene], Adjustment]) -> Adj
 
 
 def interpolated_estimate(found: Scene, before: Scene, scene: Scene) -> Scene:
-    """The scene at its start, all landmarks as the estimate has some: found, at whose start they were `before`.
+    """The scene with all landmarks interpolated from the estimate of some of them.
 
-    Depths in the reference view, normals and albedos are those between the landmarks that were estimated, by cubic
-    splines. Beside holes and at the map's edge, where there are none on all sides, a landmark keeps its depth but for
-    what the nearest one's has changed by. Normals and albedos are then sharpened by the landmarks' own brightness.
+    found: the estimate of those landmarks; before: the same landmarks at its start; scene: all landmarks at their
+    start. Cubic splines interpolate depths in the reference view, normals and albedos. Beside holes and at the map's
+    edge, where estimated landmarks are missing on some side, the depth of a landmark changes by as much as that of the
+    nearest estimated one. Normals and albedos are then sharpened by the landmarks' own brightness.
     """
     step = found.region.stride // scene.region.stride
     row, col = scene.cells

@@ -36,11 +36,11 @@ from photoclinometry.registration.alignment import align_views
 log = logging.getLogger(__name__)
 
 HELD_SUN_RAD, HELD_BIAS = 1e-3, 1e-3
-"""Where photometry is held, standard deviations of each Sun at most, and of biases as a share of the median
-brightness: Suns and biases then stay at what is stated of them."""
+"""Where photometry is held, the largest standard deviations of each Sun, and of biases as a share of the median
+brightness: Suns and biases then stay at their stated values."""
 
 HELD_SIGMA = 1e-3
-"""Standard deviation of positions and normals that are held [GSD, rad]: far below what images tell."""
+"""Standard deviation of positions and normals that are held [GSD, rad]: far below that of any estimate from images."""
 
 ROUGH_REWEIGHTING = 2
 """Reweighting iterations of a rough estimate: with the noise known before it, and with what is measured then."""
@@ -53,8 +53,8 @@ class EstimateSettings:
     keypoint_sigma_factor: float = 1.0
     """On the keypoints' standard deviations, besides `AdjustOptions.keypoint_sigma_factor`."""
     rough: bool = False
-    """Whether it ends early and without uncertainties: its map is matched again, and what has not converged by then are
-    slow motions of the map as a whole."""
+    """Whether it ends early and without uncertainties: its map is matched again, and only slow motions of the map as a
+    whole have not converged by then."""
     all_steps: bool = False
     """Whether a rough estimate takes all steps that the options allow: `refine_directly` asks whether it has
     converged."""
@@ -63,7 +63,8 @@ class EstimateSettings:
     noise: Noise | None = None
     """As an earlier estimate of nearly the same scene has found it."""
     least_keypoint_factor: float = 0.0
-    """As of `adjust`: how well keypoints are met is no measure of matches with the map's own relit reference."""
+    """As of `adjust`: residuals of keypoints do not measure the errors of matches with the map's own relit
+    reference."""
     reweighting: int | None = None
     """Reweighting iterations, if fewer than options allow; left out, ROUGH_REWEIGHTING of rough estimates."""
     photometry_alone: bool = False
@@ -85,8 +86,8 @@ class EstimateSettings:
 def by_relit_matches(noise: Noise | None) -> EstimateSettings:
     """The last estimate of a map by matches with its own relit reference.
 
-    Such matches repeat the map's errors, and agree with it the better, the fewer views there are: 0.003 px where they
-    are off by 0.08 px. noise: as the loose estimates of the iterations before have found it; keypoints are stated to be
+    Such matches repeat the map's errors. The fewer views there are, the better they agree with the map: to 0.003 px
+    where they are off by 0.08 px. noise: from the loose estimates of the iterations before; keypoints are stated to be
     no better.
     """
     return EstimateSettings() if noise is None else EstimateSettings(least_keypoint_factor=noise.keypoint_factor)
@@ -94,7 +95,7 @@ def by_relit_matches(noise: Noise | None) -> EstimateSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class JointEstimate:
-    """What all joint estimates of a run are given, besides their start."""
+    """The inputs that all joint estimates of a run share, besides their start."""
 
     options: AdjustOptions
     reflectance: Reflectance | None = None
@@ -106,14 +107,14 @@ class JointEstimate:
     pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
     """By name of view; none, or enough to determine a frame."""
     known_views: KnownViews | None = None
-    """In the frame of the sparse stage, of which the map then is."""
+    """In the frame of the sparse stage, which then is the map's frame."""
     control: tuple[ControlPoint, ...] = ()
     """Ground control points, in the frame of the pose priors where there are such."""
     altimetry: AltimeterTracks | None = None
     """Laser altimetry, in the frame of the pose priors or control points."""
     holds_photometry: bool = False
-    """Whether Suns, biases and reflectance parameters stay at what is known of them. What all of a map shares follows
-    any error of its brightness, however small a share of the residuals that is; slopes then shrink or grow with it."""
+    """Whether Suns, biases and reflectance parameters stay at their known values. Parameters that the whole map shares
+    follow any error of its brightness, even one that is a small share of the residuals; slopes then shrink or grow."""
 
     def __call__(self, start: Scene, settings: EstimateSettings, progress: Progress = no_progress) -> Adjustment:
         """The scene estimated from `start`: with pose priors and control points once it is in their frame, without
@@ -192,7 +193,7 @@ class JointEstimate:
         return ground_control(agreeing_points(self.control, scene.views), scene.views)
 
     def _on_altimetry(self, scene: Scene) -> tuple[Scene, AltimeterTracks | None]:
-        """The scene under the altimeter's shots, and the tracks over it, where it is in their frame."""
+        """The scene moved onto the altimeter's shots, and the tracks over it, where it is in their frame."""
         tracks = None
         if self.altimetry is not None and scene.frame == BODY_FIXED:
             tracks = tracks_over(scene, self.altimetry)

@@ -141,7 +141,7 @@ class LastEstimate(Stage[FinishedMap]):
     """Of which the scene has the registered views."""
     direct: bool
     psf_sigma_px: float | None
-    """Of the images' point-spread function; None if they tell it."""
+    """Standard deviation of the images' point-spread function; None if it is to be determined from the images."""
 
     @property
     def file_name(self) -> str:
@@ -171,7 +171,7 @@ class LastEstimate(Stage[FinishedMap]):
 
 
 def _finished(scene: Scene, images: Sequence[Image]) -> Scene:
-    """What single landmarks and the ground around are to be, once all else is estimated. images: of its views."""
+    """The map with single landmarks and its surroundings mended, once all else is estimated. images: of its views."""
     scene = with_strays_fitted_again(with_neighbours_albedos(scene))
     if scene.reflectance is None:
         return scene

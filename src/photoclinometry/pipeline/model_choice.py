@@ -16,12 +16,12 @@ from photoclinometry.pipeline.map_stages import IntermediateMap
 log = logging.getLogger(__name__)
 
 CROSS_VALIDATION_LANDMARKS = 400
-"""That take part in a choice. 1500 rank the models of three sites alike, and take more than twice as long."""
+"""Landmarks that take part in a choice. 1500 rank the models of three sites alike, and take more than twice as long."""
 
 
 ONE_ERROR = 0.84
 """Probability within one standard error, one-sided: the model of a map is kept unless the best one is better by more
-than that (Breiman et al. 1984, Classification and Regression Trees). Of two that differ less either will do."""
+than that (Breiman et al. 1984, Classification and Regression Trees). If two differ by less, either will do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,9 +34,8 @@ class ChosenModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ChooseModel(Stage[ChosenModel]):
-    """The best of several models for a relit map; the one that it has, where no other is told from that.
-
-    It is the last estimate that gains from a better model. Matches, which all before it is for, hardly depend on one.
+    """The best of several models for a relit map; the present one where no other is significantly better.  Only the
+    last estimate gains from a better model. The stages before it serve the matches, which hardly depend on one.
     """
 
     name = "reflectance"
@@ -64,7 +63,8 @@ def model_by_cross_validation(
 ) -> tuple[Reflectance, str]:
     """The model of `candidates` to finish a scene with, as it is known beforehand, and the reason in a few words.
 
-    It is `known`, the scene's own as it is known beforehand, where no other is told from that or nothing is compared.
+    It is `known`, the scene's own as it is known beforehand, where no other is significantly better or nothing is
+    compared.
     """
     try:
         options = RankingOptions(models=candidates, landmarks=CROSS_VALIDATION_LANDMARKS)

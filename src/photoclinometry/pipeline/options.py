@@ -33,9 +33,9 @@ class RelightOptions(Ranged):
     """Direct photometric refinement: the last estimate takes each image's brightness and gradient where the map
     projects, instead of the matches."""
     psf_sigma_px: Annotated[float | None, Range(least=0, most=64)] = None
-    """Standard deviation of the camera's point-spread function [px]. What it and the pixels average away of the finest
-    relief is restored, unless `direct` is off. By default the images tell it: at most 1, and 0.5 unless they are
-    clearly sharper or more blurred."""
+    """Standard deviation of the camera's point-spread function [px]. The finest relief, which it and the pixels average
+    away, is restored, unless `direct` is off. By default it is determined from the images: at most 1, and 0.5 unless
+    they are clearly sharper or more blurred."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class RunOptions(Ranged):
     (--roma.weights, --roma.dinov2). Or another name in `matching.registry`, followed by iterations with that matcher.
     --relight.iterations 0 leaves the map at the first matches."""
     hold_out: tuple[str, ...] = ()
-    """Views to leave out of the map, and measure it on: only their poses are found, from the finished map."""
+    """Views that are left out of the map and used to measure it: only their poses are found, from the finished map."""
     pose_priors: bool = True
     """Where three views or more have pose priors (`cam_from_body`), put the map into their frame, body-fixed and in
     metres, and use them in the estimate."""
@@ -64,8 +64,8 @@ class RunOptions(Ranged):
     """Table of laser altimetry (CSV): track,x_m,y_m,z_m,sigma_m,track_sigma_m, body-fixed. Shots over the map take part
     in the estimate, once pose priors or control points have put it roughly in place."""
     check_views: bool = True
-    """Leave out views whose Sun direction, or what they show, contradicts the brightness of the others, and views that
-    are less sharp than the first map."""
+    """Leave out views whose Sun direction or content contradicts the brightness of the others, and views that are less
+    sharp than the first map."""
     sfm: SfmOptions = field(default_factory=SfmOptions)
     region: RegionOptions = field(default_factory=RegionOptions)
     flow: FlowOptions = field(default_factory=FlowOptions)

@@ -1,4 +1,4 @@
-"""A site whose views have poses: what the stages after structure from motion are given."""
+"""A site whose views have poses: the input of the stages after structure from motion."""
 
 from __future__ import annotations
 

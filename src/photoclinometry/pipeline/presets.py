@@ -1,4 +1,4 @@
-"""Options for common cases, by name. Everything that is given beside a preset goes before it.
+"""Options for common cases, by name. Options that are given beside a preset take precedence over it.
 
 phomo run site --preset quick --hold-out images/003.fits
 pcm.run("site/site.toml", "run", options=pcm.preset("quick"), hold_out=("images/003.fits",))

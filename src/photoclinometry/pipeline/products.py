@@ -1,4 +1,4 @@
-"""What a run leaves: scene, map, poses, figures and report."""
+"""The products of a run: scene, map, poses, figures and report."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class RunResult(Judged):
-    """What a run leaves."""
+    """The products of a run."""
 
     scene: Scene
     """The map, as in `scene.h5`."""
@@ -70,7 +70,7 @@ class RunResult(Judged):
     report: Path
     """The report's page."""
     left_out: dict[str, str]
-    """Names of views that the map was made without, and why."""
+    """Names of views that were left out of the map, and why."""
     judgement: Judgement
     """Whether the map is to be trusted; its parts are attributes of the result, too."""
 
@@ -97,9 +97,9 @@ class RunSummary:
     left_out: Mapping[str, str]
     """Names of views that are not in the scene, and why."""
     brought_in: Mapping[str, str] = field(default_factory=dict)
-    """Names of views that are, though light differs too much for plain matching, and how they came in."""
+    """Names of views in the scene whose light differs too much for plain matching, and how they were brought in."""
     held_out: Views | None = None
-    """Views that the scene was not made from, in its frame."""
+    """Views that were held out of the scene, in its frame."""
     iterations: Sequence[IterationFigures] = ()
     """Of the first map and of each relighting iteration."""
     pose_priors: Mapping[str, PosePrior] = field(default_factory=dict)
@@ -109,11 +109,11 @@ class RunSummary:
     altimetry: bool = False
     """Whether the run was given laser altimetry."""
     relief: ReliefCheck | None = None
-    """Of the map beside the parallax of the images; None where it was not looked at."""
+    """Relief of the map compared with the parallax of the images; None where it was not checked."""
     psf_sigma_px: float | None = None
     """Standard deviation of the point-spread function with which fine relief was restored; None where it was not."""
     response: ResponseCheck | None = None
-    """Whether images are linear; None where it was not looked at."""
+    """Whether images are linear; None where it was not checked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +172,7 @@ def write_products(folder: RunFolder, summary: RunSummary) -> RunResult:
 
 
 def _write_held_out(file: Path, views: Views | None) -> None:
-    """Removes an older file where no view was held out."""
+    """Writes the held-out views; removes an older file where no view was held out."""
     from photoclinometry.io.held_out import write_held_out
 
     if views is None:
@@ -189,7 +189,7 @@ def log_verdict(judgement: Judgement) -> None:
 
 
 def _findings(folder: RunFolder, summary: RunSummary) -> _Findings:
-    """All that is found of the map; what is doubtful is warned of, and in the judgement."""
+    """All findings about the map; doubtful ones are warned of and enter the judgement."""
     tables = _tables(summary)
     metrics = _metrics(summary, tables)
     _warn(summary, tables, metrics)
@@ -237,7 +237,7 @@ def _metrics(summary: RunSummary, tables: _Tables) -> dict[str, float]:
 
 
 def _map_metrics(summary: RunSummary, tables: _Tables) -> dict[str, float]:
-    """Figures of the scene by itself and beside its images."""
+    """Figures of the scene by itself and compared with its images."""
     from photoclinometry.evaluate.evaluate import evaluate_scene
 
     scene = summary.adjustment.scene
@@ -249,7 +249,7 @@ def _map_metrics(summary: RunSummary, tables: _Tables) -> dict[str, float]:
 
 
 def _warn(summary: RunSummary, tables: _Tables, metrics: Mapping[str, float]) -> None:
-    """Warns of what is doubtful in the finished map."""
+    """Warns of doubtful properties of the finished map."""
     scene = summary.adjustment.scene
     warn_of_outliers(tables.pose_priors)
     warn_of_contradictions(tables.control)
@@ -326,7 +326,7 @@ def _rows(table: Sequence[PriorRow | ControlRow | TrackRow]) -> list[Row]:
 
 
 def _frame_metrics(covariance: np.ndarray) -> dict[str, float]:
-    """How well the map's place, attitude and scale in a known frame are known. covariance: (7, 7), or empty."""
+    """Standard deviations of the map's place, attitude and scale in a known frame. covariance: (7, 7), or empty."""
     if not covariance.size:
         return {}
     variance = np.diag(covariance)
@@ -338,7 +338,7 @@ def _frame_metrics(covariance: np.ndarray) -> dict[str, float]:
 
 
 def _noise_metrics(adjustment: Adjustment) -> dict[str, float]:
-    """What the errors of measurements were found to be; those of brightness only where it was used."""
+    """The estimated errors of the measurements; those of brightness only where it was used."""
     photometric = adjustment.scene.reflectance is not None
     noise = {name: value for name, value in asdict(adjustment.noise).items() if np.isfinite(value)}
     return {name: value for name, value in noise.items() if photometric or not name.startswith("brightness")}

@@ -1,4 +1,4 @@
-"""The joint estimate alone: from a text model, which somebody else has matched and triangulated, to a better one."""
+"""The joint estimate alone: it improves a text model that another program has matched and triangulated."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class RefineOptions(Ranged):
-    """What the files of a model do not say, and how the estimate is made."""
+    """Properties of a model that its files do not state, and options of the estimate."""
 
     reflectance: ModelChoice = "auto"
     """Reflectance model. auto: lunar-lambert where brightness is I/F and the body has published coefficients, else
@@ -45,8 +45,9 @@ class RefineOptions(Ranged):
     phase_coefficients: Annotated[tuple[float, ...] | None, Range()] = None
     """c_0, c_1 [1/rad], c_2 [1/rad^2], ... of the phase function, in place of the published ones."""
     albedo_unit: Annotated[float | None, Range(above=0)] = None
-    """What the model's albedos are multiplied with to be normal albedos, and divided by again in the refined model: the
-    authors' are in units of c_0 (Vesta 0.301, Ceres 0.0746). Left out: c_0 of the phase coefficients given, else 1."""
+    """Unit of the model's albedos: they are multiplied by it to become normal albedos, and divided by it again in the
+    refined model. The authors' are in units of c_0 (Vesta 0.301, Ceres 0.0746). Left out: c_0 of the phase coefficients
+    given, else 1."""
     brightness: Literal["auto", "iof", "dn"] = "auto"
     """What INTENSITY is: radiance factor I/F, or linear uncalibrated numbers. auto: I/F if the reflectance model has a
     phase function (auto: if the body is named), else uncalibrated."""
@@ -63,12 +64,13 @@ class RefineOptions(Ranged):
     adjust: AdjustOptions = field(
         default_factory=lambda: AdjustOptions(keypoint_correlation_px=1.0, reflectance_sigma=0.0)
     )
-    """As of `phomo run`, but keypoints are taken to err independently and the reflectance is held, as theirs are."""
+    """As of `phomo run`, but keypoints are assumed to have independent errors and the reflectance is held, as in the
+    authors' estimates."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """A model as the estimate starts from it."""
+    """The model from which the estimate starts."""
 
     source: Path
     """The model's folder."""
@@ -93,7 +95,7 @@ class RefineModel(Stage[Adjustment]):
 
 
 def read_start(folder: Path, options: RefineOptions | None = None) -> Start:
-    """The model in `folder`, with what the options say of it.
+    """The model in `folder`, completed by the options.
 
     Raises InputError for models that are damaged or cannot be explained: nothing lit, albedos in another unit.
     """
@@ -126,8 +128,8 @@ def refine(
 ) -> RunResult:
     """The joint estimate of a model, as a run folder with the refined model in `out`/model.
 
-    There are no images, so that there are no renderings beside them in the report. What the folder holds of the same
-    estimate is not estimated again. overwrite: what it holds of another model is removed first. Raises InputError and
+    There are no images, and hence no renderings beside them in the report. Results of the same estimate in the folder
+    are used again. overwrite: results of another model in the folder are removed first. Raises InputError and
     ReconstructionError.
     """
     options = options or RefineOptions()
@@ -150,7 +152,7 @@ def refine(
 
 
 def photometry(options: RefineOptions) -> tuple[Reflectance | None, str, float]:
-    """The reflectance, what the brightness is ("iof" or "dn"), and the albedos' unit. Raises InputError."""
+    """The reflectance, the kind of brightness ("iof" or "dn"), and the albedos' unit. Raises InputError."""
     brightness = options.brightness
     if brightness == "auto":
         named = options.reflectance == "auto" and has_published("lunar-lambert", options.body)

@@ -1,4 +1,4 @@
-"""A relighting iteration: the map rendered under each view's Sun, matched again, and what that changed.
+"""A relighting iteration: the map is rendered under each view's Sun and matched again, and the change is measured.
 
 Brightness is taken where the map projects, normals and albedos are sharpened by it (`shading`), every view is matched
 with the reference relit for it (`matching.relight`), and the matches are triangulated. The joint estimate of the result
@@ -34,16 +34,16 @@ from photoclinometry.photometry.shading import brightness_on_surface, normals_fr
 log = logging.getLogger(__name__)
 
 INCONSISTENT_SHARE, INCONSISTENT_TIMES = 0.03, 3.0
-"""The brightness of a view is inconsistent with the map that is off by more than this share of what it would be under a
-Sun overhead, and by so many times what is usual."""
+"""A view's brightness is inconsistent with the map if it is off by more than this share of its brightness under a Sun
+overhead, and by more than this multiple of the median view's deviation."""
 
 WRONG_LIGHT = 0.15
-"""Share by which the first map's brightness is off where most Suns are wrong. Of a small simulated site it is 0.006
-with its Suns, and 0.22 to 0.67 with eight sets of wrong ones."""
+"""Share by which the first map's brightness is off where most Suns are wrong. On a small simulated site it is 0.006
+with the right Suns, and 0.22 to 0.67 with eight sets of wrong ones."""
 
 MIN_ITERATIONS = 2
-"""Iterations that are made in any case, where so many are allowed: one in which brightness moves the map, one in which
-it settles."""
+"""Iterations that are made in any case, where the options allow them: one in which brightness moves the map, one in
+which it settles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,7 @@ class IterationFigures:
     """None of the first map."""
 
     def as_row(self) -> dict[str, float]:
-        """By name; without what there is none of."""
+        """By name; figures that do not exist are left out."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 
@@ -77,8 +77,8 @@ def rematch(
 ) -> Scene:
     """The scene with landmarks and tracks from new matches against the relit reference, ready to be estimated.
 
-    images: of the scene's views. matcher: what meets the relit reference. what: progress' first word. Raises
-    ReconstructionError where fewer than FEWEST_LANDMARKS are found again.
+    images: of the scene's views. matcher: matches them with the relit reference. what: first word of the progress.
+    Raises ReconstructionError where fewer than FEWEST_LANDMARKS are found again.
     """
     sharp = fill_holes(normals_from_shading(brightness_on_surface(scene, images)))
     setup = MatchSetup(
@@ -182,11 +182,11 @@ def is_settled(number: int, moved_px: float, settled_px: float) -> bool:
 def inconsistent_brightness(scene: Scene) -> list[tuple[str, float]]:
     """Names of views that the map explains much worse than the others, and how far off their brightness is.
 
-    That is the median size of lit residuals over the median brightness, measured or predicted, whichever is brighter:
-    of ground that is dark where light was predicted it is 1. It is inconsistent if, times the median cosine
-    of incidence, it is more than INCONSISTENT_SHARE, and INCONSISTENT_TIMES that of the median view: a Sun wrong by
-    tens of degrees makes it so. Errors of slopes change brightness as much under a low Sun as under a high one, but are
-    a larger share of it.
+    The deviation is the median size of lit residuals over the median brightness, measured or predicted, whichever is
+    brighter: it is 1 for ground that is dark where light was predicted. A view is inconsistent if its deviation times
+    the median cosine of incidence is more than INCONSISTENT_SHARE, and more than INCONSISTENT_TIMES that of the median
+    view, as with a Sun that is wrong by tens of degrees. Errors of slopes change brightness as much under a low Sun as
+    under a high one, but are a larger share of it.
     """
     if scene.reflectance is None:
         return []
@@ -219,7 +219,7 @@ def _warn_of_inconsistent_views(scene: Scene) -> None:
 
 
 def _observation_number(scene: Scene) -> np.ndarray:
-    """(N,) a number for each observation that tells its reference pixel and its view."""
+    """(N,) a number for each observation that identifies its reference pixel and its view."""
     row, col = scene.cells
     cell = (row * scene.region.grid_shape[1] + col).astype(np.int64)
     return cell[scene.tracks.landmark] * len(scene.views) + scene.tracks.view

@@ -1,4 +1,4 @@
-"""Whether the images are linear in radiance, as the brightness of some landmarks tells it."""
+"""Whether the images are linear in radiance, judged by the brightness of some landmarks."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from photoclinometry.pipeline.map_stages import IntermediateMap
 log = logging.getLogger(__name__)
 
 RESPONSE_LANDMARKS = 250
-"""That take part, about. With 400, exponents of 16 maps of encoded images differ by 0.03 in the median, and take half
-as long again; with 120 they scatter by 0.1 to 0.3."""
+"""Approximate number of landmarks used. With 400, exponents of 16 maps of encoded images differ by 0.03 in the median,
+and take half as long again; with 120 they scatter by 0.1 to 0.3."""
 NOTICEABLE = math.log(1.3)
-"""Logarithm of an exponent below which images are left as they are. Images for the eye have 1.8 and more; models that
-are not the ground's make up for 0.93 to 1.08 of sites that fit them well, for 1.45 of sites that fit them badly."""
+"""Logarithm of an exponent below which images are left as they are. Images encoded for display have 1.8 and more. Wrong
+reflectance models give exponents of 0.93 to 1.08 on sites that they fit well, and of 1.45 on sites that they fit
+badly."""
 RESPONSE_MODEL = "hapke"
 """Fitted besides the model of the last estimate, see `response_models`."""
 CODE = "response-not-linear"
 METRIC = "response_gamma"
 """Name of the exponent among the figures of a run."""
 LEAST_GAIN = 0.08
-"""Least share by which views must be predicted better: less may be a model that is not the ground's."""
+"""Least share by which views must be predicted better: a wrong reflectance model may cause less."""
 CONFIDENCE = 0.995
 """Views are predicted better with this probability, see `is_larger`."""
 
@@ -39,12 +40,12 @@ class ResponseCheck:
     """The exponent of the images' response."""
 
     gamma: float
-    """The power that the numbers are to be raised to; NaN where images do not tell it."""
+    """The power to which the numbers are to be raised; NaN where the images do not determine it."""
     is_clear: bool
     """Whether it is not 1, and matters."""
 
     def metrics(self) -> dict[str, float]:
-        """For `metrics.json`; none where images do not tell it."""
+        """For `metrics.json`; none where the images do not determine it."""
         return {} if math.isnan(self.gamma) else {METRIC: self.gamma}
 
 
@@ -58,14 +59,14 @@ class CheckResponse(Stage[ResponseCheck]):
     models: tuple[Reflectance, ...]
     """As they are known beforehand; see `response_models`."""
     stated: tuple[float, ...]
-    """Exponents that the site states of its cameras, by which the images were decoded; each once."""
+    """Exponents that the site states for its cameras, and with which the images were decoded; each once."""
 
     def make(self, tools: Tools) -> ResponseCheck:
         scene = self.relit.value.scene
         try:
             found = response_of(scene, self.models, RESPONSE_LANDMARKS)
         except InputError as error:
-            log.info("whether images are linear is not told: %s", error)
+            log.info("images are not checked for linearity: %s", error)
             return ResponseCheck(gamma=math.nan, is_clear=False)
         gamma, sigma = found.gamma, found.gamma * found.sigma
         clear = is_clear(found)
@@ -82,16 +83,15 @@ class CheckResponse(Stage[ResponseCheck]):
 
 
 def response_models(scene: Scene, last: Reflectance) -> tuple[Reflectance, ...]:
-    """That of the last estimate, and Hapke's.
+    """The model of the last estimate, and Hapke's.
 
-    A model that was chosen for images of a wrong response may take most of that upon itself, as Minnaert's parameter
-    does.
+    A model that was chosen for images of a wrong response may compensate for most of it, as Minnaert's parameter does.
     """
     return (last, starting_model(RESPONSE_MODEL, scene.body)) if last.name != RESPONSE_MODEL else (last,)
 
 
 def remedy(gamma: float, stated: tuple[float, ...]) -> str:
-    """What to write, where images have been decoded by what is stated."""
+    """The correction to write, where images were decoded with stated exponents."""
     if len(stated) == 1:
         return f"write gamma = {gamma * stated[0]:.2f} to the camera"
     return f"multiply the gamma of each camera by {gamma:.2f}"

@@ -45,7 +45,7 @@ def run(
 ) -> RunResult:
     """Maps a site: from `site.toml` and images to everything in the run folder `out`.
 
-    A folder that holds part of the same run is gone on with. overwrite: what it holds of another site is removed first.
+    A folder that holds part of the same run is continued. overwrite: results of another site in it are removed first.
     Raises InputError (what was given is wrong, or the folder belongs to another site or is in use) and
     ReconstructionError (the images do not determine a map).
     """
@@ -59,7 +59,7 @@ def run(
 
 
 def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, config: dict[str, Any]) -> RunResult:
-    """All stages, and what they leave."""
+    """All stages, and their products."""
     inputs = read_inputs(folder, site)
     check_reference(site, inputs.value.unusable)
     usable = np.array([image.name not in inputs.value.unusable for image in inputs.value.images])
@@ -71,7 +71,7 @@ def _map(folder: RunFolder, site: Site, choices: Choices, options: RunOptions, c
 
 
 def map_posed(folder: RunFolder, posed_site: PosedSite, config: dict[str, Any]) -> RunResult:
-    """The stages after the sparse one, and what they leave. config: what shaped the map, for its report."""
+    """The stages after the sparse one, and their products. config: the options that shaped the map, for its report."""
     site, posed, choices, options = posed_site.site, posed_site.posed, posed_site.choices, posed_site.options
     checked_with = choices.reflectance if options.check_views else None
     chosen = choose_views(folder, posed, choices.held_out, checked_with)

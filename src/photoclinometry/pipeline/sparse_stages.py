@@ -28,14 +28,14 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class Inputs:
-    """What was measured: images with their cameras and Sun directions."""
+    """The measurements: images with their cameras and Sun directions."""
 
     site: Site
-    """Without region and pose priors, which not all stages depend on."""
+    """The site without region and pose priors, on which not all stages depend."""
     images: list[Image]
     """(K,) in the site's order."""
     unusable: Mapping[str, str] = field(default_factory=dict)
-    """Views that show nothing, or whose brightness cannot be, by name, with the reason. No stage uses them."""
+    """Views that show nothing, or whose brightness is impossible, by name, with the reason. No stage uses them."""
 
     @property
     def cameras(self) -> list[Camera]:
@@ -44,7 +44,7 @@ class Inputs:
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """What is mapped."""
+    """The place that is mapped."""
 
     reference: int
     """The reference view, among all of the site's."""
@@ -77,7 +77,8 @@ class PosedImages:
         return [self.inputs.value.images[k] for k in np.flatnonzero(self.sparse.value.registered)]
 
     def without(self, views: np.ndarray) -> PosedImages:
-        """With some views (K,) bool counted as not registered. However these were found, the key is the same."""
+        """A copy in which some views (K,) bool count as not registered. The key does not depend on how they were
+        found."""
         kept = Keyed(without_views(self.sparse.value, views), digest(self.sparse, views))
         return replace(self, sparse=kept)
 
@@ -107,7 +108,7 @@ class SparseReconstruction(Stage[SparseModel]):
 
 @dataclass(frozen=True, kw_only=True)
 class ViewCheck(Stage[InconsistentViews]):
-    """Views whose Sun, or what they show, contradicts the brightness of the others."""
+    """Views whose Sun or content contradicts the brightness of the others."""
 
     name = "inconsistent_views"
     result = InconsistentViews
@@ -142,7 +143,7 @@ class ChooseRegion(Stage[Place]):
 
 
 def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
-    """The images of a site, with a digest of their content and of what the site says of them.
+    """The images of a site, with a digest of their content and of the site's statements about them.
 
     Views that show nothing, or whose brightness cannot be that of ground, are named, to be left out. Raises SiteError,
     ImageError.
@@ -167,19 +168,19 @@ def read_inputs(folder: RunFolder, site: Site) -> Keyed[Inputs]:
 
 
 def without_priors(site: Site) -> Site:
-    """The site without region and pose priors, which not all stages depend on."""
+    """The site without region and pose priors, on which not all stages depend."""
     return replace(site, region=None, views=tuple(replace(view, pose_prior=None) for view in site.views))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChosenViews:
-    """The views that a map is made of, and what is to be said of others."""
+    """The views that a map is made from, and remarks on the others."""
 
     used: PosedImages
     left_out: dict[str, str]
-    """Names of the others but for those held out, with why they are left out."""
+    """Names of the others except held-out ones, with the reason why they are left out."""
     doubtful: tuple[str, ...] = ()
-    """Names of used ones whose Suns the sparse points contradict."""
+    """Names of used views whose Suns the sparse points contradict."""
 
 
 def choose_views(
@@ -205,7 +206,7 @@ def choose_views(
 
 
 def check_reference(site: Site, left_out: Mapping[str, str]) -> None:
-    """Raises InputError where the view is left out whose pixels the site wants mapped."""
+    """Raises InputError where the reference view that the site names is left out."""
     chosen = site.region.reference if site.region else None
     if chosen is not None and chosen in left_out:
         raise InputError(

@@ -22,14 +22,14 @@ and 0.96; with all Suns mirrored -2.2 and -0.3, all equal -4.2 and -1.4, with on
 -4.9."""
 
 MOST_LEFT_OUT = 0.5
-"""If more than this share of the views is left out, those that were used are the exception, and nothing tells which
+"""If more than this share of the views is left out, those that were used are the exception, and nothing shows which
 part of the site is right."""
 
 HIGHEST_ALBEDO = 2.0
 """Median normal albedo that no surface has: Enceladus, the brightest body known, has 1.4 (Verbiscer et al. 2007)."""
 
 NOT_LINEAR = "the numbers of the images are not linear in radiance"
-"""Of all images: a tile of a body that says so has no worse map than others."""
+"""A statement about all images: a tile of a body with this warning has no worse map than others."""
 
 SWEEPS = 5
 """Alternating least squares of albedos and exposures: five and fifty give the same share, to 0.0005, on sound sites and
@@ -69,7 +69,7 @@ def why_untrusted(
 
 
 def encoded_images(warnings: Sequence[Warned]) -> list[str]:
-    """The reason for distrust of a map whose images were found not to be linear; none without that warning."""
+    """The reason for distrust where images were found not to be linear; none without that warning."""
     return [NOT_LINEAR] if any(warned.code == RESPONSE for warned in warnings) else []
 
 
@@ -92,9 +92,9 @@ def brightness_off(scene: Scene) -> float:
 def change_explained(scene: Scene) -> float:
     """The share of the change of brightness between images that the map explains.
 
-    It is 1 - a / b by the median size of residuals: a those of the map, b those of I_jk = albedo_j exposure_k, which is
-    a ground without slopes under any light. 1 where everything is explained, below 0 where the map explains less
-    than such a ground. Medians, so that a view with a wrong exposure does not decide. 1 where nothing is lit.
+    It is 1 - a / b, where a and b are median sizes of residuals: a of the map, b of I_jk = albedo_j exposure_k, the
+    model of ground without slopes under any light. 1 where everything is explained, below 0 where the map explains less
+    than such a ground. Medians keep a view with a wrong exposure from deciding. 1 where nothing is lit.
     """
     tracks = scene.tracks
     lit = tracks.lit

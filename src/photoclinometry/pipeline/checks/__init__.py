@@ -1,1 +1,1 @@
-"""What a finished map is examined for: each finds one fault, and warns of it or mends it."""
+"""Checks of a finished map: each finds one fault, and warns of it or mends it."""

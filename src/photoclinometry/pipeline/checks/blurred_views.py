@@ -19,16 +19,16 @@ at most, and those blurred by 1, 1.5 and 2 px have 0.84, 1.56, and 1.84 to 2.0."
 
 
 MOST_SHARE = 0.5
-"""A view is left out that is blurred by more than this share of the most blurred one's: that one blurs the first map,
-beside which the others seem to be blurred, too."""
+"""A view is left out if its blur is more than this share of the most blurred view's. The most blurred view blurs the
+first map, and compared with that map the others seem to be blurred, too."""
 
 
 def views_to_leave_out(scene: Scene, fewest: int, has_prior: np.ndarray | None = None) -> dict[int, float]:
     """Views that blur the map, by index, with their blur [px of the view].
 
-    The most blurred go first, as long as `fewest` views are left, and MIN_PRIORS of those whose pose prior is used,
-    has_prior (K,) bool: with fewer, the frame that the map is in by now would not be held. The reference view stays,
-    whose pixels are the map's. None of a scene without reflectance.
+    The most blurred go first, as long as `fewest` views are left, and MIN_PRIORS views whose pose prior is used. With
+    fewer priors the map's present frame would not be held. has_prior: (K,) bool. The reference view stays, since its
+    pixels are the map's. None of a scene without reflectance.
     """
     if scene.reflectance is None or not scene.tracks.lit.any():
         return {}
@@ -43,7 +43,7 @@ def views_to_leave_out(scene: Scene, fewest: int, has_prior: np.ndarray | None =
 
 
 def why_left_out(blur: float) -> str:
-    """What is said of a view that is left out."""
+    """The reason that is given for a view that is left out."""
     return f"it is less sharp than the other views, as if blurred by {blur:.1f} px"
 
 

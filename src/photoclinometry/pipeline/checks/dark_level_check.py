@@ -14,15 +14,16 @@ from photoclinometry.model.warning import warn
 log = logging.getLogger(__name__)
 
 MOST_UNKNOWN = 0.5
-"""Share of the median brightness that the darkest pixels may have, where no shadow or sky shows the dark level: that
-level is not above them. An offset of half the brightness halves the contrast of shading, and the relief with it."""
+"""Largest share of the median brightness that the darkest pixels may have where no shadow or sky shows the dark level.
+The dark level is not above the darkest pixels. An offset of half the brightness halves the contrast of shading, and the
+relief with it."""
 
 NAMED = 3
-"""So many images of the cameras of unknown dark level are named."""
+"""Number of images of the cameras with unknown dark level that the warning names."""
 
 
 def warn_of_dark_level(scene: Scene, images: Sequence[Image]) -> None:
-    """Warns of uncalibrated images of a map in which an offset may be left that halves the relief.
+    """Warns of uncalibrated images whose remaining offset may halve the relief of the map.
 
     Each camera has a dark level of its own, known where an image of it has one (`io.dark_level.dark_levels`).
     images: the views', less their dark level, among others and in any order.
@@ -57,7 +58,7 @@ def _valid(image: Image) -> np.ndarray:
 
 
 def _which(names: Sequence[str], views: int) -> str:
-    """In words: all uncalibrated images of so many views, or those of some cameras."""
+    """In words: the uncalibrated images of all `views` views, or those of some cameras."""
     if len(names) == views:
         return "these uncalibrated images"
     others = "" if len(names) <= NAMED else f" and {len(names) - NAMED} more"

@@ -1,4 +1,4 @@
-"""Whether the estimate left the Sun directions where they were stated to be."""
+"""Whether the estimate left the Sun directions near their stated ones."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ log = logging.getLogger(__name__)
 MOST_COMMON_SIGMAS, MOST_OWN_SIGMAS = 4.0, 6.0
 """Standard deviations beyond which all Suns of an arc together, and a single one, have moved too far. Those of 18
 simulated maps, whose ground has another reflectance than the one inverted, move by 4.0 at most, 1.1 in the root mean
-square. With a model that has no parameters single ones move by 8, which are half a degree: MODEL_RAD of movement is
-always allowed."""
+square. With a model without parameters single Suns move by 8 standard deviations, or half a degree: MODEL_RAD of
+movement is always allowed."""
 LEAST_SUN_SIGMAS = 2.0
-"""Standard deviations, by the estimate itself, within which Suns that moved together are where they were: where views
-contradict each other, it does not know the Suns better (sigmas of 2 degrees of Suns stated to 0.3)."""
+"""Suns that moved together by fewer of the estimate's own standard deviations have not moved significantly. Where views
+contradict each other, the estimate does not know the Suns better (sigmas of 2 degrees of Suns stated to 0.3)."""
 
 
 def warn_of_suns(scene: Scene) -> None:

@@ -1,9 +1,9 @@
 """Whether the relief of a map agrees with the parallax of its images.
 
-Brightness gives slopes, and with them relief: in proportion to how strongly images are shaded. What spoils the images
-(compression, a response that is not linear, haze) or is wrong about the light shrinks or stretches the relief, while
-every residual stays small. Matches of the images as they came, before any map existed, give heights without shading.
-These are noisy from landmark to landmark, but not over long distances.
+Brightness gives slopes, and with them relief in proportion to the strength of the shading. Spoiled images (compression,
+a response that is not linear, haze) or wrong Sun directions shrink or stretch the relief, while every residual stays
+small. Matches of the images as they came, before any map existed, give heights without shading. These are noisy from
+landmark to landmark, but not over long distances.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from photoclinometry.model.warning import warn
 log = logging.getLogger(__name__)
 
 SMOOTHING = 1 / 20
-"""Heights are compared after a Gaussian of this share of the map's shorter side: matching errors average out there, and
-relief of many wavelengths is left."""
+"""Heights are compared after smoothing by a Gaussian of this share of the map's shorter side: matching errors average
+out there, and relief of many wavelengths is left."""
 
 BLOCKS = 4
-"""The map is parted into BLOCKS x BLOCKS, of which each is left out once (jackknife)."""
+"""The map is divided into BLOCKS x BLOCKS blocks; each is left out once (jackknife)."""
 
 MOST_OFF, FAR_OFF = 0.05, 0.2
 """Shares by which relief may differ from that of parallax without being called wrong, and without making the whole map
@@ -45,11 +45,11 @@ more than 1. Of 13 maps of the images of Vesta as JPEG, with gamma or with disto
 have 0.92 to 0.95 of their relief. A limit of three standard deviations missed one of 0.78 +- 0.08."""
 
 MATCH_CORRELATION_PX = 25.0
-"""Side of the square of pixels whose dense matches err alike [px]: 20 to 35 px in 18 maps from matches alone. It is
-that of the first matches; residuals of a map that brightness made are of others."""
+"""Side of the square of pixels whose dense matches have the same error [px]: 20 to 35 px in 18 maps from matches alone.
+It holds for the first matches. Residuals of a map made from brightness belong to later matches."""
 
 _MOST_EXPONENT = 700.0
-"""Its exponential is still finite."""
+"""Largest exponent whose exponential is still finite."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class ReliefCheck:
 def relief_by_parallax(
     scene: Scene, position: np.ndarray, pixel: np.ndarray, correlation_px: float = MATCH_CORRELATION_PX
 ) -> ReliefCheck | None:
-    """The relief of a map beside that of points triangulated from matches that owe nothing to it.
+    """The relief of a map compared with that of points triangulated from matches made without the map.
 
     position: (M, 3) of the points, in any frame; pixel: (M, 2) int (row, col) of each in the reference image. None
     where too few points are in the map, too. correlation_px: side of the square of pixels whose matches err alike.
@@ -106,7 +106,7 @@ def relief_by_parallax(
     ratio = float(alone.sum() / both.sum())
     without = (alone.sum() - alone) / (both.sum() - both)
     without = without[np.bincount(block, minlength=BLOCKS**2) > 0]
-    # What errors of matches add by chance: few errors fit into a small map, and the jackknife does not see them.
+    # Chance errors of the matches: few independent ones fit into a small map, and the jackknife does not see them.
     left = np.sum((of_matches - of_map / ratio) ** 2) / alone.sum() * ratio**2
     chance = left / max(1.0, len(mine) * (scene.region.stride / correlation_px) ** 2)
     return ReliefCheck(ratio=ratio, sigma=math.hypot(float(jackknife_sigma(without)), math.sqrt(chance)))

@@ -17,8 +17,8 @@ random those within 0.25 GSD of the truth have 32 dB and more, 40 in the median;
 
 
 POOR_FIT_PERCENT = 2.0
-"""Half of all lit observations differ by more than this from what the map predicts: its sigmas, and its relief, rest on
-a model that is not that of the images. Of 218 maps those that are within 0.15 GSD of the truth have 1.8 at most, 0.5 in
+"""If half of all lit observations differ by more than this from the map's prediction, its sigmas and its relief rest on
+a model that does not fit the images. Of 218 maps those that are within 0.15 GSD of the truth have 1.8 at most, 0.5 in
 the median, also of ground of another reflectance; of images of a wrong response or with all Suns off by 3 degrees 2 to
 10. Detectors have noise of a half to one percent."""
 

@@ -24,18 +24,18 @@ UNEXPLAINED = 10.0
 normal has strayed: noise and errors of the model reach three to five."""
 
 LEAST_REDUCTION = 3.0
-"""So many times less of a stray landmark's residuals must be left, or it keeps its normal: brightness that the edge of
-a shadow spoils is explained little better by any other normal, which is then no nearer to the truth."""
+"""Factor by which a new normal must reduce the residuals of a stray landmark; otherwise the landmark keeps its normal.
+Where the edge of a shadow spoils the brightness, no other normal explains it much better or is nearer to the truth."""
 
 WINDOW = 5
 """Side of the square of landmarks whose normals and albedos a stray one starts again from."""
 
 
 def with_strays_fitted_again(scene: Scene) -> Scene:
-    """The scene, normals and albedos of stray landmarks being fitted again from their neighbours' on.
+    """The scene with normals and albedos of stray landmarks fitted again, starting from those of their neighbours.
 
-    A landmark whose brightness is then explained no better keeps what it has. Positions stay, and so does what is
-    stated of them. A scene of geometry alone, or whose brightness is explained everywhere, stays as it is.
+    A landmark whose brightness is then explained no better keeps its normal and albedo. Positions and their stated
+    uncertainties stay. A scene of geometry alone, or whose brightness is explained everywhere, stays as it is.
     """
     if scene.reflectance is None or not scene.tracks.lit.any():
         return scene

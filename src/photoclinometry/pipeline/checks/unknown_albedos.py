@@ -1,4 +1,4 @@
-"""Albedos that the images hardly tell, such as those of ground that one view lights."""
+"""Albedos that the images hardly determine, such as those of ground that is lit in one view only."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ log = logging.getLogger(__name__)
 
 
 def with_neighbours_albedos(scene: Scene) -> Scene:
-    """The scene, albedos that are not known being those of the nearest landmarks whose are. What is stated of them
-    stays.
+    """The scene with each unknown albedo replaced by that of the nearest landmark whose albedo is known. Stated
+    uncertainties stay.
 
     One landmark of 160,000 that a single view lights can have six times the albedo of its surroundings, and renderings
     show it under every light. A scene that states nothing of its albedos stays as it is.

@@ -1,8 +1,8 @@
-"""Sigmas of a direct refinement that allow for what its last two estimates disagree on.
+"""Sigmas of a direct refinement that allow for the disagreement of its last two estimates.
 
-The first counts brightness with its smooth errors, the last without them. No residual shows an error that all of a
-map shares; how far its removal has moved poses, Suns and ground does. What is left of it after the removal is taken to
-be as large as that.
+The first of the two uses brightness with its smooth errors, the last without them. An error that the whole map shares
+shows in no residual. It shows in the distance by which its removal has moved poses, Suns and ground. The error that is
+left after the removal is taken to be as large as this move.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ log = logging.getLogger(__name__)
 
 
 def with_inflated_uncertainties(scene: Scene, before: Scene, sound: np.ndarray) -> Scene:
-    """The scene, its uncertainties of each kind as many times larger as it moved beyond its noise.
+    """The scene with its uncertainties of each kind enlarged by the factor by which it moved beyond its noise.
 
     before: an earlier estimate of the same views and landmarks, by similar measurements. Each variance is multiplied by
     1 + m, m being the mean square of the moves over the stated variance, after the best similarity of the landmarks.
     Positions count by their heights, since their sigmas sideways are those of the reference view's rays. sound: (J,)
-    bool, landmarks that tell. A scene that states nothing stays as it is.
+    bool, landmarks that count. A scene that states no uncertainties stays as it is.
     """
     moved = normalized_changes(scene, before, sound)
     log.info("moved beyond noise (mean squares): %s", ", ".join(f"{name} {m:.2f}" for name, m in moved.items()))

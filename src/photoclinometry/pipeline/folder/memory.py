@@ -7,7 +7,7 @@ import sys
 
 
 def peak_memory_gb() -> float | None:
-    """Largest resident size of this process so far; None where the system does not tell (Windows)."""
+    """Largest resident size of this process so far; None where the system does not report it (Windows)."""
     try:
         import resource
     except ImportError:

@@ -55,7 +55,7 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 PLAN_FIRST = "run the command with --plan-only in place of --tile first"
-"""To do where a part of the work is asked for and what comes before it is not there."""
+"""Advice where a part of the work is asked for and the stages before it are missing."""
 
 
 @dataclass
@@ -68,7 +68,7 @@ class StageCost:
     wall_s: float
     cpu_s: float
     peak_memory_gb: float | None
-    """Largest resident size of the process up to the end of the stage; None where the system does not tell."""
+    """Largest resident size of the process up to the end of the stage; None where the system does not report it."""
 
 
 @dataclass
@@ -80,13 +80,13 @@ class RunFolder:
     costs: list[StageCost] = field(default_factory=list)
     """Of the stages so far, in their order."""
     warned: list[Warned] = field(default_factory=list)
-    """All that was warned of so far, in stages that were read back, too."""
+    """All warnings so far, including those of stages that were read back."""
     finished_by_others: tuple[str, ...] = ()
     """Stages, by name, that another process makes: here they are only read back."""
 
     @property
     def warnings(self) -> tuple[Warned, ...]:
-        """What was warned of so far, each once."""
+        """All warnings so far, each once."""
         return distinct(self.warned)
 
     def withdraw(self, first: int, last: int, kept: Collection[str]) -> tuple[Warned, ...]:
@@ -153,7 +153,7 @@ class RunFolder:
         log.debug("options:\n%s", options_text(config))
 
     def reopen(self) -> None:
-        """Removes what says that the map in the folder is finished, and how it was made.
+        """Removes the files that say that the map in the folder is finished, and how it was made.
 
         To be called before the first product of a run is written: a run that is stopped meanwhile then leaves no
         figures and options of another map beside its own. metrics.json is written last. Raises RunFolderError.

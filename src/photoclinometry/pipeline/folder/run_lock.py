@@ -1,6 +1,6 @@
 """The lock of a run folder: a file that names the process that writes there, so that no second one does.
 
-A lock whose process has ended is stale, and is taken over: whoever was killed with -9 goes on without further ado.
+A lock whose process has ended is stale, and is taken over: a run that was killed with -9 goes on without further steps.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SET_CLOCK_S = 60.0
 meanwhile. A process number is used again after all others, minutes later at the earliest."""
 
 TRIES = 5
-"""A lock that vanishes or changes while it is looked at is looked at again, so many times at most."""
+"""Most attempts to read a lock that vanishes or changes meanwhile."""
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,13 @@
-"""What a stage of a run is: a value that holds all it is given, and a key that follows from that.
+"""A stage of a run: a value that holds all its inputs, and a key that follows from them.
 
 A stage is a frozen dataclass. Its fields are everything that may shape its result: options, fingerprints of inputs,
 results of earlier stages. `make` sees nothing else, so the key is a digest of the fields, and no list of dependencies
 is kept by hand. Results of earlier stages count by their keys, options and arrays by their values.
 
-The program counts, too (`program_digest`), as the sources of the whole package. Whoever changes the code gets every
-stage made anew, also where the change was in a function that the stage calls indirectly; to follow such calls was not
-thought worth the risk of missing one. Who uses an installed version has the same sources, hence the same digest, until
-it is upgraded. Where only compiled files are installed, the version stands for them.
+The program counts, too (`program_digest`), as the sources of the whole package. A change of the code makes every stage
+anew, also where the change was in a function that the stage calls indirectly; following such calls was not thought
+worth the risk of missing one. An installed version has the same sources, hence the same digest, until it is upgraded.
+Where only compiled files are installed, the version stands for them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Keyed(Generic[T]):
-    """A value that is too large or of too many kinds to be digested, with a key that tells it from all others."""
+    """A value that is too large or of too many kinds to be digested, with a key that distinguishes it from all
+    others."""
 
     value: T
     key: str
@@ -41,7 +42,7 @@ class Keyed(Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class Tools:
-    """What `Stage.make` may use that must not shape its result."""
+    """Tools that `Stage.make` may use, and that must not shape its result."""
 
     progress: Progress
     scratch: Path
@@ -95,7 +96,7 @@ def digest(*parts: Any) -> str:
     """A short digest of options (dataclasses), arrays, mappings, sequences, text, numbers and `Keyed` values.
 
     The order of a mapping does not count. Raises TypeError for anything else, such as an object whose text does not
-    tell its value.
+    show its value.
     """
     return hashlib.sha256(json.dumps([_content(part) for part in parts]).encode()).hexdigest()[:20]
 
