@@ -20,25 +20,25 @@ from photoclinometry.simulate.bodies.truth import BodyTruth, views_of_triangles
 from photoclinometry.surface.closed_mesh import signed_volume, surface_area, vertex_normals
 
 FEWEST_VIEWS = 3
-"""Ground is expected in a mesh where so many views see it lit."""
+"""Views that must see ground lit for it to be expected in a mesh."""
 LARGEST_EMISSION_DEG = 60.0
-"""Views from lower above the horizon do not count."""
+"""Views at larger emission angles do not count."""
 FOUND_WITHIN_GSD = 1.0
-"""Ground is found where the mesh is this near."""
+"""Largest distance of the mesh from ground that counts as found."""
 _SAMPLES = 40_000
-"""Triangles of the truth, and points of the mesh, that take part: figures are good to a per cent."""
+"""Number of triangles of the truth and of points of the mesh that are used: figures are good to a per cent."""
 PIXEL_SIGMA_PX = 1.0 / np.sqrt(12.0)
 """Standard deviation of a pixel's area along each axis [px]."""
 _NEAREST_WEIGHT = 1e-6
-"""Weight of the nearest vertex in such a mean at least, so that it exists where none is in reach."""
+"""Least weight of the nearest vertex in such a mean, so that the mean exists where no vertex is in reach."""
 _REACH = 3.0
-"""Vertices take part in a mean up to so many of its standard deviations away."""
+"""Largest distance of vertices that enter a mean, in standard deviations of its Gaussian."""
 
 
 def align_body(
     found: ShapeModel, truth: BodyTruth, body_from_cam: Rigid | None = None, names: tuple[str, ...] | None = None
 ) -> Similarity:
-    """truth_from_found: by camera poses, where they are given, then by the surface, with scale.
+    """truth_from_found, with scale: aligned by camera poses, where they are given, then by the surface.
 
     body_from_cam: (K,) poses in the frame of `found`; names: (K,) of their views. Without poses the mesh must be near
     its place. Raises InputError for unknown names, and where poses or surfaces do not determine the frame.
@@ -98,7 +98,7 @@ def compare_body(
 
 
 def resolution_gsd(truth: BodyTruth) -> float:
-    """Standard deviation of what one pixel of the finest images averages over [GSD], seen from above."""
+    """Standard deviation of the area that one pixel of the finest images averages over [GSD], seen from above."""
     return float(np.hypot(truth.psf_sigma_px, PIXEL_SIGMA_PX))
 
 
@@ -110,7 +110,7 @@ def _at_vertices(
     seen: np.ndarray,
     mean_over_gsd: float,
 ) -> dict[str, float]:
-    """Errors of normals and albedos at the mesh's vertices that lie at the well seen ground around points (n, 3)."""
+    """Errors of normals and albedos at the mesh's vertices on the well seen ground around points (n, 3)."""
     from scipy.spatial import KDTree
 
     if len(seen) == 0:

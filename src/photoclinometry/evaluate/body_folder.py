@@ -71,7 +71,7 @@ def _stated_suns(folder: Path, names: tuple[str, ...]) -> np.ndarray | None:
 
 
 def projection_errors(body_from_cam: Rigid, names: tuple[str, ...], truth: BodyTruth) -> np.ndarray:
-    """(K,) by how much places of the true surface project wrongly by poses in the truth's frame, RMS [px]."""
+    """(K,) RMS errors of the projections of places of the true surface by poses in the truth's frame [px]."""
     vertices = truth.surface.vertices
     places = vertices[np.linspace(0, len(vertices) - 1, _PLACES).astype(int)]
     found = []

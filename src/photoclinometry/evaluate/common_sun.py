@@ -1,4 +1,4 @@
-"""The rotation by which all measured Suns are off alike, as the brightness of some landmarks tells it."""
+"""The common rotation error of all measured Suns, determined from the brightness of some landmarks."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.model.scene import Scene
 
 FREE_SUNS_RAD = math.radians(3.0)
-"""Standard deviation of an error that all Suns have in common, where it is to be found [rad]."""
+"""Prior standard deviation of the common error of all Suns while it is searched for [rad]."""
 
 
 def common_sun_turn(scene: Scene, reflectance: Reflectance, landmarks: int) -> tuple[np.ndarray, np.ndarray]:
-    """The rotation vector (3,) in C by which all measured Suns are off alike as brightness tells it, and its standard
-    deviations (3,) by leaving parts of the views out [rad]. Where views are of several arcs, it is what is wrong with
-    all of these; an arc's own error counts as one of each of its views.
+    """The rotation vector (3,) in C of the common error of all measured Suns, by brightness, and its standard
+    deviations (3,) by leaving parts of the views out [rad]. Where views belong to several arcs, it is the error common
+    to all arcs; an arc's own error counts as an error of each of its views.
 
-    Some landmarks, about so many, take part, at the scene's positions, without smoothness between neighbours.
+    About `landmarks` landmarks are used, at the scene's positions, without smoothness between neighbours.
     reflectance: as it is known beforehand. Raises InputError as `rank_models` does.
     """
     sample = sample_of(scene, landmarks)

@@ -88,8 +88,9 @@ def evaluate_against_truth(scene: Scene, truth: Truth) -> Comparison:
 
 
 FAR_GSD = 10.0
-"""An alignment by poses that puts the map farther from the true ground is moved there first [GSD]: from such a distance
-nearest points are not found. Small errors of narrow-angle cameras' poses do that, at ten thousand GSD of distance."""
+"""A map that the alignment by poses puts farther from the true ground than this is first moved there [GSD]: nearest
+points are not found from such a distance. Small errors of poses of narrow-angle cameras at a distance of ten thousand
+GSD have this effect."""
 
 
 def _near(by_poses: Similarity, scene: Scene, true: np.ndarray, seen: np.ndarray) -> Similarity:

@@ -1,7 +1,8 @@
 """Cross-validation: the brightness of views that were kept out, as the other views predict it.
 
-Residuals of views that a model was fitted to say little: normals and albedos are free at every landmark. A view that
-took no part has nothing of its own but its exposure, so that its brightness tests what the others were fitted with.
+Residuals of the fitted views say little about a model, since normals and albedos are free at every landmark. A view
+that was kept out has no free parameters but its exposure, so that its brightness tests the model that was fitted to the
+others.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.predict import phase_of_views, reflectance_of, shading
 
 FEWEST_LIT = 5
-"""Lit views of a landmark that takes part: one more than it has unknowns (two of the normal, the albedo), and one that
+"""Fewest lit views of a landmark that is used: one more than its unknowns (two of the normal, the albedo), and one that
 is kept out."""
 
 FEWEST_LANDMARKS = 50
-"""Landmarks without which nothing is said."""
+"""Fewest landmarks for a comparison."""
 
 HELD_GSD = 1e-3
 """Standard deviation of the positions, which are held [GSD]."""
@@ -36,10 +37,10 @@ REWEIGHTINGS = 2
 """Reweightings of each estimate. Four rank the models of four sites alike, and take twice as long."""
 
 CONFIDENCE = 0.975
-"""Errors of views are told to be larger than others with this probability."""
+"""Confidence level at which errors of views count as larger than others."""
 
 FOLDS = 5
-"""Of the views, each of which is kept out once."""
+"""Number of parts of the views; each part is kept out once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +64,8 @@ class Predictions:
     def residual(self, views: int, *, free_bias: bool) -> np.ndarray:
         """(N,) predicted minus measured brightness over the mean brightness of its view [-].
 
-        The exposure of each view is fitted to it, so that models with and without a phase function compare: a factor,
-        and a bias if that is free.
+        The exposure of each view is fitted to it, a factor and a bias if that is free, so that models with and without
+        a phase function can be compared.
         """
         exposed = self.predicted.copy()
         for k in range(views):
@@ -116,7 +117,7 @@ def photometry_by(scene: Scene, start: Reflectance, used: np.ndarray) -> Scene:
 
 
 def predicted_by(found: Scene, scene: Scene, kept_out: np.ndarray) -> Predictions:
-    """The brightness of views kept out, by what the others tell."""
+    """The brightness of views kept out, predicted from the others."""
     landmarks, model, tracks = found.landmarks, reflectance_of(found), scene.tracks
     turned = so3_exp(common_turns(found.views, scene.views.arc)) @ scene.views.sun_measured[..., None]
     sun = (scene.views.body_from_cam.rotation @ turned)[..., 0]
@@ -148,7 +149,7 @@ def cross_validated_predictions(
 def is_larger(error: np.ndarray, other: np.ndarray, confidence: float = CONFIDENCE) -> bool:
     """Whether errors (K,) of views are larger than others of the same views, by Student's t of their logarithms.
 
-    Views are paired: what is hard to predict in one is so for every model.
+    Views are paired: a view that is hard to predict is so for every model.
     """
     ratio = np.log(error / other)
     known = ratio[np.isfinite(ratio)]

@@ -1,6 +1,6 @@
-"""Figures that point to what is wrong with a map: Suns, optics, the response of images, shading left in albedos.
+"""Figures that point to the cause of a wrong map: Suns, optics, the response of images, shading left in albedos.
 
-They are no verdict: `docs/reference/metrics.md` has what they mean, and their values of sound maps.
+They are no verdict: `docs/reference/metrics.md` has their meaning, and their values for sound maps.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ RINGS, QUINTILES = 5, 5
 FEWEST = 30
 """Observations that a ring or a quintile must have: medians of fewer scatter by a fifth of the residuals and more."""
 DETREND = 9
-"""Side of the square of landmarks whose mean is taken from albedos and shading before they are compared. What slopes
-are wrong by, and albedos make up for, differs between neighbours; larger patches differ in albedo by themselves."""
+"""Side of the square of landmarks whose mean is subtracted from albedos and shading before they are compared. Errors of
+slopes, for which albedos compensate, differ between neighbours; larger patches differ in albedo anyway."""
 
 Diagnosis = dict[str, list[float | None]]
-"""Short lists by name, whose ends are units; None where too few observations tell."""
+"""Short lists by name, whose ends are units; None where observations are too few."""
 
 
 def view_diagnosis(scene: Scene) -> list[dict[str, Any]]:
-    """One row per view: ground sample distance, medians of incidence, emission and phase, and how far the estimate has
-    its Sun from what was stated: as an angle, and in standard deviations (root mean square over the two axes)."""
+    """One row per view: ground sample distance, medians of incidence, emission and phase, and the distance of the
+    estimated Sun from the stated one: as an angle, and in standard deviations (root mean square over the two axes)."""
     views, angles = scene.views, view_angles_deg(scene)
     stated = np.einsum("kij,kj->ki", views.body_from_cam.rotation, views.sun_measured)
     moved, sigma = angle_between(views.sun, stated), np.hypot(views.sun_sigma, views.sun_common_sigma)
@@ -79,7 +79,7 @@ def residuals_by_brightness(scene: Scene) -> Diagnosis:
     """Medians of measured minus predicted brightness, in per cent of the predicted one, over the QUINTILES of the lit
     observations by predicted brightness, the darkest first.
 
-    By the predicted one, since noise alone makes what is measured brightest brighter than predicted.
+    Sorted by the predicted one, since noise alone makes the brightest measurements brighter than predicted.
     """
     lit = np.flatnonzero(scene.tracks.lit)
     predicted = observation_brightness(scene, lit)
@@ -98,8 +98,8 @@ def albedo_shading_correlation(scene: Scene) -> float | None:
     """Spearman's rank correlation between albedos and the shading that the map predicts for the reference view, both
     less their means over DETREND x DETREND landmarks; None where too few landmarks are lit and known.
 
-    Above 0 albedos are bright where slopes are: shading is left in the albedos, and the relief is too flat. Below 0
-    albedos make up for shading that is too strong, and the relief is too steep.
+    Above 0 albedos are bright where slopes are bright: shading is left in the albedos, and the relief is too flat.
+    Below 0 albedos compensate for shading that is too strong, and the relief is too steep.
     """
     from scipy.stats import rankdata
 
@@ -127,7 +127,7 @@ def _lit_in_reference(scene: Scene) -> np.ndarray:
 
 
 def _less_local_mean(grid: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Values (h, w) less the mean of those around that are there (h, w) bool; 0 elsewhere."""
+    """Values (h, w) less the mean of the values around that exist (h, w) bool; 0 elsewhere."""
 
     def mean(values: np.ndarray) -> np.ndarray:
         return cv2.blur(values, (DETREND, DETREND), borderType=cv2.BORDER_CONSTANT)

@@ -18,7 +18,7 @@ from photoclinometry.simulate.truth import Truth
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """The figures of a map, and the comparison that some of them are from. Printed, they are tables."""
+    """The figures of a map, and the comparison from which some of them come. Printed, they are tables."""
 
     name: str
     """The scene's name."""
@@ -27,11 +27,11 @@ class Evaluation:
     comparison: Comparison | None = None
     """With the truth or another map: the aligned scene and the errors of every landmark."""
     unit: str = "m"
-    """Unit of length of what the map was compared with."""
+    """Unit of length of the reference."""
 
     @property
     def metres_from_scene(self) -> Similarity | None:
-        """The alignment with what the map was compared with, in metres; None where there is none, or no known unit."""
+        """The alignment with the reference, in metres; None where there is none, or no known unit."""
         if self.comparison is None or self.unit not in METRES:
             return None
         return Similarity(METRES[self.unit], np.eye(3), np.zeros(3)) @ self.comparison.similarity
@@ -53,10 +53,10 @@ def evaluate_map(
     reference: Reference | None = None,
     unit: str = "m",
 ) -> Evaluation:
-    """The figures of a scene, from what there is to measure it by.
+    """The figures of a scene, from the images and references that are given.
 
     images: those of the scene's views and of `held_out`, in any order; without them there is no PSNR and no
-    completeness. held_out: views in the scene's frame that it was not made from. reference: a map in lengths of `unit`;
+    completeness. held_out: views in the scene's frame that were kept out of it. reference: a map in lengths of `unit`;
     its poses, where it has any, give the first alignment. Raises InputError.
     """
     rows = held_out_table(scene, held_out, images) if held_out is not None else ()

@@ -1,8 +1,8 @@
 """Views held out of the map, to measure it on images that it was not made from.
 
-They take part in the sparse stage, which tells roughly where they were taken. The map is made without them: neither
-their dense matches, nor their sparse keypoints, nor their brightness enter. Then each is matched with the finished
-map, and its pose alone is fitted to that (resection); its Sun is the measured one.
+They take part in the sparse stage, which gives their approximate poses. The map is made without them: neither their
+dense matches, nor their sparse keypoints, nor their brightness enter. Then each is matched with the finished map, and
+only its pose is fitted to the map (resection); its Sun is the measured one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from photoclinometry.surface.depth_fit import landmark_depth
 log = logging.getLogger(__name__)
 
 MIN_MATCHES = 50
-"""A held-out view with fewer landmarks found in it is left out; so is one that needs its exposure fitted to fewer."""
+"""Fewest landmarks that must be found in a held-out view, and to which its exposure may be fitted; a view with fewer is
+left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +49,7 @@ class Resected:
     keypoints: np.ndarray
     """(H,) int: landmarks found in the view."""
     keypoint_rms_px: np.ndarray
-    """(H,) RMS distance of these from where the map projects [px]."""
+    """(H,) RMS distance of these from the projections of the map [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +120,7 @@ def held_out_views(views: Views, resected: Resected) -> Views:
 
 
 def views_in_frame_of(scene: Scene, views: Views) -> Views:
-    """All K views with their rough poses in the scene's frame, by the poses of those that both have."""
+    """All K views with their rough poses in the scene's frame, aligned by the poses of the views that both have."""
     scene_from_views = align_views(views, scene)
     return replace(
         views,
@@ -141,7 +142,7 @@ def _resect_one(scene: Scene, views: Views, k: int, images: Sequence[Image], mat
     )
     depth = landmark_depth(landmarks.position, landmarks.pixel, reference_pose, setup.padded, setup.cameras[0])
     seen, keypoint, residual = np.zeros(0, int), np.zeros((0, 2)), np.zeros(0)
-    for _ in range(2):  # the second time the prediction is good, and what is left to match is small
+    for _ in range(2):  # the second time the prediction is good, and the remaining displacements are small
         setup = replace(setup, body_from_cam=_stacked(reference_pose, pose))
         matches = matcher.match(setup.request(1, depth))
         row, col = scene.cells
@@ -171,11 +172,11 @@ def _stacked(first: Rigid, second: Rigid) -> Rigid:
 def resect(
     position: np.ndarray, keypoint: np.ndarray, sigma: np.ndarray, camera: Camera, initial: Rigid, iterations: int = 30
 ) -> tuple[Rigid, np.ndarray]:
-    """body_from_cam of one view from points (n, 3) and their pixels (n, 2), and distances (n,) [px] that are left.
+    """body_from_cam of one view from points (n, 3) and their pixels (n, 2), and the remaining distances (n,) [px].
 
-    sigma: (n,) of the pixels [px]. Gauss-Newton from an `initial` pose good to a few pixels, squares re-weighted by
-    1 / (1 + (r / m)^2), m the median: wrong matches do not count. The steps turn and shift the points about their
-    middle: to a camera far away, its own turns and shifts look the same.
+    sigma: (n,) of the pixels [px]. Gauss-Newton from an `initial` pose good to a few pixels, with squares re-weighted
+    by 1 / (1 + (r / m)^2), m the median, so that wrong matches do not count. The steps turn and shift the points about
+    their middle, since turns and shifts of a distant camera itself have nearly the same effect.
     """
     pivot = position.mean(0)
     extent = float(np.sqrt(np.mean(np.sum((position - pivot) ** 2, -1))))
@@ -207,11 +208,11 @@ def _residual(
 def _exposure(
     scene: Scene, views: Views, k: int, image: Image, pose: Rigid, seen: np.ndarray, keypoint: np.ndarray
 ) -> tuple[float, float] | None:
-    """Scale and bias of a held-out image: 1 and 0 where the model says how bright it should be.
+    """Scale and bias of a held-out image: 1 and 0 where the model predicts absolute brightness.
 
-    Otherwise they are fitted to the image itself (a straight line through predicted and measured brightness, once
-    more without what is beyond 3 sigma), since nothing else tells an uncalibrated exposure; None where too little
-    of it is lit.
+    Otherwise they are fitted to the image itself (a straight line through predicted and measured brightness, fitted
+    once more without outliers beyond 3 sigma), since nothing else determines an uncalibrated exposure; None where too
+    little of the image is lit.
     """
     model = scene.reflectance
     if model is None or not exposure_is_free(scene.brightness, model):

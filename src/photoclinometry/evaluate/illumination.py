@@ -1,4 +1,4 @@
-"""Where the Suns and the cameras stand over a map."""
+"""Directions of the Suns and the cameras over a map."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def view_angles_deg(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def light_spans_deg(scene: Scene) -> dict[str, float]:
-    """How much the light differs between views, for `metrics.json`.
+    """Ranges of the illumination over the views, for `metrics.json`.
 
     The greatest angle between two Suns; the smallest arc of azimuths, in the mean plane, that holds all Suns; and the
     ranges of `view_angles_deg` of incidence and phase.

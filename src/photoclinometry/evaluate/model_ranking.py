@@ -1,4 +1,4 @@
-"""Which reflectance model fits a map: each is fitted to most of its views, and judged by those kept out."""
+"""Ranking of reflectance models for a map: each is fitted to most of the views, and judged by those kept out."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from photoclinometry.photometry.predict import exposure_is_free, reflectance_of
 log = logging.getLogger(__name__)
 
 UNDETERMINED = 0.7
-"""Share of its prior's standard deviation that a parameter keeps which the images hardly determine: they then know less
-of it than the prior does."""
+"""A parameter whose standard deviation is more than this share of its prior's is hardly determined by the images: they
+then contribute less than the prior."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class RankingOptions(Ranged):
     models: tuple[str, ...] = ()
     """Names of the models; none for all that have values for the body, or need none."""
     landmarks: Annotated[int, Range(least=FEWEST_LANDMARKS, most=1_000_000)] = 1500
-    """Landmarks that take part, about: of every so many rows and columns of the map."""
+    """Approximate number of landmarks that are used, evenly spaced over rows and columns of the map."""
     folds: Annotated[int, Range(least=2, most=100)] = FOLDS
     """Parts of the views, of which each is kept out once."""
 
@@ -64,7 +64,7 @@ class ModelFit:
     pattern: np.ndarray
     """(K,) RMS residual of each view [-]; NaN of views without lit landmarks."""
     level: np.ndarray
-    """(K,) how much brighter a view is predicted to be than it is [-]; 0 where that is not compared."""
+    """(K,) predicted excess of a view's brightness over the measured one [-]; 0 where that is not compared."""
 
     @property
     def error(self) -> np.ndarray:
@@ -73,7 +73,7 @@ class ModelFit:
 
     @property
     def error_percent(self) -> float:
-        """Geometric mean of `error`: views differ in how hard they are to predict, and each counts alike."""
+        """Geometric mean of `error`: views are not equally hard to predict, and each has the same weight."""
         return 100.0 * float(np.exp(np.nanmean(np.log(self.error))))
 
     @property
@@ -104,7 +104,7 @@ class ModelRanking:
 
     fits: tuple[ModelFit, ...]
     left_out: dict[str, str]
-    """By name of model, why it was not fitted."""
+    """Reasons why models were not fitted, by name of model."""
     views: tuple[str, ...]
     """(K,) names, as `ModelFit.error` has them."""
 
@@ -113,7 +113,8 @@ class ModelRanking:
         return self.fits[0]
 
     def is_as_good(self, fit: ModelFit, confidence: float = CONFIDENCE) -> bool:
-        """Whether kept-out views cannot tell a fit from the best, neither by their patterns nor by all errors."""
+        """Whether kept-out views do not distinguish a fit from the best, neither by their patterns nor by all
+        errors."""
         pairs = ((fit.error, self.best.error), (fit.pattern, self.best.pattern))
         return fit is self.best or not any(is_larger(mine, best, confidence) for mine, best in pairs)
 
@@ -129,11 +130,11 @@ def rank_models(
 
     The positions of the scene are held. For each model and each part of the views the joint estimate gives normals,
     albedos, Suns, exposures and the model's parameters from the other views, without smoothness between neighbours.
-    The brightness of the part is then predicted under its measured Suns, turned by the error that all Suns have in
-    common. A factor on each view's brightness is fitted then; it counts as an error, too, unless a model, or
-    uncalibrated images, leave it open. with_parameters: the parameters of each model are estimated from all views, too;
-    the order of the models does not depend on it. Raises InputError for scenes without a reflectance model (brightness
-    was not measured), of too few views or lit landmarks, and for unknown models.
+    The brightness of the part is then predicted under its measured Suns, turned by the common error of all Suns. A
+    factor on each view's brightness is fitted then; it counts as an error, too, unless a model, or uncalibrated images,
+    leave it open. with_parameters: the parameters of each model are estimated from all views, too; the order of the
+    models does not depend on it. Raises InputError for scenes without a reflectance model (brightness was not
+    measured), of too few views or lit landmarks, and for unknown models.
     """
     options = options or RankingOptions()
     reflectance_of(scene)
@@ -153,7 +154,7 @@ def rank_models(
 
 
 def _usable_models(asked: Sequence[str], scene: Scene) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Those asked for, or all that compare; and why others are left out. Raises InputError."""
+    """The models asked for, or all that can be compared; and reasons why others are left out. Raises InputError."""
     of_body = usable = models_for(scene.body)
     names = [model_named(name).name for name in asked or MODELS]
     if asked:

@@ -1,4 +1,4 @@
-"""The Sun of each view by itself, as the brightness of some landmarks tells it."""
+"""The Sun of each view by itself, determined from the brightness of some landmarks."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.model.scene import Scene
 
 FREE_SUN_RAD = math.radians(10.0)
-"""Standard deviation of each Sun's own error, where it is to be found [rad]."""
+"""Prior standard deviation of each Sun's own error while it is searched for [rad]."""
 MOST_FOLDS = 10
-"""Parts of the views, at most, each of which is left out once: every one costs an estimate."""
+"""Largest number of parts of the views. Each part is left out once, which costs an estimate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +32,11 @@ class OwnSuns:
 
 
 def own_suns(scene: Scene, reflectance: Reflectance, landmarks: int) -> OwnSuns:
-    """Suns as brightness tells them, each independent of the others and of what is stated.
+    """Suns as determined from brightness, each independent of the others and of its stated direction.
 
-    Some landmarks, about so many, take part, at the scene's positions, without smoothness between neighbours; their
-    normals and albedos are estimated with the Suns. reflectance: as it is known beforehand. Raises InputError as
-    `rank_models` does.
+    About `landmarks` landmarks are used, at the scene's positions, without smoothness between neighbours; their normals
+    and albedos are estimated with the Suns. reflectance: as it is known beforehand. Raises InputError as `rank_models`
+    does.
     """
     sample = sample_of(scene, landmarks)
     views, count = sample.views, len(sample.views)

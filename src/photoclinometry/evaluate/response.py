@@ -1,9 +1,9 @@
-"""Whether the numbers of images are linear in radiance, as views that were kept out tell it.
+"""Whether the numbers of images are linear in radiance, determined from views that were kept out.
 
-Images for the eye have numbers V that grow as a power of the radiance L: V ~ L^(1 / gamma). Taken for linear, they have
-too little contrast in bright ground and too much in dark. Views that are kept out are predicted best by the others if
-all are raised to the power gamma first: a wrong one bends the relation between brightness and the slopes that all
-views have in common. Relations that parallax knows, heights and positions, are held.
+Images encoded for display have numbers V that grow as a power of the radiance L: V ~ L^(1 / gamma). Taken for linear,
+they have too little contrast in bright ground and too much in dark. Views that are kept out are predicted best by the
+others if all are raised to the power gamma first: a wrong power distorts the relation between brightness and the slopes
+that all views have in common. Heights and positions, which parallax determines, are held.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from photoclinometry.model.scene import Scene
 from photoclinometry.model.tiny import TINY
 
 LOG_GAMMA_STEP = 0.15
-"""Between the logarithms of the exponents that are tried: about what reflectance models make up for that are not the
-ground's."""
+"""Step between the logarithms of the exponents that are tried: about the exponent that a wrong reflectance model causes
+or hides."""
 MOST_STEPS = 9
 """Exponents from 1/3.9 to 3.9 are tried: those of displays are 1.8 to 2.6, and decoding has them inverted."""
 FEWEST = 20
-"""Lit landmarks of a view without which it has no error: a gain and an offset are fitted to them."""
+"""Fewest lit landmarks of a view for which an error is computed: a gain and an offset are fitted to them."""
 FOR_THE_EYE = 5
 """Steps to 2.1, which is tried at once: sites whose geometry was bent by a wrong response have a local minimum at 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """The exponent with which views predict each other best, and how well they do."""
+    """The exponent with which views predict each other best, and the errors of these predictions."""
 
     log_gamma: float
     """Natural logarithm of the exponent [-]; 0 of linear images."""
@@ -54,21 +54,21 @@ class Response:
 
     @property
     def gamma(self) -> float:
-        """The power that the numbers are to be raised to."""
+        """The power to which the numbers are to be raised."""
         return math.exp(self.log_gamma)
 
     @property
     def gain(self) -> float:
-        """By how much the exponent makes errors smaller, as a share of them; geometric mean over the views."""
+        """Share by which the exponent reduces the errors; geometric mean over the views."""
         return 1.0 - math.exp(float(np.nanmean(np.log(self.decoded_error / self.linear_error))))
 
 
 def response_of(scene: Scene, models: Sequence[Reflectance], landmarks: int) -> Response:
     """The exponent of the images' response that makes views predict each other best.
 
-    Some landmarks, about so many, take part, at the scene's positions, without smoothness between neighbours.
-    models: reflectance, as it is known beforehand, the one that fits linear images best first. Others take part where
-    they predict images for the eye better than it does. Raises InputError as `rank_models` does.
+    About `landmarks` landmarks are used, at the scene's positions, without smoothness between neighbours. models:
+    reflectance, as it is known beforehand, the one that fits linear images best first. Others are used where they
+    predict images encoded for display better than the first does. Raises InputError as `rank_models` does.
     """
     sample = sample_of(scene, landmarks)
     part = folds_of_views(sample, min(FOLDS, len(sample.views)))
@@ -92,7 +92,8 @@ def response_of(scene: Scene, models: Sequence[Reflectance], landmarks: int) -> 
 
 
 def _searched(errors: Callable[[int], np.ndarray], tried: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-    """Errors (K,) of views by number of steps: those that were tried, and all down to a minimum with its neighbours."""
+    """Errors (K,) of views by number of steps: those tried so far, and further ones until a minimum has both
+    neighbours."""
     tried = dict(tried)
     while True:
         best = _best(tried)
@@ -113,7 +114,7 @@ def _mean(errors: np.ndarray) -> float:
 
 
 def _lowest(around: np.ndarray) -> float:
-    """Where the mean of errors (3, K) a step apart is lowest, in steps from the middle one: a parabola's vertex."""
+    """Position of the lowest mean of errors (3, K) a step apart, in steps from the middle one: a parabola's vertex."""
     before, middle, after = np.nanmean(around, axis=1)
     bend = before - 2.0 * middle + after
     if bend <= 0.0:

@@ -1,4 +1,4 @@
-"""Whether the truth of a simulation is that of the site which a map was made of."""
+"""Whether the truth of a simulation belongs to the site of a map."""
 
 from __future__ import annotations
 

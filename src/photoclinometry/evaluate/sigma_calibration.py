@@ -60,7 +60,8 @@ def sigma_metrics(scene: Scene, true_views: Views, true: Landmarks, albedo_facto
 def scene_errors(scene: Scene, true_views: Views, true: Landmarks, albedo_factor: float) -> dict[str, np.ndarray]:
     """Estimate minus truth in the coordinates of the module's table, in the frame and unit of the scene.
 
-    Scales of uncalibrated images are in units of the reference view's, which nothing tells and the estimate holds.
+    Scales of uncalibrated images are in units of the reference view's, which no measurement determines and the estimate
+    holds.
     """
     known = np.isfinite(true.position).all(-1)
     scene_from_true = Similarity(1.0, np.eye(3), np.zeros(3))

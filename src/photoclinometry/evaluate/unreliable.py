@@ -1,6 +1,6 @@
-"""Landmarks whose normal or albedo nothing determines.
+"""Landmarks whose normal or albedo no measurement determines.
 
-`scene.h5` keeps what the estimate left there. Figures, exports and the layers of the viewer show no data.
+`scene.h5` keeps the values that the estimate left there. Figures, exports and the layers of the viewer show no data.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ UNKNOWN_ALBEDO = 0.3
 by less."""
 
 UNTOLD_SHARE = math.sqrt(0.5)
-"""A normal is untold whose standard deviation about an axis is more than this share of UNTOLD_NORMAL_RAD (31 degrees):
-that it points away from the ground then says more of it than all measurements together."""
+"""A normal is undetermined if its standard deviation about an axis is more than this share of UNTOLD_NORMAL_RAD (31
+degrees): the fact that it points away from the ground then constrains it more than all measurements together."""
 
 _OF_NORMALS, _OF_ALBEDOS = ("normal_sigma_deg",), ("albedo_sigma_percent", "albedo_relative_sigma_percent")
 """Names of sigmas, as of `landmark_sigmas`."""
 
 
 def normal_is_known(scene: Scene) -> np.ndarray:
-    """(J,) bool: whether a normal points out of the mean plane, and measurements tell it.
+    """(J,) bool: whether a normal points out of the mean plane, and measurements determine it.
 
-    Of a scene that states no uncertainty of normals only the former is asked.
+    Only the former is required in a scene that states no uncertainty of normals.
     """
     out_of_plane = scene.landmarks.normal @ local_frame(scene).rotation[:, 2] > 0.0
     if "normal" not in scene.uncertainty:

@@ -1,7 +1,7 @@
-"""The verdict on a map in words: sound, usable with care, or not to be trusted, and what to take care of.
+"""The verdict on a map in words: sound, usable with care, or not to be trusted, with the reasons.
 
-The report, `metrics.json`, the terminal and `phomo info` all state what is decided here. Why a map is not to be trusted
-is decided by `pipeline.trust` and `body.trust`.
+The report, `metrics.json`, the terminal and `phomo info` all state the verdict decided here. The reasons for distrust
+come from `pipeline.trust` and `body.trust`.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ SOUND, CARE, WRONG = "sound", "usable with care", "do not trust"
 """Verdicts."""
 
 FEW_VIEWS = 5.0
-"""Views per landmark in the mean below which normals and albedos rest on so few measurements that one bad view shows. A
-normal and an albedo are three numbers, and each view gives one brightness."""
+"""Mean number of views per landmark below which normals and albedos rest on so few measurements that one bad view
+shows. A normal and an albedo are three numbers, and each view gives one brightness."""
 ROUGH_NORMAL_DEG, ROUGH_HEIGHT_GSD = 5.0, 0.5
 """Medians of stated sigmas beyond those of any sound simulated site: these have 1 to 2 degrees, and 0.1 GSD. Sound
 simulated bodies have 3 to 4 degrees, and 0.1 to 0.2 GSD."""
 LITTLE_LIGHT_DEG = 10.0
-"""Greatest angle between two Suns below which brightness hardly tells slope from albedo. Under Suns that are 10 degrees
-apart ground of 5 degrees slope changes against level ground by 0.17 x 0.09 = 1.5 %, about what maps do not explain."""
+"""Greatest angle between two Suns below which brightness hardly distinguishes slope from albedo. Under Suns that are 10
+degrees apart, ground of 5 degrees slope changes relative to level ground by 0.17 x 0.09 = 1.5 %, about the usual
+residual of maps."""
 UNCHECKED_RELIEF = 0.1
 """Standard deviation of relief over parallax beyond which a relief that is a fifth too low would pass as sound. Maps of
 100 x 100 landmarks have 0.01 to 0.05."""
@@ -47,11 +48,11 @@ class Judgement:
     """Whether a map is to be trusted, and what speaks against it."""
 
     warnings: tuple[Warned, ...] = ()
-    """All that was warned of, in the stages that were read back, too."""
+    """All warnings, including those of stages that were read back."""
     distrust: tuple[str, ...] = ()
     """Why the map is not to be trusted; empty where it is."""
     care: tuple[str, ...] = ()
-    """What to take care of in a map with which nothing is wrong; empty of a sound one."""
+    """Cautions about a map that is not wrong; empty for a sound one."""
 
     @property
     def verdict(self) -> str:
@@ -65,7 +66,7 @@ class Judgement:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Of the verdict, but for the warnings: one sentence each."""
+        """Reasons for the verdict, except the warnings: one sentence each."""
         return (*self.distrust, *self.care)
 
     def as_json(self) -> dict[str, Any]:
@@ -96,7 +97,7 @@ class Judged:
 
     @property
     def warnings(self) -> tuple[Warned, ...]:
-        """All that was warned of, in the stages that were read back, too."""
+        """All warnings, including those of stages that were read back."""
         return self.judgement.warnings
 
     @property
@@ -106,13 +107,13 @@ class Judged:
 
     @property
     def care(self) -> tuple[str, ...]:
-        """What to take care of in a map with which nothing is wrong; empty of a sound one."""
+        """Cautions about a map that is not wrong; empty for a sound one."""
         return self.judgement.care
 
 
 def why_with_care(scene: Scene, metrics: Mapping[str, Any]) -> list[str]:
-    """What makes the map of a place, with which nothing is wrong, less than sound: one sentence each; none of a sound
-    map. metrics: as in `metrics.json`."""
+    """Reasons why the map of a place that is not wrong is less than sound: one sentence each; none for a sound map.
+    metrics: as in `metrics.json`."""
     suns = sun_span_deg(scene.views)
     found = _few_views(len(scene.tracks) / max(1, len(scene.landmarks)))
     if scene.reflectance is not None and suns < LITTLE_LIGHT_DEG:
@@ -159,7 +160,7 @@ def why_body_with_care(
 
 
 def _few_views(per_landmark: float) -> list[str]:
-    """Where few views measure a landmark, in the mean."""
+    """A caution where few views measure a landmark, in the mean."""
     if per_landmark >= FEW_VIEWS:
         return []
     return [f"few views: {per_landmark:.1f} measure a landmark, {FEW_VIEWS:.0f} or more are good"]
