@@ -1,7 +1,8 @@
-"""Shots of a laser altimeter beside a map: which landmark each of them met, and how well they agree with it.
+"""Shots of a laser altimeter over a map: the landmark that each shot met, and its distance from the map.
 
 The beam is narrower than the distance between landmarks, or about as wide. A shot is compared with the tangent plane of
-the landmark nearest to it as seen from above, from which the ground departs by little within half that distance.
+the landmark nearest to it as seen from above. Within half the distance between landmarks the ground departs from this
+plane by little.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _AROUND = 8
 
 @dataclass(frozen=True, kw_only=True)
 class AltimetryFit:
-    """Shots of an altimeter beside an estimate."""
+    """Shots of an altimeter compared with an estimate."""
 
     tracks: AltimeterTracks
     """The n shots, along L tracks."""
@@ -43,9 +44,10 @@ class AltimetryFit:
     """(n,) height of each shot above the map's tangent planes, less its track's shift, in units of B; NaN off the
     map."""
     stated_sigma: np.ndarray
-    """(n,) standard deviations of `off`, as the shots and the ground between landmarks have them."""
+    """(n,) standard deviations of `off`, from those of the shots and of the ground between landmarks."""
     inflation: float
-    """Factor on these in the estimate: shots weigh less where they are further off, whatever the reason; at least 1."""
+    """Factor on these in the estimate, at least 1: it lowers the weight of shots whose residuals are larger than
+    stated."""
     landmark: np.ndarray
     """(n,) nearest landmark of each, seen from above."""
     shift: np.ndarray
@@ -53,10 +55,11 @@ class AltimetryFit:
 
 
 def altimetry_at(tracks: AltimeterTracks, estimate: Estimate, mapped: int, spacing: float, first: int) -> AltimetryFit:
-    """The shots beside an estimate.
+    """The shots compared with an estimate.
 
-    mapped: landmarks of the map, the first of the estimate's; spacing: between them; first: index of the first track's
-    shift among the systematic errors. Shots weigh as they state, and less where they are further off.
+    mapped: number of the map's landmarks, which come first in the estimate; spacing: between them; first: index of the
+    first track's shift among the systematic errors. The stated sigmas of shots give their weights, lowered where
+    residuals are larger.
     """
     from scipy.spatial import KDTree
 

@@ -1,9 +1,9 @@
-"""Which brightness counts, and how its errors differ from one observation to the next.
+"""The brightness that counts, and the standard deviation of each observation's error.
 
-Errors of brightness that follows its landmark have three sources, which are told apart by their sizes (estimation of
-variance components, Foerstner 1979): noise, alike everywhere; the place in the image where it was taken, which counts
-by the image's gradient; and relief below a pixel, which counts by how brightness changes with slope. Boulders and rims
-have steep gradients, and low Suns make steep changes. There brightness is several times less certain than elsewhere.
+Errors of brightness that follows its landmark have three sources, which estimation of variance components separates
+(Foerstner 1979): noise, equal everywhere; the error of the place in the image, times the image's gradient; and relief
+below a pixel, times the change of brightness with slope. Boulders and rims have steep gradients, and low Suns make
+large changes with slope. There brightness is several times less certain than elsewhere.
 """
 
 from __future__ import annotations
@@ -36,16 +36,17 @@ FEWEST_IN_CELL = 50
 some thousand observations have no more."""
 
 LEAST_SIGMA = 0.25
-"""Least standard deviation over the median one: errors alike everywhere may be too small to be found beside others."""
+"""Least standard deviation relative to the median one: errors that are equal everywhere may be too small to be found
+beside the others."""
 
 
 class VarianceComponents(NamedTuple):
-    """Where errors of brightness come from, as standard deviations."""
+    """Components of the errors of brightness, as standard deviations."""
 
     noise: float
-    """Alike everywhere [brightness]."""
+    """Of noise that is equal everywhere [brightness]."""
     place_px: float
-    """Of where brightness is taken, along the image's gradient [px]."""
+    """Of the place where brightness is taken, along the image's gradient [px]."""
     slope_rad: float
     """Of the relief's slopes below a pixel [rad]."""
 
@@ -66,8 +67,8 @@ def usable_brightness(scene: Scene, options: AdjustOptions) -> np.ndarray:
 
 
 def footprint_of(scene: Scene, mapped: int) -> np.ndarray:
-    """(N,) square root of the ground that the pixel of each observation covers, over that of a view as fine as the map
-    from straight above. mapped: how many landmarks are the map's, the first ones.
+    """(N,) square root of the ratio of the ground that an observation's pixel covers to that of a vertical view as fine
+    as the map. mapped: number of the map's landmarks, which come first.
 
     A pixel that covers n landmarks measures their mean, so its noise counts as sqrt(n) times as large for each of them.
     n is larger where a view is coarser than the map, and where it sees the ground obliquely. The detail within a pixel
@@ -80,10 +81,11 @@ def footprint_of(scene: Scene, mapped: int) -> np.ndarray:
 
 
 def relative_sigma(scene: Scene, gradients: ImageGradients, lit: np.ndarray, mapped: int) -> np.ndarray:
-    """(N,) standard deviation of each brightness over that of the median pixel as fine as the map, from straight above.
+    """(N,) standard deviation of each brightness relative to that of the median pixel in a vertical view as fine as the
+    map.
 
-    scene: as estimated before, of whose residuals the variances are. lit: (N,) brightness that counts; mapped: how many
-    landmarks are the map's, the first ones. By the footprint alone where residuals are too few or too small.
+    scene: an earlier estimate, whose residuals give the variances. lit: (N,) brightness that counts; mapped: number of
+    the map's landmarks, which come first. By the footprint alone where residuals are too few or too small.
     """
     footprint = footprint_of(scene, mapped)
     gradient, by_slope = np.linalg.norm(gradients.gradient, axis=-1), brightness_by_slope(scene)
@@ -103,7 +105,8 @@ def relative_sigma(scene: Scene, gradients: ImageGradients, lit: np.ndarray, map
 def some_of(observations: np.ndarray, most: int = SAMPLE) -> np.ndarray:
     """Up to `most` of the indices (n,), the same ones each time, in their order.
 
-    At random: those of a landmark follow each other, so that every so many may be of one view.
+    They are drawn at random: observations of a landmark follow each other, so that with even steps all might belong to
+    one view.
     """
     if len(observations) <= most:
         return observations
@@ -113,7 +116,7 @@ def some_of(observations: np.ndarray, most: int = SAMPLE) -> np.ndarray:
 def variance_components(residual: np.ndarray, gradient: np.ndarray, by_slope: np.ndarray) -> VarianceComponents | None:
     """Components of the variance of residuals (n,) that grow with gradients (n,) and responses to slope (n,).
 
-    By non-negative least squares on robust variances of cells of alike observations. None where there are too few
+    By non-negative least squares on robust variances of cells of similar observations. None where there are too few
     observations, or no errors.
     """
     from scipy.optimize import nnls

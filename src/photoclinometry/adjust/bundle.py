@@ -67,7 +67,7 @@ def resected(
 
 
 def _problem(points: np.ndarray, tracks: Tracks, views: Views, *known: FactorGroup) -> tuple[FactorGraph, Estimate]:
-    """The factors of a bundle adjustment, and its start: keypoints of points (P, 3), and what else is known."""
+    """The factors of a bundle adjustment, and its start: keypoints of points (P, 3), and other knowledge."""
     keypoints = Keypoints(
         name="sparse",
         table=ObservationTable(tracks, len(views)),
@@ -101,9 +101,9 @@ def _landmarks_at(points: np.ndarray) -> Landmarks:
 
 
 def reprojection_px(sparse: SparseModel, views: Views) -> np.ndarray:
-    """(M,) distances from the observed pixels to where the model's points project in its poses [px].
+    """(M,) distances from the observed pixels to the projections of the model's points by its poses [px].
 
-    views: (K,) of which only the cameras count.
+    views: (K,); only their cameras are used.
     """
     distance = np.empty(len(sparse.point_view))
     points = sparse.points[sparse.point_of_observation]

@@ -1,7 +1,7 @@
-"""Over how much ground errors are alike, from the autocorrelation of residuals.
+"""The size of the ground over which errors are correlated, from the autocorrelation of residuals.
 
-Neighbouring landmarks do not err independently (`noise`): of n that share an error, each one's standard deviation is
-multiplied by sqrt(n).
+Errors of neighbouring landmarks are not independent (`noise`): if n landmarks share an error, the standard deviation of
+each is multiplied by sqrt(n).
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ _MAX_VIEWS = 8
 """Views from which the correlation is measured, evenly chosen."""
 
 _SIDE = 256
-"""Landmarks, down and across, in the middle of the map from which the correlation is measured: dozens of times what
-shares an error."""
+"""Side of the square of landmarks in the middle of the map from which the correlation is measured: dozens of times the
+side of the squares that share an error."""
 
 MIN_PAIRS = 0.1
-"""Lags count in a correlation that have this share of the pairs that their number lets expect."""
+"""Least share of the expected number of pairs that a lag must have to count in a correlation."""
 
 _CUT = 0.05
 """Correlation below which lags are left out: beyond, there is mostly the noise of the correlation itself."""
 
 _BEYOND_SMOOTH = 3.0
-"""Distance at which errors that are still alike are smooth ones, in standard deviations of the Gaussian average that
-determines these: averages of noise are alike by exp(-9 / 4), a tenth, there."""
+"""Distance at which errors that are still correlated count as smooth ones, in standard deviations of the Gaussian
+average that determines these: averages of noise have a correlation of exp(-9 / 4), a tenth, there."""
 
 
 def correlation_px(
@@ -34,16 +34,16 @@ def correlation_px(
 ) -> float:
     """Side of the square of pixels in which observations share an error: the median over views, `stride` at least.
 
-    values: (N,) residuals, or (N, c) of c kinds, of which the most alike count; view: (N,); pixel: (N, 2) row and
+    values: (N,) residuals, or (N, c) of c kinds, of which the most correlated counts; view: (N,); pixel: (N, 2) row and
     column of each one's landmark in the reference image, on a grid of every `stride`-th pixel. The square root of the
     number of landmarks that share an error, times the stride. In a view, the variance of the sum of all residuals over
     the sum of their variances, from their autocorrelation up to the lag at which it has died away. Landmarks in the
-    middle of what a view sees determine it (_SIDE).
+    middle of the ground that a view sees determine it (_SIDE).
 
     smooth_over: standard deviation [landmarks] of the Gaussian average that determined the smooth errors which were
-    taken out (`photometry.smooth_errors`). What is left of them is no noise, and is not counted: the correlation at
-    _BEYOND_SMOOTH times that, and all beyond. Counted as noise it would make brightness weigh less, so that more of
-    them is left.
+    taken out (`photometry.smooth_errors`). Their remainder is no noise and is not counted: the correlation at
+    _BEYOND_SMOOTH times that distance, and all beyond. Counted as noise it would lower the weight of brightness, so
+    that more of the smooth errors would remain.
     """
     shared = []
     views = np.unique(view)
@@ -65,7 +65,7 @@ def _in_the_middle(cell: np.ndarray) -> np.ndarray:
 
 
 def _shared(values: np.ndarray, row: np.ndarray, col: np.ndarray, smooth_over: float) -> np.ndarray:
-    """(c,) how many of one view's residuals (n, c) share an error; row, col: (n,) of each in the map's grid."""
+    """(c,) number of one view's residuals (n, c) that share an error; row, col: (n,) of each in the map's grid."""
     row, col = row - row.min(), col - col.min()
     shape = row.max() + 1, col.max() + 1
     there = np.zeros(shape, np.float32)
@@ -89,7 +89,7 @@ def _shared(values: np.ndarray, row: np.ndarray, col: np.ndarray, smooth_over: f
 
 
 def _without_smooth(correlation: np.ndarray, smooth_over: float) -> np.ndarray:
-    """The correlation by distance of what is left where the errors are taken out that are alike at far distances."""
+    """The correlation by distance after removal of the errors that are still correlated at far distances."""
     far = _BEYOND_SMOOTH * smooth_over
     if far > len(correlation) - 1:
         return correlation
@@ -98,9 +98,9 @@ def _without_smooth(correlation: np.ndarray, smooth_over: float) -> np.ndarray:
 
 
 def _number(correlation: np.ndarray, pairs: np.ndarray) -> float:
-    """Of residuals that share an error: the correlation summed over lags, by distance, until it has died.
+    """Number of residuals that share an error: the correlation summed over lags, by distance, until it has died away.
 
-    pairs: of each distance, per residual.
+    pairs: number for each distance, per residual.
     """
     died = np.flatnonzero(correlation < _CUT)
     end = died[0] if len(died) else len(correlation)

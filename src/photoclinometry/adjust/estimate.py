@@ -1,8 +1,8 @@
 """The joint maximum a posteriori estimate of a scene: factor graphs, one after the other, reweighted in between.
 
-The scene's own values are the start. Which brightness counts depends on the geometry, and its noise on the fit. So the
-estimate is iterated: list the factors (`groups`), minimise, measure the noise of what was fitted, until neither
-changes.
+The scene's own values are the start. The geometry decides which brightness counts, and the fit determines its noise.
+The estimate is therefore iterated until neither changes: list the factors (`groups`), minimise, measure the noise of
+the residuals.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ from photoclinometry.surface.surroundings import carried_along
 log = logging.getLogger(__name__)
 
 LONGEST_STEP, LONGEST_TIE_POINT_STEP = 0.5, 20.0
-"""How far a landmark may move in one step against what all do, in distances between landmarks. Tie points have no
-neighbours to tear from: those seen from nearly one direction have far to go, and were what estimates waited for."""
+"""Longest step of a landmark relative to the common move of all, in distances between landmarks. Tie points have no
+neighbours that limit them: those seen from nearly one direction have far to go, and estimates waited for them."""
 
 FEWEST_VIEWS, FEWEST_LANDMARKS = 3, 10
 """Two views leave the relief and the Suns' errors undetermined; fewer landmarks have no noise to measure."""
 
 CHANGED_GATES = 0.01
-"""Share of observations that may enter or leave between iterations that count as alike."""
+"""Share of observations that may enter or leave between two iterations that count as equal."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Adjustment:
     log: tuple[Iteration, ...]
     """All reweighting iterations, one after the other."""
     noise: Noise
-    """What the measurements' errors were taken to be."""
+    """The assumed errors of the measurements."""
     lit: np.ndarray
     """(N,) bool: observations whose brightness was used, in the order of the scene's tracks."""
     parameter_sigma: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -77,12 +77,12 @@ class Adjustment:
     pose_priors_used: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     """(K,) views whose pose prior was used; of none where there were no priors but the gauge's."""
     frame_covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    """(7, 7) of the similarity by which the map is off its frame: rotation [rad], translation [units of B] and scale,
-    about its middle; empty of a map in a frame of its own, and where uncertainties are left out."""
+    """(7, 7) covariance of the map's similarity error in its frame: rotation [rad], translation [units of B] and scale,
+    about its middle; empty for a map in a frame of its own, and where uncertainties are left out."""
     control: dict[str, np.ndarray] = field(default_factory=dict)
     """By name of ground control point, its (3,) estimated position in B."""
     altimetry: AltimetryFit | None = None
-    """The altimeter's shots beside the map, whose landmarks they number; None without an altimeter."""
+    """The altimeter's shots over the map, whose landmarks they number; None without an altimeter."""
 
 
 def adjust(
@@ -101,7 +101,7 @@ def adjust(
     With `scene.reflectance` None only keypoints count (dense structure from motion): positions and poses are
     estimated, the rest is returned as it came.
 
-    priors: what is known of the scene apart from its images.
+    priors: knowledge of the scene apart from its images.
     tie_points: sparse landmarks from structure from motion, whose keypoints help to hold the poses.
     gradients: of the images, where the scene's brightness was taken. Brightness then follows the landmarks
         (`factors.direct`), which stay on their rays of the reference view, while pose-only tie points hold the poses
@@ -171,7 +171,7 @@ def _reweighted(
 
 
 def _framed(setup: Setup, estimate: Estimate) -> Estimate:
-    """The estimate where the altimeter's shots, with priors and control points, put it as a whole."""
+    """The estimate moved as a whole to fit the altimeter's shots, priors and control points."""
     if setup.priors.altimetry is None:
         return estimate
     return in_its_frame(estimate, lambda now: frame_factors(setup, now), setup.scene.spacing)

@@ -1,8 +1,8 @@
-"""The frame of a map: the similarity of all of it that what is known of its place, attitude and size fits best.
+"""The frame of a map: the similarity that best fits the known place, attitude and size of the map.
 
-Images leave a similarity open. Priors, control points and an altimeter determine it, and nothing else does, so that it
-has a minimum of its own, of seven numbers and the systematic errors. To the joint estimate it is a slow motion of all
-variables together, on whose way the cost hardly falls from step to step.
+Images leave a similarity open. Only priors, control points and an altimeter determine it, so that it has a minimum of
+its own, of seven numbers and the systematic errors. In the joint estimate it is a slow motion of all variables
+together, along which the cost hardly falls from step to step.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ STILL = 1e-3
 def in_its_frame(estimate: Estimate, groups: Callable[[Estimate], Sequence[FactorGroup]], spacing: float) -> Estimate:
     """The estimate turned, shifted and scaled as a whole, and its systematic errors, for the least cost of `groups`.
 
-    groups: those that determine the frame, at an estimate; spacing: of landmarks. What they do not determine stays.
+    groups: those that determine the frame, at an estimate; spacing: of landmarks. Numbers that they leave undetermined
+    stay.
     """
     every = np.arange(len(estimate.landmarks))
     for _ in range(MOST_ITERATIONS):
@@ -70,7 +71,7 @@ class _Equations:
     def solved(self) -> tuple[np.ndarray, np.ndarray]:
         """The step of the similarity (7,), and of the systematic errors (M, 10), which are eliminated first.
 
-        What nothing determines stays.
+        Undetermined numbers stay.
         """
         inverse = _inverses(self.shared)
         through = inverse @ self.crossed
@@ -82,13 +83,13 @@ class _Equations:
 
 
 def _view_moves(estimate: Estimate) -> np.ndarray:
-    """(K, 10, 7): how views move with the similarity."""
+    """(K, 10, 7): moves of views with the similarity."""
     sun = estimate.views.sun
     return view_moves(estimate.views.body_from_cam.translation, sun, tangent_basis(sun), estimate.pivot)
 
 
 def _landmark_moves(estimate: Estimate, which: np.ndarray) -> np.ndarray:
-    """(n, 6, 7): how landmarks `which` (n,) do."""
+    """(n, 6, 7): moves of landmarks `which` (n,) with it."""
     own = estimate.landmarks[which]
     return landmark_moves(own.position, own.normal, tangent_basis(own.normal), estimate.pivot)
 

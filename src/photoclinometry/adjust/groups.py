@@ -1,4 +1,4 @@
-"""Which factors the joint estimate has, on which variables, with which noise: the list that it minimises.
+"""The factors that the joint estimate minimises, with their variables and noise.
 
 sparse tie points         keypoints of structure from motion                                hold the poses
 dense                     keypoints of the map's landmarks                                  where matches determine it
@@ -40,29 +40,29 @@ from photoclinometry.photometry.predict import BIAS_SIGMA, exposure_is_free
 from photoclinometry.surface.neighbours import neighbours
 
 BALANCED_CORRELATION_PX = 3.0
-"""Brightness correlation up to which smoothness is as given; of a map of larger stride, in landmarks."""
+"""Brightness correlation up to which smoothness is as given; in landmarks for a map of larger stride."""
 
 DIRECT_SMOOTHNESS = 0.5
-"""Where brightness follows landmarks (`ImageGradients`), smoothness is as given times this, if errors of brightness are
-a pixel's own: nothing else holds single landmarks against noise."""
+"""Factor on the given smoothness where brightness follows landmarks (`ImageGradients`), if errors of brightness are
+independent from pixel to pixel: nothing else holds single landmarks against noise."""
 
 BENT_SMOOTHNESS = 0.1
-"""Where brightness has no smooth errors, smoothness ties normals to positions as firmly as both are of one surface: it
-allows for the bend between neighbours (`bend_between`), and is as given times this. True surfaces of three places
-depart from their normals by 0.010 to 0.020 rad in the median where the bend is allowed for, by 0.04 to 0.055 else."""
+"""Factor on the given smoothness where brightness has no smooth errors. Normals and positions then describe the same
+surface, and smoothness allows for the bend between neighbours (`bend_between`). True surfaces of three places depart
+from their normals by 0.010 to 0.020 rad in the median where the bend is allowed for, by 0.04 to 0.055 otherwise."""
 
 NEAREST_NEIGHBOUR = 0.05
-"""Landmarks nearer than this share of the map's spacing are no neighbours: rays of the reference view lie a whole one
-apart, so that a wrong match put one there. The direction between two a thousandth of the spacing apart turns round in
-a step as short as any, and the estimate of all waits for it."""
+"""Landmarks nearer than this share of the map's spacing are no neighbours. Rays of the reference view lie a whole
+spacing apart, so that only a wrong match puts one so near. The direction between two landmarks a thousandth of the
+spacing apart turns round in the shortest of steps, and delays the whole estimate."""
 
 DIRECT_SIGMA_PX = 25.0
-"""Keypoints' standard deviation where brightness follows their landmark (`ImageGradients`) [px]: they then hold what no
-image shows, and nothing else. Matches were found with the very map that brightness is to correct."""
+"""Keypoints' standard deviation where brightness follows their landmark (`ImageGradients`) [px]: they then hold only
+the directions that no image determines. Matches were found with the very map that brightness is to correct."""
 
 RAY_SIGMA_PX = 0.004
-"""How near a direct landmark stays to its pixel's ray of the reference view [px]: which point of the ground it is, is a
-choice."""
+"""Standard deviation of a direct landmark from its pixel's ray of the reference view [px]: the choice of the point on
+the ground is free, and the ray fixes it."""
 
 CALIBRATED_SCALE_SIGMA = 0.01
 """Prior on the scales of calibrated images about 1: radiometric calibrations of spacecraft cameras agree to a few
@@ -74,7 +74,7 @@ FREE_SCALE_SIGMA = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What the groups of an estimate are made of, the same in all its reweighting iterations."""
+    """The inputs of an estimate's groups, the same in all its reweighting iterations."""
 
     scene: Scene
     """At the start, with tie points, in the solver's order of landmarks."""
@@ -121,7 +121,7 @@ class Setup:
 
     @property
     def without_smooth_errors(self) -> bool:
-        """Whether smooth errors are taken out of the brightness. With them goes all that it says of whole views."""
+        """Whether smooth errors are taken out of the brightness. This also removes its information on whole views."""
         return self.gradients is not None and self.gradients.factor is not None
 
     @property
@@ -132,7 +132,8 @@ class Setup:
 
     @property
     def estimates_reflectance(self) -> bool:
-        """Whether its parameters are free; without smooth errors they are not, as brightness says nothing of them."""
+        """Whether its parameters are free. They are not where smooth errors are taken out, since brightness then does
+        not determine them."""
         return self.reflectance is not None and self.options.reflectance_sigma > 0 and not self.without_smooth_errors
 
     @property
@@ -185,8 +186,8 @@ def factor_groups(
     smoothness: Smoothness | None,
     altimetry: Altimetry | None = None,
 ) -> list[Group]:
-    """All groups. lit: (N,) brightness that counts; noise: as measured so far; smoothness, altimetry: those between
-    landmarks, and of shots beside them, of an estimate."""
+    """All groups. lit: (N,) brightness that counts; noise: as measured so far; smoothness, altimetry: of an estimate,
+    between landmarks and of shots over them."""
     lights: list[Group] = []
     if setup.reflectance is not None and lit.any():
         suns = SunDirections.of(setup.scene.views, noise.view_prior_factor)
@@ -264,14 +265,14 @@ def smoothness_group(setup: Setup, landmarks: Landmarks, noise: Noise) -> Smooth
 
 
 def altimetry_fit(setup: Setup, estimate: Estimate) -> AltimetryFit | None:
-    """The altimeter's shots beside an estimate; None without an altimeter."""
+    """The altimeter's shots over an estimate; None without an altimeter."""
     if setup.priors.altimetry is None:
         return None
     return altimetry_at(setup.priors.altimetry, estimate, setup.members.count, setup.scene.spacing, setup.first_track)
 
 
 def altimetry_factors(setup: Setup, estimate: Estimate) -> Altimetry | None:
-    """The factors of the shots that lie beside an estimate; None where there are none."""
+    """The factors of the shots that lie over an estimate; None where there are none."""
     fit = altimetry_fit(setup, estimate)
     return None if fit is None else altimetry_group(fit, setup.first_track)
 
@@ -285,7 +286,8 @@ def neighbour_pairs(position: np.ndarray, mapped: int, count: int, nearest: floa
 
 
 def frame_factors(setup: Setup, estimate: Estimate) -> list[FactorGroup]:
-    """What determines the frame of the map: priors, control points, and the altimeter's shots beside an estimate."""
+    """The factors that determine the frame of the map: priors, control points, and the altimeter's shots over an
+    estimate."""
     shots = altimetry_factors(setup, estimate)
     return [*_priors(setup), *([] if shots is None else [shots])]
 

@@ -32,11 +32,11 @@ STARTING_BRIGHTNESS_SIGMA = 0.02
 
 
 def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -> Noise:
-    """What is given, and guesses for what is to be measured: that of an estimate before, if there was one.
+    """The noise that is given, and guesses for that to be measured: the noise of an earlier estimate, if there was one.
 
     Where smooth errors are taken out of the brightness, its noise is measured anew at the start. The residuals of the
     earlier estimate contained these errors, so its noise is too large and correlated too far. With that noise,
-    brightness would weigh too little: more of what is left of the smooth errors would stay in the residuals, and would
+    brightness would have too little weight: more of the remaining smooth errors would stay in the residuals, and would
     be measured as noise again.
 
     Raises ReconstructionError where no brightness counts.
@@ -67,9 +67,9 @@ def starting_noise(setup: Setup, lit: np.ndarray, before: Noise | None = None) -
 
 
 def measured_noise(setup: Setup, scene: Scene, lit: np.ndarray, noise: Noise) -> Noise:
-    """`noise` with what options do not give measured from the residuals of `scene`, which is of the estimate.
+    """`noise` with the values that options do not give measured from the residuals of `scene`, the estimated scene.
 
-    What residuals do not determine stays (`noise_is_measurable`).
+    Values that the residuals do not determine stay (`noise_is_measurable`).
     """
     options, members, tracks, found = setup.options, setup.members, scene.tracks, {}
     residual = keypoint_residuals(scene)
@@ -107,9 +107,9 @@ def _scale_scatter(setup: Setup, scene: Scene) -> float:
 
 
 def _view_excess(setup: Setup, views: Views) -> float:
-    """How far Suns, scales and biases are from their priors, in stated standard deviations; of those that are not free.
+    """Deviations of Suns, scales and biases that are not free from their priors, in stated standard deviations.
 
-    It is the root mean square over views, or over arcs of what all Suns of each have in common, if that is more.
+    The root mean square over views, or over arcs for the common part of each arc's Suns, if that is more.
     """
     scale, bias = (views.scale - 1.0) / setup.scale_sigma, views.bias / setup.bias_sigma
     known = [part[np.isfinite(sigma)] for part, sigma in ((scale, setup.scale_sigma), (bias, setup.bias_sigma))]

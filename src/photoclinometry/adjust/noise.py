@@ -1,9 +1,10 @@
-"""How large the measurements' errors are, and over how much ground they are alike, found from the residuals.
+"""The size of the measurements' errors, and the extent over which they are correlated, found from the residuals.
 
-Neighbouring landmarks do not err independently. Matches are found over windows and follow the shading where the light
-has moved; images are blurred; what a reflectance model misses of the ground it misses next door too. Were errors that n
-landmarks share counted n times, what all landmarks determine together (poses, Suns, the large shape) would be
-trusted far too much. So n such observations count as one: each one's standard deviation is multiplied by sqrt(n).
+Errors of neighbouring landmarks are not independent. Matches are found over windows and follow the shading where the
+light has moved; images are blurred; errors of a reflectance model are the same on neighbouring ground. If errors that n
+landmarks share were counted n times, parameters that all landmarks determine together (poses, Suns, the large shape)
+would be trusted far too much. Therefore n such observations count as one: the standard deviation of each is multiplied
+by sqrt(n).
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ LOCAL_NOISE_SIGMA = 1.0
 local as the edges, boulders and shadows that make them."""
 
 PRIOR_FREEDOM = 2.0
-"""Squared residuals of the usual size that are added to those about a landmark. One that stands alone and is lit in
-four views has a single degree of freedom, whose square is near zero as often as not."""
+"""Number of squared residuals of the usual size that are added to those about a landmark. A single landmark that is lit
+in four views has one degree of freedom, whose square is near zero as often as not."""
 
 SAME_SIGMA, SAME_CORRELATION = 0.1, 0.2
-"""Noise of two reweighting iterations is alike if no standard deviation differs by more than the first share, no
-correlation by more than the second: the estimate does not change by a tenth of its sigmas then."""
+"""The noise of two reweighting iterations counts as equal if no standard deviation differs by more than the first
+share, and no correlation by more than the second: the estimate then changes by less than a tenth of its sigmas."""
 
 MIN_BRIGHTNESS_SHARE = 1e-4
 """Noise of brightness is at least this share of the median brightness: no detector measures better."""
@@ -36,29 +37,29 @@ MIN_FREEDOM = 0.1
 """Share of the residuals that count as degrees of freedom at least, where parameters are as many as residuals."""
 
 CHANCE_SIGMAS = 1.5
-"""Differences from what is known of Suns, scales and biases that are taken to be chance, in standard deviations."""
+"""Differences of Suns, scales and biases from their priors that count as chance, in standard deviations."""
 
 MAX_VIEW_PRIOR_FACTOR = 5.0
-"""Largest `Noise.view_prior_factor` [-]. Beyond it, what brightness says of Suns would count for nothing."""
+"""Largest `Noise.view_prior_factor` [-]. Beyond it, brightness would have no influence on Suns."""
 
 MIN_SCALE_SCATTER = 1e-3
 """Least standard deviation of calibrated scales [-]: no camera repeats its response better."""
 
 MIN_VIEWS_FOR_PHASE = 7
-"""Views from which on scales may follow a parabola in the phase angle. With fewer, it explains too much of what is
-scatter."""
+"""Fewest views whose scales may follow a parabola in the phase angle. With fewer views the parabola explains too much
+of the scatter."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """What the errors of all measurements are taken to be."""
+    """The assumed errors of all measurements."""
 
     keypoint_factor: float
     """On each keypoint's own standard deviation."""
     keypoint_correlation_px: float
     """Side of the square of reference pixels in which keypoints share an error."""
     pose_only_keypoint_factor: float
-    """As `keypoint_factor`, on that of each pose-only tie point's keypoint, whose own positions follow the matches."""
+    """As `keypoint_factor`, for keypoints of pose-only tie points, whose own positions follow the matches."""
     sparse_keypoint_factor: float
     """On the standard deviation of each sparse tie point's keypoint; their errors are independent."""
     brightness_sigma: float
@@ -66,12 +67,12 @@ class Noise:
     brightness_correlation_px: float
     """As for keypoints."""
     view_prior_factor: float = 1.0
-    """How many times smaller than stated the standard deviations of Suns, scales and biases are taken to be. It stands
-    for errors of brightness common to a view, which no residual shows, since the view's Sun, scale and bias follow
-    them."""
+    """Factor by which the assumed standard deviations of Suns, scales and biases are smaller than the stated ones. It
+    stands for errors of brightness common to a view, which no residual shows, since the view's Sun, scale and bias
+    follow them."""
     scale_scatter: float = np.inf
-    """Standard deviation with which calibrated scales are found to scatter, however stated; infinite until it is
-    measured, and for scales that are free."""
+    """Measured standard deviation of calibrated scales, whatever is stated; infinite until it is measured, and for
+    scales that are free."""
 
     def close_to(self, other: Noise) -> bool:
         """Whether sigmas differ by SAME_SIGMA at most, correlations by SAME_CORRELATION."""
@@ -132,18 +133,18 @@ def local_noise(scene: Scene, lit: np.ndarray, sigma: np.ndarray | float, mapped
     average, share = masked_filter(grid, gaussian(LOCAL_NOISE_SIGMA))
     landmarks = (
         4.0 * np.pi * LOCAL_NOISE_SIGMA**2 * share[cells]
-    )  # of independent noise, the average is as exact as of so many
+    )  # effective number of independent values in the average
     total, freedom = landmarks * np.moveaxis(average[cells], -1, 0)
     return (total + PRIOR_FREEDOM) / (freedom + PRIOR_FREEDOM)
 
 
 def view_prior_factor(excess: float, factor: float) -> float:
-    """The factor under which Suns, scales and biases stay about as far from what is known of them as that allows.
+    """The factor under which Suns, scales and biases stay within about their priors' standard deviations.
 
     excess: their typical difference in stated standard deviations, found under `factor`. Where all of a view's
-    brightness is off, by relief finer than a pixel or by the model, they follow it, far beyond what navigation and
-    calibration allow, because so many landmarks insist. These then have to count for more. Differences fall by the
-    square of the factor.
+    brightness is off, by relief finer than a pixel or by the model, Suns, scales and biases follow it far beyond the
+    errors of navigation and calibration, because many landmarks outweigh these. The priors then have to count for more.
+    Differences fall by the square of the factor.
     """
     if factor == 1.0 and excess < CHANCE_SIGMAS:
         return 1.0
@@ -153,9 +154,9 @@ def view_prior_factor(excess: float, factor: float) -> float:
 def scale_scatter(scale: np.ndarray, phase: np.ndarray | None = None) -> float:
     """Standard deviation of scales (K,) about 1, MIN_SCALE_SCATTER at least; infinite where all are 1 still.
 
-    phase: (K,) phase angles [rad] of the views, where the phase function is estimated: of more than a few views, what
-    a parabola in phase explains is no scatter, but what the phase function still lacks. Were scales as loose as
-    calibration states them, or as that makes them, they would take it, and it would not be found.
+    phase: (K,) phase angles [rad] of the views, where the phase function is estimated. With enough views, the part that
+    a parabola in phase explains is no scatter but the remaining error of the phase function. If scales were as loose as
+    calibration states them, or as this part makes them, they would absorb the error, and it would not be found.
     """
     if np.all(scale == 1.0):
         return np.inf

@@ -1,4 +1,4 @@
-"""What can be said about a joint estimate."""
+"""Options of the joint estimate."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class AdjustOptions(Ranged):
     observations count as one: each one's sigma is multiplied by this. 1 for independent errors; left out, estimated
     from the residuals."""
     brightness_correlation_px: Annotated[float | None, Range(least=1)] = None
-    """Likewise for brightness: images are blurred and sampled between pixels, and what a reflectance model misses of
-    the ground it misses next door too. Given, the priors on Suns, scales and biases are as stated; left out, they count
-    for more where brightness pulls views too far from them."""
+    """Likewise for brightness: images are blurred and sampled between pixels, and errors of a reflectance model are the
+    same on neighbouring ground. Given, the priors on Suns, scales and biases are as stated; left out, they count for
+    more where brightness pulls views too far from them."""
     keypoint_sigma_factor: Annotated[float, Range(above=0)] = 1.0
-    """All keypoints' standard deviations are this many times what they are measured to be: for maps that are to be
-    matched again (see `pipeline.options.RelightOptions`)."""
+    """Factor on the measured standard deviations of all keypoints, for maps that are to be matched again (see
+    `pipeline.options.RelightOptions`)."""
     smooth_sigma_rad: Annotated[float, Range(least=0)] = 0.2
     """Smoothness: spread of the angle between a neighbour's direction and the tangent plane [rad]. Zero: none.
-    It grows with the correlation of brightness beyond 3 px, so that shading keeps its say against it."""
+    It grows with the correlation of brightness beyond 3 px, so that shading keeps its weight against it."""
     smooth_neighbours: Annotated[int, Range(least=0, most=1000)] = 4
     """Neighbours per landmark in the smoothness factors."""
     max_incidence_deg: Annotated[float, Range(above=0, most=90)] = GRAZING_DEG
@@ -50,8 +50,8 @@ class AdjustOptions(Ranged):
     landmark_sigma_gsd: Annotated[float, Range(above=0)] = 1e-2
     """Gauge: prior on the position of one central landmark, which fixes the scale [GSD]."""
     scale_sigma: Annotated[float | None, Range(above=0)] = None
-    """Prior on the images' brightness scales about 1. Left out: what they are found to scatter by, 0.01 at most, for
-    I/F with a phase function; else none but on the reference view, whose scale is 1."""
+    """Prior on the images' brightness scales about 1. Left out: their measured scatter, 0.01 at most, for I/F with a
+    phase function; else none but on the reference view, whose scale is 1."""
     bias_sigma: Annotated[float | None, Range(above=0)] = None
     """Prior on the images' brightness biases about 0. Left out: 1e-3 of the median brightness for I/F, else a tenth."""
     position_sigma_gsd: Annotated[float | None, Range(above=0)] = None

@@ -1,4 +1,4 @@
-"""What is known of a scene apart from its images."""
+"""Knowledge of a scene apart from its images."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from photoclinometry.model.reflectance import Reflectance
 
 @dataclass(frozen=True, kw_only=True)
 class ScenePriors:
-    """What is known of a scene apart from its images.
+    """Knowledge of a scene apart from its images.
 
     Without pose priors and control points only the gauge is fixed, by the reference view's pose and one landmark.
     Uncertainties are then those after the best similarity of the map.
@@ -27,5 +27,5 @@ class ScenePriors:
     altimetry: AltimeterTracks | None = None
     """Laser altimetry, in the frame of a scene that pose priors or control points have put roughly in place."""
     reflectance: Reflectance | None = None
-    """The reflectance as it is known beforehand, of which the scene's is an estimate; None where it is the scene's own.
-    It counts only where reflectance parameters are estimated, and must be of the scene's model."""
+    """The prior reflectance, from which the scene's was estimated; None where it is the scene's own. It counts only
+    where reflectance parameters are estimated, and must be of the scene's model."""

@@ -1,7 +1,8 @@
-"""How errors of the positions of different landmarks go together: their correlation by distance.
+"""Correlation of the errors of the positions of different landmarks, by distance.
 
-Found of some runs of landmarks, whose joint covariance is that of `marginals`: given the views, by smoothness, in each
-run; by errors of views and reflectance parameters, between all of them; and errors that neighbours share.
+It is found from some runs of landmarks, whose joint covariance is that of `marginals`. It has three parts: given the
+views, smoothness in each run; errors of views and reflectance parameters, between all landmarks; and errors that
+neighbours share.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ from photoclinometry.adjust.covariance.windows import OUTSIDE
 from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 
 LENGTHS = tuple(2.0**n for n in range(11))
-"""Lengths that exponentials of the distance may have, in the spacing of landmarks: from neighbours to more than a map.
-A sum of such with shares that are not negative is a correlation: no variance that follows from it is negative."""
+"""Lengths of the exponentials of the distance, in the spacing of landmarks: from neighbours to more than a map. A sum
+of such exponentials with shares that are not negative is a valid correlation: it gives no negative variance."""
 RUNS, RUN = 6, 128
 """Runs of landmarks, spread over the map, and landmarks in each: a second of inverses."""
 BINS = 24
-"""Of distances, a constant factor apart."""
+"""Number of bins of distance, a constant factor apart."""
 
 
 def correlation_by_distance(
@@ -43,7 +44,7 @@ def correlation_by_distance(
     exact: bool,
     shared_side: float,
 ) -> np.ndarray:
-    """Shares (n,) of the variance of positions that exponentials of LENGTHS have; the rest is of each landmark alone.
+    """Shares (n,) of the exponentials of LENGTHS in the variance of positions; the rest belongs to each landmark alone.
 
     common: (10 K + T, 10 K + T) covariance of views and parameters, errors of the frame taken out. cell: (J', 2) of the
     map's landmarks in its grid; they come first. exact: as `marginals` has treated the map; shared_side: of the square
@@ -96,7 +97,7 @@ def _by_distance(distance: np.ndarray, correlation: np.ndarray) -> np.ndarray:
 def _given_views(held: PositionSmoothness, first: int, last: int) -> np.ndarray:
     """(n, n) traces of the covariances of positions of landmarks first:last with each other, given the views.
 
-    As in windows, links that leave the run count OUTSIDE of what they would if their far ends were fixed.
+    As in windows, links that leave the run count with the weight OUTSIDE relative to links with fixed far ends.
     """
     at, errors = held.at, held.errors
     patch, prior, around = at.patch(first, last), at.prior[first:last], _links_that_leave(at, first, last)
@@ -111,7 +112,7 @@ def _given_views(held: PositionSmoothness, first: int, last: int) -> np.ndarray:
 
 
 def _links_that_leave(at: LinearizedGraph, first: int, last: int) -> np.ndarray:
-    """(n, 6, 6) what links from and to landmarks beyond first:last add to those within."""
+    """(n, 6, 6) contributions to landmarks first:last of links from and to landmarks beyond."""
     links, out = at.links, np.zeros((last - first, LANDMARK_SIZE, LANDMARK_SIZE))
     source, target = ((ends >= first) & (ends < last) for ends in (links.source, links.target))
     leaving, coming = np.flatnonzero(source & ~target), np.flatnonzero(target & ~source)
@@ -138,8 +139,8 @@ def _inverse(at: LinearizedGraph, patch: Patch, prior: np.ndarray, first: int, l
 def _of_common(
     at: LinearizedGraph, errors: ErrorModel, stiffness: np.ndarray | None, root: np.ndarray, first: int, last: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3, c) how positions of landmarks first:last follow from one standard deviation of errors of views and
-    parameters, and (n, 3, 3 K) of errors that neighbours share. root: (10 K + T, c), root @ root.T is the covariance of
+    """(n, 3, c) responses of positions of landmarks first:last to one standard deviation of errors of views and
+    parameters, and (n, 3, 3 K) to errors that neighbours share. root: (10 K + T, c), root @ root.T is the covariance of
     views and parameters."""
     index, by_common, shared = responses(at, errors, stiffness, first, last)
     shape = (last - first, LANDMARK_SIZE, -1)

@@ -1,4 +1,4 @@
-"""The landmarks eliminated from the normal equations: what is left is of views and reflectance parameters alone.
+"""The normal equations of views and reflectance parameters after elimination of the landmarks.
 
 S = H_cc - H_cl H_ll^-1 H_lc, see `marginals`; landmarks are taken a patch at a time, without links between patches.
 """
@@ -26,26 +26,26 @@ class Eliminated:
     information: np.ndarray
     """(10 K + T, 10 K + T) S, of views and reflectance parameters."""
     along_similarity: np.ndarray
-    """(10 K + T, 7) its product with a similarity of views (`LinearizedGraph.view_moves`), found of what alone tells
-    one. In S that is a small difference of large numbers, of which rounding and the ridge under landmarks leave less
-    than they add. Zero without a frame that is kept."""
+    """(10 K + T, 7) its product with a similarity of views (`LinearizedGraph.view_moves`), computed from the only
+    factors that determine a similarity. Computed from S, it would be a small difference of large numbers, smaller than
+    the errors by rounding and by the ridge under landmarks. Zero without a frame that is kept."""
     own: np.ndarray
     """(J, 2, 6, 6) of each landmark, by keypoints and by brightness."""
     frame_by_common: np.ndarray
-    """(7, 10 K + T) how the similarity that fits the landmarks best follows from errors of views and reflectance
+    """(7, 10 K + T) response of the similarity that fits the landmarks best to errors of views and reflectance
     parameters; zero without one."""
 
 
 def eliminate_landmarks(
     at: LinearizedGraph, patches: list[tuple[int, int]], frame: np.ndarray | None, *, keeps_frame: bool = False
 ) -> Eliminated:
-    """The landmarks eliminated, patch (first, last) by patch; frame: (J,) bool, those that the similarity fits;
-    keeps_frame: whether it is that of priors, which alone tell it."""
+    """The landmarks eliminated, patch (first, last) by patch; frame: (J,) bool, landmarks to which the similarity is
+    fitted; keeps_frame: whether it is the frame of priors, which alone determine it."""
     own, by_view = np.empty((len(at), 2, LANDMARK_SIZE, LANDMARK_SIZE)), at.view_moves()
 
     def eliminate(some: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of some of the patches: what is left (lower triangle), the product of that with a similarity of views, and
-        how the similarity's fit follows from it."""
+        """For some of the patches: the remaining equations (lower triangle), their product with a similarity of views,
+        and the response of the similarity's fit to them."""
         total, moved = np.zeros_like(at.common_prior), np.zeros((SIMILARITY, len(at.common_prior)))
         pulled = np.zeros_like(by_view)
         for first, last in patches[some]:
@@ -79,7 +79,8 @@ def eliminate_landmarks(
 
 
 def _add_patch(total: np.ndarray, patch: Patch, of_views: int) -> None:
-    """What a patch's measurements say of views and reflectance parameters, were its landmarks known; of_views: 10 K."""
+    """Adds the information of a patch's measurements on views and reflectance parameters if its landmarks were known;
+    of_views: 10 K."""
     for k, block, border in zip(patch.views, patch.view_block, patch.border, strict=True):
         here = slice(VIEW_SIZE * k, VIEW_SIZE * (k + 1))
         total[here, here] += block
@@ -88,7 +89,7 @@ def _add_patch(total: np.ndarray, patch: Patch, of_views: int) -> None:
 
 
 def _frame_moves(at: LinearizedGraph, frame: np.ndarray, first: int, last: int) -> np.ndarray:
-    """(6 n, 7) how the positions of landmarks first:last that the similarity fits move with it."""
+    """(6 n, 7) moves of the positions of landmarks first:last to which the similarity is fitted."""
     move = at.landmark_moves(first, last)
     move[:, 3:] = 0.0
     move[~frame[first:last]] = 0.0
@@ -104,8 +105,7 @@ def _subtract(total, index, part):
 
 
 def coupling_of(at: LinearizedGraph, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
-    """Which of all coordinates of views and parameters (c,) a patch depends on, and its information (6 n, c) with
-    them."""
+    """The coordinates of views and parameters (c,) on which a patch depends, and its information (6 n, c) with them."""
     of_views = (VIEW_SIZE * patch.views[:, None] + np.arange(VIEW_SIZE)).ravel()
     coupling = [part.reshape(LANDMARK_SIZE * len(patch.own), -1) for part in (patch.coupling, patch.by_parameter)]
     return np.concatenate([of_views, np.arange(at.of_views, len(at.common_prior))]), np.hstack(coupling)

@@ -1,7 +1,7 @@
 """The information matrix J^T J of the joint estimate, in double precision, for any run of landmarks.
 
-The solver never forms it. The covariances need it, a patch of the map at a time: each landmark's own block, how it is
-coupled with the views that see it, and what it tells them. `graph.rows` states the rows.
+The solver never forms it. The covariances need it, a patch of the map at a time: each landmark's own block, its
+coupling with the views that see it, and its contribution to those views' blocks. `graph.rows` states the rows.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from photoclinometry.model.reflectance import continued_function, continued_para
 
 
 class Observed(NamedTuple):
-    """N observations, landmark by landmark, and how much each counts."""
+    """N observations, landmark by landmark, with their weights."""
 
     start: np.ndarray
     """(J + 1,) as in `Tracks`."""
@@ -41,7 +41,7 @@ class Observed(NamedTuple):
     brightness: np.ndarray
     """(N,) at pixel (0, 0), by the gradient; the brightness itself where that is zero."""
     gradient: np.ndarray
-    """(N, 2) how brightness changes with the projected pixel [1/px]."""
+    """(N, 2) derivative of brightness by the projected pixel [1/px]."""
     keypoint_weight: np.ndarray
     """(N,) 1 / sigma [1/px] as the estimate has it."""
     brightness_weight: np.ndarray
@@ -180,7 +180,8 @@ class Patch(NamedTuple):
     coupling: np.ndarray
     """(n, 6, m, 10) landmark with view."""
     shifts: np.ndarray
-    """(n, 6, m, 3) rows by landmark: what a unit whitened error of u, v and brightness in a view adds to -gradient."""
+    """(n, 6, m, 3) rows by landmark: the contribution of a unit whitened error of u, v and brightness in a view to
+    -gradient."""
     view_block: np.ndarray
     """(m, 10, 10) each view's block."""
     by_parameter: np.ndarray

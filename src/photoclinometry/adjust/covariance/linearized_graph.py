@@ -1,4 +1,4 @@
-"""A factor graph at its minimum: all that its covariances depend on."""
+"""A factor graph at its minimum, with all inputs of its covariances."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from photoclinometry.adjust.graph.slot import LandmarkState, ViewState
 from photoclinometry.adjust.graph.variables import VIEW_SIZE, Estimate
 
 LOOSE = 1e-4
-"""In the map's own frame the prior that holds one landmark counts this much: enough for the scale, too little to make
-its surroundings look known."""
+"""Weight, in the map's own frame, of the prior that holds one landmark: enough to fix the scale, too little to make the
+landmark's surroundings look known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ class LinearizedGraph:
     def landmark_pull(self, first: int, last: int, by_view: np.ndarray) -> np.ndarray:
         """(6 n, 7): J^T J times a similarity of views and landmarks, at landmarks first:last.
 
-        Of general factors: images are as content before as after. by_view: `view_moves`.
+        Only general factors contribute, since images do not change under a similarity. by_view: `view_moves`.
         """
         by_landmark = self.landmark_moves(first, last)
         pull = self.prior[first:last] @ by_landmark

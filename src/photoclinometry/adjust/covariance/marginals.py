@@ -11,8 +11,8 @@ out the links between patches of landmarks, which makes the views a little less 
 neighbours to move as the landmark does; (H_ll^-1)_jj is inverted in windows (`windows.py`).
 docs/explanation/estimate.md states what that costs in accuracy.
 
-What the estimate takes for a measurement's sigma need not be the sigma of its error: sigmas are enlarged for errors
-that neighbours share (`noise.py`), and smoothness holds of no ground. `ErrorModel` says what the errors are.
+The sigma that weights a measurement in the estimate need not be the sigma of its error: sigmas are enlarged for errors
+that neighbours share (`noise.py`), and no ground fulfils smoothness exactly. `ErrorModel` states the errors.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ LARGE = 20_000
 """Landmarks of a map up to which patches are large."""
 
 UNMEASURED = 1e8
-"""Of a variance over what it would be were all else known; beyond, it counts as infinite."""
+"""Ratio of a variance to that with all else known, beyond which it counts as infinite."""
 
 _BATCH = 128
-"""Landmarks treated at a time where each is by itself."""
+"""Landmarks that are processed at a time where each is treated alone."""
 
 _PHOTOMETRIC = 6
-"""Of a view's coordinates those from here on, Sun, scale and bias, are of its brightness; the others are its pose."""
+"""First of a view's photometric coordinates: Sun, scale and bias; those before it are its pose."""
 
 ALBEDO = 5
-"""Of a landmark's coordinates."""
+"""Index of the albedo among a landmark's coordinates."""
 
 SAMPLED_BATCHES = 32
-"""Batches of landmarks at most, evenly chosen, that determine the relative error that all albedos have in common:
-thousands of landmarks. Their responses are computed twice."""
+"""Most batches of landmarks, evenly chosen, that determine the common relative error of all albedos: thousands of
+landmarks. Their responses are computed twice."""
 
 WEIGHT_STEP = 1e-3
 """Relative change of weights in the differences by which the contribution of each kind of measurement is found."""
@@ -59,7 +59,7 @@ WEIGHT_STEP = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorModel:
-    """Variances of the errors, over those that the estimate weighs with."""
+    """Variances of the errors, relative to those that weight the estimate."""
 
     keypoint: np.ndarray
     """(J,) of each landmark."""
@@ -69,7 +69,7 @@ class ErrorModel:
     """The part of a keypoint's variance that all landmarks nearby share, between 0 and 1."""
     brightness_common: float = 0.0
     position_smoothness: PositionSmoothness | None = None
-    """What holds positions, where it is not what holds normals and albedos."""
+    """The smoothness that holds positions, where it differs from that of normals and albedos."""
 
     def common(self, first: int, last: int) -> np.ndarray:
         """(n, 3) variances of u, v and brightness of landmarks first:last that those nearby share."""
@@ -93,19 +93,19 @@ class Marginals:
     albedo_relative: np.ndarray
     """(J,) variances of albedos after the factor that all have in common."""
     albedo_by_common: np.ndarray
-    """(J, 2) the parts of the variances of albedos, as in `landmark` and in `albedo_relative`, that errors of views and
-    reflectance parameters make."""
+    """(J, 2) the parts of the variances of albedos, as in `landmark` and in `albedo_relative`, that are due to errors
+    of views and reflectance parameters."""
     of_frame: np.ndarray | None = None
-    """(J, 6, 6) the part of `landmark` that errors of the frame make; None unless the frame was asked for
-    and kept."""
+    """(J, 6, 6) the part of `landmark` that is due to errors of the frame; None unless the frame was asked for and
+    kept."""
     frame: np.ndarray | None = None
-    """(7, 7) of the similarity that the map is off by: rotation, translation and scale about the pivot; None
+    """(7, 7) covariance of the map's similarity error: rotation, translation and scale about the pivot; None
     likewise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PositionSmoothness:
-    """What holds positions in place of what holds normals and albedos."""
+    """Smoothness of positions where it differs from that of normals and albedos."""
 
     at: LinearizedGraph
     """With other links and the same measurements."""
@@ -123,12 +123,12 @@ def marginals(
 ) -> Marginals:
     """Marginal covariances of all views and landmarks.
 
-    frame: (J,) bool, landmarks whose positions define the frame: covariances are those after the best similarity
-    of theirs has been taken out (an S-transformation, Baarda 1973), as a map made from images alone has no frame of
-    its own. None: the frame of the priors, which hold one view and one landmark. keeps_frame: the priors know the frame
-    of these landmarks; covariances keep its errors, and their part is returned besides.
+    frame: (J,) bool, landmarks whose positions define the frame: covariances are those after removal of their best
+    similarity (an S-transformation, Baarda 1973), as a map made from images alone has no frame of its own. None: the
+    frame of the priors, which hold one view and one landmark. keeps_frame: the priors know the frame of these
+    landmarks; covariances keep its errors, and their part is returned besides.
     errors: without them, as weighed and independent.
-    exact: up to so many landmarks nothing is approximated; patch: landmarks in a patch beyond.
+    exact: number of landmarks up to which nothing is approximated; patch: landmarks in a patch of larger maps.
     """
     count = len(at)
     patch = patch or (LARGE_PATCH if count <= LARGE else PATCH)
@@ -215,7 +215,7 @@ def _given_views(
     covariance = covariances_given_views(information, at.links, windows)
     if errors is None:
         return covariance
-    # A measurement contributes H^-1 J^T J H^-1: how much less uncertainty there is when it counts more.
+    # A measurement contributes H^-1 J^T J H^-1: the decrease of uncertainty with its weight.
     beyond = errors.keypoint * (1.0 - errors.keypoint_common) - errors.smoothness
     information = information + WEIGHT_STEP * (beyond[:, None, None] * own[:, 0] + (1.0 - errors.smoothness) * at.prior)
     beyond = errors.brightness * (1.0 - errors.brightness_common) - errors.smoothness
@@ -231,7 +231,7 @@ def _add_common(
     common: np.ndarray,
     batches: list[tuple[int, int]],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Adds to (J, 6, 6) what errors of views and parameters, and errors that neighbours share, do to the landmarks.
+    """Adds to (J, 6, 6) the effect on landmarks of errors of views and parameters, and of errors that neighbours share.
 
     common: (10 K + T, 10 K + T) covariance of views and parameters. Returns the variances (J,) that albedos have
     without the relative error that all have in common: that of their mean over every few batches; and the parts (J, 2)
@@ -268,11 +268,11 @@ def _add_common(
 def responses(
     at: LinearizedGraph, errors: ErrorModel | None, stiffness: np.ndarray | None, first: int, last: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """How landmarks first:last follow from views and parameters, and from errors that neighbours share.
+    """Responses of landmarks first:last to views and parameters, and to errors that neighbours share.
 
-    stiffness: (J, 6, 6) as of `stiffness_of`; None where all landmarks are treated together. Returns which coordinates
-    of views and parameters (c,), the response to these (6 n, c), and that to one standard deviation of shared errors
-    (6 n, m).
+    stiffness: (J, 6, 6) as of `stiffness_of`; None where all landmarks are treated together. Returns the indices of
+    coordinates of views and parameters (c,), the response to these (6 n, c), and that to one standard deviation of
+    shared errors (6 n, m).
     """
     patch = at.patch(first, last)
     index, coupling = coupling_of(at, patch)
@@ -297,7 +297,8 @@ def responses(
 
 
 def stiffness_of(links: Links, count: int) -> np.ndarray:
-    """(J, 6, 6) smoothness where neighbours move alike, as they do when a view moves: it holds the normal alone."""
+    """(J, 6, 6) smoothness where neighbours make the same move, as they do when a view moves: it holds the normal
+    alone."""
     turn = links.rows[:, 3:]
     out = np.zeros((count, LANDMARK_SIZE, LANDMARK_SIZE))
     np.add.at(out[:, 3:5, 3:5], links.source, turn[:, :, None] * turn[:, None, :])
@@ -320,7 +321,7 @@ def _products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _forget_unmeasured(landmark: np.ndarray, own: np.ndarray, links: Links) -> None:
-    """Infinite variances (J, 6, 6) of what no factor touches, or only together with what else they leave open."""
+    """Variances (J, 6, 6), infinite for coordinates that no factor determines, alone or together with others."""
     information = np.einsum("jaa->ja", own).copy()
     np.add.at(information, (links.source[:, None], np.arange(3, 5)), links.rows[:, 3:] ** 2)
     variance = np.einsum("jaa->ja", landmark)

@@ -1,11 +1,11 @@
 """The uncertainties of an adjusted scene: covariances as `Scene.uncertainty` holds them.
 
 They are those of the errors, not of the weights. The estimate weighs n measurements that share an error as one, which
-is right for what all landmarks determine together. A landmark's own error is another matter: n shared errors are not
-larger than each, so its measurements count there with their own sigmas, and errors that all neighbours share are
-passed on whole, since smoothing over neighbours does not lessen them. Smoothness counts as it was found to hold.
+is right for parameters that all landmarks determine together. A landmark's own error is another matter: n shared errors
+are not larger than each, so that its measurements count there with their own sigmas. Errors that all neighbours share
+count in full, since smoothing over neighbours does not reduce them. Smoothness has the variance found in its residuals.
 
-Where no pose is known but the gauge's, errors are those that are left after the best similarity of the map: its own
+Where no pose is known but the gauge's, errors are those that remain after removal of the map's best similarity: its own
 origin, orientation and size mean nothing. Otherwise they are in the frame of the pose priors.
 """
 
@@ -39,7 +39,7 @@ from photoclinometry.model.warning import warn
 log = logging.getLogger(__name__)
 
 OF_LANDMARKS = ("position", "normal", "albedo", "albedo_relative")
-"""What there is one of for each landmark; the rest is of views."""
+"""Quantities of landmarks; the others belong to views."""
 
 ENDLESS_RAD2 = 1e9
 """In place of an infinite variance of a normal [rad^2]: far above UNTOLD_NORMAL_RAD's, so that it counts as none."""
@@ -55,14 +55,14 @@ class Stated:
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
     """`Scene.uncertainty`."""
     in_common: dict[str, np.ndarray] = field(default_factory=dict)
-    """The parts of its variances that landmarks share, so that the brightness of one landmark does not measure them. Of
-    positions and normals it is the part that errors of the frame make, missing where uncertainties are relative to the
-    map's own frame; of albedos the part that errors of views and reflectance parameters make."""
+    """The parts of its variances that landmarks share, so that the brightness of one landmark does not measure them.
+    For positions and normals it is the part due to errors of the frame, missing where uncertainties are relative to the
+    map's own frame; for albedos the part due to errors of views and reflectance parameters."""
     parameter_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
     """(T,) of the reflectance parameters that are estimated, in their local coordinates."""
     frame: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    """(7, 7) covariance of the similarity that the map is off by: rotation [rad], translation [units of B] and scale,
-    about its middle; empty where the map has a frame of its own."""
+    """(7, 7) covariance of the map's similarity error: rotation [rad], translation [units of B] and scale, about its
+    middle; empty where the map has a frame of its own."""
     correlation: ErrorCorrelation | None = None
     """Of the errors of positions."""
 
@@ -122,10 +122,11 @@ def estimate_uncertainty(
 def _of_positions(
     at: LinearizedGraph, errors: ErrorModel, smoothness: Smoothness | None, estimate: Estimate
 ) -> PositionSmoothness | None:
-    """What holds positions, by `smoothness`, or by the graph's where that is None; None where it is what holds normals.
+    """The smoothness of positions, by `smoothness`, or by the graph's where that is None; None where it is that of
+    normals.
 
-    For positions, errors of brightness are independent: neighbours move by a common one over image gradients of either
-    sign.
+    For positions, errors of brightness are independent: a common one moves neighbours by amounts of either sign, as
+    their image gradients.
     """
     independent = replace(errors, brightness_common=0.0)
     if smoothness is None:
@@ -148,12 +149,12 @@ def error_model(
     *,
     photometric: bool = True,
 ) -> ErrorModel:
-    """What the errors are, over what the estimate takes them for. smoothness: (P,) whitened residuals.
+    """Variances of the errors, relative to those that weight the estimate. smoothness: (P,) whitened residuals.
 
     Correlations are sides of the squares of landmarks that share an error. An error that n landmarks share has 1/n of
     the variance that it is weighed with. Of those nearby, all share it if n is as large as their number. direct: (J,)
-    bool, landmarks that brightness holds: keypoints count there as if good to many pixels, and are good to a tenth, so
-    that their errors do nothing.
+    bool, landmarks that brightness holds: keypoints have weights there as if good to many pixels, and are good to a
+    tenth, so that their errors have no effect.
     """
     keypoint, brightness = keypoint_correlation**2, brightness_correlation**2
 
@@ -172,7 +173,7 @@ def error_model(
 def with_local_errors(
     uncertainty: Mapping[str, np.ndarray], noise: np.ndarray, in_common: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """`Scene.uncertainty` with what is known from place to place.
+    """`Scene.uncertainty` with noise that varies from place to place.
 
     noise: (J,) factors on the variances of landmarks (`local_noise`), but for what is in common (`Stated`), by name.
     """
@@ -189,9 +190,9 @@ def with_local_errors(
 
 
 def bounded_normals(covariance: np.ndarray) -> np.ndarray:
-    """Covariances (n, 2, 2) of normals [rad^2], with that a normal points away from the ground: UNTOLD_NORMAL_RAD as a
-    prior. Some landmarks, such as those in a row along a hole that no Sun lights, have no other information in some
-    direction, or next to none."""
+    """Covariances (n, 2, 2) of normals [rad^2], with UNTOLD_NORMAL_RAD as a prior, since a normal points away from the
+    ground. Some landmarks, such as those in a row along a hole that no Sun lights, have no or hardly any other
+    information in some direction."""
     value, vector = np.linalg.eigh(np.where(np.isinf(covariance), ENDLESS_RAD2, covariance))
     value = np.maximum(value, 0.0)
     value /= 1.0 + value / UNTOLD_NORMAL_RAD**2
@@ -201,10 +202,11 @@ def bounded_normals(covariance: np.ndarray) -> np.ndarray:
 def with_frame_error(
     uncertainty: Mapping[str, np.ndarray], position: np.ndarray, views: Views
 ) -> dict[str, np.ndarray]:
-    """`Scene.uncertainty` with what errors of single landmarks do to the map's own frame: they turn and move all poses.
+    """`Scene.uncertainty` with the effect of errors of single landmarks on the map's own frame: they turn and move all
+    poses.
 
-    position: (J, 3) of the landmarks that define the frame, by least squares. Little in itself (1e-4 degrees), but the
-    reference view, whose rays the landmarks lie on, has no other error about one axis.
+    position: (J, 3) of the landmarks that define the frame, by least squares. The effect is small (1e-4 degrees), but
+    the reference view, on whose rays the landmarks lie, has no other error about one axis.
     """
     known = np.isfinite(uncertainty["position"]).all((1, 2))
     middle = position[known].mean(0)
@@ -231,7 +233,7 @@ def _beyond(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
 
 
 def scene_uncertainty(found: Marginals, views: Views, pivot: np.ndarray, mapped: np.ndarray) -> dict[str, np.ndarray]:
-    """From local coordinates to those of `Scene.uncertainty`; what was not measured is left out.
+    """From local coordinates to those of `Scene.uncertainty`; quantities that were not measured are left out.
 
     Covariances of position, normal, rotation, center and sun, standard deviations of albedo, scale and bias, and of
     albedos after the factor that all have in common (`albedo_relative`).

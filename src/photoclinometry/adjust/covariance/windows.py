@@ -1,9 +1,10 @@
 """Each landmark's covariance given all views, from a window of the map around it.
 
 Given the views, landmarks are coupled by smoothness alone, which links a landmark's normal with the neighbours'
-positions. So normals and albedos are eliminated landmark by landmark, and what is left of a window, three numbers a
-landmark, is inverted whole. What lies outside is approximated: links that leave the window count a fifth of what they
-would if their far ends were fixed. Cut altogether, they leave the depth too uncertain, fixed too certain.
+positions. Normals and albedos are therefore eliminated landmark by landmark, and the remaining equations of a window,
+three numbers a landmark, are inverted as a whole. The outside is approximated: links that leave the window have a fifth
+of the weight of links with fixed far ends. Without them the depth would be too uncertain, with their full weight too
+certain.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ OUTSIDE = 0.2
 """Weight of links that leave a window."""
 
 RIDGE, MORE_RIDGE = 1e-10, 100.0
-"""Relative information added to every coordinate, so that one that is not determined does not stop the rest; and times
-so much more where rounding needs it."""
+"""Relative information added to every coordinate, so that an undetermined one does not stop the others; and the factor
+by which it grows where rounding needs more."""
 
 _COMPILED: dict[str, Any] = dict(cache=True, error_model="numpy", nogil=True)
 
@@ -110,8 +111,8 @@ def _inverse(positions: np.ndarray) -> np.ndarray:
 
 @njit(**_COMPILED)
 def _eliminate(ids, local, own, links, outside, positions, inverse, partner, through):
-    """Fills positions (3n, 3n), the information of positions alone; and how normals and albedos follow from them:
-    their own covariance, inverse (n, 3, 3), and through (n, m, 3, 3), minus the response to positions `partner`."""
+    """Fills positions (3n, 3n), the information of positions alone; inverse (n, 3, 3), the covariance of normals and
+    albedos given positions; and through (n, m, 3, 3), minus their response to positions `partner`."""
     half, at_normal, root = np.empty(through.shape[1:]), np.empty((3, 3)), np.empty((3, 3))
     for a in range(ids.size):
         j = ids[a]
@@ -157,8 +158,8 @@ def _eliminate(ids, local, own, links, outside, positions, inverse, partner, thr
         for x in range(3):
             for y in range(3):
                 inverse[a, x, y] = root[0, x] * root[0, y] + root[1, x] * root[1, y] + root[2, x] * root[2, y]
-        # What is subtracted are squares: with an inverse in between, a direction that nothing determines would leave
-        # the square of its rounding, times 1 / RIDGE.
+        # Squares are subtracted: with an inverse in between, an undetermined direction would leave the square of its #
+        # rounding, times 1 / RIDGE.
         for m in range(used):
             _multiply(root, through[a, m], half[m])
         for m in range(used):

@@ -1,4 +1,4 @@
-"""Laser altimetry: where a beam met the ground, along tracks that are shifted as a whole."""
+"""Laser altimetry: places where a beam met the ground, along tracks that are shifted as a whole."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from photoclinometry.model.geometry import tangent_basis
 class Altimetry:
     """Distance of each shot from the tangent plane of the landmark that it met, over sigma.
 
-    A track's shots are off alike: by an error of the spacecraft's orbit, of which the shift's sigma is known.
+    All shots of a track share the error of the spacecraft's orbit: a shift, whose sigma is known.
     """
 
     landmark: np.ndarray

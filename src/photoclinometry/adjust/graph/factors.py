@@ -2,21 +2,21 @@
 
     projection   f_L       (predicted pixel - keypoint) / sigma                      Eqs. 9-10
     photometric  f_Ph      (lambda a rho(mu0, mu, phase) + xi - brightness) / sigma  Eqs. 29-32
-    direct                 likewise, the brightness being the image's where the landmark projects
+    direct likewise, with the image's brightness where the landmark projects
     Sun          f_SS      B^T R^T s / sigma: the measured Sun's tangent plane       Eqs. 33-34
     smoothness   f_Smooth  (asin(d . n) - bend) / sigma: neighbours lie in the tangent plane, but for the bend  Eq. 35
 
-Each returns the residual and its Jacobian by the local coordinates of what it touches. Local coordinates:
+Each returns the residual and its Jacobian by the local coordinates of the variables that it touches. Local coordinates:
 
     pose      6   a shift, then an orbit about a pivot in the middle of the map: R <- exp(omega) R,
                   c <- pivot + exp(omega) (c - pivot + tau), all in B
     Sun       2   step on the sphere (Eq. 5)     normal 2   likewise
     position  3   albedo 1   scale 1   bias 1    added
 
-The paper's Eq. 2 turns and shifts in C. To a camera far away with a narrow field these look nearly the same, and
-what the images do not tell well, its motion around the scene, is a long arc of both together: steps along its
-tangent change the distance, and a solver that takes them stalls. In orbit coordinates that motion is omega alone,
-on the arc. The minimum is the same.
+The paper's Eq. 2 turns and shifts in C. For a distant camera with a narrow field these have nearly the same effect on
+the image. Its motion around the scene, which images determine badly, is a long arc of both together: steps along its
+tangent change the distance, and a solver that takes them stalls. In orbit coordinates that motion is omega alone, on
+the arc. The minimum is the same.
 
 This is the readable statement of the estimate and the reference that the compiled kernels are tested against.
 """
@@ -108,7 +108,7 @@ def direct(
     sigma: float,
     pivot: np.ndarray,
 ) -> tuple[float, np.ndarray]:
-    """As `photometric`, where the landmark projects into a view: no keypoint tells where it is seen.
+    """As `photometric`, where the landmark projects into a view: its place in the image does not come from a keypoint.
 
     image: brightness there, at (2,) which pixel, gradient (2,) [1/px]: brightness + gradient . (projected pixel - at).
     """

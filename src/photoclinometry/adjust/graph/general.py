@@ -1,4 +1,4 @@
-"""What a general group of factors gives: residuals and Jacobian blocks as arrays, with the variables that they touch.
+"""A general group of factors: it returns residuals and Jacobian blocks as arrays, with the variables that they touch.
 
 A group needs nothing else, no kernel and no change elsewhere: the graph adds its rows to gradient, blocks and products.
 Groups of a factor for each of millions of observations are compiled instead (`observations`, `smoothness`).
@@ -24,7 +24,7 @@ class JacobianBlock:
 
     variable: Variable
     index: np.ndarray
-    """(n,) which view, landmark or systematic error; of the reflectance parameters there is one set, 0."""
+    """(n,) index of the view, landmark or systematic error; the reflectance parameters are one set, 0."""
     jacobian: np.ndarray
     """(n, r, 10) by view, (n, r, 6) by landmark, (n, r, T) by the parameters, (n, r, s) by the first s numbers of a
     systematic error."""
@@ -32,7 +32,7 @@ class JacobianBlock:
 
 @dataclass(frozen=True)
 class Rows:
-    """Whitened residuals of n factors and all that they touch.
+    """Whitened residuals of n factors, with their Jacobian blocks.
 
     A factor that touches several variables may touch views, systematic errors and landmarks, none of them twice;
     reflectance parameters are touched alone.
@@ -58,7 +58,7 @@ class FactorGroup(Protocol):
 
     @property
     def name(self) -> str:
-        """Under which its cost is listed."""
+        """The name under which its cost is listed."""
         ...
 
     def rows(self, estimate: Estimate) -> Sequence[Rows]:
@@ -75,7 +75,7 @@ class Sums:
     block: np.ndarray
     """(n, size, size) everything included."""
     rest: np.ndarray
-    """(n, size, size) of factors that touch no other variable: all of what these do in a product."""
+    """(n, size, size) of factors that touch no other variable: their whole contribution to a product."""
 
     def add(self, touch: JacobianBlock, residual: np.ndarray, *, alone: bool) -> None:
         """The rows of factors, which touch nothing else if `alone`."""
@@ -87,7 +87,7 @@ class Sums:
 
 
 def beside_views(rows: Rows, views: int) -> Rows:
-    """The same factors, with systematic errors as the solver has them: after the `views` views, of the same size."""
+    """The same factors, with systematic errors in the solver's order: after the `views` views, of the same size."""
     return Rows(rows.residual, tuple(_beside_views(touch, views) for touch in rows.touches))
 
 

@@ -1,7 +1,7 @@
 """The factor graph: groups of factors over views, landmarks and reflectance parameters.
 
     graph = FactorGraph([Keypoints(...), Brightness(...), SunDirections(...), Smoothness(...), Gauge(...), ...])
-    at = graph.linearize(estimate)          # H = J^T J and g = J^T r there, a value that nobody changes
+    at = graph.linearize(estimate) # H = J^T J and g = J^T r there, a value that is never changed
 
 Two speeds keep it fast and open. `Keypoints`, `Brightness` and `Smoothness` have millions of factors and are compiled.
 Every other group is general (`general.FactorGroup`): it gives residuals and Jacobian blocks as arrays.
@@ -51,7 +51,7 @@ class FactorGraph:
 
     @property
     def cost_names(self) -> tuple[str, ...]:
-        """What the entries of a cost are of: keypoints, brightness, smoothness, and each general group."""
+        """Names of the entries of a cost: keypoints, brightness, smoothness, and each general group."""
         return "keypoint", "brightness", "smoothness", *(group.name for group in self.general)
 
     @property
@@ -72,8 +72,8 @@ class FactorGraph:
         return self.costs(estimate)[0]
 
     def costs(self, estimate: Estimate) -> tuple[np.ndarray, np.ndarray]:
-        """`cost`, and (J,) what the observations and neighbours of each landmark add to it. General groups do not
-        count for landmarks."""
+        """`cost`, and (J,) the contribution of each landmark's observations and neighbours. General groups do not count
+        for landmarks."""
         observed, of_landmarks = self.observations.cost(estimate)
         smooth, of_pairs = self.smoothness.cost(estimate)
         general = [_cost(group.rows(estimate)) for group in self.general]
@@ -139,9 +139,9 @@ class FactorGraph:
 
 @dataclass(frozen=True)
 class Linearization:
-    """H x = -g at one estimate: what `FactorGraph.linearize` makes. A vector has 10 K + 6 J + T numbers.
+    """H x = -g at one estimate, from `FactorGraph.linearize`. A vector has 10 K + 6 J + T numbers.
 
-    K are the views, and after them the systematic errors, if there are any.
+    K counts the views, and after them the systematic errors, if there are any.
     """
 
     cost: np.ndarray
@@ -202,7 +202,7 @@ class Linearization:
         return out
 
     def decrease(self, moves: np.ndarray) -> float:
-        """By how much moves (10 K + 6 J + T,) lower the cost of the linear model."""
+        """Decrease of the cost of the linear model by moves (10 K + 6 J + T,)."""
         return -float(np.vdot(moves, self.multiply(moves.astype(np.float32)) + 2.0 * self.gradient))
 
 

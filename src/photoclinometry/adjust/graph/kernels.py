@@ -161,7 +161,7 @@ def _add_landmarks(w, out):
 
 @njit(**COMPILED)
 def _scatter_landmarks(first, of_landmarks, block, gradient):
-    """What `_add_landmarks` has summed, to the landmarks' blocks (J, 6, 6) and gradients (J, 6)."""
+    """Copies the sums of `_add_landmarks` to the landmarks' blocks (J, 6, 6) and gradients (J, 6)."""
     for lane in range(min(LANES, gradient.shape[0] - first)):
         n = LANDMARK_SIZE
         for i in range(LANDMARK_SIZE):
@@ -208,7 +208,7 @@ def _add_parameters(w, rows, of_landmarks, of_view, block, gradient):
 
 @njit(**COMPILED)
 def _scatter_parameters(first, of_landmarks, by_parameter):
-    """What `_add_parameters` has summed of the landmarks, to (J, 6, T)."""
+    """Copies the landmarks' sums of `_add_parameters` to (J, 6, T)."""
     for lane in range(min(LANES, by_parameter.shape[0] - first)):
         for t in range(by_parameter.shape[2]):
             for i in range(LANDMARK_SIZE):

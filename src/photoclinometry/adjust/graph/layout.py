@@ -16,8 +16,8 @@ import numpy as np
 from photoclinometry.model.scene import Tracks
 
 LANES = 16
-"""Landmarks of a group: so many single-precision numbers fill the widest vector registers, and LLVM leaves loops of
-fewer turns alone."""
+"""Landmarks of a group: sixteen single-precision numbers fill the widest vector registers, and LLVM does not vectorise
+loops of fewer turns."""
 
 
 class Layout(NamedTuple):
@@ -34,7 +34,7 @@ class Layout(NamedTuple):
 
 
 class Measurements(NamedTuple):
-    """What was measured at each of P places; weights are zero where nothing was. And the losses of what was."""
+    """Measurements at each of P places, with weights of zero where there are none; and their losses."""
 
     keypoint: np.ndarray
     """(2, P) float64 [px]."""

@@ -1,7 +1,7 @@
 """Factors of a landmark seen in a view: keypoints and brightness, fused into one compiled group.
 
 There are millions of these. All `Keypoints` groups and the `Brightness` of a graph share one table of observations, so
-that one pass makes the rows of both, and fifteen stored numbers say them all (`slot.STORED`). A group switches its
+that one pass makes the rows of both, and fifteen stored numbers hold them all (`slot.STORED`). A group switches its
 rows on by giving them a weight.
 """
 
@@ -28,10 +28,10 @@ from photoclinometry.model.scene import Landmarks, Tracks, Views
 
 
 class ImageGradients(NamedTuple):
-    """How N brightnesses change about the pixels where they were sampled.
+    """Image gradients of N brightnesses at the pixels where they were sampled.
 
-    With them a brightness follows its landmark, so that images say where it lies without matches: the measurement is
-    the sampled brightness + gradient . (projected pixel - at).
+    With them a brightness follows its landmark, so that images determine the landmark's position without matches: the
+    measurement is the sampled brightness + gradient . (projected pixel - at).
     """
 
     at: np.ndarray
@@ -39,9 +39,11 @@ class ImageGradients(NamedTuple):
     gradient: np.ndarray
     """(N, 2) brightness per pixel, single precision suffices; zero where brightness is to stay what it is."""
     factor: np.ndarray | None = None
-    """(N,) that takes smooth errors out of the brightness (`photometry.smooth_errors`); None where they are unknown."""
+    """(N,) factor that removes smooth errors from the brightness (`photometry.smooth_errors`); None where they are
+    unknown."""
     smooth_over: float = np.inf
-    """Standard deviation of the Gaussian average that told these errors [landmarks]; infinite where there are none."""
+    """Standard deviation of the Gaussian average that determined these errors [landmarks]; infinite where there are
+    none."""
 
     def of(self, observations: np.ndarray) -> ImageGradients:
         """Those of some observations, in that order."""
@@ -108,7 +110,8 @@ class Brightness:
 
 @dataclass(frozen=True)
 class ObservationRows:
-    """Rows of all observations at one estimate, and what they add to the normal equations of views and parameters."""
+    """Rows of all observations at one estimate, and their contribution to the normal equations of views and
+    parameters."""
 
     cost: np.ndarray
     """(2,) squared whitened residuals of keypoints and of brightness, after the loss."""
@@ -121,7 +124,7 @@ class ObservationRows:
     view_gradient: np.ndarray
     """(K, 10)."""
     border: Border
-    """What the reflectance parameters add."""
+    """The contribution of the reflectance parameters."""
 
     def multiply(self, views: np.ndarray, landmarks: np.ndarray, landmark_out: np.ndarray) -> np.ndarray:
         """J^T J x: views (K, 10) and landmarks (J, 6) of x, float32, without parameters.
@@ -205,7 +208,7 @@ class Observations:
         return normal.cost.sum(0), normal.landmark_cost
 
     def linearize(self, estimate: Estimate) -> tuple[ObservationRows, np.ndarray, np.ndarray]:
-        """The rows, and what they add to the landmarks' blocks (J, 6, 6) and gradients (J, 6)."""
+        """The rows, and their contribution to the landmarks' blocks (J, 6, 6) and gradients (J, 6)."""
         views, landmarks = states(estimate.views, estimate.landmarks)
         stored = np.empty(STORED * self.table.layout.places, np.float32)
         normal = _empty_normal(len(estimate.landmarks), len(estimate.views), len(self._unit(estimate)))
@@ -249,7 +252,7 @@ class Observations:
 
 
 def states(views: Views, landmarks: Landmarks) -> tuple[ViewState, LandmarkState]:
-    """What the kernels need of an estimate, contiguous."""
+    """The parts of an estimate that the kernels need, contiguous."""
     pose, plain = views.body_from_cam, np.ascontiguousarray
     return ViewState(
         plain(pose.rotation),

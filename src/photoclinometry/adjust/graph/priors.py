@@ -1,4 +1,4 @@
-"""Priors as groups of factors: what is known of poses, exposures, landmarks and the reflectance beforehand.
+"""Priors as groups of factors: prior knowledge of poses, exposures, landmarks and the reflectance.
 
 Each is Gaussian about a given value. An infinite standard deviation leaves a variable free, a tiny one holds it.
 """
@@ -30,16 +30,16 @@ class PosePriors:
     center_sigma: np.ndarray
     """(K,) in units of B, along each axis; infinite where nothing is known."""
     common_rotation_sigma: float = 0.0
-    """[rad] of a rotation in C by which all attitudes of an arc are off alike, about each axis."""
+    """[rad] of a common rotation error in C of all attitudes of an arc, about each axis."""
     common_center_sigma: float = 0.0
-    """In units of B, of a shift in B by which all centres of an arc are off alike, along each axis."""
+    """In units of B, of a common shift in B of all centres of an arc, along each axis."""
     arc: np.ndarray | None = None
     """(K,) int: number of each view's arc; None where all are of one."""
     name: str = "pose prior"
 
     @property
     def common_errors(self) -> int:
-        """How many arcs are off as a whole, each by one of the first of the estimate's systematic errors: rotation 3
+        """Number of arcs with a common error; each has one of the first of the estimate's systematic errors: rotation 3
         and shift 3."""
         if self.common_rotation_sigma <= 0.0 and self.common_center_sigma <= 0.0:
             return 0
@@ -72,7 +72,7 @@ class PosePriors:
 class KnownPoses:
     """Poses of a larger model of other measurements, with their covariances.
 
-    Images tell far better where a camera looks than from where it does: rotation and centre are known together much
+    Images determine a camera's line of sight far better than its position: rotation and centre together are known much
     better than each.
     """
 
@@ -101,7 +101,7 @@ class KnownPoses:
 
 @dataclass(frozen=True, kw_only=True)
 class Gauge:
-    """Holds what images alone leave open: the reference view's pose, and one landmark for the scale."""
+    """Holds the similarity that images leave open: by the reference view's pose, and one landmark for the scale."""
 
     view: int
     body_from_cam: Rigid

@@ -1,7 +1,8 @@
 """The product of the observations' part of the normal equations with a vector, from the rows that `linearize` stores.
 
 The rows of keypoints by position are those of a pinhole camera, w / z f (R_x - x / z R_z) and likewise for y, so that
-three numbers say all six; columns by camera follow from the geometry, those by scale and albedo from weight and rho.
+three numbers determine all six; columns by camera follow from the geometry, those by scale and albedo from weight and
+rho.
 """
 
 from __future__ import annotations

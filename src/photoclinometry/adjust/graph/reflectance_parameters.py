@@ -1,4 +1,4 @@
-"""The reflectance parameters, which every brightness depends on: a border of the normal equations.
+"""The reflectance parameters, on which every brightness depends: a border of the normal equations.
 
 They are few, so their rows and columns are kept as they are, (J, 6, T) and (K, 10, T). A parameter's coordinate is its
 change from the start, in units of `Reflectance.parameter_scale`.
@@ -16,7 +16,7 @@ from photoclinometry.adjust.graph.variables import LANDMARK_SIZE
 
 
 class Border(NamedTuple):
-    """What T parameters add to the normal equations."""
+    """The contribution of T parameters to the normal equations."""
 
     by_landmark: np.ndarray
     """(J, 6, T) float32."""

@@ -65,8 +65,8 @@ def angles(sun, e, n):
 
 @njit(**COMPILED)
 def brightness_by_vectors(gain, by_mu0, by_mu, by_phase, sine, sun, e, n, inverse_range):
-    """Derivatives of gain * rho by the landmark's position (3), its normal (3) and the Sun (3), all in B; and the turn
-    (3) that the direction e to the camera makes of its derivative, which an orbit of the camera takes besides.
+    """Derivatives of gain * rho by the landmark's position (3), its normal (3) and the Sun (3), all in B; and the
+    torque (3) of the derivative by the direction e to the camera, which an orbit of the camera needs besides.
 
     by_mu0, by_mu, by_phase: of rho; sine: of the phase angle; inverse_range: 1 over the distance to the camera.
     """

@@ -1,4 +1,4 @@
-"""How variables move where all of them turn, shift and grow together: what images alone leave open."""
+"""Moves of the variables under a common rotation, shift and scale: the similarity that images leave open."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from photoclinometry.adjust.graph.variables import LANDMARK_SIZE, VIEW_SIZE
 from photoclinometry.model.geometry import point_moves, skew
 
 SIMILARITY = 7
-"""Numbers that images alone leave open: rotation 3, translation 3, scale 1."""
+"""Numbers of a similarity, which images leave open: rotation 3, translation 3, scale 1."""
 
 
 def landmark_moves(position: np.ndarray, normal: np.ndarray, basis: np.ndarray, pivot: np.ndarray) -> np.ndarray:

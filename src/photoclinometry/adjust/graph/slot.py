@@ -46,7 +46,7 @@ COST, BY_VIEW, SCRATCH = 52, 53, 53 + 3 * VIEW_SIZE
 
 
 class ViewState(NamedTuple):
-    """What the kernels need of K views."""
+    """The parts of K views that the kernels need."""
 
     rotation: np.ndarray
     """(K, 3, 3) body_from_cam."""
@@ -63,7 +63,7 @@ class ViewState(NamedTuple):
 
 
 class LandmarkState(NamedTuple):
-    """What the kernels need of J landmarks."""
+    """The parts of J landmarks that the kernels need."""
 
     position: np.ndarray
     """(J, 3) in B."""
@@ -213,8 +213,8 @@ def brightness_rows(k, place, lit, view_state, measured, w, rows):
 @njit(**COMPILED)
 def view_rows(pivot, w):
     """Rows by view, from the rows by landmark: with a the row by position, the row by shift is -a and the row by orbit
-    a x arm from the pivot, force and torque. Of brightness, the reflectance sees the camera turn about the landmark,
-    too."""
+    a x arm from the pivot, force and torque. For brightness, the reflectance also depends on the camera's turn about
+    the landmark."""
     q0, q1, q2 = pivot[0], pivot[1], pivot[2]
     for r in range(3):
         row, out = (BY_X + 3 * r) * LANES, (BY_VIEW + r) * LANES
@@ -250,8 +250,8 @@ def of_brightness(w, i):
 
 @njit(**COMPILED)
 def dot(a, b):
-    """Sum of products. Loops of sixteen turns are unrolled before LLVM could make vector instructions of a sum; of
-    arrays, whose length it does not know, it does: half the time."""
+    """Sum of products. LLVM unrolls loops of sixteen turns before it can vectorise a sum. It vectorises sums over
+    arrays, whose length it does not know, which takes half the time."""
     total = 0.0
     for s in range(a.size):
         total += a[s] * b[s]

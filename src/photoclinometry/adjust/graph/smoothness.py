@@ -2,8 +2,8 @@
 
 The residual of landmark j towards its neighbour q is asin(d . n_j) / sigma, with five numbers of Jacobian kept: v by
 the neighbour's position (the landmark's own is -v) and two by the normal. A neighbour that lists the landmark back is
-another pair; `Neighbours` keeps who points at whom, so that products are gathered, and no two threads write to the
-same landmark.
+another pair; `Neighbours` keeps the pairs that point at each landmark, so that products are gathered, and no two
+threads write to the same landmark.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def build_neighbours(index: np.ndarray, present: np.ndarray) -> Neighbours:
 
 @dataclass(frozen=True)
 class Smoothness:
-    """(asin(d . n) - bend) / sigma: each landmark's neighbours lie in its tangent plane (Eq. 35), or off it as far as
-    the ground between them bends."""
+    """(asin(d . n) - bend) / sigma: each landmark's neighbours lie in its tangent plane (Eq. 35), or off it by the bend
+    of the ground between them."""
 
     neighbours: Neighbours
     sigma: float
@@ -82,10 +82,10 @@ class Smoothness:
 
 
 def bend_between(neighbours: Neighbours, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(P,) angles of neighbours above the tangent planes, as both normals together have it [rad].
+    """(P,) angles of neighbours above the tangent planes, by both normals [rad].
 
-    The ground between two landmarks runs along the mean of their tangent planes: half of the angle between the
-    directions in which these rise. With it, smoothness is the trapezoidal rule, and does not flatten what is curved.
+    The ground between two landmarks runs along the mean of their tangent planes: the angle is half of that between the
+    directions in which these rise. With it, smoothness is the trapezoidal rule, and does not flatten curved ground.
     """
     direction = position[neighbours.target] - position[neighbours.source]
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -133,8 +133,8 @@ def linearize_smoothness(neighbours, position, normal, normal_basis, bend, sigma
 
 @njit(parallel=True, **COMPILED)
 def add_smoothness(neighbours, rows, residual, block, rest, gradient):
-    """Adds the smoothness factors to the landmarks' diagonal blocks (J, 6, 6), to what of them is not from
-    observations, likewise, and to their gradients (J, 6)."""
+    """Adds the smoothness factors to the landmarks' diagonal blocks (J, 6, 6), to the part of these that is not from
+    observations, and to their gradients (J, 6)."""
     for j in prange(block.shape[0]):
         for p in range(neighbours.start[j], neighbours.start[j + 1]):
             for i in range(5):
@@ -155,7 +155,7 @@ def add_smoothness(neighbours, rows, residual, block, rest, gradient):
 
 @njit(**COMPILED)
 def couple(j, neighbours, rows, x):
-    """What the neighbours' part x (J, 6) adds to landmark j: the off-diagonal product, without j's own block."""
+    """Contribution of the neighbours' x (J, 6) to landmark j: the off-diagonal product, without j's own block."""
     a0 = a1 = a2 = a3 = a4 = np.float32(0.0)
     for p in range(neighbours.start[j], neighbours.start[j + np.uint32(1)]):
         q = neighbours.target[p]

@@ -1,7 +1,7 @@
 """Measured Sun directions as a group of factors: errors of each view's own, and one that all of an arc share.
 
-Suns of one arc of a spacecraft come from one alignment, one attitude solution and one frame of the body. What is wrong
-with those turns all of them alike, by much more than attitudes scatter from image to image.
+Suns of one arc of a spacecraft come from one alignment, one attitude solution and one frame of the body. Errors of
+these turn all Suns alike, by much more than the scatter of attitudes from image to image.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ class SunDirections:
     arc: np.ndarray
     """(K,) int: number of each view's arc."""
     weight: float = 1.0
-    """How many times smaller than stated the standard deviations are taken to be."""
+    """Factor by which the assumed standard deviations are smaller than the stated ones."""
     name: str = "sun"
 
     @classmethod
     def of(cls, views: Views, weight: float = 1.0) -> SunDirections:
-        """Those that were measured of some views."""
+        """The measured Suns of some views."""
         return cls(
             measured=views.sun_measured,
             sigma=views.sun_sigma,
@@ -77,8 +77,8 @@ class SunDirections:
         """(2 n + 3, 2 n) of the n views `which` of an arc: from their residuals r over their own sigmas to r - A w and
         w, which minimise |r - A w|^2 + |w|^2.
 
-        A (2 n, 3) has how a rotation w of all these Suns in C, in its standard deviations, changes r. The minimum is
-        r^T (I + A A^T)^-1 r, the cost of Gaussian errors of which these are the two parts.
+        A (2 n, 3) is the change of r by a rotation w of all these Suns in C, in its standard deviations. The minimum is
+        r^T (I + A A^T)^-1 r, the cost of Gaussian errors with these two parts.
         """
         share = self.common_sigma[which] / self.sigma[which]
         across = np.swapaxes(tangent_basis(self.measured[which]), 1, 2)
@@ -88,8 +88,8 @@ class SunDirections:
 
 
 def sun_offsets(views: Views) -> tuple[np.ndarray, np.ndarray]:
-    """How far Suns are from what was measured, in standard deviations: each view's own part (K, 2), and the rotations
-    (A, 3) in C by which all Suns of each of A arcs were measured, as the most probable division has them.
+    """Differences of Suns from the measured ones, in standard deviations: each view's own part (K, 2), and the common
+    rotations (A, 3) in C of all Suns of each of A arcs, divided in the most probable way.
 
     Their squares sum to the cost. Arcs are in the order of their numbers (`np.unique(views.arc)`).
     """
@@ -106,9 +106,8 @@ def sun_offsets(views: Views) -> tuple[np.ndarray, np.ndarray]:
 def unexplained_variance(views: Views, variance: np.ndarray) -> np.ndarray:
     """(K,) variances [rad2] of errors of Suns that neither their measurements nor `variance` (K,) allow for.
 
-    All are of each of two axes; variance: stated of the estimated Suns. Suns may differ from what was measured by
-    either one's error. What their differences have beyond that, typically, is an error of the brightness that moved
-    them.
+    All are of each of two axes; variance: stated for the estimated Suns. Estimated and measured Suns may differ by
+    either one's error. A typical difference beyond that is due to an error of the brightness that moved them.
     """
     move = sun_offsets(views)[0] * views.sun_sigma[:, None]
     allowed = views.sun_sigma**2 + variance
@@ -116,8 +115,8 @@ def unexplained_variance(views: Views, variance: np.ndarray) -> np.ndarray:
 
 
 def common_turns(views: Views, arc: np.ndarray) -> np.ndarray:
-    """(n, 3) rotation vectors in C by which measured Suns of arcs (n,) have to be turned to lie where the estimate has
-    them, as far as all of an arc have it in common [rad]; zero for arcs without a common error, or of no view."""
+    """(n, 3) rotation vectors in C from the measured Suns of arcs (n,) to the estimated ones, as far as the turn is
+    common to the arc [rad]; zero for arcs without a common error, or of no view."""
     number, index = np.unique(views.arc, return_inverse=True)
     sigma = np.zeros(len(number))
     np.maximum.at(sigma, index, views.sun_common_sigma)

@@ -1,4 +1,4 @@
-"""A value for every variable of the joint estimate, and how a step in local coordinates moves it."""
+"""A value for every variable of the joint estimate, and its change by a step in local coordinates."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Estimate:
     """(T,) relative changes of the reflectance parameters that are estimated, from their start."""
     systematic: np.ndarray = field(default_factory=lambda: np.zeros((0, VIEW_SIZE)))
     """(M, 10) errors that many measurements share, such as the shift of an altimeter's track. A group of factors uses
-    as many of the ten numbers as its error has; the others stay zero."""
+    only the numbers that its error has; the others stay zero."""
 
     def step(self, view: np.ndarray, landmark: np.ndarray, parameter: np.ndarray | float = 0.0) -> Estimate:
         """Moved by local coordinates (K + M, 10) and (J, 6), as `factors` defines them, and (T,).

@@ -15,8 +15,8 @@ from photoclinometry.adjust.solve.krylov import conjugate_gradients
 from photoclinometry.adjust.solve.preconditioner import solve_approximately
 
 COARSE_ITERATIONS, COARSE_ENOUGH = 40, 0.1
-"""Conjugate-gradient iterations at most for how the other variables follow a reflectance parameter; fewer if they would
-change less than this share of what the parameter costs when they follow."""
+"""Most conjugate-gradient iterations for the response of the other variables to a reflectance parameter; they end
+earlier if they would change less than this share of the parameter's cost with that response."""
 
 COARSE_TRUNCATION = 1e-3
 """Share of the mean gain of an iteration below which those iterations end."""
@@ -45,8 +45,8 @@ class DampedSystem:
     def treat_exactly(self, directions: np.ndarray) -> None:
         """From now on the preconditioner solves for directions (T, 10 K + 6 J + T) exactly.
 
-        Along them the cost hardly changes, so that single precision may make what little it does negative. It is no
-        less than what the parameters' priors say.
+        Along them the cost hardly changes, so that single precision may make this small change negative. It is never
+        less than the information of the parameters' priors.
         """
         information = self.along(directions)
         value, vector = np.linalg.eigh(0.5 * (information + information.T))
@@ -54,7 +54,7 @@ class DampedSystem:
         self.coarse, self.coarse_inverse = directions, (vector / np.maximum(value, least)) @ vector.T
 
     def along(self, directions: np.ndarray) -> np.ndarray:
-        """The equations (T, T) of how far to go along directions (T, 10 K + 6 J + T)."""
+        """The equations (T, T) of the steps along directions (T, 10 K + 6 J + T)."""
         products = np.array([self.multiply(direction) for direction in directions])
         return np.einsum("tn,un->tu", directions, products, dtype=float)
 
@@ -86,10 +86,11 @@ class DampedSystem:
 
 
 def _inverse_of_views(at: Linearization, damping: float) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
-    """Of the views' damped blocks (K, 10, 10); and which views (n,) factors couple with each other, with the inverse
+    """Of the views' damped blocks (K, 10, 10); and the views (n,) that factors couple with each other, with the inverse
     (10 n, 10 n) of all these together, None where there are none.
 
-    What such factors say of all views at once may be far weaker than of each alone, and is then what is left to find.
+    The information of such factors on all views at once may be far weaker than on each alone, and this part then
+    converges last.
     """
     block = at.views.block.copy()
     np.einsum("kii->ki", block)[:] *= 1.0 + damping
@@ -113,10 +114,10 @@ def _inverse_of_views(at: Linearization, damping: float) -> tuple[np.ndarray, tu
 
 
 def parameter_moves(system: DampedSystem, before: np.ndarray | None) -> np.ndarray:
-    """How all variables (T, 10 K + 6 J + T) move when a reflectance parameter does.
+    """Moves of all variables (T, 10 K + 6 J + T) in response to a reflectance parameter.
 
-    These are directions in which the cost hardly changes, since albedos and scales make up for the parameter. before:
-    the moves at another point, from which to start.
+    These are directions in which the cost hardly changes, since albedos and scales compensate for the parameter.
+    before: the moves at another point, from which to start.
     """
     count = len(system.parameter_inverse)
     moves = np.zeros((count, len(system.added)), np.float32) if before is None else before.copy()

@@ -35,23 +35,23 @@ from photoclinometry.model.ranges import Range, Ranged
 log = logging.getLogger(__name__)
 
 FAST = 0.02
-"""Share of the cost by which a step lowers it while there is no use in solving the next one well."""
+"""While a step lowers the cost by more than this share, the next one is not solved well."""
 
 ENOUGH = 1e-3
-"""A linear solve ends when what is left to gain is less than this share of what counts as convergence."""
+"""A linear solve ends when the remaining gain is less than this share of the limit of convergence."""
 
 SMALL_STEPS = 2
 """Small steps one after the other (`_State.small_steps`) with which a minimisation has converged."""
 
 _LIGHT_DAMPING = 1e-4
-"""Damping up to which the linear model's promise is that of the problem itself."""
+"""Damping up to which the linear model predicts the decrease of the problem itself."""
 
 ROUGH_DECREASE, ROUGH_STEPS = 1e-3, 8
 """Relative decrease at which a rough estimate ends, and its steps at most."""
 
 UNSETTLED_SHARE = 0.1
 """Share of landmarks that `SolverOptions.settled` does not count. Where few views light the ground at the border of a
-map, single landmarks go on turning over for as many steps again, while the map no longer changes."""
+map, single landmarks keep moving for as many steps again, while the map no longer changes."""
 
 STALE = 10
 """Iterations of a step from which on the moves that follow the reflectance parameters are found anew."""
@@ -60,8 +60,8 @@ MAX_DAMPING = 1e8
 """Damping at which no downhill step exists however short: the cost is flat to rounding."""
 
 ALONE, HELD_GROWTH, MOST_ALONE = 1e-2, 10.0, 1e4
-"""Damping of a single landmark before it is held back, the factor on it each time that it is, and the most: a landmark
-of that damping does not move."""
+"""Damping of a single landmark before it is held back, its factor at each time, and its largest value, at which a
+landmark does not move."""
 
 MIN_RELIEF, MAX_RELIEF = 0.1, 2.0
 """Least and largest factor on the damping after an accepted step."""
@@ -69,8 +69,8 @@ MIN_RELIEF, MAX_RELIEF = 0.1, 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions(Ranged):
-    """How the minimum is sought. Estimates end within about half a standard deviation of it; `settled=0` and a smaller
-    `relative_decrease` go on to it."""
+    """Search for the minimum. Estimates end within about half a standard deviation of it; with `settled=0` and a
+    smaller `relative_decrease` they go on to it."""
 
     max_steps: Annotated[int, Range(least=1, most=100_000)] = 100
     """Levenberg-Marquardt steps at most. Most estimates take 5 to 15; of 60 of few views, 4 to 12, 24 took more than
@@ -90,16 +90,17 @@ class SolverOptions(Ranged):
     """A linear solve ends when its last iteration lowered the linear model's cost by less than this share of the mean
     over its iterations (Nash and Sofer 1990, doi:10.1016/0167-6377(90)90064-D), while the cost falls fast ..."""
     final_truncation: Annotated[float, Range(above=0, below=1)] = 1e-3
-    """... and by less than this share afterwards: what is weakly determined comes last, after a lull."""
+    """... and by less than this share afterwards: weakly determined variables converge last, after a lull."""
     max_cg_iterations: Annotated[int, Range(least=1, most=100_000)] = 200
     """Conjugate-gradient iterations at most, per step."""
     chebyshev_low: Annotated[float, Range(above=0, most=2)] = 0.02
-    """Lowest eigenvalue that the landmarks' preconditioner treats; fewer where there are none so low."""
+    """Lowest eigenvalue that the landmarks' preconditioner treats; a higher one where none is so low."""
     chebyshev_reduction: Annotated[float, Range(above=0, below=1)] = 0.4
-    """By how much it shrinks errors; sets the polynomial's degree."""
+    """Factor by which it reduces errors; sets the polynomial's degree."""
 
     def roughly(self, *, all_steps: bool = False) -> SolverOptions:
-        """For an estimate that is made again with other weights or matches: without the slow motions at the end.
+        """Options for an estimate that is made again with other weights or matches: without the slow motions at the
+        end.
 
         all_steps: with as many steps as these options allow.
         """
@@ -162,10 +163,9 @@ class _State:
     growth: float = 4.0
     """Factor on the damping after the next step that fails."""
     fast: bool = True
-    """The cost falls fast: no use in solving well."""
+    """Whether the cost falls fast, so that solving well is of no use."""
     small_steps: int = 0
-    """Steps one after the other that lowered the cost, or moved landmarks, by no more than what counts as
-    convergence."""
+    """Successive steps that lowered the cost, or moved landmarks, by no more than the limits of convergence."""
     ended: str | None = None
     """Why the descent has converged; None where it goes on."""
 
