@@ -31,7 +31,7 @@ def in_solver_order(
     tie_points: TiePoints | None = None,
     control: GroundControl | None = None,
 ) -> Sorted:
-    """A scene as the solver takes it: brightness and gradients times the gradients' factor, tie points at the end."""
+    """A scene in the solver's form: brightness and gradients times the gradients' factor, tie points at the end."""
     order = morton_order(scene.landmarks.pixel)
     tracks, picked = scene.tracks.of_landmarks(order)
     if gradients is not None:

@@ -37,13 +37,14 @@ from photoclinometry.model.warning import warn
 log = logging.getLogger(__name__)
 
 ALIKE_IN_SPARSE = 4.0
-"""Beside pose-only tie points, sparse ones state so many times their noise: a feature that shading makes moves with the
-shading, alike in all views of about one light, which then agree on what is wrong. Residuals do not show it."""
+"""Factor on the noise of sparse tie points where there are pose-only ones. A feature made by shading moves with the
+shading, by the same amount in all views of similar light, which then agree on a wrong position. Residuals do not show
+this."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What the last reweighting iteration left, in the solver's order."""
+    """The result of the last reweighting iteration, in the solver's order."""
 
     scene: Scene
     """As estimated, with tie points."""
@@ -59,10 +60,10 @@ class Fit:
 def stated_uncertainty(setup: Setup, fit: Fit) -> tuple[Stated, np.ndarray | None]:
     """The uncertainties in the solver's order, and the standard deviations of the reflectance parameters.
 
-    Brightness counts as if its errors common to a view were noise, and all else as known as stated. Where brightness
-    fits worse or better than its noise, landmarks are as much less or more certain (`local_noise`). Normals point away
-    from the ground (`bounded_normals`). Suns that brightness has moved further than their measurements allow are as
-    uncertain as that (`unexplained_variance`).
+    Errors of brightness common to a view count as noise, and everything else is as certain as stated. Where brightness
+    fits worse or better than its noise, landmarks are less or more certain by the same factor (`local_noise`). Normals
+    point away from the ground (`bounded_normals`). Suns that brightness has moved further than their measurements allow
+    have sigmas as large as that move (`unexplained_variance`).
     """
     if setup.reflectance is not None and setup.options.brightness_sigma is None:
         _warn_of_unknown_noise(fit)
@@ -133,7 +134,7 @@ def uncertainty_at(
 
 
 def _bent(setup: Setup) -> Setup:
-    """The setup as one whose brightness has lost its smooth errors."""
+    """The setup in which smooth errors were taken out of the brightness."""
     assert setup.gradients is not None
     return replace(setup, gradients=setup.gradients._replace(factor=np.ones(len(setup.table.tracks))))
 
@@ -168,8 +169,9 @@ def _covariances(setup: Setup, fit: Fit) -> tuple[Stated, np.ndarray | None]:
 def _with_smooth_errors(setup: Setup, fit: Fit) -> tuple[Setup, Fit]:
     """The same solution with smooth errors as errors of brightness.
 
-    What they are is known from the surface, no better than that. Nothing is held for their sake. Normals are held by
-    smoothness without the bend, which is of the same brightness, positions by the smoothness of the fit.
+    Smooth errors are known from the surface, and no better than the surface. No parameter is held because of them.
+    Normals are held by smoothness without the bend, which comes from the same brightness; positions by the smoothness
+    of the fit.
     """
     assert setup.gradients is not None
     plain = replace(setup, gradients=setup.gradients._replace(factor=None, smooth_over=np.inf))

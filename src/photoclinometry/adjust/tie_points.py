@@ -1,10 +1,11 @@
-"""Landmarks that are in an estimate and in no map: their keypoints hold the poses.
+"""Landmarks of an estimate that are not in the map: their keypoints hold the poses.
 
 Sparse tie points are those of structure from motion, all over the images. Pose-only tie points exist where brightness
-determines the map (`ImageGradients`): the matches there were found with the map, so they must not determine it too, but
-they determine the poses better than brightness does, whose errors are correlated over many pixels where the ground is
-not quite the model's. So every few landmarks, one is there twice: in the map, without its matches, and as a pose-only
-tie point with a position of its own, which has nothing else. Ground control points are places of known position.
+determines the map (`ImageGradients`). The matches there were found with the map, so that they must not determine it,
+too. They determine the poses better than brightness does, whose errors are correlated over many pixels where the ground
+differs from the model. Every few landmarks, therefore, one appears twice: in the map, without its matches, and as a
+pose-only tie point, which has the matches and a position of its own. Ground control points are places of known
+position.
 """
 
 from __future__ import annotations
@@ -18,9 +19,8 @@ from photoclinometry.adjust.graph.observations import ImageGradients
 from photoclinometry.model.scene import Landmarks, Scene, Tracks
 
 POSE_ONLY_STEP = 4
-"""Every so many rows and columns of the map's grid a direct landmark has a pose-only tie point, which stands for all in
-between: the errors of matches are correlated over 12 px and more, so nothing is lost, and the estimate grows by a
-sixteenth."""
+"""Spacing of the direct landmarks that have a pose-only tie point, in rows and columns of the map's grid. The errors of
+matches are correlated over 12 px and more, so that nothing is lost, and the estimate grows by a sixteenth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class GroundControl:
 
 @dataclass(frozen=True, kw_only=True)
 class Members:
-    """What the J landmarks of an estimate are in it: the map's come first."""
+    """The roles of the J landmarks of an estimate; the map's come first."""
 
     of_map: np.ndarray
     """(J,) bool."""
@@ -75,7 +75,8 @@ def with_tie_points(
     sparse: TiePoints | None = None,
     control: GroundControl | None = None,
 ) -> tuple[Scene, ImageGradients | None, Members]:
-    """The scene with all tie points after its own landmarks, gradients of all its observations, and who is who."""
+    """The scene with all tie points after its own landmarks, gradients of all its observations, and the landmarks'
+    roles."""
     own, observed = len(scene.landmarks), len(scene.tracks)
     direct = np.zeros(own, bool) if gradients is None else gradients.of_landmarks(scene.tracks)
     row, col = scene.cells

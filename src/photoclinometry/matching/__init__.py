@@ -1,4 +1,4 @@
-"""Dense matching: where each pixel of the reference region lies in another view."""
+"""Dense matching: the position of each pixel of the reference region in another view."""
 
 from photoclinometry.matching.interface import Matcher, Matches, MatchRequest
 

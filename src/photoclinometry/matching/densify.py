@@ -22,13 +22,13 @@ from photoclinometry.model.scene import Camera
 log = logging.getLogger(__name__)
 
 BLOCK = 2**21
-"""Observations that are triangulated at a time, in whole rows of the map's grid: bounds the memory to 100 MB."""
+"""Observations that are triangulated at a time, in whole rows of the map's grid: limits the memory to 100 MB."""
 
 FEW_VIEWS = 3
 """In two views a wrong match along the epipolar line cannot be noticed."""
 
 MANY_VIEWS = 6
-"""Views of a landmark that are asked for unless there are few: one wrong match among them is outvoted."""
+"""Required views of a landmark where there are enough: one wrong match among them is outvoted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class DensifyOptions(Ranged):
     """Standard deviation of the reference's own keypoint, the pixel centre that defines the landmark [px]."""
 
     def views_needed(self, views: int) -> int:
-        """In how many of so many views a landmark is observed at least."""
+        """Fewest of `views` views in which a landmark is observed."""
         return min(max(math.ceil(views / 2), FEW_VIEWS), MANY_VIEWS) if self.min_views is None else self.min_views
 
 

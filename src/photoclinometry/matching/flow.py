@@ -1,9 +1,9 @@
 """The default matcher: dense optical flow after a geometric pre-warp, checked forward against backward.
 
-The target is resampled into the reference's frame where the known surface predicts it; what is left is a
-displacement of a few pixels. Both pictures are normalised locally (mean and contrast), which cancels gain, offset
-and slow shading; dense inverse search (DIS, Kroeger et al. 2016, ECCV) with variational refinement finds the
-displacement. A least-squares (Lucas-Kanade) refinement in windows of 2-9 px standard deviation was tried and left
+The target is resampled into the reference's frame where the known surface predicts it; the remaining displacement is a
+few pixels. Both pictures are normalised locally (mean and contrast), which cancels gain, offset and slow shading; dense
+inverse search (DIS, Kroeger et al. 2016, ECCV) with variational refinement finds the displacement. A least-squares
+(Lucas-Kanade) refinement in windows of 2-9 px standard deviation was tried and left
 out: where the light has moved it follows the shading, and raised the median error from 0.09 to 0.11-0.23 px.
 """
 
@@ -22,11 +22,11 @@ from photoclinometry.model.scene import Image
 from photoclinometry.model.tiny import TINY
 
 MIN_CONTRAST = 0.2
-"""Local contrast is taken to be at least this share of its median."""
+"""Least local contrast that is used, as a share of its median."""
 GRADIENT_WEIGHT = 10.0
 """Weight of the gradients' constancy in the flow's refinement: OpenCV's default."""
 MOST_CONTRAST = 4.0
-"""Normalised pictures are cut off at so many local standard deviations: at the ends of the grey levels below."""
+"""Normalised pictures are clipped at this many local standard deviations: at the ends of the grey levels below."""
 MIDDLE_GREY, GREY_PER_SIGMA = 128, 32
 """OpenCV's flow takes pictures of 8 bits: the grey level of a normalised picture's zero, and grey levels per local
 standard deviation, so that MOST_CONTRAST fills the range."""
@@ -39,7 +39,7 @@ class FlowOptions(Ranged):
     """Dense matching by optical flow."""
 
     max_round_trip_px: Annotated[float, Range(above=0)] = 1.0
-    """A match must come back to its pixel within this when matched in return [px]."""
+    """Largest distance from its pixel at which a match may end when it is matched back [px]."""
     min_correlation: Annotated[float, Range(least=-1, most=1)] = 0.3
     """Least correlation of the two normalised pictures around a match."""
     contrast_window_px: Annotated[float, Range(above=0, most=1000)] = 6.0
@@ -96,7 +96,8 @@ def smoothed_to_target_resolution(
 
 
 def target_step(xy: np.ndarray) -> float:
-    """Target pixels from one pixel of a grid to the next, in the median, from where these lie in it (h, w, 2)."""
+    """Median number of target pixels from one pixel of a grid to the next, from their positions in the target (h, w,
+    2)."""
     return float(np.sqrt(np.abs(np.nanmedian(jacobian_determinant(xy)))))
 
 
@@ -104,8 +105,8 @@ def in_target(sigma: np.ndarray, xy: np.ndarray) -> np.ndarray:
     """Standard deviations (h, w) of displacements on a grid, alike in all directions, as those of positions in the
     target about each axis [target px], RMS of the two.
 
-    xy: (h, w, 2) where the grid's pixels lie in the target. A pixel beside one that lies nowhere has the grid's median
-    of target pixels to a pixel.
+    xy: (h, w, 2) positions of the grid's pixels in the target. A pixel beside one without a position has the grid's
+    median number of target pixels to a pixel.
     """
     down, right = np.gradient(xy, axis=0), np.gradient(xy, axis=1)
     step = np.sqrt(0.5 * np.sum(down**2 + right**2, -1))
@@ -190,7 +191,7 @@ def fit_quality(a: np.ndarray, b: np.ndarray, flow: np.ndarray, window: float = 
 def warp_by_flow(values: np.ndarray, flow: np.ndarray, *, order: int = 3) -> np.ndarray:
     """Values (h, w, ...) at x + flow(x), of their own type, by splines of an order; edges repeat.
 
-    Order 1 for masks and for what is not a picture: exact on ramps, and a pixel without a value spoils no others.
+    Order 1 is for masks and other arrays than pictures: exact on ramps, and a pixel without a value spoils no others.
     """
     return sample(values, pixel_centers(flow.shape[:2]) + flow, order=order).astype(values.dtype)
 
@@ -210,13 +211,13 @@ def _gradient(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def jacobian_determinant(xy: np.ndarray) -> np.ndarray:
-    """(h, w) target pixels for one pixel of the grid, from where its pixels' centres lie (h, w, 2); signed."""
+    """(h, w) target pixels for one pixel of the grid, from the positions of its pixels' centres (h, w, 2); signed."""
     down, right = np.gradient(xy, axis=0), np.gradient(xy, axis=1)
     return right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
 
 
 def _smoothed(brightness: np.ndarray, valid: np.ndarray, spacing_px: float) -> np.ndarray:
-    """Brightness without gaps (`_fill`), as coarse as a grid of so many of its pixels."""
+    """Brightness without gaps (`_fill`), as coarse as a grid of the given spacing in pixels."""
     import cv2
 
     filled, blur_px = _fill(brightness, valid), smoothing_px(spacing_px)

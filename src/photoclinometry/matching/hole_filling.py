@@ -1,4 +1,4 @@
-"""Hole filling: landmarks where none was matched, which the next matches confirm or drop.
+"""Hole filling: new landmarks where none was matched, which the next matches confirm or drop.
 
 Ground that was not matched under one light may be matched against the relit reference. For this it needs a position, a
 normal and an albedo.
@@ -16,14 +16,14 @@ from photoclinometry.model.scene import Landmarks, Scene
 from photoclinometry.surface.depth_fit import landmark_depth
 
 SMALLEST_PX2 = 36
-"""Smaller holes stay [reference pixels]: amidst ground that matches, they are blemishes of images and edges of shadows.
+"""Smaller holes stay [reference pixels]: within matched ground they are blemishes of images and edges of shadows.
 Filled on images of Vesta by Dawn, 22 such pixels of 160,000 cost 1 dB of PSNR."""
 
 SMOOTHING = 2.0
 """Standard deviation [landmarks] of the Gaussian that smooths the new normals."""
 
 REACH_PX = 16.0
-"""Greatest distance of a new landmark from the others [reference pixels]: what the smooth depth can bridge."""
+"""Greatest distance of a new landmark from the others [reference pixels]: the gap that the smooth depth can bridge."""
 
 
 def fill_holes(scene: Scene, reach_px: float = REACH_PX) -> Scene:

@@ -1,4 +1,4 @@
-"""What a dense matcher is given and what it returns. A new matcher is one class with `name` and `match`.
+"""The input and the result of a dense matcher. A new matcher is one class with `name` and `match`.
 
     class MyMatcher:
         name = "mine"
@@ -8,7 +8,7 @@
 
 An entry in `registry.MATCHERS` makes it a choice of `phomo run --matcher`.
 
-`in_threads = True` beside the name says that several threads may call `match` at once; without it, one at a time does.
+`in_threads = True` beside the name says that several threads may call `match` at once; without it, only one does.
 
 Two pictures can be matched by `reference`, `target` and `region` alone; `prediction` is where a pixel is expected, for
 matchers that can use it. To match against another picture of the reference, for instance one rendered under the
@@ -76,7 +76,7 @@ class Matches:
 def region_matches(
     request: MatchRequest, position: np.ndarray, certainty: np.ndarray, sigma_px: np.ndarray, valid: np.ndarray
 ) -> Matches:
-    """The part on the map's grid of what was found on the padded region: arrays (h, w, ...) as in `Matches`."""
+    """Matches on the map's grid from those on the padded region: arrays (h, w, ...) as in `Matches`."""
     position, certainty, sigma_px, valid = (a[request.inner] for a in (position, certainty, sigma_px, valid))
     return Matches(
         position=np.where(valid[..., None], position, 0.0),

@@ -1,4 +1,4 @@
-"""The pre-warp: where the reference's pixels are expected in another view, from the depth known so far."""
+"""The pre-warp: expected positions of the reference's pixels in another view, from the depth known so far."""
 
 from __future__ import annotations
 

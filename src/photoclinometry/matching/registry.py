@@ -27,15 +27,15 @@ class MatcherEntry:
     """A matcher that can be chosen by name."""
 
     options: Any
-    """What shapes its matches, with defaults; a dataclass."""
+    """Options that shape its matches, with defaults; a dataclass."""
     make: Callable[[Any], Matcher]
     """The matcher for such options. Raises InputError where its files or packages are missing."""
     precision: str
-    """How precise it is, and on which images that was measured."""
+    """Its precision, and the images on which that was measured."""
     relit_with: str | None = None
     """The matcher that relighting iterations use after it; left out, itself."""
     fingerprint: Callable[[Any], Any] = _as_they_are
-    """What its matches depend on, of such options: for files their contents, not their paths."""
+    """The properties of such options on which its matches depend: for files their contents, not their paths."""
 
 
 MATCHERS: dict[str, MatcherEntry] = {

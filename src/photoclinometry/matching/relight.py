@@ -1,7 +1,7 @@
 """Matching against the relit reference: the reference image as it would look under each view's own Sun.
 
-Once there is a map, a view's brightness is predicted but for small errors of geometry. The reference image is
-multiplied by the ratio of modelled brightness: under the view's Sun and from its camera, over the reference's own. The
+Once there is a map, a view's brightness is predicted up to small errors of geometry. The reference image is multiplied
+by the ratio of two modelled brightnesses: that under the view's Sun and from its camera, and the reference's own. The
 result is as sharp as the reference image, and differs from the view by geometry and noise, no longer by light. Optical
 flow (`flow.py`), or any other matcher, compares the two. Where the reference is in shadow, the model alone is drawn.
 
@@ -37,8 +37,8 @@ LIT_SHARE = 0.99
 """A landmark with less than this share of its surroundings in sunlight lies at a shadow's edge, and is masked."""
 
 LEAST_SHARE = 0.02
-"""Where less than this share of the window is known, the level of the whole picture is taken [-]: a few pixels give no
-level."""
+"""Where less than this share of the window is known, the level of the whole picture is used [-]: a few pixels do not
+determine a level."""
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,11 @@
 Edstedt, Sun, Bökman, Wadenbäck and Felsberg (2024), RoMa: Robust Dense Feature Matching, CVPR, arXiv:2305.15404; what
 the paper of Driver et al. matches with. Its frozen backbone is DINOv2 (Oquab et al. 2023). Nothing is downloaded here.
 
-How accurate it is on images of small bodies is not known here. What is known: with the published weights, of pictures
-of 560 px of MegaDepth, 85.2 % of the matches are within 1 px and 95.7 within 3 (the authors' tests/test_mega_dense.py).
-For those within 3, that is a standard deviation of 1 / sqrt(-2 ln(1 - 0.852 / 0.957)) = 0.48 px about each axis, errors
-of that truth included: hence `sigma_cells`. The certainty is trained to say whether a pixel is seen in both pictures
-and the coarser scales were within 4 px of 512. It tells what to keep, not how well that is known.
+Its accuracy on images of small bodies is not known here. With the published weights, on pictures of 560 px of
+MegaDepth, 85.2 % of the matches are within 1 px and 95.7 within 3 (the authors' tests/test_mega_dense.py). For those
+within 3, that is a standard deviation of 1 / sqrt(-2 ln(1 - 0.852 / 0.957)) = 0.48 px about each axis, errors of that
+truth included: hence `sigma_cells`. The certainty is trained to say whether a pixel is seen in both pictures and the
+coarser scales were within 4 px of 512. It selects the matches to keep, and does not measure their precision.
 """
 
 from __future__ import annotations

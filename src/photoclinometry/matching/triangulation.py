@@ -17,7 +17,7 @@ diagonal: about the square of the angle between the rays [rad], so that rays par
 
 
 class PinholeCameras(NamedTuple):
-    """Poses and intrinsics of V views, as the compiled loops take them."""
+    """Poses and intrinsics of V views, in the form of the compiled loops."""
 
     rotation: np.ndarray
     """(V, 3, 3) body_from_cam."""
@@ -28,7 +28,7 @@ class PinholeCameras(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """When a triangulated point is accepted."""
+    """Limits for a triangulated point to be accepted."""
 
     min_views: int
     max_error_px: float

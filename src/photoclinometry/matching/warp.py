@@ -1,8 +1,8 @@
 """From a network's dense warp to matches: all of a learned matcher except the network.
 
-A network is any function of two pictures that returns where each pixel of one lies in the other, with a certainty: in
-torch (`matching/roma.py`), in ONNX, or a substitute in tests. It compares the reference with the pre-warped target, as
-`flow` does. So it need not find rotations and scales that are known, and the same ground fills both pictures.
+A network is any function of two pictures that returns the position of each pixel of one in the other, with a certainty:
+in torch (`matching/roma.py`), in ONNX, or a substitute in tests. It compares the reference with the pre-warped target,
+as `flow` does. It therefore need not find rotations and scales that are known, and the same ground fills both pictures.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ STRETCH_PERCENT = (0.5, 99.5)
 """Percentiles of a picture's brightness that become black and white: hot pixels do not set the range."""
 
 ROUNDING_PX = 1e-6
-"""A match may lie beyond the outermost pixels' centres by this, because of rounding [px]."""
+"""Largest distance of a match beyond the outermost pixels' centres, because of rounding [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Warp:
-    """Where one picture lies in another, on a grid (H, W) of any size that covers the whole picture."""
+    """Positions of one picture's points in another, on a grid (H, W) of any size that covers the whole picture."""
 
     position: np.ndarray
-    """(H, W, 2) where each cell's centre lies in the other picture: x from -1, its left edge, to 1, its right edge; y
+    """(H, W, 2) position of each cell's centre in the other picture: x from -1, its left edge, to 1, its right edge; y
     likewise from top to bottom."""
     certainty: np.ndarray
     """(H, W) in [0, 1]."""
@@ -43,7 +43,7 @@ Network = Callable[[np.ndarray, np.ndarray], tuple[Warp, Warp]]
 
 @dataclass(frozen=True, kw_only=True)
 class WarpOptions(Ranged):
-    """Which of a network's matches are kept, and with which standard deviation."""
+    """Selection of a network's matches, and their standard deviation."""
 
     max_round_trip_px: Annotated[float, Range(above=0)] = 1.0
     """A match, followed by the match in the other direction, must end within this of its pixel [px]."""
@@ -116,8 +116,8 @@ def displacement(warp: Warp, shape: tuple[int, ...]) -> np.ndarray:
 def on_grid(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Values (H, W, ...) of cells as values (h, w, ...) of other cells on the same area, linear between centres.
 
-    Beyond the outermost centres values are extrapolated linearly, so that linear ones are exact. H and W must be 2 or
-    more.
+    Beyond the outermost centres values are extrapolated linearly, so that linear functions are exact. H and W must be 2
+    or more.
     """
     for axis in (0, 1):
         values = _along(np.asarray(values, float), shape[axis], axis)

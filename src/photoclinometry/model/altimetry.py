@@ -13,8 +13,8 @@ from photoclinometry.model.errors import InputError
 class AltimeterTracks:
     """Shots of a laser altimeter in the body-fixed frame, along L tracks.
 
-    A track is a stretch over which the error of the spacecraft's orbit does not change: all of its shots are off by
-    one shift, which is most of their error, and each by an error of its own.
+    A track is a stretch over which the error of the spacecraft's orbit does not change. All of its shots share one
+    shift, which is most of their error, and each has an error of its own.
     """
 
     name: tuple[str, ...]
@@ -33,12 +33,13 @@ class AltimeterTracks:
 
 
 def track_of_surface(points: np.ndarray, spacing: float, sigma: float, shift_sigma: float) -> AltimeterTracks:
-    """A coarse shape or terrain model as one track, of so few of its points that their errors are independent.
+    """A coarse shape or terrain model as one track, thinned until the errors of its points are independent.
 
     points: (n, 3) of the surface in B [m], vertices of a mesh or cells of a grid; of two that are nearer to each other
-    than `spacing`, the first stays. spacing: side of the square of ground in which errors are alike [m]; where their
-    correlation falls to 1/e over a distance l, 2.5 l (the integral of exp(-d / l) over the plane is 2 pi l^2). sigma:
-    standard deviation of heights of the surface against the true ground, what it smooths away included [m];
+    than `spacing`, the first stays. spacing: side of the square of ground whose points share an error [m]; where the
+    correlation of errors falls to 1/e over a distance l, 2.5 l (the integral of exp(-d / l) over the plane is 2 pi
+    l^2). sigma: standard deviation of heights of the surface from the true ground, the detail that it lacks included
+    [m];
     shift_sigma: of a shift of it as a whole, along each axis [m]. Raises InputError for points that are not finite, and
     for numbers that are not positive.
     """

@@ -28,7 +28,7 @@ _LOWER, _NO, _RIGHT = (ctypes.create_string_buffer(letter) for letter in (b"U", 
 
 
 def factorize(matrix: np.ndarray) -> None:
-    """Replaces the lower triangle of a matrix (n, n) by L, of which it is L L^T; what is above the diagonal stays.
+    """Replaces the lower triangle of a matrix (n, n) by L, with matrix = L L^T; the part above the diagonal stays.
 
     Raises LinAlgError where the matrix is not positive definite.
     """
@@ -62,7 +62,7 @@ def _in_place(function: Callable[..., None], matrix: np.ndarray) -> int:
 
 
 def _check(factor: np.ndarray, right: np.ndarray) -> None:
-    """Raises ValueError for what the pointers do not say."""
+    """Raises ValueError for wrong shapes and types, which pointers do not carry."""
     arrays = factor, right
     if factor.shape != (len(right), len(right)) or any(a.dtype != float or not a.flags.c_contiguous for a in arrays):
         raise ValueError("a square matrix and as many rows are needed, both of C-contiguous float64")

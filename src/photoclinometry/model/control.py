@@ -9,7 +9,7 @@ import numpy as np
 
 
 class ControlPixel(NamedTuple):
-    """Where a control point was measured in one image."""
+    """The measured position of a control point in one image."""
 
     view: str
     """The view's name, as `site.toml` writes it."""

@@ -55,7 +55,7 @@ def named(name: str, body: str | None) -> str:
 
 
 def scene_table(scene: Scene) -> dict[str, str]:
-    """What the scene is, in words and numbers."""
+    """Properties of the scene, in words and numbers."""
     reference = scene.views.name[scene.reference]
     rows, cols = scene.region.grid_shape
     return {
@@ -84,7 +84,7 @@ def scene_picture(scene: Scene) -> np.ndarray:
 
 
 def scene_caption(scene: Scene) -> str:
-    """What `scene_picture` shows."""
+    """The caption of `scene_picture`."""
     return ("" if scene.reflectance is None else "albedo, and ") + "relief lit from the upper left"
 
 
@@ -134,7 +134,7 @@ def card(title: str, about: Mapping[str, str], picture: Callable[[], np.ndarray]
 
 
 def _picture(draw: Callable[[], np.ndarray], caption: str) -> str:
-    """The picture as an HTML element, or why there is none: a faulty picture must not cost the table."""
+    """The picture as an HTML element, or the reason why there is none: the table is shown even if the picture fails."""
     try:
         grey = draw()
         data = base64.b64encode(png_of_grey(grey)).decode()

@@ -1,14 +1,14 @@
-"""How errors of landmarks' positions go together, and what follows for quantities of many landmarks.
+"""Correlation of the errors of landmarks' positions, and the resulting variance of quantities of many landmarks.
 
-`Scene.uncertainty` has the covariance P_j of each position alone. Errors of neighbours are alike, since smoothness,
-keypoints and views are; those of landmarks far apart are not, but for what all share. With r(d) their correlation at a
-distance of d reference pixels, and q a quantity with derivatives g_j by the positions x_j,
+`Scene.uncertainty` has the covariance P_j of each position alone. Errors of neighbours are correlated, since they share
+smoothness, errors of keypoints, and views; those of landmarks far apart have only the common errors of all. With r(d)
+their correlation at a distance of d reference pixels, and q a quantity with derivatives g_j by the positions x_j,
 
     cov(x_j, x_k) = P_j^1/2 r(d_jk) P_k^1/2
     var(q) = sum_jk g_j^T cov(x_j, x_k) g_k
 
-r is a sum of exponentials, so that no variance is negative. Errors of a known frame, its place, attitude and scale, are
-no matter of distance: they are taken out of P, and added as a similarity that moves all landmarks.
+r is a sum of exponentials, so that no variance is negative. Errors of a known frame, its place, attitude and scale, do
+not depend on distance: they are taken out of P, and added as a similarity that moves all landmarks.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ class ErrorCorrelation:
     length_px: np.ndarray
     """(n,) of exponentials exp(-d / length) [reference px]."""
     share: np.ndarray
-    """(n,) of the variance that each has; the rest is of each landmark alone."""
+    """(n,) share of each exponential in the variance; the rest belongs to each landmark alone."""
     frame: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    """(7, 7) covariance of the similarity that the map is off by: rotation [rad], translation [units of B] and scale,
-    about the pivot; empty where the map has a frame of its own."""
+    """(7, 7) covariance of the map's similarity error: rotation [rad], translation [units of B] and scale, about the
+    pivot; empty where the map has a frame of its own."""
     pivot: np.ndarray = field(default_factory=lambda: np.zeros(3))
     """(3,) in B."""
 
@@ -40,7 +40,7 @@ class ErrorCorrelation:
         return np.where(np.asarray(distance_px) == 0.0, 1.0, decay)
 
     def transformed(self, similarity: Similarity) -> ErrorCorrelation:
-        """In the frame that a similarity leads to; distances in the image stay."""
+        """The same in the target frame of a similarity; distances in the image stay."""
         if not self.frame.size:
             return self
         by = np.eye(7)

@@ -1,6 +1,6 @@
-"""What can go wrong, as one tree. Every message says what was found, where, and what to do.
+"""The exceptions, as one tree. Every message says what was found, where, and what to do.
 
-Classes double as built-ins, so that `except ValueError` works for people who never heard of this file.
+Classes double as built-ins, so that `except ValueError` works without knowledge of this file.
 """
 
 
@@ -9,11 +9,11 @@ class PhotoclinometryError(Exception):
 
 
 class InputError(PhotoclinometryError, ValueError):
-    """What the user gave is wrong or contradicts itself (the command ends with exit code 2)."""
+    """The user's input is wrong or contradicts itself (the command ends with exit code 2)."""
 
 
 class SiteError(InputError):
-    """`site.toml` says something that is not understood or cannot be."""
+    """`site.toml` contains something that is not understood or is impossible."""
 
 
 class ImageError(InputError):
@@ -29,7 +29,7 @@ class OutputError(RunFolderError):
 
 
 class ReconstructionError(PhotoclinometryError, RuntimeError):
-    """The images do not determine what was asked (the command ends with exit code 1)."""
+    """The images do not determine the requested result (the command ends with exit code 1)."""
 
 
 class FetchError(PhotoclinometryError, OSError):

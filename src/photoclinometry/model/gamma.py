@@ -1,4 +1,4 @@
-"""Images whose numbers are a power of the radiance, as those made for the eye: V ~ L^(1 / gamma).
+"""Images whose numbers are a power of the radiance, as those encoded for display: V ~ L^(1 / gamma).
 
 Poynton (2012), Digital Video and HD, chapter 27: displays have exponents of 1.8 to 2.6, and files are encoded by the
 inverse.

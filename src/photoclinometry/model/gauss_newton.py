@@ -14,7 +14,7 @@ import numpy as np
 State = TypeVar("State")
 
 MOST_ITERATIONS = 30
-"""Of fits of a few numbers, at most: the adjustment of a camera's lens, the largest of them, takes 3 to 10."""
+"""Most iterations of fits of a few numbers: the adjustment of a camera's lens, the largest of them, takes 3 to 10."""
 
 SETTLED = 1e-10
 """A step settles the estimate if its square in standard deviations is below this: 1e-5 sigma."""
@@ -25,8 +25,8 @@ class Solution(NamedTuple, Generic[State]):
 
     state: State
     information: np.ndarray
-    """(m, m) of the last linearization, where the last step was taken from; its inverse is the covariance if residuals
-    are whitened."""
+    """(m, m) of the last linearization, at the start of the last step; its inverse is the covariance if residuals are
+    whitened."""
     converged: bool
     """The last step was below SETTLED; else `iterations` were used up."""
 

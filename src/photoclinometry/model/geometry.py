@@ -85,7 +85,7 @@ def skew(v: np.ndarray) -> np.ndarray:
 
 
 def point_moves(points: np.ndarray, about: np.ndarray) -> np.ndarray:
-    """(n, 3, 7): how points (n, 3) move by rotation, translation and scale about a point (3,)."""
+    """(n, 3, 7): moves of points (n, 3) by rotation, translation and scale about a point (3,)."""
     arm = points - about
     return np.concatenate([-skew(arm), np.broadcast_to(np.eye(3), (len(arm), 3, 3)), arm[:, :, None]], axis=2)
 

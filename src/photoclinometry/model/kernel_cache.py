@@ -22,14 +22,14 @@ _IMPORT = re.compile(
     r"^\s*(?:from|import)\s+photoclinometry([\w.]*)(?:\s+import\s+(?:\(([^)]*)\)|(.*)))?", re.MULTILINE
 )
 _FOR_TYPES = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+.*\n|[ \t]*\n)*", re.MULTILINE)
-"""What only type checkers import, such as all of the package in its `__init__.py`."""
+"""Imports for type checkers alone, such as all of the package in its `__init__.py`."""
 
 
 @cache
 def imported(file: Path) -> frozenset[Path]:
     """Files of the package that a file of it imports names from when it runs.
 
-    `__init__.py` of packages around these run, too, but what is compiled has nothing of theirs.
+    `__init__.py` of packages around these run, too, but compiled functions contain nothing of them.
     """
     found = set()
     for dotted, several, one in _IMPORT.findall(_FOR_TYPES.sub("", file.read_text(encoding="utf-8"))):
@@ -80,7 +80,7 @@ class Stamp(tuple[Any, str]):
 def loaded_index(self: Any) -> dict[Any, str]:
     """As Numba's `IndexDataCacheFile._load_index`; of this package empty, too, where it cannot be read.
 
-    An index is read before its stamp is compared. That of an earlier version may name what the package has no more.
+    An index is read before its stamp is compared. That of an earlier version may name objects that no longer exist.
     """
     try:
         return _read(self)
@@ -92,7 +92,7 @@ def loaded_index(self: Any) -> dict[Any, str]:
 
 # Numba tries its locators in turn; those of the package go first, and know no other files.
 _LOCATORS, _READ = "_locator_classes", "_load_index"
-"""Numba has no public way to add a locator, or to say what happens to an index that cannot be read."""
+"""Numba has no public way to add a locator, or to handle an index that cannot be read."""
 _known = getattr(caching.CacheImpl, _LOCATORS)
 setattr(caching.CacheImpl, _LOCATORS, [*map(stamped, _known), *_known])
 _read = getattr(caching.IndexDataCacheFile, _READ)

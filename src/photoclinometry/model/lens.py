@@ -44,7 +44,8 @@ class Lens:
 
     @classmethod
     def of_corner_px(cls, coefficients: np.ndarray, camera: Camera) -> Lens:
-        """The lens whose four terms displace a corner of the image by so many pixels, as of `displacement_terms`."""
+        """The lens whose four terms displace a corner of the image by given numbers of pixels, as of
+        `displacement_terms`."""
         per_unit = np.array(coefficients, float) / _unit_at_corner(camera)
         return cls(*per_unit.tolist())
 
@@ -62,8 +63,8 @@ NO_DISTORTION = Lens()
 
 
 def displacement_terms(ideal: np.ndarray, camera: Camera) -> np.ndarray:
-    """(..., 2, 4) displacements of ideal pixels (..., 2) by k1, k2, p1 and p2, each of the size that makes one pixel at
-    a corner [px]."""
+    """(..., 2, 4) displacements of ideal pixels (..., 2) by k1, k2, p1 and p2, each of a size that gives one pixel at a
+    corner [px]."""
     radius, focal = _corner(camera), np.array(camera.focal_px)
     x, y = np.moveaxis((np.asarray(ideal, float) - camera.principal_px) / focal / radius, -1, 0)
     square = x * x + y * y

@@ -1,4 +1,4 @@
-"""What a folder of results belongs to: one site, model, map or body. A folder never mixes results of two."""
+"""The owner of a folder of results: one site, model, map or body. A folder never mixes results of two."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ left out between runs, and another site has other images."""
 
 @dataclass(frozen=True)
 class Owner:
-    """A site, model, map or body, by what stays when it is moved, renamed or simulated again."""
+    """A site, model, map or body, identified by properties that stay when it is moved, renamed or simulated again."""
 
     kind: str
     """ "site", "model", "map" or "body"."""
@@ -22,8 +22,8 @@ class Owner:
     place: str
     """Where it was found, for messages only; empty where that is not known."""
     images: tuple[str, ...]
-    """Of a site, a digest of each image file; of a model, the names of its images; of a map, its views with their
-    Suns; none of a body, which its name stands for."""
+    """For a site, a digest of each image file; for a model, the names of its images; for a map, its views with their
+    Suns; none for a body, which its name identifies."""
 
     def is_same(self, other: Owner) -> bool:
         """Whether both are one: of the same kind, not of two bodies, and with most images in common."""
@@ -45,7 +45,7 @@ class Owner:
 
 
 def read_owner(content: Mapping[str, Any]) -> Owner | None:
-    """What run.json or export.json says; None where it says nothing.
+    """The owner that run.json or export.json states; None where it states none.
 
     Raises KeyError, TypeError and ValueError where it is damaged.
     """

@@ -17,7 +17,6 @@ class PosePrior:
     translation_sigma: float
     """Standard deviation of the camera's centre along each axis, in the unit of B (metres, where B is body-fixed)."""
     common_rotation_sigma_rad: float = 0.0
-    """Besides, of a rotation in C by which the attitudes of all views of an arc are off alike, about each axis."""
+    """In addition, of a common rotation error in C of the attitudes of all views of an arc, about each axis."""
     common_translation_sigma: float = 0.0
-    """Besides, of a shift in B by which the centres of all views of an arc are off alike, along each axis, in the same
-    unit."""
+    """In addition, of a common shift in B of the centres of all views of an arc, along each axis, in the same unit."""

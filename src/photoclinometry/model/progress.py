@@ -1,4 +1,4 @@
-"""How long-running functions report where they are."""
+"""Progress reports of long-running functions."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def keypoint_residuals(scene: Scene) -> np.ndarray:
 
 
 def projected_keypoints(scene: Scene) -> np.ndarray:
-    """Predicted keypoints (N, 2) [px]: where the observed landmarks project."""
+    """Predicted keypoints (N, 2) [px]: the projections of the observed landmarks."""
     return scene.tracks.keypoint + keypoint_residuals(scene)
 
 

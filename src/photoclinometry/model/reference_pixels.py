@@ -12,7 +12,7 @@ from photoclinometry.model.scene import Camera
 def pixels_of_landmarks(xy: np.ndarray, camera: Camera) -> tuple[np.ndarray, Region]:
     """(J, 2) int32 (row, col): a reference pixel for each landmark; and the region around all of them.
 
-    For landmarks that were not made from pixels. xy: (J, 2) where they lie in the reference image [px]. A landmark
+    For landmarks that were not made from pixels. xy: (J, 2) their positions in the reference image [px]. A landmark
     gets the pixel it lies in. Of several in one pixel, the nearest to its centre gets it; the others get the nearest
     free one of the eight around it. If none is free, the landmark shares its pixel and is hidden in gridded maps.
     Raises InputError for landmarks farther outside of the image than its size.

@@ -21,7 +21,7 @@ class Region:
     width: int
     """[px]."""
     stride: int = 1
-    """Every so many pixels, down and across, from the corner on: these make the map's grid."""
+    """Spacing of the map's grid, down and across, from the corner on [px]."""
 
     @classmethod
     def of_image(cls, height: int, width: int, stride: int = 1) -> Self:
@@ -49,7 +49,7 @@ class Region:
         return slice(row, row + self.height), slice(col, col + self.width)
 
     def row_blocks(self, count: int) -> list[Self]:
-        """The region cut into parts of so many rows of the map's grid; the last may have fewer."""
+        """The region divided into parts of `count` rows of the map's grid; the last may have fewer."""
         step, bottom = count * self.stride, self.row + self.height
         return [replace(self, row=row, height=min(step, bottom - row)) for row in range(self.row, bottom, step)]
 
@@ -61,7 +61,7 @@ class Region:
     def between_cells(self, values: np.ndarray) -> np.ndarray:
         """Values (rows, cols, ...) on the map's grid at every pixel (height, width, ...), linear from cell to cell.
 
-        NaN where a cell that it takes is NaN; beyond the last row and column as in these.
+        NaN where one of the cells used is NaN; values beyond the last row and column are those of the last ones.
         """
         for axis, count in enumerate((self.height, self.width)):
             cell = np.arange(count) / self.stride

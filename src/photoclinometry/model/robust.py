@@ -14,14 +14,14 @@ REWEIGHTINGS = 6
 """Iterations of reweighted least squares from equal weights: the weights then change in the third digit."""
 
 SIGNIFICANT = 5.0
-"""Standard deviations beyond which a difference is not taken for chance. They are known roughly: with errors twice as
-large as stated it still leaves 2.5, by chance one in a hundred."""
+"""Standard deviations beyond which a difference does not count as chance. Sigmas are known roughly: with errors twice
+as large as stated the limit is still 2.5, exceeded by chance once in a hundred."""
 
 FEWEST_FOR_SIGMA = 100
-"""Values that tell a standard deviation: to 7 per cent, 1 / sqrt(2 n)."""
+"""Fewest values that determine a standard deviation: to 7 per cent, 1 / sqrt(2 n)."""
 
 HUBER_LIMIT = 3.0
-"""Residuals beyond this many standard deviations count linearly: few of normal errors (0.3 %) do."""
+"""Residuals beyond this many standard deviations count linearly: 0.3 % of normal errors."""
 
 
 def robust_sigma(residual: np.ndarray) -> float:

@@ -17,13 +17,13 @@ from photoclinometry.model.splines import Spline
 from photoclinometry.model.tiny import TINY
 
 COARSER = 1.2
-"""A grid counts as coarser than an image if it has a point at every so many pixels or fewer points [px]."""
+"""A grid counts as coarser than an image if its points are at least this far apart [px]."""
 
 CUBIC = 3
 """Order of the splines between pixels."""
 
 ALL_VALID = 0.99
-"""Masks interpolated are above this where they are of valid pixels alone, but for rounding."""
+"""Least value of an interpolated mask where only valid pixels contribute, up to rounding."""
 
 _MARGIN_PX = 16
 """Pixels farther away than this do not enter a spline: their weights are below 1e-9."""
@@ -45,8 +45,8 @@ def sample_image(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sample_with_gradient(image: Image, xy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What `sample_image` gives, and between the two the gradient (n, 2) along x and y [brightness per px], 0 where
-    that is not valid."""
+    """The two results of `sample_image`, with the gradient (n, 2) along x and y [brightness per px] between them; the
+    gradient is 0 where the sample is not valid."""
     xy = np.asarray(xy, float)
     usable, value, gradient = _inside(image, xy), np.zeros(len(xy)), np.zeros((len(xy), 2))
     if not usable.any():
@@ -67,7 +67,7 @@ def _inside(image: Image, xy: np.ndarray) -> np.ndarray:
 
 
 def _part_around(xy: np.ndarray) -> tuple[tuple[slice, slice], np.ndarray]:
-    """The part of an image that its spline at positions (n, 2) inside depends on, and the x and y (2,) of its first
+    """The part of an image on which its spline at positions (n, 2) inside depends, and the x and y (2,) of its first
     pixel."""
     x, y = xy.T
     first = np.maximum(np.floor([x.min(), y.min()]).astype(int) - _MARGIN_PX, 0)
@@ -99,8 +99,8 @@ def filled_from_nearest(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
 def smoothing_px(spacing_px: float) -> float:
     """Standard deviation [px] of the Gaussian that makes an image as coarse as a grid of `spacing_px` of its pixels.
 
-    An image is taken to be blurred by a Gaussian of half a pixel's width (pixel and point-spread function): the coarse
-    one's, less the image's own in quadrature. 0 for grids that are not coarser.
+    An image is assumed to be blurred by a Gaussian of half a pixel's width (pixel and point-spread function). The
+    result is the blur of the coarse image less the image's own, in quadrature. 0 for grids that are not coarser.
     """
     return 0.5 * float(np.sqrt(spacing_px**2 - 1.0)) if spacing_px > COARSER else 0.0
 
@@ -117,8 +117,9 @@ def blurred(image: Image, sigma_px: float) -> Image:
 def masked_filter(values: np.ndarray, smooth: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Values (h, w, ...) on a grid through a linear filter of weights >= 0 over the cells where all are finite.
 
-    Returns them, NaN where there are no such cells near, with the share (h, w) of the filter's weight that such cells
-    have. smooth: of grids (h, w). Normalized convolution (Knutsson and Westin 1993, doi:10.1109/CVPR.1993.341081).
+    Returns the filtered values, NaN where there are no such cells near, and the share (h, w) of the filter's weight on
+    such cells. smooth: of grids (h, w). Normalized convolution (Knutsson and Westin 1993,
+    doi:10.1109/CVPR.1993.341081).
     """
     layers = values.reshape(*values.shape[:2], -1)
     there = np.isfinite(layers).all(-1)

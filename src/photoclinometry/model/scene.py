@@ -22,7 +22,7 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
 
 OWN, BODY_FIXED, SHARED = "own", "body-fixed", "shared"
-"""What is known of a scene's frame B."""
+"""Kinds of a scene's frame B."""
 
 CAMERA_PARAMETERS = {"PINHOLE": 4, "SIMPLE_PINHOLE": 3}
 
@@ -85,13 +85,13 @@ class Image:
     """One exposure's brightness, linear in radiance."""
 
     name: str
-    """That of the view: the image's path in `site.toml`."""
+    """Name of the view: the image's path in `site.toml`."""
     brightness: np.ndarray
     """(height, width) float32: I/F, or linear DN. Defined only where `valid`."""
     valid: np.ndarray
     """(height, width) bool: finite, not saturated, not flagged."""
     dark_level: float = 0.0
-    """What has been taken from the brightness of an uncalibrated image: its level in shadows and sky."""
+    """Dark level that has been subtracted from an uncalibrated image: its level in shadows and sky."""
 
     def __repr__(self) -> str:
         height, width = self.valid.shape
@@ -99,12 +99,12 @@ class Image:
 
 
 VIEW_ARRAYS = ("sun", "scale", "bias", "dark_level", "sun_measured", "sun_sigma", "sun_common_sigma", "arc")
-"""What `Views` has one row of for each view, beside its name, camera and pose."""
+"""Fields of `Views` with one row for each view, beside its name, camera and pose."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Views:
-    """K exposures: what is estimated about each, and the Sun directions measured."""
+    """K exposures: the estimated quantities of each, and the measured Sun directions."""
 
     name: tuple[str, ...]
     """Image paths of `site.toml`."""
@@ -119,7 +119,7 @@ class Views:
     bias: np.ndarray
     """(K,) xi of Eq. 21, in the images' brightness."""
     dark_level: np.ndarray
-    """(K,) what had been taken from the brightness of uncalibrated images before (`Image.dark_level`)."""
+    """(K,) dark level that was subtracted from uncalibrated images before (`Image.dark_level`)."""
     sun_measured: np.ndarray
     """(K, 3) unit vectors towards the Sun as measured, in C."""
     sun_sigma: np.ndarray
@@ -128,8 +128,8 @@ class Views:
     """(K,) standard deviation of the error that all views of an arc have in common, such as an error of the cameras'
     alignment: one small rotation of all their `sun_measured` in C, about each axis [rad]."""
     arc: np.ndarray
-    """(K,) int: number of the arc of attitude and orbit from which each view's Sun and pose prior are. Arcs have errors
-    of their own; zeros where all views are of one."""
+    """(K,) int: number of the arc of attitude and orbit from which each view's Sun and pose prior come. Arcs have
+    errors of their own; zeros where all views belong to one."""
 
     def __len__(self) -> int:
         return len(self.name)
@@ -144,7 +144,7 @@ class Views:
 
     @property
     def offset(self) -> np.ndarray:
-        """(K,) brightness of the image files where the model has none: dark level and bias."""
+        """(K,) brightness of the image files where the model predicts zero: dark level and bias."""
         return self.dark_level + self.bias
 
     def project(self, view: int, points: np.ndarray) -> np.ndarray:
@@ -276,8 +276,8 @@ class Tracks:
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """The ground around a map as the reference view sees it, roughly: it casts shadows, and is no part of the map. It
-    is known from sparse points, and from the shadows that the images show."""
+    """The ground around a map as the reference view sees it, roughly: it casts shadows, but is no part of the map. It
+    is known from sparse points, and from the shadows in the images."""
 
     depth: np.ndarray
     """(rows, cols) along the reference camera's optical axis, in units of B, at every `stride`-th pixel of its image
@@ -297,7 +297,7 @@ class Scene:
     brightness: str
     """"iof": radiance factor I/F; "dn": linear uncalibrated numbers."""
     reflectance: Reflectance | None
-    """The model that the brightness was explained with; None for geometry alone."""
+    """The reflectance model of the brightness; None for geometry alone."""
     views: Views
     """K registered views: poses, Suns, exposures."""
     landmarks: Landmarks
@@ -307,7 +307,7 @@ class Scene:
     reference: int
     """Index of the reference view."""
     region: Region
-    """Pixels of the reference image whose grid the landmarks are on."""
+    """Pixels of the reference image, on whose grid the landmarks lie."""
     uncertainty: dict[str, np.ndarray] = field(default_factory=dict)
     """Standard deviations or covariances by name, first axis J or K; empty until computed.
     `evaluate/sigma_calibration.py` lists names and axes, `adjust/covariance/uncertainty.py` the frame."""
@@ -316,9 +316,9 @@ class Scene:
     surroundings: Surroundings | None = None
     """Where they are known."""
     frame: str = OWN
-    """OWN: origin, axes and unit of length are the images' alone, or nobody said. BODY_FIXED: those of pose priors,
-    origin in the body's centre, z to the north pole, x to longitude 0, in metres. SHARED: those of a larger model that
-    is made of images alone, and of which the scene is a part."""
+    """OWN: origin, axes and unit of length are determined from images alone, or not stated. BODY_FIXED: those of pose
+    priors, origin in the body's centre, z to the north pole, x to longitude 0, in metres. SHARED: those of a larger
+    model made from images alone, of which the scene is a part."""
 
     @property
     def unit(self) -> str | None:
@@ -391,9 +391,9 @@ class Scene:
         """Standard deviation of a quantity of the positions of landmarks, to first order.
 
         landmarks: (n,) indices; gradient: (n, 3) the quantity's derivatives by their positions in B. The unit is the
-        quantity's. It contains how errors of neighbours go together (`model.error_correlation`). `surface.measure` has
+        quantity's. It includes the correlation of neighbours' errors (`model.error_correlation`). `surface.measure` has
         lengths, height differences, slopes and volumes. Infinite where one of the positions is not known. Raises
-        InputError where the scene states no uncertainties of positions, or not how they go together.
+        InputError where the scene states no uncertainties of positions, or no correlation of their errors.
         """
         if "position" not in self.uncertainty or self.error_correlation is None:
             raise InputError(

@@ -1,4 +1,4 @@
-"""A shape model: the surface of a body as a triangle mesh, with what is known at its vertices."""
+"""A shape model: the surface of a body as a triangle mesh, with quantities at its vertices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from photoclinometry.model.geometry import Similarity
 class ShapeModel:
     """A triangle mesh in a body-fixed frame, with normals, albedo and standard deviations per vertex.
 
-    What is not known at a vertex is NaN in a figure, 0 in `views` and -1 in `tile`.
+    An unknown value at a vertex is NaN, or 0 in `views` and -1 in `tile`.
     """
 
     vertices: np.ndarray
@@ -22,13 +22,13 @@ class ShapeModel:
     faces: np.ndarray
     """(F, 3), counter-clockwise as seen from outside."""
     normals: np.ndarray | None = None
-    """(V, 3) outward unit vectors, as photometry has them; None: the faces' are all that is known."""
+    """(V, 3) outward unit vectors from photometry; None: only the faces' are known."""
     albedo: np.ndarray | None = None
     """(V,)."""
     sigma: Mapping[str, np.ndarray] = field(default_factory=dict)
     """(V,) standard deviations: "height" along the normal [unit], "normal" [rad], "albedo" as a share of the albedo."""
     views: np.ndarray | None = None
-    """(V,) int: in how many images a vertex was measured; 0 where the surface is a smooth guess."""
+    """(V,) int: number of images in which a vertex was measured; 0 where the surface is a smooth guess."""
     tile: np.ndarray | None = None
     """(V,) int: the tile that measured it."""
     unit: str | None = None
@@ -54,7 +54,7 @@ class ShapeModel:
         return self.of_vertices(used, faces.reshape(-1, 3))
 
     def of_vertices(self, rows: np.ndarray, faces: np.ndarray) -> ShapeModel:
-        """Vertices (n,) of the model in a given order, with what is known at them, and faces (F, 3) of these."""
+        """Vertices (n,) of the model in a given order, with their quantities, and faces (F, 3) of these."""
 
         def kept(values: np.ndarray | None) -> np.ndarray | None:
             return None if values is None else np.asarray(values)[rows]

@@ -1,6 +1,6 @@
 """Standard deviations along a direction and of a length, from any form in which a scene states uncertainties.
 
-These forms are sigmas (n,) alike in all directions, sigmas (n, d) along d axes, or covariances (n, d, d).
+These forms are sigmas (n,) equal in all directions, sigmas (n, d) along d axes, or covariances (n, d, d).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from photoclinometry.model.errors import InputError
 
 UNTOLD_NORMAL_RAD = math.sqrt(0.5 * (math.pi - 2.0))
-"""Standard deviation about each tangent axis of a normal that nothing tells: of directions spread evenly over the
+"""Standard deviation about each tangent axis of an undetermined normal: for directions spread evenly over the
 hemisphere above the ground, the mean square of the angle from its axis is pi - 2."""
 
 

@@ -28,7 +28,7 @@ CODES: Mapping[str, str] = {
     "image-compressed": "images went through JPEG, which takes fine shading",
     "most-suns-contradict": "the Sun directions as a whole contradict the brightness of the images",
     "no-uncertainty": "no uncertainties could be computed",
-    "noise-unknown": "too few views light the landmarks to tell the noise of brightness",
+    "noise-unknown": "too few views light the landmarks to determine the noise of brightness",
     "product-left-out": "a product of an export needs a package that is not installed",
     "photometry-held": "Suns, biases and reflectance are not estimated, since relief would contradict parallax",
     "prior-contradicts": "a pose prior is left out, or far off",
@@ -43,7 +43,7 @@ CODES: Mapping[str, str] = {
     "run-failed": "a run of a study gave no map",
     "sumfile-missing": "images that were made into a site have no SUMFILE, though SUMFILEs given describe no image",
     "suns-moved": "brightness has all Suns alike, or one by itself, far beyond what is stated of them",
-    "sun-undecided": "Sun directions contradict each other, and which are wrong cannot be told",
+    "sun-undecided": "Sun directions contradict each other, and it is not clear which are wrong",
     "tile-failed": "a tile of a body is not mapped, and its ground is guessed or mapped by other tiles",
     "tile-unplaced": "a tile of a body has too few tie points to be placed among the others, and is left out",
     "tile-untrusted": "the map of a tile is not to be trusted, and counts only where there is no other",
@@ -54,7 +54,7 @@ CODES: Mapping[str, str] = {
     "view-past-edge": "a simulated view sees past the edge of its ground",
     "view-unregistered": "a view could not be registered and is left out",
 }
-"""Every code, and what it means."""
+"""Every code, and its meaning."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,8 @@ class Warned:
 
 
 MANY_ALIKE = 3
-"""Of warnings of one kind about a body so many are shown; there may be one for each of hundreds of images and tiles."""
+"""Number of warnings of one kind that are shown for a body; there may be one for each of hundreds of images and
+tiles."""
 
 _collectors: list[list[Warned]] = []
 """The lists of all blocks of `collected_warnings` that are open."""
@@ -99,7 +100,7 @@ def warn(log: logging.Logger, code: str, words: str, *values: object, view: str 
 
 @contextmanager
 def collected_warnings() -> Iterator[list[Warned]]:
-    """Collects what is warned of in the block, by any thread of this process, in the list that it yields."""
+    """Collects the warnings issued in the block, by any thread of this process, in the list that it yields."""
     found: list[Warned] = []
     _collectors.append(found)
     try:
@@ -110,7 +111,7 @@ def collected_warnings() -> Iterator[list[Warned]]:
 
 
 def subject(code: str, view: str, words: str) -> tuple[str, str]:
-    """What a warning is of, the same for those that repeat with other figures: its code, and its view or its words."""
+    """The subject of a warning, the same for repetitions with other figures: its code, and its view or its words."""
     return code, view or words
 
 
@@ -124,7 +125,7 @@ def distinct(warnings: Iterable[Warned]) -> tuple[Warned, ...]:
 
 
 def few_of_each(warnings: Sequence[Warned]) -> list[str]:
-    """Lines of warnings with their codes; of those of one code the first MANY_ALIKE, and how many more there are."""
+    """Lines of warnings with their codes; the first MANY_ALIKE of each code, and the number of further ones."""
     lines = []
     for code in dict.fromkeys(warned.code for warned in warnings):
         alike = [warned.line for warned in warnings if warned.code == code]

@@ -167,7 +167,7 @@ class _State:
     small_steps: int = 0
     """Successive steps that lowered the cost, or moved landmarks, by no more than the limits of convergence."""
     ended: str | None = None
-    """Why the descent has converged; None where it goes on."""
+    """The reason why the descent has converged; None where it goes on."""
 
 
 def minimize(
@@ -181,8 +181,8 @@ def minimize(
 ) -> Solution:
     """The estimate of least cost near `start`.
 
-    step_limit: longest step of a landmark, or (J,) of each, against what all do, in units of B. moves: the
-    `parameter_moves` of an earlier solution with other weights. on_step is called after every step; what it raises
+    step_limit: longest step of a landmark, or (J,) of each, relative to the common move, in units of B. moves: the
+    `parameter_moves` of an earlier solution with other weights. on_step is called after every step; an exception in it
     ends the solve. Raises InputError where the cost of the start is no number.
     """
     options = options or SolverOptions()
@@ -236,7 +236,7 @@ def _require_finite(cost: Mapping[str, float]) -> None:
 
 
 def _solve(system: DampedSystem, options: SolverOptions, *, fast: bool) -> Krylov:
-    """The step: no better than it is worth while the cost falls fast."""
+    """The step, solved less well while the cost falls fast."""
     return conjugate_gradients(
         system.multiply,
         system.precondition,
@@ -255,8 +255,8 @@ def _limit(total: float, options: SolverOptions) -> float:
 def _accept(state: _State, trial: Trial, options: SolverOptions, *, solved: bool) -> None:
     """Goes to a trial that lowers the cost, and sets the damping by the gain ratio.
 
-    The decrease that the linear model promised is that of one linearization: where the step began. Where its solve
-    broke down (not `solved`), it says nothing of how far the minimum is: damping rises instead.
+    The decrease that the linear model predicted holds for the linearization at the start of the step. Where its solve
+    broke down (not `solved`), it does not show the distance of the minimum: damping rises instead.
     """
     total = float(state.at.cost.sum())
     fell, promised, limit = total - float(trial.cost.sum()), state.at.decrease(trial.moves), _limit(total, options)
@@ -279,8 +279,8 @@ def _accept(state: _State, trial: Trial, options: SolverOptions, *, solved: bool
 def _damped_alone(before: np.ndarray, held: np.ndarray) -> np.ndarray:
     """(J,) damping of single landmarks after a step that held each of them back `held` (J,) times.
 
-    A landmark that its part of a step makes worse is damped alone: the damping of all would have to rise for it, and
-    what all do together would come to a halt.
+    A landmark that its part of a step makes worse is damped alone. Otherwise the damping of all landmarks would have to
+    rise, and their common motion would come to a halt.
     """
     more = np.minimum(np.maximum(before, ALONE) * HELD_GROWTH**held, MOST_ALONE)
     less = np.where(before > ALONE, MIN_RELIEF * before, 0.0)
@@ -295,8 +295,8 @@ def _usual_move(at: Linearization, trial: Trial) -> float:
 
 
 def _relief(gain: float) -> float:
-    """Factor on the damping after a step that lowered the cost by `gain` times what the model promised:
-    a tenth where the model holds, up to twice where it does not (Nielsen 1999, IMM-REP-1999-05)."""
+    """Factor on the damping after a step that lowered the cost by `gain` times the model's prediction: a tenth where
+    the model holds, up to twice where it does not (Nielsen 1999, IMM-REP-1999-05)."""
     return float(np.clip(1.0 - (2.0 * gain - 1.0) ** 3, MIN_RELIEF, MAX_RELIEF))
 
 

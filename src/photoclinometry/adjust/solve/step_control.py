@@ -1,10 +1,11 @@
-"""How far to go along a step of the linear model.
+"""The length of a step along the direction of the linear model.
 
 A landmark's own move is cut to half a ground sample: the smoothness residual saturates, and one landmark that leaps
-becomes a spike that spoils every later step of all. Its own is what differs from what the whole map does: a map that
-tilts, stretches or shears together with its cameras (the weakly determined motions of shape from shading are such) is
-let go, since to cut it landmark by landmark would tear it from the cameras. Where a step raises the cost, landmarks
-that it makes worse are held back, and shorter ones along the same direction are tried, before damping has to rise.
+becomes a spike that spoils every later step of all. The own move is the difference from the motion of the whole map. A
+map that tilts, stretches or shears together with its cameras, as in the weakly determined motions of shape from
+shading, is not limited, since cuts landmark by landmark would separate it from the cameras. Where a step raises the
+cost, landmarks that it makes worse are held back, and shorter steps along the same direction are tried, before damping
+has to rise.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ SHORTER = 0.25
 """Share of a step that is tried where the whole of it fails, twice, before damping rises."""
 
 WORSE = 9.0
-"""A landmark is held back that makes its own squared residuals larger by this: three standard deviations of one."""
+"""Increase of a landmark's own squared residuals from which on it is held back: three standard deviations of one."""
 
 MAX_HOLDS = 5
 """Times that landmarks are held back before the step of all is shortened. Neighbours of those that are held may have
@@ -44,7 +45,7 @@ _ROBUST_ITERATIONS = 10
 _SAMPLE = 10_000
 """Landmarks that this motion, of twelve numbers, is fitted to at most."""
 _RIDGE = 1e-12
-"""Of the trace, far below what a map's relief leaves."""
+"""Share of the trace that is added to the diagonal, far below the contribution of a map's relief."""
 
 
 class Trial(NamedTuple):
@@ -62,7 +63,7 @@ class Trial(NamedTuple):
     held: np.ndarray
     """(J,) how many times each landmark was held back."""
     whole: bool
-    """All variables may move as the linear model wants them to; single landmarks may have been held back."""
+    """Whether all variables may take the whole step of the linear model; single landmarks may have been held back."""
 
 
 def descend(
@@ -72,12 +73,12 @@ def descend(
     step: tuple[np.ndarray, np.ndarray, np.ndarray],
     step_limit: float | np.ndarray,
 ) -> Trial:
-    """The first of these that does not raise the cost, else the last: the whole step, the step with those landmarks
-    held back that it makes worse, a quarter and a sixteenth of that.
+    """The first of these that does not raise the cost, else the last: the whole step; the step without the landmarks
+    that it makes worse; a quarter and a sixteenth of that.
 
-    A few landmarks for which the linear model is wrong, such as spikes, would otherwise stop all the others. Trying
-    costs a thirtieth of solving for another step. (The lowest point of the parabola through what is known makes shorter
-    steps than a quarter, and three times as many: along a curved valley the cost rises with the fourth power.)
+    A few landmarks for which the linear model is wrong, such as spikes, would otherwise stop all the others. A trial
+    costs a thirtieth of solving for another step. (The lowest point of the parabola through the known costs gives steps
+    shorter than a quarter, and three times as many: along a curved valley the cost rises with the fourth power.)
     """
     view, landmark, parameter = (part.astype(float) for part in step)
     if graph.reflectance is not None:
@@ -112,7 +113,7 @@ def descend(
 
 def _global_share(view: np.ndarray, parameter: np.ndarray, estimate: Estimate) -> float:
     """Share of a step that turns no camera's orbit and no Sun by more than MAX_GLOBAL_TURN and changes no scale and no
-    reflectance parameter by more than MAX_GAIN: beyond, the linear model of a view's brightness is worth nothing."""
+    reflectance parameter by more than MAX_GAIN: beyond, the linear model of a view's brightness is useless."""
     view = view[: len(estimate.views)]
     turn = max(np.linalg.norm(view[:, :3], axis=1).max(), np.linalg.norm(view[:, 6:8], axis=1).max())
     gain = np.max(np.abs(view[:, 8]) / np.abs(estimate.views.scale))

@@ -1,4 +1,4 @@
-"""How brightness follows from incidence, emission and phase: each model stated once.
+"""Brightness as a function of incidence, emission and phase: each model stated once.
 
     radiance factor  I/F = normal albedo * rho(mu0, mu, phase)                              (paper Eq. 20)
 

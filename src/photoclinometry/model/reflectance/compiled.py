@@ -1,7 +1,7 @@
 """The compiled entry points: one function for all models, which looks at the model's number.
 
-parameter_vector (1 + n,) float64, `Reflectance.parameter_vector`: the model's number, its parameters, and what
-`Model.constants` adds.
+parameter_vector (1 + n,) float64, `Reflectance.parameter_vector`: the model's number, its parameters, and the numbers
+of `Model.constants`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def photometric_function(parameter_vector, mu0, mu, phase):
 
 @njit(cache=True)
 def continued_function(parameter_vector, mu0, mu, phase):
-    """`photometric_function`, with emission beyond GRAZING_DEG as at that angle: what estimates minimise by.
+    """`photometric_function`, with emission beyond GRAZING_DEG as at that angle: the function that estimates minimise.
 
     rho is not zero at an emission of 90 degrees. Ground that is estimated to turn away from a camera that does see it
     would make the cost jump there, and no step could cross.
@@ -69,7 +69,7 @@ def continued_parameters(parameter_vector, mu0, mu, phase, out):
 
 @njit(cache=True)
 def photometric_value(parameter_vector, mu0, mu, phase):
-    """rho alone: the same number, of some models sooner."""
+    """rho alone: the same number, computed faster for some models."""
     if mu0 <= 0.0 or mu <= 0.0:
         return 0.0
     return _value(parameter_vector, mu0, mu, phase)

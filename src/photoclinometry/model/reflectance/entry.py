@@ -1,4 +1,4 @@
-"""What a reflectance model consists of: a name, a source, parameters, and plain compiled functions."""
+"""The parts of a reflectance model: a name, a source, parameters, and plain compiled functions."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ class Model:
 
     `of_factors` makes one of a disk function and a phase function. The compiled functions are called where mu0 > 0 and
     mu > 0 only. Their p is `Reflectance.parameter_vector`: p[0] is the model's number, p[1], p[2], ... are its
-    parameters, and behind these stands what `constants` adds.
+    parameters, followed by the numbers of `constants`.
     """
 
     name: str
     source: str
-    """Papers that the equations, or the published values, are from."""
+    """Papers with the equations, or the published values."""
     parameters: tuple[Parameter, ...]
     function: Compiled
     """(p, mu0, mu, phase) -> rho and its derivatives by mu0, mu, phase."""

@@ -44,7 +44,7 @@ class Reflectance:
 
     @property
     def parameter_vector(self) -> np.ndarray:
-        """(1 + n,) float64 for compiled code: the model's number, `values`, and what follows from these.
+        """(1 + n,) float64 for compiled code: the model's number, `values`, and numbers that follow from these.
 
         NaN behind the number where a value is beyond its bounds: such a model explains no brightness.
         """
@@ -91,16 +91,16 @@ class Reflectance:
         return self.with_parameters(np.where(relative, values * (1.0 + change), values + scale * change))
 
     def relative_change(self, other: Reflectance) -> np.ndarray:
-        """(T,) by how much the parameters of another estimate of the same model differ, in units of
-        `parameter_scale`; 0 where this is 0."""
+        """(T,) differences of the parameters of another estimate of the same model, in units of `parameter_scale`; 0
+        where this is 0."""
         scale = self.parameter_scale
         return np.divide(other.parameters - self.parameters, scale, out=np.zeros(len(scale)), where=scale != 0)
 
     def limit_step(self, change: np.ndarray, step: np.ndarray) -> np.ndarray:
         """The step (T,) from `change` (T,), both in units of `parameter_scale`, cut where it nears a parameter's bound.
 
-        A parameter goes at most TO_BOUND of the way to its bound. So it never reaches one, and comes as near in a few
-        steps as the observations ask for.
+        A parameter goes at most TO_BOUND of the way to its bound. It therefore never reaches a bound, and comes as near
+        in a few steps as the observations require.
         """
         if len(step) == 0:
             return step
@@ -143,9 +143,9 @@ class Reflectance:
 
 
 def mean_model(models: Sequence[tuple[Reflectance | None, float, bool]]) -> Reflectance | None:
-    """The weighted mean of models of one name, of those that are to be trusted where there are such; None without any.
+    """The weighted mean of models of one name, of the trusted ones if there are any; None without models.
 
-    models: each with its weight, and whether it is to be trusted. Where names differ, those of the name with most
+    models: each with its weight, and whether it is to be trusted. Where names differ, the models of the name with most
     weight count, since parameters of different models have nothing in common.
     """
     known = [(model, weight, trusted) for model, weight, trusted in models if model is not None]

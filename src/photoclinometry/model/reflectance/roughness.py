@@ -25,9 +25,9 @@ from typing import NamedTuple
 from numba import njit
 
 _LEAST_SINE = 1e-9
-"""Of incidence and emission, which azimuths and cotangents are divided by."""
+"""Least sine of incidence and emission, by which azimuths and cotangents are divided."""
 _IN_PLANE = 1e-12
-"""Distance from one of a cosine of psi from which on both planes are one, and derivatives by psi are infinite."""
+"""Distance of cos psi from one within which both planes count as one, since derivatives by psi are infinite there."""
 
 
 class _Direction(NamedTuple):
