@@ -10,7 +10,7 @@ LOSS_PX = 0.3
 tails; with this loss rotation errors on simulated sites are a quarter smaller."""
 
 ITERATIONS, TOLERANCE = 50, 1e-8
-"""Iterations at most, and the relative decrease of cost that ends them."""
+"""Largest number of iterations, and the relative decrease of cost that ends them."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class RobustAdjustment:
         return self._solve(model, self._of_view(model, image_id), ITERATIONS).final_cost
 
     def cost_of_view(self, model: Any, image_id: int) -> float:
-        """What `of_view` would begin with."""
+        """The initial cost of `of_view`."""
         return self._solve(model, self._of_view(model, image_id), 0).initial_cost
 
     @staticmethod

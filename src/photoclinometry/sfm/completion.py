@@ -1,7 +1,7 @@
-"""A model with all that its poses allow: views that match it little are located, and matches that fit its poses count.
+"""Completion of a model by its poses: views with few matches are located, and matches that fit the poses are accepted.
 
-The mapper takes pairs of views with many matches, which two-view geometry verifies. Where poses are known, a pair's
-matches are verified by these, and few suffice.
+The mapper uses pairs of views with many matches, which two-view geometry verifies. Where poses are known, they verify a
+pair's matches, and few suffice.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from photoclinometry.sfm.options import SfmOptions
 log = logging.getLogger(__name__)
 
 FEWEST_OF_PAIR = 5
-"""Matches that agree with the poses, below which a pair of views does not count. A wrong match of two views lies within
-a few pixels of its epipolar line once in fifty times, so that of tens of wrong ones one agrees."""
+"""Fewest matches that must agree with the poses for a pair of views to count. A wrong match of two views lies within a
+few pixels of its epipolar line once in fifty times, so that one in some tens of wrong ones agrees."""
 FEWEST_TO_LOCATE = 10
-"""Matches with ground in three dimensions that give a view its pose. Three always agree; of hundreds of wrong ones four
-more by chance."""
+"""Fewest matches with ground in three dimensions that give a view its pose. Three always agree; among hundreds of wrong
+ones four more agree by chance."""
 
 
 def complete_model(

@@ -27,7 +27,7 @@ from photoclinometry.sfm.pictures import brightness_picture, relief_picture
 DATABASE = "database.db"
 
 _PROBE = bytes(1 << 20)
-"""What is written to find out why COLMAP could not write."""
+"""Data written as a test to find out why COLMAP could not write."""
 
 _LEFT_BY_SQLITE = ("", "-wal", "-shm", "-journal")
 """Endings of the files of a database."""
@@ -37,8 +37,8 @@ _LEFT_BY_SQLITE = ("", "-wal", "-shm", "-journal")
 def disk_errors(work_dir: Path) -> Iterator[None]:
     """Within the block, failures to write below `work_dir`, COLMAP's too, are an OutputError with the disk's reason.
 
-    COLMAP and SQLite raise RuntimeErrors, which do not say what is wrong: a small file is written to find out. Where
-    that can be written, other errors than SQLite's are left as they are.
+    COLMAP and SQLite raise RuntimeErrors, which do not state the cause: a small file is written to find out. Where it
+    can be written, errors other than SQLite's are left as they are.
     """
     try:
         yield
@@ -105,15 +105,15 @@ def write_views(
 
 
 def padding_px(camera: Camera) -> np.ndarray:
-    """(2,) columns on the left and rows on top that COLMAP's picture has more than the camera's image [px].
+    """(2,) columns on the left and rows on top that are added to the camera's image for COLMAP [px].
 
-    As many whole pixels as put the principal point inside; zero where its coordinates are not negative.
+    The whole pixels that put the principal point inside; zero where its coordinates are not negative.
     """
     return np.maximum(np.ceil(np.negative(camera.principal_px)), 0.0)
 
 
 def padded_size(camera: Camera) -> tuple[int, int]:
-    """Width and height [px] of COLMAP's picture: the image, and what padding puts the principal point inside."""
+    """Width and height [px] of COLMAP's picture: the image with the padding that puts the principal point inside."""
     padding = padding_px(camera)
     far = np.maximum((camera.width, camera.height), np.ceil(camera.principal_px)) + padding
     return int(far[0]), int(far[1])
@@ -168,7 +168,7 @@ def _write_view(database: Any, view: int, camera_and_rig: tuple[Any, Any]) -> in
 
 @dataclass(frozen=True, kw_only=True)
 class DescriptorMatches:
-    """The keypoints of K views, and which of them match by their descriptors, right or wrong."""
+    """The keypoints of K views, and their matches by descriptors, right or wrong."""
 
     keypoints: list[np.ndarray]
     """By view, (n, 2) pixels."""

@@ -1,12 +1,13 @@
-"""Matches of views under very different light, sought where the whole picture leads.
+"""Matches of views under very different light, sought where an affine map of the whole picture predicts them.
 
-Of the nearest descriptors of two views under Suns a quarter turn apart, one to ten in a hundred are right: five, which
-a two-view geometry is made of, never are all at once. But a single match of SIFT keypoints gives a similarity of the
-pictures, by its positions, scales and orientations, and those of right matches agree (Lowe 2004,
-doi:10.1023/B:VISI.0000029664.99615.94, sec. 7.3). In a narrow field of view, ground maps from picture to picture by
-nearly an affine map, which is fitted to them. Among the few keypoints near where that leads, the most alike is mostly
-the right one (guided matching, Hartley and Zisserman 2004, sec. 11.6). Relief shifts neighbours alike: matches that
-disagree with their neighbours are dropped, and all keypoints are matched again near where their neighbours lead.
+Among the nearest descriptors of two views under Suns a quarter turn apart, one to ten in a hundred are right. The five
+matches that a two-view geometry needs are then never all right at once. But a single match of SIFT keypoints gives a
+similarity of the pictures, by its positions, scales and orientations, and the similarities of right matches agree (Lowe
+2004, doi:10.1023/B:VISI.0000029664.99615.94, sec. 7.3). In a narrow field of view, the ground of one picture maps to
+the other by nearly an affine map, which is fitted to them. Among the few keypoints near the position that it predicts,
+the most similar one is mostly right (guided matching, Hartley and Zisserman 2004, sec. 11.6). Relief shifts neighbours
+by the same amount: matches that disagree with their neighbours are dropped, and all keypoints are matched again near
+the positions that their neighbours predict.
 """
 
 from __future__ import annotations
@@ -18,44 +19,45 @@ import numpy as np
 from photoclinometry.sfm.keypoints import mutual_matches, unit_descriptors
 
 LOOSE_RATIO, STRICT_RATIO = 0.9, 0.8
-"""Lowe's ratio test among all keypoints, and among those near. Where light differs, the latter would leave one in three
-of the right matches, too few to agree."""
+"""Limits of Lowe's ratio test among all keypoints, and among near ones. Where light differs, the latter limit would
+leave only one in three of the right matches, too few to agree."""
 
 TURN_RAD, STRETCH, APART = np.radians(30.0), np.log(2.0), 0.25
-"""How far a match may differ from the similarity of another: in orientation, in the logarithm of scale, and in place,
-as a share of the distance between the two. Lowe's widths of bins."""
+"""Largest differences of a match from the similarity of another: in orientation, in the logarithm of scale, and in
+position, as a share of the distance between the two. Lowe's widths of bins."""
 
 TRIED = 500
-"""Matches whose similarities are tried, evenly chosen: where one in a hundred is right, five of them."""
+"""Matches whose similarities are tried, evenly chosen: where one in a hundred is right, five of these are."""
 
 FEWEST_AGREEING = 4
-"""Matches that an affine map is fitted to, at least: three always agree."""
+"""Fewest matches for an affine map: three always agree."""
 
 REACH = 0.03
-"""How far relief may shift keypoints from where the affine map leads, as a share of the picture's side. On sites whose
-views differ by 10 to 45 degrees relief shifts the ground by 1 to 3 per cent."""
+"""Largest shift of keypoints by relief from the positions by the affine map, as a share of the picture's side. On sites
+whose views differ by 10 to 45 degrees relief shifts the ground by 1 to 3 per cent."""
 
 NARROWING = (3.0, 2.0, 1.0, 1.0)
-"""How far matches may be from affine maps that are fitted one after the other, in REACH: foreshortening differs from
-the first similarity by more than relief does."""
+"""Largest distances of matches from successively fitted affine maps, in REACH: foreshortening causes larger differences
+from the first similarity than relief does."""
 
 NEIGHBOURS = 12
-"""Nearest matches whose median shift tells where a keypoint is; up to half of them may be wrong."""
+"""Number of nearest matches whose median shift predicts the position of a keypoint; up to half of them may be wrong."""
 
 AGREE_SHARE = 1.0 / 3.0
-"""A match agrees with its neighbours if it is so near to where they lead, as a share of the distance within which it
-was sought."""
+"""Largest distance of a match from the position that its neighbours predict at which it agrees with them, as a share of
+the distance within which it was sought."""
 
 FEWEST_ALIKE, FEWEST_ALIKE_AGAIN = 0.25, 0.15
-"""Share of the matches that agree with their neighbours, at least: where the affine map leads, and where neighbours do,
-which is decided less clearly, since more candidates are let in. Of wrong matches, spread evenly over where they were
-sought, one in nine agrees. Of 270 pairs of views of sites lit from all sides, wrong maps had 0 to 0.23, but for one of
-0.26, and right ones 0.18 to 0.98, all but 15 of 200 more than 0.25."""
+"""Least share of the matches that agree with their neighbours: for positions by the affine map, and for those by
+neighbours. The latter is less clear, since more candidates are admitted. Of wrong matches, spread evenly over the area
+of the search, one in nine agrees. Of 270 pairs of views of sites lit from all sides, wrong maps had 0 to 0.23, but for
+one of 0.26, and right ones 0.18 to 0.98, all but 15 of 200 more than 0.25."""
 
 GROWTH, PASSES = 1.1, 6
-"""Keypoints are matched again near where their neighbours lead while that gives so many times as many matches, and so
-often at most. On flat ground the second pass ends it. Between two views of a body the matches spread from where the
-affine map holds: of 100 images of a body of two lobes, 256 px wide, 81 register instead of 67 with one pass."""
+"""Keypoints are matched again near the positions that their neighbours predict, while that multiplies the number of
+matches by at least the first of these numbers. The second is the largest number of passes. On flat ground the second
+pass ends it. Between two views of a body the matches spread from the part where the affine map holds: of 100 images of
+a body of two lobes, 256 px wide, 81 register instead of 67 with one pass."""
 
 ROWS_AT_ONCE = 2000
 """Descriptors of the first view that are compared with all of the second at a time: 80 MB for 10,000."""
@@ -82,7 +84,8 @@ def described(keypoints: np.ndarray, descriptors: np.ndarray) -> Described:
 
 
 def guided_matches(first: Described, second: Described, side_px: float) -> np.ndarray:
-    """(m, 2) indices of keypoints that match; none where the pictures do not show the same ground, or nothing tells so.
+    """(m, 2) indices of keypoints that match; none where the pictures do not show the same ground, or this is not
+    clear.
 
     side_px: of the second picture, the root of its area.
     """
@@ -99,9 +102,10 @@ def guided_matches(first: Described, second: Described, side_px: float) -> np.nd
 
 
 def _grown(first: Described, second: Described, near: np.ndarray, rough: np.ndarray, reach: float) -> np.ndarray:
-    """All keypoints matched near where the matches (m, 2) around them lead, again and again while that gives more.
+    """All keypoints matched near the positions that the matches (m, 2) around them predict, repeated while that gives
+    more.
 
-    rough: (n, 2) where the affine map leads, which holds in a part of the picture alone where ground is round.
+    rough: (n, 2) positions by the affine map, which holds only in a part of the picture where ground is round.
     """
     for _ in range(PASSES):
         shift = second.xy[near[:, 1]] - rough[near[:, 0]]
@@ -117,7 +121,7 @@ def _grown(first: Described, second: Described, near: np.ndarray, rough: np.ndar
 
 
 def _rough_map(first: Described, second: Described, reach: float) -> np.ndarray | None:
-    """(3, 2) the affine map from the first picture to the second, of (x, y, 1), that most matches agree with within
+    """(3, 2) the affine map from the first picture to the second, of (x, y, 1), with which most matches agree within
     `reach` [px]."""
     one, other = _mutually_nearest(first, second)
     if len(one) < FEWEST_AGREEING:
@@ -136,8 +140,8 @@ def _rough_map(first: Described, second: Described, reach: float) -> np.ndarray 
 
 
 def _agreeing_similarities(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """(t, m) bool: which of the matching keypoints a, b (m, 4) turn and stretch as those that are tried do, and which
-    also lie where their similarities lead."""
+    """(t, m) bool: whether matching keypoints a, b (m, 4) have the rotation and scale of those that are tried, and also
+    lie at the positions that their similarities predict."""
     tried = np.arange(0, len(a), -(-len(a) // TRIED))
     stretch, turn = np.log(b[:, 2] / a[:, 2]), b[:, 3] - a[:, 3]
     turned = np.angle(np.exp(1j * (turn[tried, None] - turn)))

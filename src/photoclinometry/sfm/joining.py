@@ -1,9 +1,9 @@
-"""Models that the mapper left apart, though they show the same body, become one.
+"""Joining of models of the same body that the mapper left apart.
 
 The mapper adds a view to a model where it sees enough of the model's points. Keypoints that match between two models
-seldom are such points. Here each keypoint has a depth: that of its model's points in the same image, between which it
-lies. Three matches between two images then give the similarity between their models, and the matches of all other
-pairs of images say whether it is right.
+are seldom such points. Here each keypoint has a depth, interpolated between its model's points in the same image. Three
+matches between two images then give the similarity between their models, and the matches of all other pairs of images
+show whether it is right.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from photoclinometry.sfm.database import DescriptorMatches
 log = logging.getLogger(__name__)
 
 AGREE_PX = 4.0
-"""Matches agree with a similarity where each keypoint lies so near to where the other's ground projects [px]: depths
-between sparse points are off by a few pixels, and lines of sight differ by up to half a radian."""
+"""Largest distance of each keypoint from the projection of the other's ground at which matches agree with a similarity
+[px]: depths between sparse points are off by a few pixels, and lines of sight differ by up to half a radian."""
 FEWEST_AGREEING = 8
-"""Three matches always agree, and of a hundred wrong ones a fourth or fifth do so by chance; of more, as many as with
-other similarities."""
+"""Fewest matches that agree. Three always agree, and among a hundred wrong ones a fourth or fifth by chance; among
+more, as many agree as with other similarities."""
 CLEARLY_BETTER = 2.0
-"""Times as many matches as with the second best similarity agree with one that is taken."""
+"""Least ratio of the matches that agree with an accepted similarity to those that agree with the second best one."""
 TURN_SIGMA_RAD = np.radians(2.0)
 """Standard deviation of the rotation between two models up to which they are joined. Eight matches on a small patch of
 a body of 256 px gave it to 3 degrees, and left it off by 10: a bent model. Right ones had 0.2 to 1."""
 APART_RAD = np.radians(10.0)
 """Similarities whose rotations differ by less count as the same one."""
 TRIALS = 2000
-"""Triples of matches that are tried for two models. Where a tenth of the matches belong to pairs of images that match
-rightly, and half of these are right, 25 right triples are among them."""
+"""Triples of matches that are tried for two models. Where a tenth of the matches belong to correctly matched pairs of
+images, and half of these are right, 25 right triples are among them."""
 REFINED = 30
-"""Of these, the best are fitted to all matches that agree with them: three matches from a small part of an image give
-the rotation to tens of degrees only."""
+"""Number of the best triples that are fitted to all matches that agree with them: three matches from a small part of an
+image give the rotation to tens of degrees only."""
 FEWEST_OF_VIEW = 15
-"""Depths between fewer points of a view are not used: on simulated bodies poses of views with fewer were off by 1 to 15
-degrees."""
+"""Fewest points of a view between which depths are interpolated: on simulated bodies poses of views with fewer were off
+by 1 to 15 degrees."""
 BEHIND_PX = 1e3
-"""Counts as the distance of a keypoint from a point behind its camera [px]."""
+"""Distance that is assumed between a keypoint and a point behind its camera [px]."""
 AT_A_TIME = 64
 """Similarities that are compared with all matches at a time: of thousands of matches they take some megabytes."""
 DIFFERENCE = 1e-7
@@ -68,7 +68,7 @@ class LocatedKeypoints:
 
 @dataclass(frozen=True, kw_only=True)
 class Join:
-    """How one model lies in the frame of another, by the matches between them."""
+    """The similarity from one model to another, by the matches between them."""
 
     first_from_second: Similarity
     agreeing: int
@@ -80,7 +80,7 @@ class Join:
 
     @property
     def is_certain(self) -> bool:
-        """Whether more matches agree than do by chance, and determine how the second model is turned."""
+        """Whether more matches agree than would by chance, and determine the rotation of the second model."""
         are_enough = self.agreeing >= max(FEWEST_AGREEING, CLEARLY_BETTER * self.runner_up)
         return are_enough and self.turn_sigma_rad <= TURN_SIGMA_RAD
 
@@ -88,10 +88,10 @@ class Join:
 def joined_models(
     models: Sequence[SparseModel], matches: DescriptorMatches, cameras: Sequence[Camera], seed: int
 ) -> list[SparseModel]:
-    """Models of the same K views, those joined that matches show to be one; the largest first.
+    """Models of the same K views, joined where matches show that two are one; the largest first.
 
     A joined model has the poses and the points of both. A view in both has the pose and the observations of the model
-    that has more points of it.
+    with more of its points.
     """
     rng = np.random.default_rng(seed)
     numbers = count()
@@ -229,7 +229,7 @@ class _Between:
     second: _Side
 
     def off_px(self, similarities: _Similarities) -> np.ndarray:
-        """(m, n, 4) what `first_from_second` leaves of each match, in both images [px]."""
+        """(m, n, 4) residuals of each match under `first_from_second`, in both images [px]."""
         there, back = similarities(self.second.point), similarities.inverse()(self.first.point)
         return np.concatenate([self.first.off_px(there), self.second.off_px(back)], axis=-1)
 
@@ -245,7 +245,8 @@ class _Between:
         return int(self.agreeing(_only(similarity)).sum())
 
     def of_threes(self, rows: np.ndarray) -> _Similarities:
-        """The similarities of matches (m, 3) int each; without those of one point, or of absurdly different sizes."""
+        """The similarities of triples of matches (m, 3) int; without those of one point, or of absurdly different
+        sizes."""
         one, other = self.second.point[rows], self.first.point[rows]
         apart = np.minimum(*(np.ptp(each, axis=1).max(axis=-1) for each in (one, other))) > 0.0
         scale, rotation, translation = similarities_of(one, other)
@@ -305,7 +306,7 @@ def ransac_similarity(
     cameras: Sequence[Camera],
     rng: np.random.Generator,
 ) -> Join | None:
-    """The similarity between two models that most matches agree with; None where no three agree with one."""
+    """The similarity between two models with which most matches agree; None where no three agree with one."""
     matching = _between(first, second, matches, cameras)
     if matching is None:
         return None

@@ -1,4 +1,4 @@
-"""Points triangulated from verified matches, where poses are known roughly beforehand."""
+"""Points triangulated from verified matches, with approximately known poses."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from photoclinometry.sfm.reversal import resolve_pose_reversals
 MIN_RATIO, MAX_RATIO = 0.5, 2.0
 """Pairs of views by priors: bounds of the ratio of their resolutions; SIFT bridges a factor of two safely."""
 MAX_APART_DEG = 50.0
-"""Pairs of views by priors: largest angle between the lines of sight. Keypoints of relief are found again up to 30
-degrees on smooth ground, and beyond 50 hardly anywhere."""
+"""Pairs of views by priors: largest angle between the lines of sight. Keypoints of relief are found again up to angles
+of 30 degrees on smooth ground, and beyond 50 hardly anywhere."""
 
 
 def likely_pairs(towards_camera: np.ndarray, gsd: np.ndarray) -> list[tuple[int, int]]:
@@ -105,6 +105,6 @@ class VerifiedMatches:
 
 
 def _only_seeing(found: SparseModel, used: np.ndarray) -> SparseModel:
-    """The model where of the views `used` (K,) only those that see points count as registered."""
+    """The model in which only those of the views `used` (K,) that see points count as registered."""
     seen = np.bincount(found.point_view, minlength=len(used)) > 0
     return replace(found, registered=used & seen)

@@ -31,27 +31,27 @@ LOOSE_TOLERANCE = 1e-6
 """Relative decrease of cost that ends a bundle adjustment on the way: the last one is stricter."""
 
 FIRST_PAIR_DEG, FIRST_PAIR_MATCHES = 4.0, 50
-"""The first pair of views needs rays at this angle at least, a quarter of COLMAP's default, since spacecraft see a
-place from similar directions; and so many verified matches."""
+"""Least angle between the rays of the first pair of views, a quarter of COLMAP's default, since spacecraft see a place
+from similar directions; and its fewest verified matches."""
 
 TRIALS = 6
-"""Views are mapped at most so many times. On a site of low relief with a field of view of 1.7 degrees one seed of four
-ended in a mixture of right and reversed views, on one of 0.7 degrees six of eight."""
+"""Largest number of times that views are mapped. On a site of low relief with a field of view of 1.7 degrees one seed
+of four ended in a mixture of right and reversed views, on one of 0.7 degrees six of eight."""
 
 MORE_TRIALS, FEW_VIEWS = 18, 30
-"""So many times where views are at most so many, a Sun is known, and shading shows no model yet. Further trials begin
-with the pairs of most matches, one after the other: seeds alone may end in the same mixture each time."""
+"""The same where there are at most FEW_VIEWS views, a Sun is known, and shading confirms no model yet. Further trials
+begin with the pairs of most matches, one after the other: seeds alone may end in the same mixture each time."""
 
 MODELS = 10
-"""At most so many models of views that are connected among themselves are tried."""
+"""Largest number of models that are tried, each of views that are connected with each other."""
 
 
 @contextmanager
 def _signals_deferred() -> Iterator[None]:
     """Ctrl-C and SIGTERM that come in the block have their effect after it, by the handlers that stood before.
 
-    While it is imported, pycolmap takes whatever is raised for its own damage. It also takes SIGTERM for itself, upon
-    which it would write its stack.
+    While it is imported, pycolmap takes every exception for a failure of its own. It also handles SIGTERM itself, and
+    would then write its stack.
     """
     numbers, came = (signal.SIGINT, signal.SIGTERM), []
     if threading.current_thread() is not threading.main_thread() or None in map(signal.getsignal, numbers):
@@ -69,7 +69,7 @@ def _signals_deferred() -> Iterator[None]:
 
 @contextmanager
 def quiet_pycolmap(seed: int) -> Iterator[None]:
-    """COLMAP seeded, and silent: it raises its errors, and this package logs what matters itself."""
+    """COLMAP seeded, and silent: it raises its errors, and this package writes the log itself."""
     with _signals_deferred():
         import pycolmap
 
@@ -93,9 +93,10 @@ def map_views(
 ) -> list[Oriented]:
     """The reconstructions found, one for each connected set of views, the largest first.
 
-    Where the largest may have views reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
-    which begins with other views, until the best is found twice, and the images show it if any Sun is known, or after
-    TRIALS; of few views that the images do not show after MORE_TRIALS. A first seed that maps nothing ends it.
+    Where views of the largest may be reversed (`Oriented.is_doubtful`), the views are mapped again with another seed,
+    which begins with other views. This ends when the best is found twice and, if any Sun is known, is confirmed by
+    shading; or after TRIALS; or after MORE_TRIALS for few views without such a confirmation. A first seed that maps
+    nothing ends it.
     shading_of: the shading of a model compared with the images; None where no Sun is known. all_trials: map TRIALS
     times in any case.
     """
@@ -125,7 +126,7 @@ def _mapped(
 ) -> list[Oriented]:
     """The reconstructions found with one seed, the largest first.
 
-    rank: of the pair of views to begin with, by its number of matches; None for the one that COLMAP likes best.
+    rank: of the pair of views to begin with, by its number of matches; None for COLMAP's own choice.
     """
     import pycolmap
 
@@ -160,8 +161,8 @@ def _mapped(
 
 
 def _quality(found: list[Oriented]) -> tuple[int, bool, float]:
-    """Of reconstructions: views in the largest, then whether the images show it, then how small its reprojection error
-    is."""
+    """Order of reconstructions: number of views in the largest, then whether shading confirms it, then the smallness of
+    its reprojection error."""
     return (found[0].model.num_reg_images(), found[0].is_shown, -found[0].error_px) if found else (0, False, 0.0)
 
 
@@ -172,7 +173,7 @@ def _alike(one: Oriented, other: Oriented) -> bool:
 
 
 def _angle_of_pixels(cameras: list[Camera], pixels: float) -> float:
-    """Angle [degrees] of so many pixels. COLMAP's limits of 1-2 degrees are hundreds of pixels of long lenses."""
+    """Angle [degrees] of a number of pixels. COLMAP's limits of 1-2 degrees are hundreds of pixels of long lenses."""
     return float(np.degrees(pixels / min(min(camera.focal_px) for camera in cameras)))
 
 
@@ -297,7 +298,7 @@ def from_colmap(model: Any, cameras: Sequence[Camera]) -> SparseModel:
 
 
 def _one_per_image(model: Any, point: Any) -> list[Any]:
-    """The elements of a point's track, of several in one image the one nearest to the point."""
+    """The elements of a point's track; among several in one image, the one nearest to the point."""
     track = point.track.elements
     if len({element.image_id for element in track}) == len(track):
         return list(track)

@@ -79,7 +79,7 @@ def match_guided(
 ) -> np.ndarray:
     """(K, K) numbers of verified matches between views, after pairs were matched as of `guided_matches`.
 
-    Matches that two-view geometry verifies take the place of what these pairs had; pairs without enough stay as they
+    Matches that two-view geometry verifies replace the earlier ones of these pairs; pairs without enough stay as they
     are. stage: name for progress reports.
     """
     import pycolmap

@@ -1,4 +1,5 @@
-"""Which pairs of views are matched: each view with those most similar to it in a preview by a few keypoints.
+"""Choice of the pairs of views that are matched: each view with those most similar to it in a preview by a few
+keypoints.
 
 Matching a pair takes 0.1 to 0.2 s, and the number of pairs grows with the square of the number of views. Comparing the
 largest keypoints alone, which are seen again most often, takes 4 ms (preemptive matching, Wu 2013, "Towards linear-time
@@ -18,9 +19,9 @@ PREVIEWED = 512
 """Largest keypoints of each view that are compared: enough to rank the pairs, a tenth of the default number."""
 
 FEW_PARTNERS, RICH = 8, PREVIEWED // 5
-"""Partners that suffice where the last of so many still matches a fifth of the previewed keypoints: with a thousand
-matches each, eight views say of a ninth what twenty say of it. Views of bodies, of which the eighth best pair has 7 to
-25 matches, keep all their partners; at full size (29 views of one place) it has 137 to 275."""
+"""Number of partners that suffices if the last of them still matches a fifth of the previewed keypoints: with a
+thousand matches each, eight views constrain a ninth as well as twenty do. Views of bodies, whose eighth best pair has 7
+to 25 matches, keep all their partners; at full size (29 views of one place) that pair has 137 to 275."""
 
 
 def all_pairs(count: int) -> list[tuple[int, int]]:
@@ -47,7 +48,7 @@ def pairs_between(places: Sequence[np.ndarray], similarity: np.ndarray, partners
     """Pairs (a, b), b < a, that may join several models, and views that are in none.
 
     places: the views of each model; similarity: (K, K), as of `pair_similarities`. Views in none are paired with all
-    others, views of a model with the `partners` most similar ones of which no model has both.
+    others, views of a model with the `partners` most similar ones that are in no model with them.
     """
     count = len(similarity)
     together = np.zeros((count, count), bool)

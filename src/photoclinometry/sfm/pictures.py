@@ -14,7 +14,7 @@ STRETCH_PERCENT = (0.5, 99.8)
 SIGMA_PX = 12.0
 """Standard deviation of the Gaussian windows in which the relief's picture is normalised: wider than keypoints."""
 LONGEST_PX = 10.0
-"""Wavelength beyond which relief is damped: longer waves would hide the detail that keypoints are made of."""
+"""Wavelength beyond which relief is damped: longer waves would hide the detail in which keypoints are found."""
 NOISE_PX = 0.7
 """Standard deviation of the blur against noise, which the division by the slopes' transfer function amplifies."""
 DAMPING = 0.03
@@ -22,10 +22,10 @@ DAMPING = 0.03
 MIN_SUN_IN_PLANE = 0.15
 """Sine of the phase angle below which shading hardly depends on the slope towards the Sun."""
 DARKEST_MEAN = 0.15
-"""Least local mean that brightness is divided by, as a share of the image's median: ground in shadow must not become as
-bright as the rest."""
+"""Least local mean by which brightness is divided, as a share of the image's median: ground in shadow must not become
+as bright as the rest."""
 FLATTEST = 0.1
-"""Least local contrast that the relief is divided by, as a share of the picture's: flat ground stays flat."""
+"""Least local contrast by which the relief is divided, as a share of the picture's: flat ground stays flat."""
 GREY, GREYS_PER_SIGMA = 127.5, 40.0
 """Mean of the relief's picture, and grey values for one standard deviation: three fit into 8 bits."""
 
@@ -64,10 +64,10 @@ def _black_and_white(image: Image) -> np.ndarray:
 
 
 def relief_picture(image: Image, sun_in_cam: np.ndarray) -> np.ndarray | None:
-    """(height, width) uint8: the ground's relief, alike under any Sun direction; None for a Sun behind the camera.
+    """(height, width) uint8: the ground's relief, the same under any Sun direction; None for a Sun behind the camera.
 
     Brightness about its local mean is, to first order, the slope towards the Sun (Pentland 1990, Int. J. Comput. Vision
-    4, 153): of relief Z(k), waves of I(k) ~ i (k . s) Z(k), s the Sun's direction in the image plane. So
+    4, 153). Relief Z(k) has waves of brightness I(k) ~ i (k . s) Z(k), s the Sun's direction in the image plane. Hence
 
         |k| Z(k)  ~  -i I(k) c / (c^2 + DAMPING),    c = k . s / (|k| |s|)
 

@@ -1,8 +1,8 @@
 """Images and intrinsics -> poses and sparse points.
 
 SIFT keypoints are matched between images that look alike, verified by two-view geometry and mapped with the intrinsics
-held fixed. Where light differs too much for that, keypoints of the relief are added, and matching is guided by what
-most matches of two views have in common.
+held fixed. Where light differs too much for that, keypoints of the relief are added, and matching is guided by the
+affine map that most matches of two views share.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ log = logging.getLogger(__name__)
 
 
 MIN_VIEWS = 3
-"""Points of two views alone are checked by no other."""
+"""Fewest views: no further view checks the points of two."""
 
 THIN_SHARE = 0.5
 """If a smaller share of the pairs matches, light differs much, and keypoints of the relief are tried."""
 
 
 WELL_BEGUN = 0.5
-"""Share of the views that a model needs to be completed by guided matches: one of three views of nine, with 25 points,
-was the reverse of the ground."""
+"""Least share of the views in a model that is completed by guided matches: a model of three views of nine, with 25
+points, was the reverse of the ground."""
 
 NAMED = 5
-"""Views of another place that the message about one of them names."""
+"""Number of views of another place that the message about one of them names."""
 
 
 class _Given(NamedTuple):
-    """What is reconstructed from."""
+    """The inputs of the reconstruction."""
 
     images: list[Image]
     cameras: list[Camera]
@@ -88,7 +88,7 @@ class _Attempt(NamedTuple):
     models: list[SparseModel]
     """Of all K views, in a frame of its own each, one for each set of views that matches connect; the largest first."""
     doubts: list[_Doubts]
-    """Of each model, or of the largest part of one that was joined: the others must agree with it to be joined."""
+    """Doubts of each model, or of the largest part of a joined one: the other parts must agree with it to be joined."""
 
     @property
     def largest_doubts(self) -> _Doubts:
@@ -118,10 +118,10 @@ def reconstruct_sparse(
 
     images, cameras: one per view. work_dir receives 8-bit copies and COLMAP's database (overwritten).
     sun_in_cam: (K, 3) unit vectors towards the Sun in C. With them, if views do not register or fewer than half of the
-    pairs match, all are matched again with keypoints of the relief (`relief_picture`) as well; and if views do not
-    register even so, pairs that no model has in common are matched by guidance (`guided_matches`).
-    Views that do not register are logged by name and False in `registered`, with the `reason`. `brought_in` describes
-    the matches of views that registered only with the relief.
+    pairs match, all are matched again with keypoints of the relief (`relief_picture`) as well. If views still do not
+    register, pairs that are in no common model are matched by guidance (`guided_matches`). Views that do not register
+    are logged by name and False in `registered`, with the `reason`. `brought_in` describes the matches of views that
+    registered only with the relief.
     Raises InputError for fewer than MIN_VIEWS images, ReconstructionError where fewer views register,
     OutputError where work_dir cannot be written.
     """
@@ -168,9 +168,9 @@ def _by_brightness(given: _Given) -> _Attempt:
 def _matched_and_mapped(given: _Given, stage: str) -> _Attempt:
     """Each view is matched with the most similar ones, and all are mapped.
 
-    If several models result, or views are in none, more pairs are matched: those views with all others, and each view
-    of a model with the most similar ones of the other models. All are mapped once more, and models that are one are
-    joined. stage: name for progress reports.
+    If several models result, or views are in none, more pairs are matched: views without a model with all others, and
+    each view of a model with the most similar ones of the other models. All are mapped once more, and models of the
+    same ground are joined. stage: name for progress reports.
     """
     count, options = len(given.cameras), given.options
     pairs, similarity = all_pairs(count), None
@@ -188,18 +188,19 @@ def _matched_and_mapped(given: _Given, stage: str) -> _Attempt:
 
 
 def _with_joined(found: _Attempt, given: _Given) -> _Attempt:
-    """The attempt with those models that are one joined."""
+    """The attempt with models of the same ground joined."""
     models = _joined(found.models, given)
     return found._replace(models=models, doubts=[found.doubts[_largest_part(model, found.models)] for model in models])
 
 
 def _largest_part(model: SparseModel, before: list[SparseModel]) -> int:
-    """Which of the models `before` has most views in common with one that was made of some of them."""
+    """The index of the model `before` with most views in common with a model that was joined from some of them."""
     return int(np.argmax([np.count_nonzero(model.registered & each.registered) for each in before]))
 
 
 def _joined(models: list[SparseModel], given: _Given) -> list[SparseModel]:
-    """The models, those that are one joined, the largest first; that is completed where this brings in views."""
+    """The models, joined where they show the same ground, the largest first. The largest is completed where this brings
+    in views."""
     if not models or models[0].registered.all():
         return models
     matches = read_matches(given.cameras, given.work_dir)
@@ -246,8 +247,8 @@ def _matches_little(found: _Attempt, options: SfmOptions) -> bool:
 def _by_relief_too(given: _Given, sun_in_cam: np.ndarray, plain: _Attempt) -> _Attempt:
     """All views matched again by both kinds of keypoints; of the two models the one with more views is kept.
 
-    Not only the views that did not register: a view is located by points that others have in common with it, and
-    matched by brightness alone, these lack the points found in the relief.
+    All views are matched, not only those that did not register: a view is located by points that others have in common
+    with it, and others that are matched by brightness alone lack the points found in the relief.
     """
     add_relief_keypoints(given.images, given.cameras, sun_in_cam, given.work_dir, given.options)
     found = _matched_and_mapped(given, "relief matches")
@@ -255,12 +256,12 @@ def _by_relief_too(given: _Given, sun_in_cam: np.ndarray, plain: _Attempt) -> _A
 
 
 def _guided_too(given: _Given, before: _Attempt) -> _Attempt:
-    """Guided matching of pairs of views of which no model has both; kept if that brings in views.
+    """Guided matching of pairs of views that are in no common model; kept if it brings in views.
 
-    Of many views each is paired with the `partners` others that have most matches with it, most of them wrong.
-    All are mapped anew, by all trials: few points are seen by many views then, and the mapper gave several views of a
-    site the reversed pose with five seeds of six. Besides, models of half of the views and more are joined and
-    completed by these matches, which keeps poses that were right; of equally many views these are preferred.
+    Where there are many views, each is paired with the `partners` others that have most matches with it, most of them
+    wrong. All are mapped anew, by all trials: few points are then seen by many views, and the mapper gave several views
+    of a site the reversed pose with five seeds of six. In addition, models of at least half of the views are joined and
+    completed by these matches, which keeps poses that were right; with equally many views these are preferred.
     """
     together = np.zeros(before.inliers.shape, bool)
     for model in before.models:
@@ -346,7 +347,7 @@ def _listing(names: list[str], groups: list[list[int]]) -> str:
 
 
 def _shortened(names: list[str]) -> str:
-    """The first NAMED of them, and how many more there are."""
+    """The first NAMED of them, and the number of further ones."""
     more = len(names) - NAMED
     return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 

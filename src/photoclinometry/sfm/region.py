@@ -19,8 +19,8 @@ from photoclinometry.sfm.region_score import CELL, cell_scores
 log = logging.getLogger(__name__)
 
 CORNER_LOSS = 0.2
-"""Share of its score that a region loses in the image's corner, and less towards the middle: matching needs the ground
-around a region, and other views are least likely to cut off the middle."""
+"""Share of its score that a region loses in the image's corner; the loss decreases towards the middle. Matching needs
+the ground around a region, and other views are least likely to cut off the middle."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class RegionOptions(Ranged):
     size_px: Annotated[tuple[int, int], Range(least=2, most=65535)] = (400, 400)
     """Width and height of the region of the reference image [px]; less where the image is smaller."""
     stride: Annotated[int, Range(least=1, most=65535)] = 1
-    """A landmark at every so many pixels, down and across. Views are matched at every pixel in any case."""
+    """Spacing of landmarks, down and across [px]. Views are matched at every pixel in any case."""
     shadow_fraction: Annotated[float, Range(least=0, below=1)] = SHADOW_SHARE
     """A pixel darker than this times the median of its image's valid pixels counts as shadow."""
 
@@ -58,8 +58,9 @@ def choose_region(
 ) -> tuple[int, Region]:
     """The reference view's index and the region of its image to map.
 
-    A region's score is the mean of its cells' (`cell_scores`), less up to CORNER_LOSS towards the image's corners. What
-    the request leaves open is chosen so that the score is greatest over all regions of all candidate views.
+    A region's score is the mean of its cells' (`cell_scores`), less up to CORNER_LOSS towards the image's corners. The
+    values that the request leaves open are chosen so that the score is greatest over all regions of all candidate
+    views.
     sun_in_body: (K, 3). Raises InputError for a request that cannot be met, ReconstructionError where every score is 0.
     """
     options = options or RegionOptions()
@@ -128,7 +129,7 @@ def region_around(center_px: tuple[float, float], size_px: tuple[int, int], came
 def _best_region(
     scores: np.ndarray, size: tuple[int, int], camera: Camera, asked: Region | None
 ) -> tuple[float, Region]:
-    """The region of greatest score, or the one that was asked for, after its score."""
+    """The score of a region, and the region: that of greatest score, or the requested one."""
     width, height = size
     cells = max(1, round(height / CELL)), max(1, round(width / CELL))
     cells = min(cells[0], scores.shape[0]), min(cells[1], scores.shape[1])

@@ -10,16 +10,17 @@ from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.neighbours import PLANE_NEIGHBOURS, normals_from_neighbours
 
 CELL = 16
-"""Side of the cells that a view is scored in [px]: small against a region, and about the distance of sparse points."""
+"""Side of the cells in which a view is scored [px]: small compared with a region, and about the spacing of sparse
+points."""
 
 FULL_COSINE = 0.5
-"""Cosine of incidence from which on a higher Sun is no gain: oblique light, of 60 degrees, shows relief."""
+"""Cosine of incidence above which a higher Sun is no gain: oblique light, of 60 degrees, shows relief."""
 
 NEAREST = 8
-"""Sparse points that a cell's angles and detail are medians of."""
+"""Number of sparse points over which medians give a cell's angles and detail."""
 
 REACH_CELLS = 6
-"""Standard deviation of the Gaussian by which a cell's score falls off with the distance of these points [cells]."""
+"""Standard deviation of the Gaussian by which a cell's score decreases with the distance of these points [cells]."""
 
 
 def cell_scores(
@@ -34,7 +35,7 @@ def cell_scores(
 
         detail * lit * mu * min(mu0 / FULL_COSINE, 1)
 
-    detail: how much of the cell's detail the registered views see (`_detail_seen`); lit: the share of its pixels that
+    detail: share of the cell's detail that the registered views see (`_detail_seen`); lit: the share of its pixels that
     are valid and out of shadow; mu, mu0: cosines of emission and incidence. Detail and angles are medians over the
     sparse points nearest to the cell. Where these are far away the score falls off, since other views may not see the
     place. sun_in_body: (K, 3).

@@ -1,13 +1,13 @@
-"""Models, and poses of single views, that are left when depth is reversed, and which of the two the images show.
+"""Models and poses of single views with reversed depth, and the choice between them and the right ones.
 
 Under parallel projection a shape seen from some directions looks like its mirror image in depth, seen from the opposite
 directions (Necker's reversal; Hartley and Zisserman 2004, Multiple View Geometry, 14.8). Rays of a narrow-angle camera
-are nearly parallel. Two views then hardly tell the two apart, structure from motion begins with two, and bundle
-adjustment does not lead from one to the other. All views together do tell.
+are nearly parallel. Two views then hardly distinguish the two, structure from motion begins with two views, and bundle
+adjustment does not lead from one to the other. All views together do distinguish them.
 
-Of a single view the same holds where the ground is nearly a plane: seen from the direction mirrored at the plane's
-normal it looks alike (the two poses of Schweighofer and Pinz 2006, IEEE TPAMI 28, 2024-2030). The mapper may give a
-view the wrong one; the relief of its points tells.
+The same holds for a single view where the ground is nearly a plane: seen from the direction mirrored at the plane's
+normal it looks the same (the two poses of Schweighofer and Pinz 2006, IEEE TPAMI 28, 2024-2030). The mapper may give a
+view the wrong pose; the relief of its points shows which one is right.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from photoclinometry.sfm.adjustment import RobustAdjustment, keypoints_with_poin
 log = logging.getLogger(__name__)
 
 UNDETERMINED_RATIO = 1.02
-"""Ratio of the two mean reprojection errors below which the images do not determine which is right. That of
-right models over reversed ones is 0.36 to 0.6 on simulated sites with a field of view of 2 degrees. Of single views,
-likewise of their costs: a reversed pose that adjustment leads back to the view's own has a ratio of 1 to rounding."""
+"""Ratio of the two mean reprojection errors below which the images do not determine which is right. The ratio of right
+models to reversed ones is 0.36 to 0.6 on simulated sites with a field of view of 2 degrees. For single views it is the
+ratio of costs: a reversed pose that adjustment leads back to the view's own has a ratio of 1 up to rounding."""
 
 DOUBTFUL = 1.3
 """The same ratio, below which a model is mapped again. Models with some views reversed have 1.0 to 1.2; right ones of
 low relief and a field of view of 1.7 degrees 1.1 and more."""
 
 HOPELESS = 6.0
-"""Times its reprojection error that the reverse of a model, or of a pose with the same points, has before it is
-adjusted, beyond which it is not: relief is then plainly seen. Wrong poses have 0.8 to 5.8, right ones of low relief 4
-to 9, of others 10 and more."""
+"""Ratio of the reprojection error of the reverse of a model, or of a pose with the same points, before adjustment, to
+that of the model or pose itself, beyond which the reverse is not adjusted: the relief is then plain. Wrong poses have
+0.8 to 5.8, right ones of low relief 4 to 9, of other relief 10 and more."""
 
 SETTLED = 1e-4
-"""Relative fall of the mean reprojection error that counts: one view of hundreds changes it by more, rounding by
-less."""
+"""Least relative decrease of the mean reprojection error that counts: one view of hundreds changes it by more, rounding
+by less."""
 
 FEWEST_POINTS = 4
-"""Of a view, below which its pose is left: three always lie in a plane."""
+"""Fewest points of a view whose pose is examined: three always lie in a plane."""
 
 _DEPTH = np.diag([1.0, 1.0, -1.0])
 
@@ -63,7 +63,8 @@ class Oriented:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether both explain the keypoints so nearly alike that views may be mixed: some right, some reversed."""
+        """Whether both explain the keypoints nearly equally well, so that views may be mixed: some right, some
+        reversed."""
         return self.reverse_px < DOUBTFUL * self.error_px
 
     @property
@@ -82,8 +83,8 @@ class Oriented:
     @property
     def overruled(self) -> tuple[float, float] | None:
         """Mean reprojection errors of the model and of its reverse [px], where shading shows the model although its
-        reverse explains the keypoints better; else None. No right model is known of which that holds: it comes of
-        Suns that lie opposite."""
+        reverse explains the keypoints better; else None. No right model with this property is known: Suns in the
+        opposite direction cause it."""
         if not self.is_shown or self.error_px < UNDETERMINED_RATIO * self.reverse_px:
             return None
         return self.error_px, self.reverse_px
@@ -130,10 +131,10 @@ def _better_of_both(
 
 
 def resolve_pose_reversals(model: Any, adjustment: RobustAdjustment) -> Any:
-    """The model, adjusted anew with each view turned round whose reversed pose explains its points better.
+    """The model, adjusted anew after views were turned round whose reversed pose explains their points better.
 
-    One view that is turned may show that of others, so that all are looked at again until none is turned, or the mean
-    reprojection error falls no more (SETTLED). The model itself where none is.
+    One view that is turned may reveal others, so that all are examined again until none is turned, or the mean
+    reprojection error no longer decreases (SETTLED). The model itself where none is turned.
     """
     for _ in range(model.num_reg_images()):
         better = {image_id: _better_pose(model, image_id, adjustment) for image_id in model.reg_image_ids()}
@@ -183,7 +184,7 @@ def _reprojection_rms_px(camera: Any, pose: Any, points: np.ndarray, pixels: np.
 
 
 def reversed_pose(pose: Any, points: np.ndarray) -> Any:
-    """The pycolmap pose (cam_from_world) that shows the plane of best fit to points (n, 3) alike from its other side.
+    """The pycolmap pose (cam_from_world) that sees the plane of best fit to points (n, 3) the same from its other side.
 
     With D = diag(1, 1, -1), n the plane's normal, S = 1 - 2 n n^T and m the middle of the points, [R | t] becomes
     [D R S | R m + t - D R S m].
@@ -198,7 +199,8 @@ def reversed_pose(pose: Any, points: np.ndarray) -> Any:
 
 
 def reversed_model(model: Any) -> Any:
-    """A copy of a pycolmap reconstruction with all points mirrored in depth, and cameras that see them alike.
+    """A copy of a pycolmap reconstruction with all points mirrored in depth, and cameras that see nearly the same
+    image.
 
     With D = diag(1, 1, -1) and m the middle of the points, X becomes m + D (X - m), and cam_from_world [R | t] becomes
     [D R D | R m + t - D R D m]: in each camera the depth from the middle changes its sign, and nothing else does.

@@ -1,13 +1,13 @@
-"""Distortion told by the keypoints: bundle adjustment with self-calibration.
+"""Distortion determined from the keypoints: bundle adjustment with self-calibration.
 
 Poses, points and the four coefficients of each camera's lens (`model.lens`) are adjusted together (Brown 1971,
 Photogrammetric Engineering 37, 855; Triggs et al. 2000, Sec. 6.3 for the elimination of the points). Focal length and
-principal point are held: in narrow fields the images do not tell them from the distance and the attitude, and an error
-of them does no harm (decision 0063).
+principal point are held: in narrow fields the images do not separate them from the distance and the attitude, and an
+error of them does no harm (decision 0063).
 
-Errors of keypoints are alike between neighbours on the ground, whose shading misleads alike. So the covariance is the
-one that is robust to clusters: the scores of patches of ground take the place of a noise model (Liang and Zeger 1986,
-Biometrika 73, 13).
+Errors of keypoints are correlated between neighbours on the ground, which have similar shading. The covariance is
+therefore the one that is robust to clusters: the scores of patches of ground take the place of a noise model (Liang and
+Zeger 1986, Biometrika 73, 13).
 """
 
 from __future__ import annotations
@@ -27,33 +27,34 @@ from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 
 RADIAL_SIGMA = 0.02
-"""Standard deviation of what each of k1 and k2 displaces a corner by beforehand, as a share of half the diagonal:
-lenses of long focal length that nobody has calibrated are off by up to 1 or 2 per cent."""
+"""Prior standard deviation of the displacement of a corner by each of k1 and k2, as a share of half the diagonal:
+uncalibrated lenses of long focal length are off by up to 1 or 2 per cent."""
 DECENTRING_SIGMA_PX = 0.1
-"""The same of p1 and p2 [px]: lenses are centred far better than their curvature is right. Ten views tell them to 0.01
-px; where few and nearly parallel views see them as a tilt of the ground, this keeps the two apart."""
+"""The same for p1 and p2 [px]: the centring of lenses is far better than their curvature. Ten views determine them to
+0.01 px; where few and nearly parallel views confuse them with a tilt of the ground, this prior separates the two."""
 COEFFICIENTS = 4
 
 PATCHES = 8
-"""The ground is divided into so many patches along each side for the covariance: enough for four coefficients, and each
-wider than the neighbourhood whose errors are alike."""
+"""Number of patches along each side of the ground for the covariance: enough for four coefficients, and each wider than
+the neighbourhood of correlated errors."""
 
 FEWEST_REDUNDANT = 200
-"""Fewest redundant measurements: the covariance of four coefficients by 64 patches wants several in each."""
+"""Fewest redundant measurements: the covariance of four coefficients by 64 patches needs several in each."""
 MOST_KEYPOINTS = 20_000
-"""Of models with more keypoints every n-th point counts: 10,000 keypoints of ten views tell a distortion to 0.1 px."""
+"""Models with more keypoints are thinned to every n-th point: 10,000 keypoints of ten views determine a distortion to
+0.1 px."""
 
 LEAST_NOISE_PX = 1e-3
 """Least standard deviation of keypoints [px]: none are found better."""
 
 NOTICEABLE_PX = 0.5
-"""Largest displacement of a keypoint from which on images count as distorted [px]. Below it maps are as good as
-without: 2 px at the corner take 3 per cent of the relief (decision 0046)."""
+"""Displacement of a keypoint from which on images count as distorted [px]. Below it maps are as good as without
+distortion: 2 px at the corner reduce the relief by 3 per cent (decision 0046)."""
 _SETTLED = 0.01
 """The adjustment ends when a step lowers the cost, a sum of squares in units of the noise, by less than this."""
 _GAUGE = 1e-9
-"""Share of each pose's information that is added to it, as nothing else determines place, attitude and scale of the
-whole; covariances of the lens do not change by it."""
+"""Share of each pose's information that is added to it, since nothing else determines place, attitude and scale of the
+whole; it does not change covariances of the lens."""
 _MOST_DAMPING = 1e6
 _FIRST_DAMPING = 1e-3
 
@@ -78,8 +79,8 @@ class LensEstimate:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the displacement is worth a correction and more than errors of keypoints make, which amount to 4.4
-        sigmas where light changes most (decision 0063)."""
+        """Whether the displacement is worth a correction and exceeds the effect of errors of keypoints, which amounts
+        to 4.4 sigmas where light changes most (decision 0063)."""
         return self.shift_px > max(NOTICEABLE_PX, SIGNIFICANT * self.shift_sigma_px)
 
 
@@ -144,7 +145,7 @@ class _Normal:
     points_gradient: np.ndarray
     """(3 P,)."""
     damped: np.ndarray
-    """(n,) what damping of 1 adds to the diagonal of the information."""
+    """(n,) addition to the diagonal of the information by a damping of 1."""
 
     def reduced(self, damping: float) -> _Reduced:
         """With the points eliminated."""
@@ -167,7 +168,7 @@ class _Normal:
         return step, -(reduced.root.T @ (reduced.of_points + reduced.mixed @ step)).reshape(-1, 3)
 
     def scores(self, reduced: _Reduced) -> np.ndarray:
-        """(P, n) what each point contributes to the gradient, once it is eliminated."""
+        """(P, n) contribution of each point to the gradient, once it is eliminated."""
         from scipy.sparse import csr_matrix
 
         count = len(self.of_points)
@@ -179,8 +180,8 @@ class _Normal:
 def estimate_lenses(sparse: SparseModel, cameras: list[Camera], camera_of_view: np.ndarray) -> list[LensEstimate]:
     """The distortion that the keypoints of a model show, beyond that of its cameras; empty where they are too few.
 
-    cameras: (C,) those of the views, of which camera_of_view (K,) int tells each view's. Points are taken to lie within
-    a few sigmas of where they are observed, as those of `reconstruct_sparse` do.
+    cameras: (C,) of the views; camera_of_view: (K,) int, index of each view's camera. Projections of points are assumed
+    to lie within a few sigmas of the observations, as those of `reconstruct_sparse` do.
     """
     thinned = _with_fewer_points(sparse)
     if _redundancy(thinned) < FEWEST_REDUNDANT:
@@ -237,7 +238,7 @@ class _Adjustment:
         for number, camera in enumerate(self.cameras):
             own = slice(COEFFICIENTS * number, COEFFICIENTS * (number + 1))
             terms = found.terms[self.camera == number]
-            if not len(terms):  # no view of it is registered: what is known beforehand, at a corner
+            if not len(terms):  # no view of it is registered: the prior, at a corner
                 terms = displacement_terms(np.array([[camera.width, camera.height]]), camera)
             estimates.append(_estimate(camera, state.lens[number], covariance[own, own], terms))
         return estimates

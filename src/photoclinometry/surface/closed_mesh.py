@@ -15,7 +15,8 @@ Place = Callable[[np.ndarray], np.ndarray]
 """Points (n, 3) near a surface -> points (n, 3) on it."""
 
 LONGEST = 1.4
-"""Longest edge of a refined mesh over the spacing asked for: edges are 0.7 to 1.4 spacings long, 1 in the mean."""
+"""Longest edge of a refined mesh relative to the requested spacing: edges are 0.7 to 1.4 spacings long, 1 in the
+mean."""
 _RELAXATION = 0.5
 """Share of the way to the mean of its neighbours that a vertex moves in one pass."""
 _PASSES = 3
@@ -47,8 +48,8 @@ def is_watertight(faces: np.ndarray) -> bool:
 
 
 def parts_of(faces: np.ndarray, vertices: int) -> np.ndarray:
-    """(F,) int: the connected part of each face (F, 3); faces with a vertex in common are in one. vertices: how many
-    there are."""
+    """(F,) int: the connected part of each face (F, 3); faces with a common vertex are in one part. vertices: number of
+    vertices."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -16,10 +16,10 @@ from photoclinometry.model.tiny import TINY
 from photoclinometry.surface.closed_mesh import area_vectors, half_edges, is_watertight
 
 _CHEAPEST = 0.5
-"""Share of the edges that one pass may collapse, the cheapest: dearer ones wait for the next pass."""
+"""Largest share of the edges that one pass collapses, those of least cost: the others wait for the next pass."""
 _PULL = 1e-3
-"""Weight of an edge's middle in its new point, over that of the planes: holds points on flat ground, which planes do
-not, without moving others."""
+"""Weight of an edge's middle in its new point, relative to that of the planes: it holds points on flat ground, which
+planes do not hold, without moving others."""
 _LARGEST_TURN = 0.3
 """Cosine of the largest angle that a face may turn by in one collapse: folds are beyond 90 degrees."""
 _LEAST_SHAPE = 0.1
@@ -105,8 +105,8 @@ def _faces_around(faces, start):
 
 @njit(cache=True)
 def _edge_costs(points, quadrics, edges):
-    """(E,) cost of each edge's collapse, and (E, 3) where its vertex then lies: the lowest point, by Cramer's rule, of
-    x'qx plus the pull towards the edge's middle; the middle itself where there is none."""
+    """(E,) cost of each edge's collapse, and (E, 3) the position of its vertex then: the lowest point, by Cramer's
+    rule, of x'qx plus the pull towards the edge's middle; the middle itself where there is none."""
     cost, place = np.empty(len(edges)), np.empty((len(edges), 3))
     for n in range(len(edges)):
         i, j = edges[n]
@@ -141,7 +141,7 @@ def _lowest(a, b, c, d, e, f, r, s, t, u, v, w):
 def _collapse(points, faces, quadrics, edges, place, around, start, collapses):
     """Collapses edges in their order, in place; (F,) bool of the faces that remain.
 
-    A vertex whose faces have changed is locked, since `around` then no longer tells its faces.
+    A vertex whose faces have changed is locked, since `around` then no longer lists its faces.
     """
     alive, locked = np.ones(len(faces), np.bool_), np.zeros(len(points), np.bool_)
     near_a, near_b = np.empty(_MAX_NEIGHBOURS, np.int64), np.empty(_MAX_NEIGHBOURS, np.int64)

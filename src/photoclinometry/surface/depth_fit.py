@@ -28,7 +28,7 @@ squares for normal errors."""
 
 @dataclass(frozen=True)
 class SurfaceModel:
-    """How much samples scatter about the surface, and how rough the surface is. Their ratio sets the smoothness."""
+    """Scatter of samples about the surface, and roughness of the surface. Their ratio sets the smoothness."""
 
     noise_gsd: float
     """Standard deviation of a sample's depth [ground sample distances]."""
@@ -37,12 +37,13 @@ class SurfaceModel:
 
 
 SPARSE_POINTS = SurfaceModel(noise_gsd=0.7)
-"""Keypoints of the sparse stage err by 0.2 to 0.25 px (decision 0011): about 0.7 GSD of depth where rays are 20 degrees
-apart. Half and double of it make no difference to maps (decision 0054)."""
+"""Keypoints of the sparse stage have errors of 0.2 to 0.25 px (decision 0011): about 0.7 GSD of depth where rays are 20
+degrees apart. Half and double of it make no difference to maps (decision 0054)."""
 
 DENSE_LANDMARKS = SurfaceModel(noise_gsd=0.15)
-"""Dense matches err by 0.06 px: about 0.15 GSD of depth at the same angle. With 0.15 instead of 0.7, matches of the
-second pass err by 0.061 px instead of 0.063. Half and double of it make no difference to maps (decision 0054)."""
+"""Dense matches have errors of 0.06 px: about 0.15 GSD of depth at the same angle. With 0.15 instead of 0.7, errors of
+matches of the second pass are 0.061 px instead of 0.063. Half and double of it make no difference to maps (decision
+0054)."""
 
 
 def sparse_depth(sparse: SparseModel, reference: int, region: Region, camera: Camera) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""The finest relief of a map, restored: what pixels, point-spread function and the estimate itself average away of it.
+"""Restoration of the finest relief of a map, which pixels, point-spread function and the estimate average away.
 
-A pixel shows the mean of its ground, through a point-spread function, and the estimate takes the slope between two
-landmarks for the mean of those at both. Each leaves less of a wave of relief, the shorter it is, by a known share. That
-is undone where the map is known all around (Van Cittert 1931, doi:10.1007/BF01391351). Normals and albedos stay means
-over a pixel, which is what they are meant to be.
+A pixel shows the mean of its ground, through a point-spread function, and the estimate assumes that the slope between
+two landmarks is the mean of those at both. Each of these reduces the amplitude of short waves of relief more than that
+of long ones, by a known share. This is undone where the map is known all around (Van Cittert 1931,
+doi:10.1007/BF01391351). Normals and albedos remain means over a pixel, as they are meant to be.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ PIXEL_PX2 = 1.0 / 12.0
 """Variance of a pixel's own extent along each side [px^2]."""
 
 DIFFERENCES = 1.0 / 8.0
-"""Variance of the Gaussian that does to waves what slopes between four neighbours do, taken as the mean of those at
+"""Variance of the Gaussian that attenuates waves as slopes between four neighbours do, taken as the mean of those at
 both ends (trapezoidal rule) [landmarks^2]: 1/6 along rows and columns and 1/12 along diagonals, to the second order of
 landmarks over wavelength."""
 
 ITERATIONS = 3
-"""Of a wave of which a share b is left, 1 - (1 - b)^4 is left after three: 0.87 of 0.4. Noise grows fourfold at most,
-where nothing of a wave is left."""
+"""Iterations of the restoration. Three restore a wave of the remaining amplitude b to 1 - (1 - b)^4: 0.4 becomes 0.87.
+Noise grows fourfold at most, where nothing of a wave is left."""
 
 WHOLE = 0.999
-"""Part of the Gaussian's weight that must fall on the map: at edges, slopes are not told from relief."""
+"""Part of the Gaussian's weight that must fall on the map: at edges, slopes cannot be separated from relief."""
 
 NEARBY = 2.0
-"""Standard deviation of the Gaussian over which the size of what is restored is averaged [landmarks]."""
+"""Standard deviation of the Gaussian over which the size of the restored relief is averaged [landmarks]."""
 
 
 def blur(stride: int, psf_sigma_px: float) -> float:
-    """Standard deviation of the Gaussian that makes a map of the ground [landmarks].
+    """Standard deviation of the Gaussian by which a map averages the ground [landmarks].
 
     stride: pixels a landmark; psf_sigma_px: of the point-spread function [px]. Images of coarser maps are smoothed to
     the grid before (`smoothing_px`).
@@ -48,9 +48,9 @@ def blur(stride: int, psf_sigma_px: float) -> float:
 def with_fine_relief(scene: Scene, psf_sigma_px: float) -> Scene:
     """The scene with its finest relief restored, each landmark on its ray of the reference view.
 
-    Where positions have uncertainties, they get the mean square nearby of what was restored, along the ray: the width
-    of a point-spread function is hardly ever known well, and noise was restored with the rest. Where nothing could be
-    restored they get it twice: as much is missing there.
+    Where positions have uncertainties, the local mean square of the restored relief is added to them, along the ray:
+    the width of a point-spread function is hardly ever known well, and noise was restored with the rest. Where nothing
+    could be restored it is added twice, since as much is missing there.
 
     psf_sigma_px: standard deviation of the reference view's point-spread function [px].
     """

@@ -1,4 +1,4 @@
-"""Rays over a map: where its own ground, or the ground around it, hides landmarks from the Sun or from a camera."""
+"""Rays over a map: whether its own ground, or the ground around it, hides landmarks from the Sun or from a camera."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from photoclinometry.model.scene import Scene, Surroundings
 from photoclinometry.model.threads import PARALLEL_LOOPS
 
 FIRST_STEP = 1.5
-"""Rays start this many cells of the map from their landmark, as the reference camera sees it: past the cells around it,
-whose own slope would obstruct it."""
+"""Distance from the landmark at which rays start, in cells of the map as the reference camera sees them: past the cells
+around it, whose own slope would obstruct it."""
 
 _NOTHING_AROUND = Surroundings(depth=np.full((1, 1), np.nan), stride=1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decided:
-    """Which nodes of the ground around a map decide whether rays (n,) meet it."""
+    """The nodes of the ground around a map that decide whether rays (n,) meet it."""
 
     node: np.ndarray
-    """(n,) int: of the flattened depths, the node nearest to where the ray is deepest below that ground, or lowest
-    above; -1 of rays that never are over it, or that the map itself obstructs."""
+    """(n,) int: index into the flattened depths of the node nearest to the point where the ray is deepest below that
+    ground, or lowest above it; -1 for rays that are never over it, or that the map itself obstructs."""
     below: np.ndarray
-    """(n,) by how much more the node's depth had to be for the ray to touch the ground there [units of B]. The ray
-    meets it where this is positive."""
+    """(n,) increase of the node's depth with which the ray would just touch the ground there [units of B]. The ray
+    meets the ground where this is positive."""
 
 
 class MapRays:
@@ -69,9 +69,9 @@ class MapRays:
         return self._free(self._cam_from_body(place) - self._point)
 
     def decided(self, direction: np.ndarray, above: float = 0.0) -> Decided:
-        """What the ground around the map does to rays from the landmarks into a direction (3,) of B.
+        """Obstruction by the ground around the map of rays from the landmarks into a direction (3,) of B.
 
-        above: how far beyond the nearest and the farthest ground rays are followed [units of B].
+        above: distance beyond the nearest and the farthest ground up to which rays are followed [units of B].
         """
         count = len(self._point)
         node, below = np.full(count, -1), np.full(count, -np.inf)
@@ -97,7 +97,7 @@ def in_sunlight(scene: Scene, sun: np.ndarray, surroundings: Surroundings | None
 
 
 class _DepthGrid(NamedTuple):
-    """Depths at every so many pixels of the reference image."""
+    """Depths on a regular grid of pixels of the reference image."""
 
     depth: np.ndarray
     """(h, w) along the optical axis; NaN where unknown."""
@@ -122,8 +122,8 @@ def _march(point, towards, intrinsics, ground, around, depths, step, node, below
     """(J,) bool: the rays from points (J, 3), in the reference camera's frame, meet no ground.
 
     towards: (J, 3), or (1, 3) of all, of any length; intrinsics: fx, fy, cx, cy; ground, around: `_DepthGrid`, the
-    second where the first ends; depths: nearest and farthest of both; step: length. node, below: (J,) of `Decided`,
-    into which what the ground around does is written, while rays go on through it; or empty.
+    second where the first ends; depths: nearest and farthest of both; step: length. node, below: (J,) of `Decided`; the
+    obstruction by the ground around is written into them, while rays go on through it; or empty.
     """
     goes_on = node.size > 0
     free = np.ones(point.shape[0], np.bool_)

@@ -1,10 +1,11 @@
 """Volume, area, centre of mass and inertia of a homogeneous closed mesh, with standard deviations.
 
-A vertex that errs by h along its normal changes the integral of f over the body by h times the integral of f, the
-vertex's share of the surface and the cosine between both normals over the faces around it. Standard deviations follow
-from these first derivatives, the standard deviations of heights, and the assumption that errors of two vertices at a
-distance d are correlated by exp(-d^2 / (2 L^2)). L = 0 means independent errors, L = inf one error that all share.
-First derivatives do not see that rough errors enlarge the area: its mean is too large by a share of the squared slopes.
+An error h of a vertex along its normal changes the integral of f over the body. The change is h times an integral over
+the faces around the vertex: of f, the vertex's share of the surface, and the cosine between both normals. Standard
+deviations follow from these first derivatives, the standard deviations of heights, and the assumption that errors of
+two vertices at a distance d are correlated by exp(-d^2 / (2 L^2)). L = 0 means independent errors, L = inf one error
+that all share. First derivatives do not contain the enlargement of the area by rough errors: its mean is too large by a
+share of the squared slopes.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ from photoclinometry.surface.closed_mesh import surface_area, vertex_normals
 DEFAULT_CORRELATION = 0.1
 """Correlation length of height errors where none is given [mean radii]: the size of a landform that images resolve."""
 UNKNOWN_PERCENT = 99.0
-"""Heights without a standard deviation count as known as badly as this percentile of the others. The very worst is that
-of a single vertex: 520 m on a simulated body of 900 m whose 99th percentile is 5 m."""
+"""Heights without a standard deviation get this percentile of the others. The largest one belongs to a single vertex:
+520 m on a simulated body of 900 m whose 99th percentile is 5 m."""
 _REACH = 4.0
 """Correlations beyond this many lengths, 0.0003 and less, are left out."""
 _CLUSTER = 0.25
-"""Vertices within so many correlation lengths are taken together: their correlation is above 0.97."""
+"""Vertices within this many correlation lengths are combined: their correlation is above 0.97."""
 _FINEST = 1.0 / 32.0
-"""Nor are vertices farther apart than this share of the body taken together: of errors that nearly all vertices share,
-the centre of mass feels the differences alone."""
+"""Vertices farther apart than this share of the body are not combined: the centre of mass depends only on the
+differences of errors that nearly all vertices share."""
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Places of second moments."""
 # Points and weights that are exact for polynomials of degree 4 on a triangle (Strang & Fix 1973).

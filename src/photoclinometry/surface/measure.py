@@ -1,8 +1,8 @@
 """Distances, height differences, slopes and volumes of a map, with their standard deviations.
 
-Places are pixels (x, y) of the reference image, as `Landmarks.pixel` has them the other way round: (0.5, 0.5) is the
-centre of the top-left one. Each stands for the landmark of its cell. Heights are over the map's mean plane. Standard
-deviations contain how errors of different landmarks go together (`Scene.sigma_of`).
+Places are pixels (x, y) of the reference image, in the reverse order of `Landmarks.pixel`: (0.5, 0.5) is the centre of
+the top-left one. Each stands for the landmark of its cell. Heights are over the map's mean plane. Standard deviations
+include the correlation of errors of different landmarks (`Scene.sigma_of`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Pixel = tuple[float, float]
 """(x, y) of the reference image [px]."""
 
 _FEWEST_ON_BORDER = 8
-"""Landmarks around a volume: more than the three numbers of the plane that they tell."""
+"""Fewest landmarks around a volume: more than the three numbers of the plane that they determine."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ def distance(scene: Scene, a: Pixel, b: Pixel) -> Measured:
 
 
 def height_difference(scene: Scene, a: Pixel, b: Pixel) -> Measured:
-    """By how much the second place is higher than the first. Raises InputError as `distance`."""
+    """Height of the second place above the first. Raises InputError as `distance`."""
     pair, between = _from_to(scene, a, b)
     up = local_frame(scene).rotation[:, 2]
     return _length(scene, float(between @ up), scene.sigma_of(pair, np.stack([-up, up])))
@@ -71,7 +71,7 @@ def slope(scene: Scene, a: Pixel, b: Pixel) -> Measured:
 
 
 def volume(scene: Scene, outline: np.ndarray) -> Measured:
-    """Between the ground within an outline and the plane through the ground along it; of hollows negative.
+    """Volume between the ground within an outline and the plane through the ground along it; negative for hollows.
 
     outline: (n, 2) corners (x, y) of a polygon in the reference image [px]. Raises InputError where the polygon
     contains too few landmarks, or holes; and as `Scene.sigma_of`.
@@ -146,8 +146,8 @@ def _triangles(number: np.ndarray) -> np.ndarray:
 def _over_border(at: np.ndarray, triangle: np.ndarray, border: np.ndarray) -> tuple[float, np.ndarray]:
     """Volume over the least-squares plane through the border, and its derivatives (n, 3), to first order.
 
-    at: (n, 3) positions, heights last; triangle: (m, 3); border: (b,) indices. What moves of the plane with the heights
-    of its residuals is left out.
+    at: (n, 3) positions, heights last; triangle: (m, 3); border: (b,) indices. The dependence of the plane on its
+    residuals is left out.
     """
     base = np.column_stack([np.ones(len(at)), at[:, :2]])
     fit = np.linalg.pinv(base[border])

@@ -1,4 +1,4 @@
-"""Rays that meet a triangle mesh, and which views see its ground lit.
+"""Rays that meet a triangle mesh, and the views that see its ground lit.
 
 Embree finds the first triangle of a ray (Wald et al. 2014, doi:10.1145/2601097.2601199), in single precision.
 """
@@ -18,9 +18,9 @@ from photoclinometry.model.scene import Camera, Views
 from photoclinometry.surface.closed_mesh import face_normals
 
 _SHADOW_OFFSET = 5e-3
-"""Rays away from the surface start this far above it, along the triangle's normal [spacings]."""
+"""Height above the surface at which rays away from it start, along the triangle's normal [spacings]."""
 _OUTSIDE = 1.01
-"""Rays start where they enter a sphere of this many greatest radii, since single precision wants short ways."""
+"""Rays start where they enter a sphere of this many greatest radii, since single precision requires short distances."""
 
 
 class MeshRays:
@@ -52,14 +52,14 @@ class MeshRays:
         return np.einsum("nk,nkd->nd", weights, values[self.faces[triangles]])
 
     def blocked(self, triangles: np.ndarray, points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(n,) bool: something stands between points (n, 3) on triangles (n,) and where unit vectors (n, 3) point."""
+        """(n,) bool: the ray from a point (n, 3) on a triangle (n,) along a unit vector (n, 3) is obstructed."""
         start = (points + _SHADOW_OFFSET * self.spacing * self.facet_normals[triangles]).astype(np.float32)
         return self._scene.run(start, np.ascontiguousarray(directions, np.float32), query="OCCLUDED") >= 0
 
 
 @dataclass(frozen=True)
 class SeenByView:
-    """What one view sees of points on a mesh."""
+    """Visibility and illumination of points on a mesh in one view."""
 
     seen: np.ndarray
     """(n,) bool: in the image, nothing in the way, and not facing away."""
@@ -78,7 +78,7 @@ class SeenByView:
 def sight_of_views(
     rays: MeshRays, views: Views, triangles: np.ndarray, points: np.ndarray, normals: np.ndarray
 ) -> Iterator[SeenByView]:
-    """What each view sees of points (n, 3) on triangles (n,) with unit normals (n, 3), in the order of the views."""
+    """`SeenByView` of points (n, 3) on triangles (n,) with unit normals (n, 3), in the order of the views."""
     for k in range(len(views)):
         camera, away = views.cameras[k], views.body_from_cam.translation[k] - points
         towards = unit(away)
@@ -118,7 +118,8 @@ def emission_image(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> np.n
 
 
 def through_pixels(rays: MeshRays, camera: Camera, body_from_cam: Rigid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors (n, 3) through the pixels' centres, row by row, and what they meet, as of `first_hit`."""
+    """Unit vectors (n, 3) through the pixels' centres, row by row, and the triangles that they meet, as of
+    `first_hit`."""
     pixels = Region.of_image(camera.height, camera.width).pixel_centers().reshape(-1, 2)
     direction = unit(camera.ray_in_cam(pixels) @ body_from_cam.rotation.T)
     return direction, *rays.first_hit(np.broadcast_to(body_from_cam.translation, direction.shape), direction)

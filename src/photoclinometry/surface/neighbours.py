@@ -1,18 +1,18 @@
-"""Neighbouring points: planes through them, and which points are near enough to be neighbours."""
+"""Neighbouring points: planes through them, and the limit of their distance."""
 
 from __future__ import annotations
 
 import numpy as np
 
 PLANE_NEIGHBOURS = 32
-"""Points that a normal's plane is fitted through: six by six about, several times the noise of single points."""
+"""Points to which the plane of a normal is fitted: about six by six, a width of several times the noise of points."""
 
 _BLOCK = 20_000
-"""Points whose neighbours are handled at a time: bounds the memory to 100 MB."""
+"""Points whose neighbours are handled at a time: limits the memory to 100 MB."""
 
 _FARTHEST = 3.0
-"""Neighbours farther apart than the mean plus this many standard deviations of all distances are no neighbours: they
-lie across a hole of the map (the paper's configuration)."""
+"""Points farther apart than the mean plus this many standard deviations of all distances are no neighbours: they lie
+across a hole of the map (the paper's configuration)."""
 
 
 def normals_from_neighbours(position: np.ndarray, viewpoint: np.ndarray, count: int = PLANE_NEIGHBOURS) -> np.ndarray:

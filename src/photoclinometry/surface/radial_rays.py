@@ -39,7 +39,7 @@ class RadialRays:
 
     @property
     def listed(self) -> int:
-        """How many triangles all cells list together."""
+        """Total number of triangles listed by all cells."""
         return len(self._list)
 
     def outermost(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -67,7 +67,8 @@ def _on_side(x, side):
 
 @njit(cache=True)
 def _listed(vertices, faces, cells, near, start, out):
-    """(6 cells^2,) how many triangles each cell lists; with `start` (first free places), also lists them in `out`."""
+    """(6 cells^2,) number of triangles that each cell lists; with `start` (first free places), also lists them in
+    `out`."""
     count = np.zeros(6 * cells * cells, np.int64)
     for f in range(len(faces)):
         for side in range(6):

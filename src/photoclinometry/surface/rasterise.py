@@ -6,10 +6,10 @@ import numpy as np
 from numba import njit
 
 _NEARER = 1.0 - 1e-12
-"""A depth is nearer than another one if it is below this times it: depths that differ by rounding are equal."""
+"""A depth is nearer than another if it is below this times the other: depths that differ by rounding are equal."""
 
 _ON_EDGE = 1e-9
-"""A pixel centre that is outside a triangle by no more than this, in barycentric weight or in pixels, lies on its edge:
+"""A pixel centre that is outside a triangle by no more than this, in barycentric weight or in pixels, lies on its edge,
 so that rounding leaves no gaps between neighbouring triangles."""
 
 

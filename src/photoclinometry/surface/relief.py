@@ -52,7 +52,7 @@ def heights(scene: Scene) -> np.ndarray:
 
 
 def on_mean_plane(scene: Scene, pixels: np.ndarray) -> np.ndarray:
-    """Where the rays of reference pixels (..., 2) meet the map's mean plane (..., 3), in B."""
+    """The points (..., 3) in B where the rays of reference pixels (..., 2) meet the map's mean plane."""
     frame, pose = local_frame(scene), scene.views.body_from_cam[scene.reference]
     rays, up = scene.views.cameras[scene.reference].ray_in_cam(pixels) @ pose.rotation.T, frame.rotation[:, 2]
     distance = (frame.translation - pose.translation) @ up / (rays @ up)

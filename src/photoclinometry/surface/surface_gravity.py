@@ -1,7 +1,7 @@
-"""What the ground of a spinning body feels: effective potential and gravity, slope and elevation.
+"""Effective potential and gravity, slope and elevation on the ground of a spinning body.
 
-The frame is body-fixed, its origin on the axis of rotation, which is z. The potential is the energy per mass as
-geophysics and the AltWG's products have it: -U - w^2 (x^2 + y^2) / 2, negative, lower further down.
+The frame is body-fixed, its origin on the axis of rotation, which is z. The potential is the energy per mass in the
+convention of geophysics and of the AltWG's products: -U - w^2 (x^2 + y^2) / 2, negative, lower further down.
 """
 
 from __future__ import annotations

@@ -19,21 +19,21 @@ from photoclinometry.surface.relief import reference_depth
 
 FINEST, NODES = 4, 160
 """Nodes of the surface are at least FINEST pixels of the reference image apart, and not many more than NODES along its
-longer side, which bounds the time."""
+longer side, which limits the time."""
 
 NOISE_GSD = 0.5
 """Standard deviation of the points' depths [ground sample distances]. The surface is lowered by as much, so that noise
 casts no shadows."""
 
 GROUND = SurfaceModel(noise_gsd=NOISE_GSD, curvature_per_px=0.1)
-"""Ten times as rough as the surface used for matching: the shadows are those of rims, which that would flatten."""
+"""Ten times as rough as the surface used for matching: shadows are cast by rims, which that surface would flatten."""
 
 REACH_PX = 32.0
 """The surface is used up to this distance from a point [reference pixels]."""
 
 FACING = 0.5
-"""Least cosine between the directions from which a point was seen and from which the reference would see it. A point
-that no view saw from within 60 degrees may be hidden from the reference."""
+"""Least cosine between the direction from which a point was seen and that from which the reference would see it. A
+point that no view saw from within 60 degrees may be hidden from the reference."""
 
 
 def surroundings_of(
@@ -67,11 +67,11 @@ def surroundings_of(
 
 
 def carried_along(before: Scene, after: Scene) -> Surroundings | None:
-    """The ground around a map after an estimate: it lies to the map as it did before.
+    """The ground around a map after an estimate: it keeps its position relative to the map.
 
     before, after: scenes of the same landmarks in the same order, in the same frame. An estimate moves the reference
-    view along its line of sight by more than the relief is high, since a narrow field of view hardly tells its
-    distance. The depths of the landmarks change with it; these changes, as a plane over the image, are added.
+    view along its line of sight by more than the height of the relief, since a narrow field of view hardly determines
+    its distance. The depths of the landmarks change with it; these changes, as a plane over the image, are added.
     """
     around = before.surroundings
     if around is None:
