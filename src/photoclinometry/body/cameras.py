@@ -1,7 +1,7 @@
 """The cameras that all tiles share: one bundle adjustment of their tie points, and the tiles in its frame.
 
-A tile's own estimate knows the poses of its views among themselves to some hundredths of a pixel, and its frame not at
-all. The tie points of all tiles together determine all poses. A tile then follows: its landmarks move by the smooth
+A tile's own estimate determines the relative poses of its views to some hundredths of a pixel, and its frame not at
+all. The tie points of all tiles together determine all poses. A tile is then moved: its landmarks follow the smooth
 difference between its tie points triangulated by the shared poses and by its own.
 """
 
@@ -29,15 +29,15 @@ TIE_SIGMA_PX = 0.3
 FIRST_GATE_PX, GATE_PX = 20.0, 1.5
 """Tie points count if their keypoints agree within this [px], before and after the first adjustment."""
 FEWEST_TIES = 12
-"""Fewer tie points do not show how a tile is to move: twice the numbers of its quadratic displacement."""
+"""Fewest tie points that determine the displacement of a tile: twice the number of its quadratic coefficients."""
 
 OUTLIER = 3.0
-"""Tie points that are off by more than so many times the median do not say how a tile moves."""
+"""Tie points that are off by more than this multiple of the median do not count for the displacement of a tile."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SharedCameras:
-    """Poses of all views, and how well tie points agree with them."""
+    """Poses of all views, and the residuals of tie points."""
 
     body_from_cam: Rigid
     """(K,) by the tie points of all tiles, the sparse points and the pose priors."""
@@ -114,7 +114,7 @@ def _triangulated(start: np.ndarray, view: np.ndarray, keypoint: np.ndarray, vie
 
 
 def in_shared_frame(tile: TileMap, views: Views) -> TileMap:
-    """The tile in the body's frame: moved as its tie points do. views: (K,) all, with the shared poses.
+    """The tile in the body's frame, moved as its tie points. views: (K,) all, with the shared poses.
 
     A similarity, and then a displacement that is a quadratic function of the place in the reference image. A tile with
     fewer than FEWEST_TIES tie points is left out.

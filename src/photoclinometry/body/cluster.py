@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 ANSWER_S = 15.0
-"""How long a scheduler may take to answer [s]: one that works answers within a second, over slow networks, too."""
+"""Longest time for a scheduler's answer [s]: one that works answers within a second, even over slow networks."""
 
 
 def on_cluster(
@@ -27,8 +27,8 @@ def on_cluster(
 ) -> None:
     """task(*call) of every call, on the workers of a Dask scheduler, given by its address or by a client of it.
 
-    What the task raises is raised here; calls that have not begun are then given up. A call whose worker is lost goes
-    to another one. Raises InputError where no scheduler answers, or where a worker runs several threads, and
+    Exceptions of the task are raised here; calls that have not begun are then given up. A call whose worker is lost
+    goes to another one. Raises InputError where no scheduler answers, or where a worker runs several threads, and
     ReconstructionError where workers are lost by the same call again and again.
     """
     if not calls:
@@ -73,8 +73,8 @@ def _client(scheduler: str | Client) -> Iterator[Client]:
 
 
 def _in_one_thread(task: Callable[..., None], call: tuple[Any, ...]) -> None:
-    """What a worker does. Raises InputError where it has several threads: compiled loops share one pool of a process,
-    which ends with the process where two threads enter it."""
+    """The task of a worker. Raises InputError where it has several threads: compiled loops share one pool of threads in
+    a process, and the process ends where two threads enter it."""
     import numba
     from distributed import get_worker
 

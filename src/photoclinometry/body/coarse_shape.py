@@ -14,13 +14,13 @@ from photoclinometry.surface.closed_mesh import signed_volume
 from photoclinometry.surface.neighbours import normals_from_neighbours
 
 FEWEST_VIEWS = 3
-"""Points of two views alone are checked by no other."""
+"""Fewest views of a point: no further view checks the points of two."""
 NEIGHBOURS = 16
-"""Points whose plane gives the normal in their midst."""
+"""Number of points to which the plane of a normal is fitted."""
 FAR = 4.0
-"""Points whose neighbours are so many times farther than usual are wrong matches, or details of no use here."""
+"""Points whose neighbours are this many times farther than usual are wrong matches, or details of no use here."""
 FEWEST_POINTS = 100
-"""Fewer points do not make a shape."""
+"""Fewest points for a shape."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from photoclinometry.surface.mesh_rays import MeshRays
 
 @dataclass(frozen=True, kw_only=True)
 class FinishedSurface:
-    """What is rendered, and of what it was made."""
+    """The surface that is rendered, and its parts."""
 
     merged: Keyed[MergedSurface]
     tiles: tuple[Keyed[TileMap], ...]

@@ -32,29 +32,28 @@ NEAR_GSD = 1.5
 """Landmarks up to this far from a vertex determine it [GSD]."""
 WIDTH_GSD, ALBEDO_WIDTH_GSD = 0.4, 0.6
 """Standard deviations of the Gaussians that weigh them by distance [GSD], for places and normals and for albedos. The
-maps resolve 0.6 GSD, and what is wider smooths them further; narrower ones leave noise of single landmarks, of which
-albedos have more (decision 0049 has the figures)."""
+maps resolve 0.6 GSD, and wider Gaussians smooth them further; narrower ones leave noise of single landmarks, which is
+larger in albedos (decision 0049 has the figures)."""
 NEIGHBOURS = 24
-"""At most so many landmarks determine a vertex: two to three tiles have about as many in reach."""
+"""Most landmarks that determine a vertex: two to three tiles have about as many in reach."""
 FILL_GSD = 4.0
 """The coarse shape stands in where no landmark is nearer than this [GSD]."""
 LEAST_WEIGHT = 1e-3
-"""Least weight of a landmark, over that of one in its tile's middle that is seen from above: it counts where there is
-no better one."""
+"""Least weight of a landmark, relative to one in its tile's middle that is seen from above: it counts where there is no
+better one."""
 UNTRUSTED = 1e-3
-"""Weight of a tile that is not to be trusted, over that of others: it counts where there is no other."""
+"""Weight of a tile that is not to be trusted, relative to others: it counts where there is no other."""
 MAX_ALBEDO_SIGMA = 0.3
-"""Albedos known worse than this share of themselves, as of ground that is hardly lit, do not count: they may be any
-number."""
+"""Albedos with a larger relative sigma, as of ground that is hardly lit, do not count: they may be any number."""
 USUAL_SIGMA_GSD = 0.1
 """Standard deviation [GSD] of heights where a tile states none."""
 BLOCK = 10_000
-"""Vertices at a time: bounds the memory to some tens of megabytes."""
+"""Vertices at a time: limits the memory to some tens of megabytes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MergedSurface:
-    """A closed mesh with what is known at its vertices; figures are NaN and `views` is 0 where nothing was mapped."""
+    """A closed mesh with quantities at its vertices; figures are NaN and `views` is 0 where nothing was mapped."""
 
     vertices: np.ndarray
     """(V, 3) in B."""
@@ -79,10 +78,9 @@ class MergedSurface:
     gsd: float
     """Median ground sample distance of the tiles [units of B]."""
     albedo_factor: np.ndarray
-    """(T,) by which each tile's albedos were divided, so that they agree where tiles overlap."""
+    """(T,) divisors of the tiles' albedos, so that they agree where tiles overlap."""
     sigma_factor: np.ndarray
-    """(3,) by which the tiles' sigmas of height, normal and albedo were multiplied, by how far overlapping tiles
-    disagree."""
+    """(3,) factors on the tiles' sigmas of height, normal and albedo, from the disagreement of overlapping tiles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +122,7 @@ class Cloud:
     height_sigma: np.ndarray
     """Known of all, with weights by the place in the tile."""
     weight: np.ndarray
-    """Of a landmark in a mean, but for its distance."""
+    """Weight of a landmark in a mean, before that by its distance."""
     sigmas: np.ndarray
     """(n, 3) standard deviations of height, normal and albedo: as stated, times `sigma_factor`."""
     views: np.ndarray
@@ -170,7 +168,7 @@ class Cloud:
 
 
 def merged(cloud: Cloud, vertices: np.ndarray, faces: np.ndarray) -> MergedSurface:
-    """The closed mesh moved onto the landmarks, with what they know."""
+    """The closed mesh moved onto the landmarks, with their quantities."""
     from scipy.spatial import KDTree
 
     outward = vertex_normals(vertices, faces)
@@ -269,7 +267,7 @@ def _mean_albedo(albedo: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def _known_albedo(tile: TileMap) -> np.ndarray:
-    """(n,) albedos of a tile, NaN where its images do not tell them."""
+    """(n,) albedos of a tile, NaN where its images do not determine them."""
     albedo, sigma = tile.landmarks.albedo, tile.landmarks.albedo_sigma
     if not np.isfinite(sigma).any():  # it states none
         return albedo
@@ -279,8 +277,8 @@ def _known_albedo(tile: TileMap) -> np.ndarray:
 def _sigmas(cloud: Cloud, near: np.ndarray, shares: tuple[np.ndarray, ...]) -> np.ndarray:
     """(m, 3) standard deviations of means of landmarks (m, k); shares: (m, k) in heights, normals and albedos.
 
-    Errors of neighbours in one tile are taken to be common, those of two tiles to be correlated by the images that both
-    have. Landmarks of unknown or infinite sigma are left out.
+    Errors of neighbours in one tile are assumed to be common, those of two tiles to be correlated by their common
+    images. Landmarks of unknown or infinite sigma are left out.
     """
     correlation = cloud.correlation[cloud.tile[near][:, :, None], cloud.tile[near][:, None, :]]
     found = []

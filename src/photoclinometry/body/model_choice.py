@@ -17,7 +17,7 @@ from photoclinometry.pipeline.model_choice import ChosenModel
 log = logging.getLogger(__name__)
 
 TRIED = 3
-"""Tiles tried at most: where so many find no map, the others will hardly find one."""
+"""Most tiles that are tried: where none of these finds a map, the others will hardly find one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class ChooseBodyModel(Stage[ChosenModel]):
     name = "reflectance"
     result = ChosenModel
     model: BodyModel
-    """Whose tiles do not know the model yet."""
+    """The body, whose tiles have no model yet."""
     body: Keyed[Path]
     """The body's folder."""
 

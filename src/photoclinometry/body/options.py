@@ -13,20 +13,20 @@ from photoclinometry.sfm import SfmOptions
 
 @dataclass(frozen=True, kw_only=True)
 class TilePlanOptions(Ranged):
-    """Which regions of which images are mapped, from which views."""
+    """The choice of regions, images and views of the tiles."""
 
     tile_px: Annotated[int, Range(least=32, most=4096)] = 128
     """Width and height of a tile in its reference image [px]; less where the image is smaller."""
     overlap: Annotated[float, Range(least=0, below=0.5)] = 0.12
-    """Share of a tile's width, at each side, that neighbouring tiles map, too."""
+    """Share of a tile's width, at each side, by which neighbouring tiles overlap."""
     max_views: Annotated[int, Range(least=3, most=1000)] = 16
     """Views of a tile at most, those that differ most in light and line of sight."""
     min_views: Annotated[int, Range(least=3, most=1000)] = 4
-    """Ground is mapped where so many views see it lit."""
+    """Fewest views that must see ground lit for it to be mapped."""
     max_emission_deg: Annotated[float, Range(above=0, most=85)] = 60.0
     """Views that see ground at a greater emission angle [degrees] do not count for it."""
     max_incidence_deg: Annotated[float, Range(above=0, most=90)] = 80.0
-    """Nor those where the Sun stands lower than this incidence angle [degrees]."""
+    """Views in which the ground has a greater incidence angle [degrees] do not count for it either."""
 
 
 def _tile_options() -> RunOptions:

@@ -1,4 +1,4 @@
-"""What tiles tell of each other where they overlap: the factors of their albedos, and how far to trust their sigmas."""
+"""Comparison of tiles where they overlap: the factors of their albedos, and factors on their sigmas."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from photoclinometry.model.robust import FEWEST_FOR_SIGMA
 FACING = 0.5
 """Least cosine between the normals of landmarks of the same ground: thin necks have two sides."""
 NEIGHBOURS = 9
-"""Landmarks of other tiles are sought among so many nearest ones: two tiles have about as many in reach."""
+"""Number of nearest landmarks among which those of other tiles are sought: two tiles have about as many in reach."""
 MOST_SHARED = 0.95
-"""Tiles that share more of their images than this tell nothing of each other's errors."""
+"""Tiles that share more of their images than this do not show each other's errors."""
 _MEDIAN_SQUARE = {"height": 0.455, "normal": 0.693, "albedo": 0.455}
 """Medians of squared errors over their expectations: of one Gaussian number, and of a vector of two."""
 
@@ -68,9 +68,9 @@ def albedo_factors(overlap: Overlap, albedo: np.ndarray, tile: np.ndarray, count
 
 
 def shared_images(views: Sequence[np.ndarray]) -> np.ndarray:
-    """(T, T) correlations of the tiles' errors, if each image brings its own: the share of images in common.
+    """(T, T) correlations of the tiles' errors, if each image has independent ones: the share of common images.
 
-    views: numbers of the views of each tile. It is |A and B| / sqrt(|A| |B|), 1 of a tile with itself.
+    views: numbers of the views of each tile. The correlation is |A and B| / sqrt(|A| |B|), 1 of a tile with itself.
     """
     count = 1 + max((int(each.max()) for each in views if len(each)), default=0)
     used = np.zeros((len(views), count))
@@ -88,11 +88,11 @@ def sigma_factors(
     sigmas: np.ndarray,
     correlation: np.ndarray,
 ) -> np.ndarray:
-    """(3,) by how much the errors of heights, normals and albedos are larger than stated; 1 at least.
+    """(3,) ratios of the errors of heights, normals and albedos to the stated ones; 1 at least.
 
-    Two tiles differ by what is wrong in either, but for errors that came with images of both: the variance of a
-    difference is (1 - c) (s1^2 + s2^2), c being the correlation of the two tiles. sigmas: (n, 3) as stated;
-    correlation: (p,) of each pair. Medians, so that boulders' edges do not decide.
+    Two tiles differ by the errors of both, except those from common images: the variance of a difference is (1 - c)
+    (s1^2 + s2^2), c being the correlation of the two tiles. sigmas: (n, 3) as stated; correlation: (p,) of each pair.
+    Medians keep boulders' edges from deciding.
     """
     first, second = overlap.first, overlap.second
     up = unit(normal[first] + normal[second])

@@ -1,8 +1,8 @@
 """Images that share no points with others are placed by the finished surface.
 
-The surface is rendered with the image's Sun from its pose prior. Rendering and image differ little but for a shift, so
-that keypoints match where those of two images under different light do not. The pose follows from the points of the
-surface that the matches show, and from the prior.
+The surface is rendered with the image's Sun from its pose prior. Rendering and image differ by little more than a
+shift, so that their keypoints match, unlike those of two images under different light. The pose follows from the
+matched points of the surface, and from the prior.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from photoclinometry.sfm.pictures import brightness_picture, shows_something
 from photoclinometry.surface.mesh_rays import MeshRays
 
 NEXT_GATE_PX = 4.0
-"""Matches are sought within so many pixels, once a pose was found; before that as far as the pose prior may be off."""
+"""Distance within which matches are sought once a pose was found [px]; before that the possible error of the pose prior
+is used."""
 ALIKE_PX = 3.0
 """Matches whose shift differs from the median by more than this [px], or by a quarter of the gate, are wrong ones."""
 KEYPOINTS = 2000
@@ -38,7 +39,7 @@ MAX_RATIO = 0.8
 SURFACE_SIGMA_GSD, KEYPOINT_SIGMA_PX = 0.5, 0.5
 """Standard deviations of the surface [GSD] and of keypoints of a rendering [px]."""
 MAX_OFF_PX = 1.0
-"""A view is placed whose matches are off by less than this in the median [px]."""
+"""Largest median error of the matches of a view that is placed [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +53,7 @@ class PlacedViews:
     matches: np.ndarray
     """(K,) int."""
     off_px: np.ndarray
-    """(K,) median distance between the matches and where the surface's points project [px]; NaN without matches."""
+    """(K,) median distance of the matches from the projections of the surface's points [px]; NaN without matches."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +99,7 @@ class PlaceLeftOut(Stage[PlacedViews]):
 
 @dataclass(frozen=True)
 class Placement:
-    """Where one image was taken from, by the surface."""
+    """The pose of one image, by the surface."""
 
     pose: Rigid
     """(1,)."""
@@ -155,7 +156,7 @@ def _matches(rendering: np.ndarray, image: Image, gate_px: float) -> tuple[np.nd
 
 
 def _ground(rays: MeshRays, view: Views, pixels: np.ndarray) -> np.ndarray:
-    """(n, 3) what a view (1,) sees of the surface at pixels (n, 2); NaN beside it."""
+    """(n, 3) points of the surface that a view (1,) sees at pixels (n, 2); NaN beside it."""
     pose = view.body_from_cam[0]
     direction = unit(view.cameras[0].ray_in_cam(pixels) @ pose.rotation.T)
     triangle, weight = rays.first_hit(np.broadcast_to(pose.translation, direction.shape), direction)

@@ -1,4 +1,5 @@
-"""The plan of a body's map: overlapping tiles that cover what is seen, each a region of one image, and its views."""
+"""The plan of a body's map: overlapping tiles that cover the visible ground, each a region of one image, and its
+views."""
 
 from __future__ import annotations
 
@@ -21,24 +22,24 @@ from photoclinometry.surface.closed_mesh import area_vectors
 from photoclinometry.surface.mesh_rays import MeshRays, SeenByView, sight_of_views
 
 STEPS = 8
-"""Tiles begin at every so many-th part of a tile's width: finer steps hardly cover more."""
+"""Number of steps per tile's width at which tiles may begin: finer steps hardly cover more."""
 COARSER = 1.5
-"""Ground is mapped at a resolution up to so many times coarser than the one that enough views have."""
+"""Largest ratio of the resolution at which ground is mapped to the one that enough views have."""
 LEAST_COSINE = 0.05
-"""Of emission, for the resolution of what is seen from the side."""
+"""Least cosine of emission in the resolution of ground that is seen obliquely."""
 FINER, COARSEST = 0.4, 2.2
 """Bounds of the resolution of a tile's views over that of its reference: beyond them images show other detail."""
 SEEN_SHARE = 0.35
-"""A view takes part in a tile of which it sees this share."""
+"""Least share of a tile that its views see."""
 TILE_S, OBSERVATION_S = 8.0, 1.5e-4
-"""CPU seconds of a tile, and of each of its observations besides, on a core of 2024."""
+"""CPU seconds of a tile, and in addition of each of its observations, on a core of 2024."""
 PROCESS_GB, OBSERVATION_GB = 0.5, 5e-7
-"""Memory of a process [GB], and of each observation besides."""
+"""Memory of a process [GB], and in addition of each observation."""
 FARTHEST_DEG, FARTHEST_SUN_DEG = 60.0, 75.0
-"""A tile's views look at the body from within this angle of its reference, and under a Sun within this angle of that of
-the reference: what is farther is matched wrongly more often than not, and is taken only where there is nothing else."""
+"""Largest angles of a tile's views from its reference, between lines of sight and between Suns. Views that are farther
+away are matched wrongly more often than not, and are used only where there are no others."""
 LEAST_GAIN = 0.04
-"""No further tile is planned that adds less than this share of its own area."""
+"""Least share of its own area that a further tile must add."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,28 +54,28 @@ class Tile:
     gsd: float
     """Of the reference there [units of B]."""
     area: float
-    """Of the ground that it is to map [square units of B]."""
+    """Area of the ground that it is to map [square units of B]."""
     new_area: float
-    """Of that, ground that no tile before it maps."""
+    """Part of that area that no tile before it maps."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TilePlan:
-    """All tiles, and how much of the body they map."""
+    """All tiles, and the share of the body that they map."""
 
     tiles: tuple[Tile, ...]
     area: dict[str, float]
     """Shares of the body's surface: "seen" by `min_views` lit, of these "planned", "dark" (seen so often, but not lit),
     and "unseen"."""
     views_of_face: np.ndarray
-    """(F,) int: by how many views each face of the coarse shape is well seen and lit."""
+    """(F,) int: number of views in which each face of the coarse shape is well seen and lit."""
     tile_of_face: np.ndarray
     """(F,) int: the first tile that maps it; -1 for none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """What a plan takes, roughly."""
+    """Estimated cost of a plan."""
 
     landmarks: int
     cpu_s: float
@@ -83,9 +84,9 @@ class Cost:
 
 
 def cost_of(plan: TilePlan, stride: int = 1) -> Cost:
-    """What a plan takes, by what maps of 4,000 to 160,000 landmarks in 10 to 29 views took.
+    """Estimated cost of a plan, from that of maps of 4,000 to 160,000 landmarks in 10 to 29 views.
 
-    stride: a landmark at every so many pixels, down and across.
+    stride: spacing of landmarks, down and across [px].
     """
     landmarks = [math.prod(replace(tile.region, stride=stride).grid_shape) for tile in plan.tiles]
     observations = [count * len(tile.views) for count, tile in zip(landmarks, plan.tiles, strict=True)]
@@ -121,7 +122,7 @@ class PlanTiles(Stage[TilePlan]):
 
 @dataclass(frozen=True)
 class _Sights:
-    """What views see of the faces of the coarse shape."""
+    """Visibility of the faces of the coarse shape in the views."""
 
     pixel: np.ndarray
     """(K, F, 2)."""
@@ -130,9 +131,9 @@ class _Sights:
     gsd: np.ndarray
     """(K, F)."""
     resolution: np.ndarray
-    """(K, F) ground sample distance along the line of sight's trace: what is seen obliquely is foreshortened."""
+    """(K, F) ground sample distance along the line of sight's trace: oblique ground is foreshortened."""
     seen: np.ndarray
-    """(F,) int: by how many views, lit or not."""
+    """(F,) int: number of views that see it, lit or not."""
     area: np.ndarray
     """(F,)."""
 
@@ -140,7 +141,7 @@ class _Sights:
 def planned(shape: ClosedMesh, views: Views, number: np.ndarray, options: TilePlanOptions) -> TilePlan:
     """Tiles one after another, each where it covers most of what no other covers yet.
 
-    views: (K,) registered ones; number: (K,) what these are among all.
+    views: (K,) registered ones; number: (K,) their indices among all.
     """
     sights = _sights(shape, views, options)
     often = sights.usable.sum(0)

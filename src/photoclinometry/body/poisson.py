@@ -27,7 +27,7 @@ def closed_surface(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) and faces (F, 3) of one closed surface near points (n, 3) with outward unit normals (n, 3).
 
-    cell: how far apart its vertices are at least; in reality up to half of that, as cells of the octree halve the
+    cell: nominal least distance between vertices; actually down to half of that, as cells of the octree halve the
     extent. work_dir: for files on the way. Raises ReconstructionError where the result is not closed, and OutputError
     where work_dir cannot be written.
     """

@@ -1,4 +1,4 @@
-"""What the map of a body leaves: its surface, the poses, figures and a report."""
+"""The products of a body's map: its surface, the poses, figures and a report."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from photoclinometry.pipeline.response_check import CODE as RESPONSE
 
 @dataclass(frozen=True, kw_only=True)
 class BodyResult(Judged):
-    """What the map of a body leaves."""
+    """The products of a body's map."""
 
     folder: Path
     model: BodyModel
@@ -62,7 +62,7 @@ class BodyResult(Judged):
 
 @dataclass(frozen=True, kw_only=True)
 class BodyParts:
-    """Of what the body's surface is made."""
+    """The parts from which the body's surface is made."""
 
     tiles: tuple[Keyed[TileMap], ...]
     cameras: SharedCameras
@@ -77,7 +77,7 @@ class BodyParts:
 
 
 def shape_model(surface: MergedSurface, unit: str | None) -> ShapeModel:
-    """The merged surface as other programs take it."""
+    """The merged surface in the form for other programs."""
     return ShapeModel(
         vertices=surface.vertices,
         faces=surface.faces,
@@ -166,11 +166,11 @@ def _viewed(model: BodyModel, made: BodyParts, shape: ShapeModel) -> ViewedBody:
 
 
 def _of_the_body(warnings: Sequence[Warned], model: BodyModel, placed: PlacedViews) -> tuple[Warned, ...]:
-    """Without those of views that are left out, where the surface has placed the view, of renderings of tiles, and of
-    images that only some tiles say are not linear.
+    """The warnings that concern the body as a whole. Not among them: warnings of left-out views that the surface has
+    placed, of renderings of tiles, and of images that are not linear by some tiles only.
 
-    Renderings stand in the tiles' own reports: tiles of sound bodies have 25 to 35 dB. Of the body whole disks are
-    compared.
+    Renderings of tiles are in the tiles' own reports: tiles of sound bodies have 25 to 35 dB. For the body whole disks
+    are compared.
     """
     unsaid = {"renderings-differ"}
     if sum(warned.code == RESPONSE for warned in warnings) <= MOST_TILES * len(model.plan.value.tiles):

@@ -1,4 +1,4 @@
-"""How well the finished surface predicts every image, whole disks from their own poses."""
+"""Comparison of the finished surface with every image, as whole disks from their own poses."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RenderingQuality:
     gain: np.ndarray
     """(K,) brightness of an image over that of its rendering: 1 where brightness is absolute; NaN as `psnr_db`."""
     explained: np.ndarray
-    """(K,) share of how brightness changes over the disk that the rendering explains (`disk_explained`); NaN as
+    """(K,) share of the variation of brightness over the disk that the rendering explains (`disk_explained`); NaN as
     `psnr_db`."""
 
 
@@ -73,8 +73,8 @@ def psnr_by_optics(image: Image, rendering: np.ndarray, *, absolute: bool) -> np
 
 
 def best_optics(cameras: Sequence[Camera], quality: np.ndarray) -> np.ndarray:
-    """(K,) index into OPTICS_PX: for all views of one camera, that which adds most to their quality (K, S) [dB] in the
-    median. Views whose poses are wrong like any blur."""
+    """(K,) index into OPTICS_PX: for all views of one camera, the width with the largest median gain of quality (K, S)
+    [dB]. Views with wrong poses prefer any blur."""
     best = np.zeros(len(cameras), int)
     gain, known = quality - quality[:, :1], np.isfinite(quality).all(1)
     for camera in set(cameras):
@@ -94,7 +94,8 @@ def disk_psnr(image: Image, rendering: np.ndarray, *, absolute: bool) -> float:
 
 
 def disk_explained(image: Image, rendering: np.ndarray) -> float:
-    """The share of how brightness changes over the ground that a rendering shows lit which the rendering explains.
+    """The share of the variation of brightness, over the ground that a rendering shows lit, that the rendering
+    explains.
 
     It is 1 - a / b by medians of |image - rendering| (a) and |image - its median| (b). NaN where no ground is lit.
     """

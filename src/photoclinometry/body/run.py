@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 PLANNED = ("body_sparse", "pose_covariances", "coarse_shape", "plan")
-"""Stages that the coordinating process makes, and tasks read back."""
+"""Stages that the coordinating process makes and tasks read back."""
 BEFORE_TILES = (*PLANNED, "reflectance")
 """Stages that tasks of single tiles read back."""
 
@@ -54,7 +54,7 @@ def owner_of_body(site: Site) -> Owner:
 def plan_body(
     site_file: Path, out: Path, options: BodyOptions, progress: Progress = no_progress, *, overwrite: bool = False
 ) -> BodyModel:
-    """Sparse model, coarse shape and plan: all that comes before the tiles.
+    """Sparse model, coarse shape and plan: all stages before the tiles.
 
     Raises InputError (what was given is wrong, or the folder belongs to another site or is in use) and
     ReconstructionError (the images do not determine a shape).
@@ -90,10 +90,10 @@ def map_body(
 ) -> BodyResult:
     """Maps a body: from `site.toml` and images to one closed surface in the folder `out`.
 
-    A folder that holds part of the same map is gone on with. workers: processes of this machine that map tiles, unless
-    a Dask scheduler is given, by its address or by a client: its workers then map them. overwrite: what the folder
-    holds of another site is removed first. Raises as `plan_body` and `on_cluster`, and ReconstructionError where no
-    tile is mapped.
+    A folder that holds part of the same map is continued. workers: processes of this machine that map tiles, unless a
+    Dask scheduler is given, by its address or by a client: its workers then map them. overwrite: results of another
+    site in the folder are removed first. Raises as `plan_body` and `on_cluster`, and ReconstructionError where no tile
+    is mapped.
     """
     site, out = read_site(site_file), out.resolve()
     run_tasks = partial(in_processes, workers) if scheduler is None else partial(on_cluster, scheduler)
@@ -153,7 +153,7 @@ def _joined(
 
 
 def _have_model_chosen(folder: RunFolder, model: BodyModel, run_tasks: Callable[..., None], site_file: Path) -> None:
-    """Has the reflectance model chosen by a task, if the images are to decide and have not yet."""
+    """Lets a task choose the reflectance model, if the images are to decide and have not yet."""
     if chooses_reflectance(model) and not folder.holds(_model_choice(folder, model)):
         run_tasks(choose_model, [(site_file.resolve(), folder.path, model.options)], folder.progress)
 
@@ -203,8 +203,8 @@ def _model(folder: RunFolder, site: Site, inputs: Keyed[Inputs], options: BodyOp
 
 
 def _priors(site: Site, options: BodyOptions) -> dict[str, PosePrior]:
-    """By name of view, without what their errors have in common: that moves a body as a whole, which tiles do not
-    tell. To them it would be errors of each view by itself."""
+    """By name of view, without their common errors. These move a body as a whole, which tiles do not detect; a tile
+    would treat them as independent errors of each view."""
     if not options.run.pose_priors:
         return {}
     alone = {"common_rotation_sigma_rad": 0.0, "common_translation_sigma": 0.0}

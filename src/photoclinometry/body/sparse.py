@@ -33,16 +33,16 @@ from photoclinometry.sfm.reconstruct import warn_if_inside_out
 log = logging.getLogger(__name__)
 
 FIRST_GATE = 3.0
-"""Observations count in the first bundle adjustment if they agree with the priors within so many of the pixels that
-these are known to."""
+"""Observations count in the first bundle adjustment if they agree with the priors within this multiple of the priors'
+sigma in pixels."""
 GATE_SHRINKS = 3.0
-"""From one bundle adjustment to the next the limit becomes so many times smaller, down to that of the options."""
+"""Factor by which the limit decreases from one bundle adjustment to the next, down to that of the options."""
 KEYPOINT_SIGMA_PX = 0.3
 """Standard deviation of SIFT keypoints [px]."""
 LOOSE_PX = 10.0
-"""How far sparse poses may move where there are no priors [px]: they hold the frame, and nothing else."""
+"""Standard deviation of sparse poses where there are no priors [px]: they hold the frame, and nothing else."""
 FEWEST_POINTS = 15
-"""A view that sees fewer points of the model counts as not registered: its pose is hardly better than its prior."""
+"""Fewest points of the model in a registered view: with fewer its pose is hardly better than its prior."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +103,8 @@ class BodySparse(Stage[SparseModel]):
         ]
         for view in np.flatnonzero(~registered):
             warn(log, "view-unregistered", "%s is left out: %s", names[view], reason[view], view=names[view])
-        # What the others observe stays: adjusted with their priors they are good enough for the coarse shape, which
-        # is 2.2 instead of 2.1 GSD off without (`topshape`, 80 images of 192 px), and 1.6 instead of 1.4.
+        # Observations of the others stay: adjusted with their priors they are good enough for the coarse shape, which #
+        # is 2.2 instead of 2.1 GSD off without them (`topshape`, 80 images of 192 px), and 1.6 instead of 1.4.
         found = replace(found, registered=registered, reason=np.array(reason))
         warn_if_inside_out(relief_shading(found, inputs.images, inputs.cameras, inputs.site.sun_in_cam))
         return found
@@ -140,7 +140,7 @@ class BodySparse(Stage[SparseModel]):
 
 
 def first_gate(cameras: Sequence[Camera], priors: PosePriors) -> float:
-    """How near observations are to projections by the priors [px]."""
+    """Distance of observations from projections by the priors [px]."""
     focal = np.array([np.mean(camera.focal_px) for camera in cameras])
     distance = np.linalg.norm(priors.body_from_cam.translation, axis=-1)
     return FIRST_GATE * float(np.max(focal * np.hypot(priors.rotation_sigma, priors.center_sigma / distance)))
@@ -148,7 +148,7 @@ def first_gate(cameras: Sequence[Camera], priors: PosePriors) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class PoseCovariances:
-    """How well the sparse model knows its poses."""
+    """Covariances of the sparse model's poses."""
 
     covariance: np.ndarray
     """(K, 6, 6) as of `KnownPoses`, in units of B."""

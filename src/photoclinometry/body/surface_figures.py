@@ -1,4 +1,4 @@
-"""Figures of the merged surface: its size, how much of it is mapped, and how well it is known."""
+"""Figures of the merged surface: its size, its mapped share, and its uncertainties."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ EXTENTS = ("longest", "middle", "shortest")
 def surface_figures(surface: MergedSurface) -> dict[str, float]:
     """For metrics.json; docs/reference/metrics.md says what each means. Lengths are in the unit of B.
 
-    Extents are along the principal axes of inertia. The standard deviation of the volume takes errors of heights to be
-    correlated over DEFAULT_CORRELATION of the mean radius; NaN where no heights have one.
+    Extents are along the principal axes of inertia. The standard deviation of the volume assumes that errors of heights
+    are correlated over DEFAULT_CORRELATION of the mean radius; NaN where no heights have one.
     """
     area = np.linalg.norm(area_vectors(surface.vertices, surface.faces), axis=-1)
     mapped = (surface.views[surface.faces] > 0).all(1)

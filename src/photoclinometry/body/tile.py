@@ -40,15 +40,15 @@ from photoclinometry.surface.mesh_rays import MeshRays, depth_image, emission_im
 log = logging.getLogger(__name__)
 
 KNOWN_PX = 6.0
-"""How far the body's sparse model may be wrong where a view shows what [px]: first matches may be that far from
-epipolar lines. Rows of images that few points join are off by 2 to 6; with 12 the maps are the same."""
+"""Largest error of projections by the body's sparse model [px]: first matches may be that far from epipolar lines. Rows
+of images that few points join are off by 2 to 6; with 12 the maps are the same."""
 MARGIN_DEG = 8.0
-"""The coarse shape's slopes are wrong by so much [degrees]: ground is masked only beyond the plan's limit and this."""
+"""Error of the coarse shape's slopes [degrees]: ground is masked only beyond the plan's limit plus this."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BodyModel:
-    """What all tiles of a body share."""
+    """The inputs that all tiles of a body share."""
 
     site: Site
     posed: PosedImages
@@ -57,11 +57,11 @@ class BodyModel:
     plan: Keyed[TilePlan]
     options: BodyOptions
     reflectance: Keyed[ChosenModel] | None = None
-    """What all tiles finish with; None where that is given, or each tile is to choose."""
+    """The reflectance model with which all tiles finish; None where it is given, or each tile is to choose."""
 
     @property
     def of_tiles(self) -> tuple[Any, ...]:
-        """What the map of a tile depends on besides the tile; parts of `digest`."""
+        """Inputs of a tile's map besides the tile; parts of `digest`."""
         return self.posed, self.known, self.shape, self.options.run, self.options.plan, self.reflectance
 
     @property
@@ -89,7 +89,7 @@ def tile_site(model: BodyModel, tile: Tile) -> Site:
 
 @dataclass(frozen=True, kw_only=True)
 class MapTile(Stage[TileMap]):
-    """One tile, mapped in a run folder of its own; what a stopped call has finished there is used again."""
+    """One tile, mapped in a run folder of its own; finished stages of a stopped call are used again."""
 
     name = "tile"
     result = TileMap
@@ -150,7 +150,7 @@ def remove_tiles_from(body: Path, first: int) -> None:
 
 
 def _posed_site(folder: RunFolder, site: Site, model: BodyModel, tile: Tile, options: RunOptions) -> PosedSite:
-    """The tile's views at the body's poses, in a frame of their own, with what is known of poses and shape."""
+    """The tile's views at the body's poses, in a frame of their own, with the known poses and shape."""
     inputs, sparse, rays = read_inputs(folder, site), _sparse(model, tile), _rays(model)
     return PosedSite(
         site=site,
@@ -163,7 +163,7 @@ def _posed_site(folder: RunFolder, site: Site, model: BodyModel, tile: Tile, opt
 
 
 def _choices(model: BodyModel, site: Site, options: RunOptions) -> Choices:
-    """What the options mean for a tile, which finishes with the body's reflectance model where that is chosen."""
+    """The choices for a tile, which finishes with the body's reflectance model where that is chosen."""
     found = choose(site, options)
     if model.reflectance is None:
         return found
@@ -171,7 +171,7 @@ def _choices(model: BodyModel, site: Site, options: RunOptions) -> Choices:
 
 
 def tile_options(options: BodyOptions) -> RunOptions:
-    """How a tile is mapped: matches may be as far from epipolar lines as poses are uncertain."""
+    """Options of a tile: matches may be as far from epipolar lines as the uncertainty of the poses."""
     run, densify = options.run, options.run.densify
     return replace(
         run,
@@ -231,5 +231,5 @@ def _scale(model: BodyModel, tile: Tile, sparse: Keyed[SparseModel]) -> float:
 
 
 def _spread(poses: Rigid) -> float:
-    """How far apart camera centres are, RMS: a length that no frame's axes change."""
+    """RMS distance between camera centres: a length that does not depend on the frame's axes."""
     return float(np.linalg.norm(poses.translation - poses.translation.mean(0)))

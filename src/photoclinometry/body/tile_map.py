@@ -13,7 +13,7 @@ from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
 
 TIE_STEP_PX = 8
-"""Every so many pixels, down and across, a tile gives a tie point for the cameras that tiles share."""
+"""Spacing of a tile's tie points for the cameras that tiles share, down and across [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,7 @@ class TileTiePoints:
     view: np.ndarray
     """(N,) int32, of all views of the body."""
     keypoint: np.ndarray
-    """(N, 2) [px] where the tile's own poses see the landmarks."""
+    """(N, 2) projections of the landmarks by the tile's own poses [px]."""
 
     @classmethod
     def none(cls) -> TileTiePoints:
@@ -58,10 +58,10 @@ class TileLandmarks:
     albedo_sigma: np.ndarray
     """(n,) as a share of the albedo."""
     views: np.ndarray
-    """(n,) int: in how many images."""
+    """(n,) int: number of images."""
     weight: np.ndarray
-    """(n,) how much a landmark counts beside those of other tiles, but for its sigma: from 0 at the tile's edge to 1 in
-    its middle, times the squared cosine of emission. Maps are worse at their edges, and where the reference sees the
+    """(n,) weight of a landmark relative to those of other tiles, apart from its sigma: from 0 at the tile's edge to 1
+    in its middle, times the squared cosine of emission. Maps are worse at their edges, and where the reference sees the
     ground obliquely: errors of slopes grow from 5 degrees at 40 degrees of emission to 15 at 75, twice as fast as
     stated."""
     pixel: np.ndarray
@@ -100,11 +100,11 @@ class TileMap:
     gsd: float
     """[units of B]."""
     reflectance: Reflectance | None = None
-    """As the tile's images have it."""
+    """As determined from the tile's images."""
     distrust: tuple[str, ...] = ()
-    """Why the tile is not to be trusted; empty where it is."""
+    """Reason why the tile is not to be trusted; empty where it is."""
     failure: str = ""
-    """Why there is no map; there are no landmarks then."""
+    """Reason why there is no map; there are no landmarks then."""
 
     def left_out(self, why: str) -> TileMap:
         """Without its landmarks."""

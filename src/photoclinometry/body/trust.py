@@ -14,7 +14,7 @@ MOST_TILES = 0.5
 """If more than this share of the tiles has no map to be trusted, sound tiles are the exception."""
 
 LEAST_EXPLAINED = 0.0
-"""Renderings of the typical image must explain more than this share of how brightness changes over the disk
+"""Renderings of the typical image must explain more than this share of the variation of brightness over the disk
 (`disk_explained`): a disk of one brightness explains 0."""
 
 
@@ -22,8 +22,8 @@ def why_untrusted(tiles: Sequence[TileMap], explained: np.ndarray, warnings: Seq
     """The reasons why the map of a body is not to be trusted; none of a sound one.
 
     explained: (K,) of each image by the finished surface (`disk_explained`), NaN of those without a pose. warnings: all
-    of the body, those of single tiles among them: only what is warned of the sparse model, or by most tiles of all
-    images, is of the whole.
+    of the body, those of single tiles among them. Only warnings about the sparse model, or about all images from most
+    tiles, concern the whole.
     """
     reasons = [*encoded_images(warnings), *inverted_relief(warnings)]
     failed = [(n, tile.failure) for n, tile in enumerate(tiles) if tile.failure]

@@ -19,17 +19,19 @@ from photoclinometry.model.progress import Progress
 log = logging.getLogger(__name__)
 
 ONE_THREAD = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that say how many threads a process uses: one, where there are as many processes as cores."""
+"""Variables that set the number of threads of a process: one, where there are as many processes as cores."""
 WATCH_S = 2.0
-"""How often a process looks whether its parent still lives [s]: one whose parent was killed would work on unseen."""
+"""Interval at which a process checks whether its parent still runs [s]: without it, a process whose parent was killed
+would go on unseen."""
 TRIES = 2
-"""Times a task may take its process with it before it is given up: once, another may be to blame."""
+"""Number of times that a task's process may die before the task is given up: the first time, another may be the
+cause."""
 
 
 def in_processes(workers: int, task: Callable[..., None], calls: Sequence[tuple[Any, ...]], progress: Progress) -> None:
     """task(*call) of every call, `workers` at a time, in fresh processes of one thread each.
 
-    What the task raises is raised here, after those that had begun have ended; the others are given up. Raises
+    Exceptions of the task are raised here, after those that had begun have ended; the others are given up. Raises
     ReconstructionError where a process dies again and again, as for lack of memory.
     """
     left, died, done = list(range(len(calls))), dict.fromkeys(range(len(calls)), 0), 0
@@ -62,7 +64,7 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 
 
 def _begin() -> None:
-    """Nothing is printed, since what a task warns of is kept with its result; and the process ends with its parent."""
+    """Nothing is printed, since a task's warnings are kept with its result; and the process ends with its parent."""
     logging.getLogger().addHandler(logging.NullHandler())
     parent = os.getppid()
 

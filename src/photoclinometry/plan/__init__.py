@@ -1,1 +1,2 @@
-"""What a map would have before its images are taken: a representative map of a place, and what one more image adds."""
+"""Uncertainties of a map before its images are taken: a representative map of a place, and the gain by one more
+image."""

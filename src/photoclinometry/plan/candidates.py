@@ -1,4 +1,4 @@
-"""What one more image would bring: the drop of the mean sigmas, by the information of its brightness and its rays."""
+"""The gain by one more image: the drop of the mean sigmas, by the information of its brightness and its rays."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from photoclinometry.plan.table import read_table
 from photoclinometry.simulate.trajectory import looking_at
 
 MAP_PX, TIE_POINTS = 32, 300
-"""Candidates are compared on the middle of the map, a square of so many pixels, with so many of the tie points at most:
-ratios of sigmas change little with the size of a map, and there are many candidates."""
+"""Candidates are compared on a square in the middle of the map, whose side [px] is the first number, with no more tie
+points than the second: ratios of sigmas change little with the size of a map, and there are many candidates."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """One more view, whole, and where it and its Sun are as seen from the place."""
+    """One more view, with its whole image, and the directions of it and of its Sun from the place."""
 
     name: str
     view: Views
     """(1,) in the local frame."""
     tries: str
-    """"Sun", "camera" or "table": what is varied."""
+    """"Sun", "camera" or "table": the varied quantity."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What a candidate brings."""
+    """The gain by a candidate."""
 
     candidate: Candidate
     drop_percent: dict[str, float]
@@ -72,8 +72,8 @@ def _azimuth(direction: np.ndarray) -> float:
 
 
 def candidates(planned: PlannedViews, options: CandidateOptions) -> tuple[list[Candidate], dict[str, str]]:
-    """Those of the table that see the place by day, and by name why the others do not; or directions of Suns, then of
-    cameras. Raises InputError for a table that is wrong."""
+    """Candidates of the table that see the place by day, and by name the reasons why others do not; or directions of
+    Suns, then of cameras. Raises InputError for a table that is wrong."""
     if options.table is not None:
         return _of_table(planned, read_table(options.table))
     return _varied(planned.views[[planned.reference]], options), {}
@@ -131,7 +131,8 @@ def _from(like: Views, direction: np.ndarray) -> Views:
 
 
 def gains(found: Forecast, tried: Sequence[Candidate], progress: Progress = no_progress) -> list[Gain]:
-    """What each candidate brings, in the given order. Both sigmas, without it and with it, are of one information."""
+    """The gain by each candidate, in the given order. The sigmas without and with it are computed from the same
+    information."""
     _, noise = stated_at(found, found.scene, found.images, found.tie_points)
     found = _middle(found)
     base, _ = stated_at(found, found.scene, found.images, found.tie_points, noise=noise)
@@ -152,9 +153,9 @@ def gains(found: Forecast, tried: Sequence[Candidate], progress: Progress = no_p
 
 
 def drop_percent(before: np.ndarray, after: np.ndarray) -> float:
-    """By how much the mean of sigmas (J,) falls [%], over the landmarks that are measured before and after.
+    """Drop of the mean of sigmas (J,) [%], over the landmarks that are measured before and after.
 
-    Those that are not have infinite sigmas. One that only the new image measures is no change of a sigma.
+    Others have infinite sigmas. A landmark that only the new image measures is no change of a sigma.
     """
     both = np.isfinite(before) & np.isfinite(after)
     return float(100.0 * (1.0 - np.mean(after[both]) / np.mean(before[both])))
@@ -208,7 +209,7 @@ def _exposed_like(scene: Scene, view: Views) -> Views:
 def _with_view(tracks: Tracks, seeing: Views, position: np.ndarray, views: Views, sigma: float) -> Tracks:
     """The tracks of points (J, 3) with those observations of the last view that `seeing` has within its image.
 
-    views: in whose pixels keypoints are.
+    views: those in whose pixels the keypoints are given.
     """
     last = len(views) - 1
     camera, pixel = seeing.cameras[last], seeing.project(last, position)

@@ -16,16 +16,17 @@ MARGIN_PX = 24
 """Pixels around the map that matching and shadows need: as wide as its windows on the coarsest level of flow."""
 
 RELIEF_SHARE = 0.15
-"""Half the map's side times this is how far relief may move a point along the line of sight, at the edge of images."""
+"""Largest move of a point by relief along the line of sight at the edge of images, as a share of half the map's
+side."""
 
 EXTENT = 1.2
-"""The ground reaches so many times farther than images show, so that what casts shadows into them is there."""
+"""Extent of the ground relative to that shown in the images, so that ground that casts shadows into them exists."""
 
 _SUPERSAMPLING = 2
 """Rays per pixel, along each side, as of simulated sites."""
 
 _SMALLEST_PX = 16
-"""A view that shows less of the map than a square of so many pixels shows nothing of it."""
+"""Side of the smallest square of the map that a view must show [px]; with less it counts as showing nothing of it."""
 
 
 def cropped_views(views: Views, half_side: float) -> tuple[Views, np.ndarray]:
@@ -52,7 +53,7 @@ def _cut(camera: Camera, first: np.ndarray, last: np.ndarray) -> Camera:
 
 
 def ground_half_extent(views: Views, half_side: float) -> float:
-    """Half the side of the square of ground [m] that images of `cropped_views` show, with their relief."""
+    """Half the side of the square of ground [m] in the images of `cropped_views`, with their relief."""
     reach = half_side
     for k, camera in enumerate(views.cameras):
         corners = np.array([(x, y) for x in (0.0, camera.width) for y in (0.0, camera.height)])

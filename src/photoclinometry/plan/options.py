@@ -1,4 +1,4 @@
-"""What a plan assumes of the ground, of the camera and of the run, and which candidates it compares."""
+"""The assumptions of a plan about the ground, the camera and the run, and the candidates that it compares."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Emission = Annotated[float, Range(least=0, below=90)]
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateOptions(Ranged):
-    """The images of which one more is tried. Azimuths count clockwise from north."""
+    """The candidates for one more image. Azimuths count clockwise from north."""
 
     table: Path | None = None
     """A table of poses and Suns (CSV) whose lines are the candidates, in place of directions."""
     sun_azimuths: Annotated[int, Range(least=0, most=72)] = 8
-    """Suns tried around the horizon, all seen from where the reference view is. 0: none."""
+    """Suns tried around the horizon, all with the camera of the reference view. 0: none."""
     sun_elevations_deg: tuple[Elevation, ...] = (20.0, 45.0)
     """Elevations of these Suns [degrees]."""
     view_azimuths: Annotated[int, Range(least=0, most=72)] = 6
@@ -49,7 +49,7 @@ class PlanOptions(Ranged):
     """Assumed mean normal albedo. Exposures follow it, so that it hardly matters."""
     ground: str = "auto"
     """Reflectance of the ground. auto: hapke where it is published for the body, so that the sigmas contain what the
-    run's model misses; else the run's own model. Or a model's name."""
+    errors of the run's model; else the run's own model. Or a model's name."""
     reflectance: ModelChoice = "auto"
     """Reflectance model of the run, as of `phomo run`."""
     patch_px: Annotated[int, Range(least=24, most=128)] = 48
@@ -69,6 +69,6 @@ class PlanOptions(Ranged):
     seed: Annotated[int, Range(least=0, most=2**31 - 1)] = 0
     """Seed of the assumed ground and of the noise."""
     kind: Literal["normal", "albedo", "height"] = "normal"
-    """What the candidates are ranked by: the mean sigma of normals, of albedos or of heights."""
+    """The quantity by which candidates are ranked: the mean sigma of normals, of albedos or of heights."""
     candidates: CandidateOptions = field(default_factory=CandidateOptions)
     detector: Detector = field(default_factory=Detector)

@@ -1,4 +1,4 @@
-"""Pictures of a plan: maps of the sigmas, the sky of Suns and cameras, and what candidates bring."""
+"""Pictures of a plan: maps of the sigmas, the sky of Suns and cameras, and the gain by candidates."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TITLES = {
 DROPS = {"height": "heights", "normal": "normals", "albedo": "albedos"}
 
 _BARS = 20
-"""Candidates in the chart of bars: more are not told apart."""
+"""Candidates in the chart of bars: more could not be distinguished."""
 _SKY_IN = 3.4
 """Diameter of a sky [inch]."""
 _WIDE_DEG = 75.0
@@ -68,7 +68,7 @@ def draw_sigmas(path: Path, plan: Plan) -> Path:
 
 
 def draw_light(path: Path, plan: Plan) -> Path:
-    """Where the Suns and the cameras of the views are as seen from the place, and which belong together."""
+    """Directions of the Suns and the cameras of the views from the place, with lines between those of one view."""
     views = plan.forecast.scene.views
     angles = [view_angles(views, k) for k in range(len(views))]
     with style():
@@ -88,7 +88,7 @@ def draw_light(path: Path, plan: Plan) -> Path:
 
 
 def draw_candidates(path: Path, gains: Sequence[Gain], kind: str) -> Path:
-    """What the best candidates bring, a group of bars each."""
+    """The gain by the best candidates, a group of bars each."""
     shown = list(gains[:_BARS])
     with style():
         figure = Figure(figsize=(6.6, 1.1 + 0.3 * len(shown)))
@@ -107,7 +107,7 @@ def draw_candidates(path: Path, gains: Sequence[Gain], kind: str) -> Path:
 
 
 def draw_sky(path: Path, gains: Sequence[Gain], tries: str) -> Path:
-    """What candidates bring by where their Sun, or their camera, is over the place: a sky for each kind of sigma."""
+    """The gain by candidates over the direction of their Sun, or their camera: a sky for each kind of sigma."""
     azimuth, zenith = ("sun_azimuth_deg", "incidence_deg") if tries == "Sun" else ("camera_azimuth_deg", "emission_deg")
     at = np.radians([gain.angles[azimuth] for gain in gains]), [gain.angles[zenith] for gain in gains]
     with style():

@@ -1,4 +1,4 @@
-"""The place that is planned for, and the views as seen from there, in its local frame.
+"""The place of a plan, and the views as seen from there, in its local frame.
 
 The local frame has its origin at the place: x east, y north, z along the surface's normal.
 """
@@ -44,7 +44,7 @@ class PlannedViews:
     region_px: int
     """Side of the region [reference px]."""
     not_seen: dict[str, str]
-    """By name of view, why it does not count."""
+    """Reasons why views do not count, by name."""
     body_from_local: Rigid
 
     @property

@@ -1,4 +1,4 @@
-"""A plan: which views see the place, the map that they would make, and what one more image would add."""
+"""A plan: the views that see the place, the map that they would make, and the gain by one more image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from photoclinometry.plan.table import read_table
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is known of a map before its images are taken."""
+    """The expected properties of a map before its images are taken."""
 
     name: str
     options: PlanOptions
@@ -30,7 +30,7 @@ class Plan:
     gains: tuple[Gain, ...]
     """Of all candidates, best first; those that do not show the map are left out."""
     candidates_not_seen: dict[str, str]
-    """By name of a table's candidate, why it does not see the place."""
+    """Reasons why candidates of a table do not see the place, by name."""
 
     @cached_property
     def sigmas(self) -> dict[str, float]:
@@ -44,7 +44,7 @@ class Plan:
 
     @property
     def light(self) -> dict[str, float]:
-        """Views, resolution, and how the directions of Suns and cameras spread."""
+        """Views, resolution, and the spread of the directions of Suns and cameras."""
         views = self.forecast.scene.views
         angles = [view_angles(views, k) for k in range(len(views))]
         count = np.diff(self.forecast.scene.tracks.start)

@@ -5,7 +5,7 @@
 in the frame of the poses, such as the body-fixed one: the camera's centre, the direction towards the Sun, and the
 camera, a pinhole whose principal point is in the middle. Optional columns: `qw,qx,qy,qz` (attitude, x_C = R x_B + t, as
 in site.toml), or else `target_x_m,target_y_m,target_z_m` (a point at which it looks; by default the origin);
-`center_sigma_m,rotation_sigma_deg` (how well the pose will be known), `sun_sigma_deg`.
+`center_sigma_m,rotation_sigma_deg` (the expected uncertainty of the pose), `sun_sigma_deg`.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def _view(row: CsvRow, path: Path) -> SiteView:
 
 
 def _pose(row: CsvRow, center: np.ndarray) -> Rigid:
-    """body_from_cam by the attitude, or by what the camera looks at."""
+    """body_from_cam by the attitude, or by the target of the camera."""
     from scipy.spatial.transform import Rotation
 
     if row.has(ATTITUDE[0]):

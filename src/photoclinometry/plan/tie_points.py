@@ -9,7 +9,7 @@ from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.scene import Tracks, Views
 
 LEAST_VIEWS = 3
-"""Views of a tie point at least: of two, a wrong match cannot be told from a right one."""
+"""Fewest views of a tie point: with two, a wrong match cannot be distinguished from a right one."""
 
 _FARTHEST = 0.5
 """Distance of tie points from the place at most, in distances of the camera: beyond, the ground is no plane."""
@@ -18,10 +18,11 @@ _FARTHEST = 0.5
 def expected_tie_points(
     whole: Views, cut: Views, reference: int, count: int, sigma_px: float, relief: float, seed: int
 ) -> TiePoints | None:
-    """Points at even random over the reference image, seen by all views whose whole images have them; None of none.
+    """Points evenly distributed at random over the reference image, seen by all views whose whole images contain them;
+    None if there are none.
 
-    whole, cut: the same views with whole images, and with the ones whose pixels count; relief: standard deviation of
-    their heights [m]. Keypoints have errors of sigma_px.
+    whole, cut: the same views with whole images, and with the cut ones, in whose pixels keypoints are given; relief:
+    standard deviation of the points' heights [m]. Keypoints have errors of sigma_px.
     """
     rng = np.random.default_rng([seed, 3])
     camera, pose = whole.cameras[reference], whole.body_from_cam[reference]

@@ -20,8 +20,8 @@ Closest = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """Points (n, 3) -> their nearest points on a surface (n, 3), and (n,) bool: not on the surface's rim."""
 
 MINIMUM_SENSITIVITY = 0.01
-"""A direction of the similarity is refined by the surface only if it moves points along their normals by this
-share of how far it moves them [-]: a plane does not determine the shift along itself (Zhang et al. 2016, ICRA,
+"""A direction of the similarity is refined by the surface only if the part of its moves along the normals is at least
+this share of the moves [-]: a plane does not determine the shift along itself (Zhang et al. 2016, ICRA,
 doi:10.1109/ICRA.2016.7487211, remap such directions in the same way)."""
 
 ONE_SIGMA_SHARE = 0.6827
@@ -31,7 +31,7 @@ OUTLIER_SIGMAS = 3.0
 """Points whose distance differs from the median by more than this many robust standard deviations are dropped."""
 
 ICP_POINTS = 20_000
-"""At most so many points determine the similarity: seven numbers need no more."""
+"""Most points that are used to determine the similarity: seven numbers need no more."""
 
 SETTLED = 1e-8
 """A step of the similarity shorter than this ends the iterations [rad, and shares of the map's extent]."""
@@ -89,9 +89,9 @@ def _transform_uncertainty(similarity: Similarity, scene: Scene, moved: Scene) -
 def _turn_covariance(stated: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """The stated uncertainty of n vectors after they are multiplied by turn (d, d) or (n, d, d).
 
-    stated: sigmas (n,) alike in all directions, sigmas (n, d) per axis, or covariances (n, d, d). turn: a rotation
-    times a scale. Sigmas (n,) stay (n,); others become covariances (n, d, d). What is not finite, of a vector that
-    nothing determines, stays as it is. Raises InputError for other shapes.
+    stated: sigmas (n,) equal in all directions, sigmas (n, d) per axis, or covariances (n, d, d). turn: a rotation
+    times a scale. Sigmas (n,) stay (n,); others become covariances (n, d, d). Infinite values of undetermined vectors
+    stay as they are. Raises InputError for other shapes.
     """
     stated, size = np.asarray(stated, float), turn.shape[-1]
     if stated.shape[1:] not in ((), (size,), (size, size)):
@@ -108,9 +108,9 @@ def align_poses(source: Rigid, target: Rigid, distance: float) -> Similarity:
     """target_from_source between paired camera poses (K,), K >= 2, with different centres.
 
     The rotation is that of least squares over the cameras' axes and over their centres together, centres in
-    units of `distance` (from a camera to the surface, in the source's unit): a camera turned by an angle and
-    one moved sideways by angle x distance see the same. It is therefore determined also where all centres lie on a
-    line or a plane, where Umeyama's method leaves an axis open or yields a mirror image. Scale and
+    units of `distance` (from a camera to the surface, in the source's unit): a turn of a camera by an angle and a shift
+    sideways by angle x distance have the same effect on the image. It is therefore determined also where all centres
+    lie on a line or a plane, where Umeyama's method leaves an axis open or yields a mirror image. Scale and
     translation then follow from the centres. Raises InputError where all centres coincide, and where no positive scale
     fits centres and axes together.
     """
@@ -154,7 +154,7 @@ class IcpResult:
     distance: np.ndarray
     """(n,) signed distances along the normals, in the target's unit; NaN for points beside the surface."""
     determined: int
-    """How many of the 7 directions the surface determines; the others keep the initial alignment."""
+    """Number of the 7 directions that the surface determines; the others keep the initial alignment."""
 
 
 def refine_on_surface(
@@ -211,7 +211,8 @@ def _signed_distance(points: np.ndarray, foot: np.ndarray, normals: np.ndarray) 
 
 
 def _icp_step(points: np.ndarray, normals: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, int]:
-    """One Gauss-Newton step (7,): rotation, translation, log scale; and how many directions the surface determines.
+    """One Gauss-Newton step (7,): rotation, translation, log scale; and the number of directions that the surface
+    determines.
 
     points: (n, 3) feet, centred and of unit extent; normals: (n, 3); distance: (n,), NaN where not used.
     """

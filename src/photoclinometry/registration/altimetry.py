@@ -1,7 +1,7 @@
-"""The shift that brings a map onto a laser altimeter's shots, where it is off by more than these are.
+"""The shift that brings a map onto a laser altimeter's shots, where its error is larger than theirs.
 
 Pose priors may put a map ten ground samples beside its place. The joint estimate compares each shot with the landmark
-nearest to it, and finds its way from a part of the length of the hills, not from further.
+nearest to it, and converges from a fraction of the length of the hills, not from farther away.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ MOST_SCATTER = 3.0
 """Shots lie on the map if their heights scatter about it by no more than this many of their standard deviations."""
 
 MOST_REMAINING = 0.5
-"""Another place is taken only if the shots scatter there by less than this share: places that are wrong alike differ by
-little."""
+"""Another place is accepted only if the scatter of the shots there is less than this share: equally wrong places differ
+by little."""
 
 REACH = 0.75
 """Shifts are sought up to this share of the map's width to either side: beyond, few shots of a track are left on it."""
@@ -32,23 +32,24 @@ STEPS = 24
 """Steps of the search to either side: of a 32nd of the map's width, a part of the length of its hills."""
 
 FEWEST_SHOTS, LEAST_SHARE = 20, 0.3
-"""Fewest shots on the map, and least share of the most that lie on it at any of the places that are tried: of few
-shots, one of so many places fits by chance."""
+"""Fewest shots on the map, and least share of the largest number at any of the places that are tried: with few shots,
+one of the many places fits by chance."""
 
 MOST_SHOTS = 2000
 """Shots that are used at most, for speed: three numbers are sought."""
 
 FLAT = 0.01
-"""A direction is not shifted along if the ground's normals have so little of it, as a share of what they have of the
-one that they have most of: level ground does not tell where along itself a shot fell."""
+"""The map is not shifted along a direction if the ground's normals have less than this share of their largest component
+in it: level ground does not determine where along itself a shot fell."""
 
 
 def shift_to_altimetry(scene: Scene, tracks: AltimeterTracks) -> np.ndarray:
-    """(3,) by which the scene has to be shifted, in its frame, to lie under the shots; zeros where that is less than a
-    landmark's distance from the next, or where too few shots tell.
+    """(3,) shift of the scene, in its frame, that brings it under the shots; zeros where that is less than the distance
+    between landmarks, or where too few shots lie on the map.
 
-    Iterative closest points along the map's normals, from where the scene is, and where that does not end on the shots,
-    from the places around at which the heights of most of them fit best (MOST_SHOTS of them, evenly chosen).
+    Iterative closest points along the map's normals, starting from the scene's place. Where that does not end on the
+    shots, it starts from the place around at which the heights of most of them fit best (MOST_SHOTS of them, evenly
+    chosen).
     """
     ground = _Ground(scene)
     every = max(1, -(-len(tracks) // MOST_SHOTS))
@@ -113,7 +114,7 @@ def _best_place(ground: _Ground, shots: np.ndarray) -> np.ndarray:
 
 
 def _settled(ground: _Ground, shots: np.ndarray, sigma: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, float]:
-    """A shift (3,) of the map made better by closest points, and how far shots then scatter, in their sigmas (n,).
+    """A shift (3,) of the map improved by closest points, and the scatter of the shots then, in their sigmas (n,).
 
     Zeros, and infinitely far, where fewer than FEWEST_SHOTS lie on the map.
     """

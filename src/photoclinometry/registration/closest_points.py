@@ -8,11 +8,11 @@ from numba import njit, prange
 from photoclinometry.model.tiny import TINY
 
 NEIGHBOURS = 6
-"""Faces around this many nearest vertices are searched for the nearest point. A vertex of an even mesh has so many
+"""Faces around this many nearest vertices are searched for the nearest point. A vertex of an even mesh has six
 neighbours."""
 
 PLANE_POINTS = 12
-"""Points of a cloud that a normal's plane is fitted through, where the cloud has no normals."""
+"""Points of a cloud to which the plane of a normal is fitted, where the cloud has no normals."""
 
 RIM_SPACINGS = 3.0
 """A foot farther from the cloud's nearest point than this many of its median spacings lies beside the surface."""
@@ -26,7 +26,7 @@ class MeshSurface:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, closed: bool = False):
-        """vertices: (V, 3); faces: (F, 3) int; closed: there is no rim, which then need not be looked for."""
+        """vertices: (V, 3); faces: (F, 3) int; closed: whether there is no rim, so that none is searched for."""
         from scipy.spatial import KDTree
 
         self.vertices, self.faces = np.asarray(vertices, float), np.asarray(faces, np.int64)

@@ -1,4 +1,4 @@
-"""Shape models with fewer facets, with what is known at the vertices of the finer one."""
+"""Shape models with fewer facets, with the quantities at the vertices of the finer one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from photoclinometry.surface.decimate import decimate
 
 
 def coarser(shape: ShapeModel, facets: int) -> ShapeModel:
-    """A closed model with at most about so many facets; the model itself where it has no more."""
+    """A closed model with at most about `facets` facets; the model itself where it has no more."""
     if len(shape.faces) <= facets:
         return shape
     vertices, faces = decimate(shape.vertices, shape.faces, facets)
@@ -19,9 +19,10 @@ def coarser(shape: ShapeModel, facets: int) -> ShapeModel:
 
 
 def carried_to(shape: ShapeModel, surface: MeshSurface, vertices: np.ndarray, faces: np.ndarray) -> ShapeModel:
-    """A mesh with what a model has at the nearest points of its surface: interpolated, counts of the nearest vertex.
+    """A mesh with a model's quantities at the nearest points of its surface: interpolated, or counts of the nearest
+    vertex.
 
-    surface: the model's mesh. A figure that is not known at one of the three corners is not known between them.
+    surface: the model's mesh. A figure that is unknown at one of the three corners is unknown between them.
     """
     face, weight = surface.weights(vertices)
     corner = shape.faces[face]

@@ -26,22 +26,23 @@ from photoclinometry.registration.pose_knowledge import disagreement, pose_infor
 log = logging.getLogger(__name__)
 
 MIN_PRIORS = 3
-"""Fewer that agree do not determine a frame: of two, a wrong one cannot be told from a right one."""
+"""Fewest agreeing priors for a frame: between two, a wrong one cannot be distinguished from a right one."""
 FAR_RAD = np.radians(5.0)
 """Images determine attitudes far better than this [rad]: an attitude's prior is left out if it is off by more, and
 SIGNIFICANT."""
 CONTRADICTS = 2.5
-"""A prior is left out if it disagrees with images and other priors by so many sigmas, root mean square over its six,
-and by so many times the median: by 6 sigmas in one of the six directions. Sound ones disagree by 2 at most (0008)."""
+"""A prior is left out if it disagrees with images and other priors by this many sigmas, root mean square over its six,
+and by this multiple of the median: by 6 sigmas in one of the six directions. Sound ones disagree by 2 at most
+(0008)."""
 RESIDUALS = 6
-"""Of each prior: three of position, three of attitude."""
+"""Number of residuals of each prior: three of position, three of attitude."""
 _SMALL_RAD = 1e-6
 """Below this angle the series of the inverse left Jacobian is cut, since its closed form divides zero by zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Georeference:
-    """The frame that priors agree on, and how well they do."""
+    """The frame on which priors agree, and their residuals."""
 
     similarity: Similarity
     """metric_from_B: body-fixed, in the priors' unit of length."""
@@ -60,7 +61,7 @@ class Georeference:
     used: np.ndarray
     """(n,) bool: priors that determine the frame."""
     disagreement: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """(n,) of `pose_knowledge.disagreement`; empty where images were not asked."""
+    """(n,) of `pose_knowledge.disagreement`; empty where images were not used."""
 
     @property
     def rms_position(self) -> float:
@@ -116,11 +117,11 @@ def georeferenced(scene: Scene, priors: Mapping[str, PosePrior]) -> tuple[Scene,
 def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
     """The fit of the scene's poses to those priors of its views (by name) that agree with the images and each other.
 
-    A prior is left out if it disagrees with what the images and the other priors say of its view (`disagreement`) by
-    more than CONTRADICTS sigmas and more than CONTRADICTS times the median, since images err by more than is known of
-    them; or if its attitude is off by more than SIGNIFICANT sigmas and FAR_RAD. The worst goes first: a wrong prior
-    makes sound ones look wrong. Fewer than MIN_PRIORS may be left in `used`. Where views are of several arcs, what the
-    priors of an arc have in common is part of their sigmas. Raises InputError where fewer are given.
+    A prior is left out if it disagrees with the pose of its view by the images and the other priors (`disagreement`) by
+    more than CONTRADICTS sigmas and more than CONTRADICTS times the median, since errors of images are larger than
+    their known sigmas; or if its attitude is off by more than SIGNIFICANT sigmas and FAR_RAD. The worst goes first: a
+    wrong prior makes sound ones look wrong. Fewer than MIN_PRIORS may be left in `used`. Where views belong to several
+    arcs, the common error of an arc's priors is part of their sigmas. Raises InputError where fewer are given.
     """
     seen = [k for k, name in enumerate(scene.views.name) if name in priors]
     if len(seen) < MIN_PRIORS:
@@ -144,7 +145,8 @@ def agreement(scene: Scene, priors: Mapping[str, PosePrior]) -> Georeference:
 
 
 def _with_arcs_error(prior: PosePrior) -> PosePrior:
-    """With sigmas that contain the error of its arc. One arc's moves the frame; several contradict each other by it."""
+    """The prior with sigmas that contain the error of its arc. The error of a single arc moves the frame; those of
+    several arcs make them contradict each other."""
     return replace(
         prior,
         rotation_sigma_rad=float(np.hypot(prior.rotation_sigma_rad, prior.common_rotation_sigma_rad)),
@@ -168,7 +170,7 @@ def _agree(fit: Georeference) -> np.ndarray:
 
 
 def describe(fit: Georeference, k: int) -> str:
-    """How far the prior of one view is off, as a sentence."""
+    """The error of one view's prior, as a sentence."""
     moved, turned = (np.linalg.norm(part[k]) for part in (fit.position_residual, fit.rotation_residual))
     return (
         f"{fit.names[k]} is off by {moved:.4g} m and {np.degrees(turned):.3g} degrees, at sigmas of "

@@ -1,8 +1,9 @@
-"""How well keypoints know the poses of a map's views, and how far each pose prior is from what all else says.
+"""The information of keypoints on the poses of a map's views, and the disagreement of each pose prior with all else.
 
-In a narrow field of view a camera that is moved across its line of sight shows nearly the same as one that is turned,
-and one moved along it nearly the same as a map of another size. Images alone then know neither a camera's place nor its
-attitude well, but both together. Compared with the prior's sigmas alone, a sound prior looks wrong by tens of them.
+In a narrow field of view a shift of the camera across its line of sight has nearly the same effect on the image as a
+turn, and a shift along it nearly the same as another size of the map. Images alone then determine neither a camera's
+place nor its attitude well, but a combination of both. Compared with its own sigmas alone, a sound prior looks wrong by
+tens of sigmas.
 """
 
 from __future__ import annotations
@@ -18,15 +19,16 @@ from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 POSE = 6
 """Numbers of a pose: rotation vector [rad] and centre, along the axes of B."""
 SHARED_PX = 12
-"""One landmark of each square of so many pixels of the reference image counts: nearer ones share the errors of matches.
-These reach 24 px and more in large images; in windows of 24 px, small maps have too few landmarks to see a camera that
-is moved along its line of sight."""
+"""Side of the squares of the reference image of which one landmark each counts [px]: nearer ones share the errors of
+matches. These errors reach 24 px and more in large images; in windows of 24 px, small maps have too few landmarks to
+detect a shift of a camera along its line of sight."""
 MOST_LANDMARKS = 1000
 """Squares are larger where there would be more landmarks: poses are known well enough by then."""
 UNTOLD = 1e-6
-"""A direction in which all else knows a pose worse than its prior by more than 1 / sqrt(UNTOLD) says nothing of it."""
+"""A direction in which the pose without its prior has more than 1 / sqrt(UNTOLD) times the prior's sigma does not test
+the prior."""
 _RIDGE = 1e-13
-"""Keeps views invertible that nothing holds, in shares of each number's own information."""
+"""Share of each number's own information that is added to keep undetermined views invertible."""
 
 
 def pose_information(scene: Scene) -> np.ndarray:
@@ -54,12 +56,12 @@ def pose_information(scene: Scene) -> np.ndarray:
 def disagreement(
     information: np.ndarray, offset: np.ndarray, sigma: np.ndarray, view: np.ndarray, used: np.ndarray
 ) -> np.ndarray:
-    """(n,) how far each prior is from what the images and the other priors say, in standard deviations of that.
+    """(n,) difference of each prior from the pose by the images and the other priors, in standard deviations.
 
-    It is the root mean square over POSE, a prior's own say excluded (leave one out; Cook & Weisberg 1982, Residuals and
-    influence in regression, section 2.2). With the images' information H and that of the priors P, all poses x solve
-    (H + P) x = P p, with covariance C. The residual p_k - x_k of a prior of covariance S_k has the covariance S_k - C_k
-    if it takes part, S_k + C_k if not.
+    It is the root mean square over POSE, without the prior's own influence (leave one out; Cook & Weisberg 1982,
+    Residuals and influence in regression, section 2.2). With the images' information H and that of the priors P, all
+    poses x solve (H + P) x = P p, with covariance C. The residual p_k - x_k of a prior of covariance S_k has the
+    covariance S_k - C_k if it takes part, S_k + C_k if not.
 
     information: of `pose_information`. offset, sigma: (n, 6) of the priors from the scene's poses, in its frame. view:
     (n,) their views. used: (n,) bool, those that take part.
@@ -82,7 +84,7 @@ def disagreement(
 
 
 def _apart(landmarks: Landmarks, tracks: Tracks) -> np.ndarray:
-    """(j,) indices of landmarks whose matches err independently: of each square the one that most views see."""
+    """(j,) indices of landmarks whose matches have independent errors: in each square the one that most views see."""
     extent = np.ptp(landmarks.pixel, axis=0) + 1
     side = max(SHARED_PX, math.ceil(math.sqrt(float(np.prod(extent, dtype=float)) / MOST_LANDMARKS)))
     square = landmarks.pixel // side

@@ -1,4 +1,4 @@
-"""The choice of views for a map of one place: within limits, and as different in light as there are."""
+"""The choice of views for a map of one place: within limits, and with light as different as possible."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from photoclinometry.registration.place import place_at, semi_axes
 from photoclinometry.registration.viewing import Sighting, Sightings, light_and_sight, sightings
 
 REGION_PX = 400
-"""Width and height of the region of a chosen site [px], where the image has as much around the place."""
+"""Width and height of the region of a chosen site [px], where the image is large enough around the place."""
 SMALLEST_REGION_PX = 64
-"""Without an image that has this around the place [px], the region is left open: so small a map shows nothing."""
+"""Smallest region around the place [px]. Where no image contains it, the region is left open: a smaller map is
+useless."""
 _SAME_RESOLUTION = 1.25
 """Views within this factor of the median resolution may be the reference: the map is made at its resolution."""
 
@@ -30,7 +31,7 @@ GroundSample = Annotated[float, Range(above=0)]
 
 @dataclass(frozen=True, kw_only=True)
 class ViewLimits(Ranged):
-    """Which of the views that see a place are chosen."""
+    """Limits for the choice among the views that see a place."""
 
     max_emission_deg: Annotated[float, Range(above=0, most=90)] = 70.0
     """Greatest emission angle [degrees]: beyond it ground is foreshortened threefold and more."""
@@ -56,7 +57,7 @@ class ViewChoice:
     chosen: tuple[Sighting, ...]
     """In the order of the site."""
     left_out: dict[str, int]
-    """How many of the views that see the place each limit excludes, by its option; one view may fail several."""
+    """Number of the views of the place that each limit excludes, by its option; one view may fail several."""
 
 
 def choose_views(
@@ -95,7 +96,8 @@ def choose_views(
 
 
 def diverse(seen: Sequence[Sighting], count: int | None) -> tuple[Sighting, ...]:
-    """`count` of the views, in their order: the one of least emission, then always the one least like those taken.
+    """`count` of the views, in their order: the one of least emission, then always the one that differs most from the
+    chosen.
 
     Views are compared by the directions of Sun and camera (`light_and_sight`). All of them if `count` is None or more.
     """
@@ -106,14 +108,14 @@ def diverse(seen: Sequence[Sighting], count: int | None) -> tuple[Sighting, ...]
 
 
 def most_diverse(apart: np.ndarray, first: Sequence[int] | np.ndarray, count: int) -> np.ndarray:
-    """(m,) those in `first`, then always the one least like those taken, up to `count`; ascending.
+    """(m,) those in `first`, then always the one that differs most from the chosen, up to `count`; ascending.
 
-    apart: (n, n) how different any two are.
+    apart: (n, n) differences between any two.
     """
     taken = [int(k) for k in first]
     nearest = apart[taken].min(0)
     while len(taken) < min(count, len(apart)):
-        nearest[taken] = -1.0  # what was taken is not taken again, even where others are its equals
+        nearest[taken] = -1.0  # a chosen one is not chosen again, even where others equal it
         taken.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, apart[taken[-1]])
     return np.sort(taken)

@@ -1,4 +1,4 @@
-"""How the views of a site see one place of the body, by their pose priors: resolution and angles."""
+"""Visibility of one place of the body in the views of a site, by their pose priors: resolution and angles."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.registration.place import Place
 
 BEYOND_LIMB = "beyond the limb"
-"""Of a place on the other side of the body."""
+"""Remark for a place on the other side of the body."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class Sighting:
 
 @dataclass(frozen=True, kw_only=True)
 class Sightings:
-    """The views that see a place, in the order of the site, and how many do not."""
+    """The views that see a place, in the order of the site, and the numbers of those that do not."""
 
     place: Place
     seen: tuple[Sighting, ...]
@@ -57,10 +57,10 @@ class Sightings:
 
 
 def sightings(site: Site, place: Place) -> Sightings:
-    """What the views of a site with pose priors see of a place.
+    """Visibility of a place in the views of a site with pose priors.
 
-    A view sees it if the emission angle is below 90 degrees and the place projects into the image: the body is taken
-    for its ellipsoid, and no ground hides other ground. Raises InputError where no view has a pose prior, or where a
+    A view sees it if the emission angle is below 90 degrees and the place projects into the image: the body is replaced
+    by its ellipsoid, and no ground hides other ground. Raises InputError where no view has a pose prior, or where a
     prior puts the camera inside the ellipsoid.
     """
     views = [view for view in site.views if view.pose_prior is not None]
@@ -119,7 +119,7 @@ def sighting(view: SiteView, place: Place) -> Sighting | None:
 
 
 def unseen_where(view: SiteView, found: Sighting | None) -> str:
-    """Where a place lies that a view does not see, by the view's sight of it; empty if the view sees it."""
+    """The position of a place that a view does not see, by the view's sight of it; empty if the view sees it."""
     if found is None:
         return "behind the camera"
     if found.emission_deg >= 90.0:
@@ -130,7 +130,8 @@ def unseen_where(view: SiteView, found: Sighting | None) -> str:
 
 
 def light_and_sight(seen: Sequence[Sighting]) -> np.ndarray:
-    """(n, n) how different views are [rad]: the angle between their Suns and that between their cameras, squares added.
+    """(n, n) differences between views [rad]: root of the summed squares of the angles between Suns and between
+    cameras.
 
     The former separates albedo from slope, the latter gives depth; both count the same.
     """

@@ -22,7 +22,7 @@ from photoclinometry.study.plan import Cell
 log = logging.getLogger(__name__)
 
 ARRAYS = ("height", "true_height", "spacing", "scale", "phase")
-"""What a record of a map holds (`Record.arrays`)."""
+"""Arrays in the record of a map (`Record.arrays`)."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Record:
 
 
 def measure(cell: Cell, result: RunResult, truth: Truth) -> tuple[Record, Comparison]:
-    """The metrics of a run on a simulated site, and the comparison that they are from."""
+    """The metrics of a run on a simulated site, and the comparison from which they come."""
     found = evaluate_against_truth(result.scene, truth)
     aligned = found.aligned
     position = aligned.landmarks.position
