@@ -278,7 +278,7 @@ def covariances(graph, values, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def compare(side: int, views: int, *, from_start: bool = True) -> dict[str, float]:
-    """What the docstring promises, as numbers. from_start: GTSAM begins where we did, not where we ended."""
+    """The claims of the module's docstring, as numbers. from_start: GTSAM begins at our start, not at our end."""
     start, _ = matched_problem(side, views)
     ours = solve(start)
     graph, first = gtsam_graph(ours), values_of(start if from_start else ours.scene, ours.estimate.pivot)

@@ -1,4 +1,5 @@
-"""How well a surface at the images' resolution can predict whole disks of a simulated body, were nothing else wrong.
+"""Bound on the prediction of whole disks of a simulated body by a surface at the images' resolution without other
+errors.
 
 Images hold relief down to half a ground sample. A map has what their pixels and optics resolve. Rendered are the true
 mesh and its mean over that resolution (place, normal and albedo), with true poses and Suns, with and without the true

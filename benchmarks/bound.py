@@ -1,4 +1,4 @@
-"""What bounds a map of a simulated site: how well its reflectance model explains the images at the true geometry.
+"""Bound on a map of a simulated site: the fit of its reflectance model to the images at the true geometry.
 
     python benchmarks/bound.py RUN SITE       # a finished run, and the folder of its simulated site
 

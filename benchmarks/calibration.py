@@ -3,7 +3,7 @@
     python benchmarks/calibration.py [side] [views] [draws]
 
 Every draw has new errors of keypoints, brightness and Sun directions, and new scales and biases, all from the
-distributions that the estimate is told. NEES is the normalised estimation error squared, 1 where honest. The bound is
+distributions that the estimate assumes. NEES is the normalised estimation error squared, 1 where honest. The bound is
 that of Cramer and Rao: the least RMS error of any unbiased estimate from these measurements alone, smoothness left out.
 Smoothness is no measurement: the ground does not follow it, so it is tried with and without.
 """

@@ -1,4 +1,4 @@
-"""What is benchmarked: simulated sites and how they are mapped, and the figures that are watched."""
+"""The benchmark's cases: simulated sites, the options of their maps, and the figures that are watched."""
 
 from __future__ import annotations
 

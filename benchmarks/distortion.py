@@ -1,4 +1,4 @@
-"""Distortion left in images: whether keypoints tell it, and what maps are like with it, and once it is calibrated.
+"""Distortion left in images: whether keypoints show it, and the errors of maps with it, and once it is calibrated.
 
     python benchmarks/distortion.py --out distortion --count 50     keypoints of sites drawn at random: alarms, misses
     python benchmarks/distortion.py --out distortion --count 0 --maps    maps of two sites, 0, 2, 10 px at the corners

@@ -1,4 +1,4 @@
-"""Maps clean sites with faults put into them, and tables which faults spoil a map, and whether it says so.
+"""Maps clean sites with faults put into them, and tabulates which faults spoil a map, and whether the run warns of it.
 
     python benchmarks/faults.py --out faults                              thirteen faults on six simulated sites
     python benchmarks/faults.py --out faults --vesta SITE_FOLDER --draws 3    and on a site of real images
@@ -50,7 +50,7 @@ CLEAN = "clean"
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What one map was like."""
+    """Quality of one map."""
 
     site: str
     fault: str
@@ -106,7 +106,7 @@ def main(
 
 
 def spoiled_map(name: str, folder: Path, fault: str, draw: int, out: Path) -> Outcome:
-    """The map of a site with a fault, beside that of the clean site."""
+    """The map of a site with a fault, compared with that of the clean site."""
     run, spoiled = out / "runs" / name / f"{fault}-{draw}", out / "spoiled" / name
     site_file, mapped = folder / "site.toml", None if fault == CLEAN else _clean_map(out, name)
     if fault != CLEAN or name not in SITES:
@@ -161,7 +161,7 @@ def table(outcomes: list[Outcome]) -> str:
 
 
 def verdict(outcome: Outcome, clean: Outcome) -> str:
-    """Whether a fault mattered, and whether the map says so."""
+    """Whether a fault mattered, and whether the run warned of it."""
     if outcome.error:
         return "no map"
     spoilt = outcome.relief is None or abs(outcome.relief - 1.0) > OFF

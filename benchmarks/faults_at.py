@@ -1,4 +1,4 @@
-"""What an earlier revision of `phomo` answers to the faults of `tests/faults.py`, measured.
+"""Measures the answers of an earlier revision of `phomo` to the faults of `tests/faults.py`.
 
     python benchmarks/faults_at.py 1d50e0a                          every fault: ten minutes, one process at a time
     python benchmarks/faults_at.py 1d50e0a --only "a Sun is NaN"    only these, such as new ones

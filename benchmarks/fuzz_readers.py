@@ -61,7 +61,7 @@ def _mask(mask: np.ndarray) -> None:
 
 
 def read_product_wholly(path: Path) -> None:
-    """A product, and what its label tells."""
+    """A product, and the facts in its label."""
     from photoclinometry.ingest.facts import read_facts
 
     product = read_product(path)
@@ -280,7 +280,7 @@ QUESTIONS: list[Callable[[Kernels], Any]] = [
     partial(Kernels.frame_name, code=-64361),
     partial(Kernels.keyword, name="BODY2101955_RADII"),
 ]  # fmt: skip
-"""The last answers where no kernel tells anything."""
+"""The last answers where no kernel gives any data."""
 KERNELS_EACH = 200
 """Kernels that one process of SPICE reads: damaged ones may leave files open."""
 

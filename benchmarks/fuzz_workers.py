@@ -1,6 +1,6 @@
 """Worker processes that give readers spoilt files, with limits of time and memory, and what came of it.
 
-A trial is told from all others by the round's seed, the reader's name and its number. A worker that ends, or is busy
+The round's seed, the reader's name and a number identify a trial. A worker that ends, or is busy
 with one file for too long, is ended and replaced; the file counts as a crash or a hang.
 """
 
@@ -38,7 +38,7 @@ _MIB = 1 << 20
 
 @dataclass
 class Tally:
-    """What became of the spoilt files of one reader."""
+    """Outcome of the spoilt files of one reader."""
 
     refused: int = 0
     accepted: int = 0
@@ -157,7 +157,7 @@ class _Worker:
         self.answers.send(job)
 
     def look(self) -> tuple[Tally, Job | None]:
-        """What was found since, and what remains of the job if the process crashed or hangs."""
+        """The findings since, and the rest of the job if the process crashed or hangs."""
         if self.answers.poll():
             try:
                 tally = self.answers.recv()

@@ -1,4 +1,4 @@
-"""How near an exported height map is to the truth, beside the landmarks that it is made of.
+"""Errors of an exported height map, compared with those of the landmarks from which it is made.
 
     python benchmarks/height_map.py RUN SITE       # a finished run, and the folder of its simulated site
 

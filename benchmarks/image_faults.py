@@ -163,7 +163,7 @@ def one_sun(clean: Images, rng: np.random.Generator) -> Images:
 
 
 def all_suns(clean: Images, rng: np.random.Generator) -> Images:
-    """All Suns off alike, as by an alignment of the camera that was not known."""
+    """A common error of all Suns, as by an unknown alignment of the camera."""
     axis = rng.normal(size=3)
     turn = so3_exp(np.deg2rad(SUN_OFF_DEG) * axis / np.linalg.norm(axis))
     return clean.with_views(lambda _, view: replace(view, sun=turn @ view.sun))

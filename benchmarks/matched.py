@@ -192,7 +192,7 @@ def _visible(landmarks: Landmarks, views: Views, per_landmark: int | None, rng: 
 
 
 def _start(truth: Scene, noise: Noise, rng: np.random.Generator) -> Scene:
-    """What structure from motion and triangulation would have given: noisy poses and points, plane-fit normals."""
+    """A simulated result of structure from motion and triangulation: noisy poses and points, plane-fit normals."""
     views, count = truth.views, len(truth.views)
     turn = noise.start_rotation_rad * rng.normal(size=(count, 3))
     move = noise.start_center * rng.normal(size=(count, 3))

@@ -1,4 +1,4 @@
-"""How well `phomo plan` foresees maps: plans from geometry alone, beside what runs then state and how far they err.
+"""Accuracy of the forecasts of `phomo plan`: plans from geometry alone, compared with the sigmas and errors of runs.
 
     python benchmarks/plan.py --out plans                    six small sites, an hour on a busy core, then minutes
     python benchmarks/plan.py --out plans --only few hapke

@@ -36,7 +36,7 @@ from photoclinometry.simulate.truth_file import read_truth
 SEED = 77_000
 """Of site 0; that of site i is i more."""
 NO_ALARM = "view-unregistered"
-"""Code of a warning that says nothing of the map."""
+"""Code of a warning that does not concern the map."""
 BAD_SURFACE_GSD, BAD_NORMALS_DEG = 0.15, 4.0
 """Mean errors from which on a map counts as bad: two to three times those of typical sites."""
 FIGURES = {
@@ -55,16 +55,16 @@ FIGURES = {
     "relief_error_sigmas": ("in sigmas", 2),
     "psnr_mean_db": ("PSNR [dB]", 1),
 }
-"""What is tabled, with heading and digits."""
+"""Columns of the table, with heading and digits."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What one map was like."""
+    """Quality of one map."""
 
     site: int
     simulation: str
-    """What was drawn, in short."""
+    """The properties that were drawn, in short."""
     figures: dict[str, float] = field(default_factory=dict)
     """By the names of `phomo evaluate` and metrics.json; empty where there is no map."""
     warnings: tuple[str, ...] = ()
@@ -131,7 +131,7 @@ def drawn(i: int) -> SimulationOptions:
 
 
 def in_short(options: SimulationOptions) -> str:
-    """What was drawn, for a cell of the table."""
+    """The properties that were drawn, for a cell of the table."""
     detector = options.detector
     assert options.intrinsics is not None
     parts = [
@@ -181,7 +181,8 @@ def _figures(result: RunResult, folder: Path) -> dict[str, float]:
 
 
 def _relief(result: RunResult, truth_file: Path) -> dict[str, float]:
-    """By how much the relief over that of the parallax, as the run tells it, differs from that over the true ground."""
+    """Difference between the relief over that of the parallax, as the run states it, and the relief over the true
+    one."""
     scene, truth = result.scene, read_truth(truth_file)
     true = truth_maps(truth, scene.views.name[scene.reference], scene.region).position[scene.cells]
     known = np.isfinite(true).all(1)

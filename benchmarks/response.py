@@ -1,4 +1,4 @@
-"""Images that are not linear in radiance: whether brightness tells it, and what maps are like before and after.
+"""Images that are not linear in radiance: whether brightness shows it, and the errors of maps before and after.
 
     python benchmarks/response.py --out response              six sites, four exponents each
     python benchmarks/response.py --out response --count 50   and linear images of sites drawn at random: false alarms

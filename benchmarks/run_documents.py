@@ -127,7 +127,7 @@ def _without_images(page: Path) -> dict[str, str]:
 
 
 def what_stand_ins_lack() -> str | None:
-    """What is missing here to make stand-ins; None if nothing is."""
+    """The missing parts for making stand-ins; None if nothing is missing."""
     if not _SHARED.is_dir():
         return f"real kernels in {os.path.relpath(_SHARED, ROOT)}"
     missing = [name for name in ("spiceypy", "embreex") if importlib.util.find_spec(name) is None]
@@ -135,7 +135,7 @@ def what_stand_ins_lack() -> str | None:
 
 
 def place_stand_ins(page: str, folder: Path) -> None:
-    """What a mission's page downloads: stand-ins for images and kernels, and real files where they are at hand."""
+    """The downloads of a mission's page: stand-ins for images and kernels, and real files where they are at hand."""
     from stand_ins import write_archive
 
     write_archive(folder, STAND_INS[page], _SHARED)

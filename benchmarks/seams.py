@@ -80,7 +80,7 @@ def _row(scene: Scene, site: Path) -> str:
 
 
 def _ends(scene: Scene, axis: int) -> np.ndarray:
-    """Where a view ends between a cell of the map's grid and the next along an axis."""
+    """Cells between which a view ends: a cell of the map's grid and the next along an axis."""
     ends = np.zeros(scene.region.grid_shape, bool).swapaxes(0, axis)[1:]
     for k, camera in enumerate(scene.views.cameras):
         observed = np.zeros(len(scene.landmarks), bool)
@@ -94,7 +94,7 @@ def _ends(scene: Scene, axis: int) -> np.ndarray:
 
 
 def _steps(error: np.ndarray, axis: int, beside: int) -> np.ndarray:
-    """Lengths of the difference of mean errors of so many cells on each side of every border between two cells."""
+    """Lengths of the difference between the mean errors of cells on both sides of every border between two cells."""
     error = error.swapaxes(0, axis)
     padded = np.pad(error, ((beside - 1, beside - 1), (0, 0), (0, 0)), constant_values=np.nan)
     count = len(error) - 1

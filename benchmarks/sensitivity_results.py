@@ -1,4 +1,4 @@
-"""What changed numbers do to the figures of maps: kept in a file as they come, and as a table."""
+"""Effects of changed numbers on the figures of maps: kept in a file as they come, and as a table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tuned_numbers import Number
 NOTHING = 1.0
 """Per cent; a smaller change is of no consequence, even if it is no chance."""
 BEYOND = 3.0
-"""A change is no chance beyond so many standard deviations of chance."""
+"""A change is significant beyond this many standard deviations of chance."""
 FIGURES = {
     "surface_distance_mean_gsd": "surface",
     "normal_error_mean_deg": "normals",
@@ -59,7 +59,7 @@ class Results:
         return figures
 
     def counts(self, site: str) -> dict[str, float]:
-        """How far each figure of a site must change [%] to count: beyond NOTHING and chance."""
+        """Least change of each figure of a site that counts [%]: beyond NOTHING and chance."""
         draws = [figures for (key, _, where), figures in self.figures.items() if (key, where) == ("chance", site)]
         base, maps = self.base(site), [figures for figures in draws if figures is not None]
         spread = {name: math.sqrt(sum((each[name] / base[name] - 1.0) ** 2 for each in maps)) for name in base}

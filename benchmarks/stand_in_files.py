@@ -29,7 +29,7 @@ _NAC_EXPOSURE_S, _NAVCAM_EXPOSURE_S = 0.3, 4.0
 _AMICA_DN, _NAVCAM_DN = 4000.0, 4000.0
 """Number of the detector for I/F 1; of 12 bits."""
 _CUBE_LABEL_BYTES = 65536
-"""Where the pixels of ISIS's cubes begin."""
+"""Offset of the pixels in ISIS's cubes."""
 _NAC_RECORD, _NAC_LABEL_RECORDS = 512, 8
 """Record [bytes], and how many the label takes."""
 

@@ -23,7 +23,7 @@ from photoclinometry.model.geometry import Rigid, unit
 _ORBIT_STEP_S = 600.0
 """Interval of the states of the body about the Sun [s]; interpolated by cubics, they are good to a millimetre."""
 _LIGHT_TIME_S = 3600.0
-"""Apparent Suns are those of this much earlier at most [s]: 7 astronomical units."""
+"""Largest light time of apparent Suns [s]: 7 astronomical units."""
 _HELD_S = 30.0
 """Positions and attitudes stay for this long before and after an image [s]."""
 _SUN, _BARYCENTER, _J2000 = 10, 0, 1

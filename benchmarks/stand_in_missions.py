@@ -1,4 +1,4 @@
-"""The missions of which `stand_ins.py` makes files, as SPICE knows them.
+"""The missions for which `stand_ins.py` makes files, with their names in SPICE.
 
 Of NEAR, Hayabusa2 and Rosetta no kernels are at hand: `definitions` has names, numbers and angles of the public ones.
 """
@@ -17,7 +17,7 @@ def _list(values: Sequence[object]) -> str:
 
 
 def _frame(name: str, code: int, kind: int, center: int) -> str:
-    """What all frames state; kind: SPICE's class of the frame."""
+    """Statements of all frames; kind: SPICE's class of the frame."""
     return (
         f"FRAME_{name} = {code}\nFRAME_{code}_NAME = '{name}'\nFRAME_{code}_CLASS = {kind}\n"
         f"FRAME_{code}_CLASS_ID = {code}\nFRAME_{code}_CENTER = {center}\n"

@@ -68,7 +68,7 @@ _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 _GOLDEN_SHARE = (math.sqrt(5.0) - 1.0) / 2.0
 """Azimuths and tilts that follow each other by these spread evenly, however many there are."""
 _OTHERS_APART_DEG = 6.0
-"""By how much the body turns between images of its other side."""
+"""Rotation of the body between images of its other side."""
 _INVERSIONS = 10
 """Rounds of the fixed point that inverts a distortion of a few pixels; each gains two digits."""
 

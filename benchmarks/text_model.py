@@ -24,7 +24,7 @@ from photoclinometry.model.scene import Camera, Landmarks, Scene, Tracks, Views
 
 
 def generated_scene(landmarks: int, views: int, observations: int) -> Scene:
-    """Landmarks on a square, each with keypoints and brightness of any value in so many of the views."""
+    """Landmarks on a square, each with keypoints and brightness of any value in some of the views."""
     rng = np.random.default_rng(0)
     side = int(np.ceil(np.sqrt(landmarks)))
     pixel = np.stack(np.divmod(np.arange(landmarks), side), -1).astype(np.int32)

@@ -1,4 +1,4 @@
-"""What the approximations in the covariances of a large map cost, against exact ones by sparse factorisation.
+"""Errors of the approximations in the covariances of a large map, against exact ones by sparse factorisation.
 
     python benchmarks/uncertainty.py [side] [views]
 

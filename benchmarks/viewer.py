@@ -1,4 +1,4 @@
-"""How large, how quick and how true the viewer of a run is, in a headless Chromium that draws by the processor.
+"""Size, speed and accuracy of the viewer of a run, in a headless Chromium that draws by the processor.
 
     python benchmarks/viewer.py RUN [VIEW ...]       # a finished run, and numbers of views; default: the reference view
     python benchmarks/viewer.py BODY                 # a finished body

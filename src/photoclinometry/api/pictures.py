@@ -130,7 +130,7 @@ def plot_residuals(
 
     Args:
         scene: The result of `run`, the folder of a finished run or its scene.h5, or a scene.
-        view: Name of the view to draw as a map. Default: all views beside each other; boxes hold the middle half of
+        view: Name of the view to draw as a map. Default: all views side by side; boxes hold the middle half of
             their residuals, lines end at the 5th and the 95th percentile.
         kind: "brightness", predicted minus measured in per cent of the view's mean, or "keypoint", distances in pixels.
         ax: The axes to draw on. Default: those of a new figure of matplotlib.pyplot.

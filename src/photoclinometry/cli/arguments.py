@@ -40,7 +40,7 @@ COMMANDS = {
     "study": "Simulate and map many sites, and tabulate their errors.",
     "rivals": "Compare a map with other published methods.",
 }
-"""What each does, in a line. Each is the function of its name in the module of `cli` of that name."""
+"""The purpose of each command, in a line. Each is the function of its name in the module of `cli` of that name."""
 ABOUT = """Poses, dense landmarks, normals and albedo of small bodies, from spacecraft images.
 
 `phomo COMMAND --help` explains a command, and `phomo --version` prints the version."""

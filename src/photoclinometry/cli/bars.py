@@ -34,7 +34,7 @@ class Bars:
         """The work whose bar is there, None without one."""
         self.task: TaskID
         self.logged_s = 0.0
-        """When the log was last told of the work, after its begin [s]."""
+        """Time of the last log line about the work, after its beginning [s]."""
 
     def __call__(self, what: str, done: int, total: int) -> None:
         begins = what != self.what

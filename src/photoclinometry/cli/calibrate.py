@@ -24,7 +24,7 @@ def calibrate(
 
     Poses, points and the distortion of each camera are adjusted together. A camera stays as it is unless keypoints are
     displaced by more than half a pixel and by five standard deviations. The images are those of the old site.
-    With --response, also the exponent that makes the images linear in radiance, where their brightness tells it.
+    With --response, also the exponent that makes the images linear in radiance, where their brightness determines it.
 
     Args:
         site: A site.toml, or the folder with one.

@@ -10,7 +10,7 @@ _BOUNDARIES = "/_-. "
 
 
 def plain_number(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits and without an exponent: 7784, 45.5, 0.00806."""
+    """A number with the given significant digits and without an exponent: 7784, 45.5, 0.00806."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))

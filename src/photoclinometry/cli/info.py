@@ -71,7 +71,7 @@ def show_site(path: Path) -> None:
 
 
 def _show_views(console: Console, site: Site) -> None:
-    """The views with their cameras, Suns and pose priors; what is the same of all is told once, above the table."""
+    """The views with their cameras, Suns and pose priors; values that all share are shown once, above the table."""
     from rich.text import Text
 
     columns: dict[tuple[str, str], list[str]] = {
@@ -102,7 +102,7 @@ def _say(console: Console, text: str) -> None:
 
 
 def _say_name(console: Console, name: str, text: str) -> None:
-    """The name of what is shown, in bold, and more about it."""
+    """The name of the object, in bold, and more about it."""
     from rich.text import Text
 
     console.print(Text.assemble((name, "bold"), f": {text}"))
@@ -111,7 +111,7 @@ def _say_name(console: Console, name: str, text: str) -> None:
 def _names_and_table(console: Console, names: Sequence[str]) -> tuple[list[str], Table]:
     """Names of views, and a table that begins with them.
 
-    Of long names what all have in common is told above the table. Where the terminal is narrow, names are folded, not
+    The common part of long names is shown above the table. Where the terminal is narrow, names are folded, not
     cut.
     """
     from rich import box
@@ -134,7 +134,7 @@ def figure_rows(content: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], list
 
 
 def frame_in_words(frame: str, content: Mapping[str, Any]) -> str:
-    """The frame of a scene, and what placed it there. content: of metrics.json, whose tables tell that."""
+    """The frame of a scene, and the data that placed it there. content: of metrics.json, whose tables show them."""
     if frame == SHARED:
         return "that of a larger model"
     if frame != BODY_FIXED:
@@ -202,7 +202,7 @@ def _warnings(content: Mapping[str, Any]) -> list[Warned]:
 
 
 def _show_figures(console: Console, content: Mapping[str, Any], warnings: Sequence[str]) -> None:
-    """The figures of metrics.json, the verdict, the lines of what was warned of, and the reasons of the verdict."""
+    """The figures of metrics.json, the verdict, the lines of the warnings, and the reasons for the verdict."""
     from rich import box
     from rich.table import Column, Table
     from rich.text import Text

@@ -23,7 +23,7 @@ def measure(
         run: Folder of a finished run.
         line: Two places, x y x y [px]: how far the second is from the first, how much higher, and the slope up to it.
             Range: within the map.
-        outline: Corners of a polygon, x y x y x y ... [px]: the volume of what is within. Range: within the map.
+        outline: Corners of a polygon, x y x y x y ... [px]: the volume within. Range: within the map.
     """
     import photoclinometry as pcm
     from photoclinometry.model.errors import InputError

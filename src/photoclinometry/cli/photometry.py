@@ -48,7 +48,7 @@ def photometry(
 
 
 def show(ranking: ModelRanking) -> None:
-    """The ranking as a table on the terminal, and what the images cannot tell."""
+    """The ranking as a table on the terminal, and the limits of the images' information."""
     from rich.console import Console
     from rich.table import Table
 
@@ -62,7 +62,7 @@ def show(ranking: ModelRanking) -> None:
         table.add_row(fit.reflectance.name + mark, *errors, _parameters(fit))
     console.print(table)
     console.print("level: the part of the error that whole images share; 0 where models or images leave it open")
-    console.print("* the best, or not told from it; (in brackets) the images know it no better than its prior")
+    console.print("* the best, or as good as it; (in brackets) the images know it no better than its prior")
     low, high = ranking.best.phases_seen_deg
     console.print(f"Phases seen: {low:.0f} to {high:.0f} degrees; phase functions beyond are guesses.")
     for name, reason in ranking.left_out.items():

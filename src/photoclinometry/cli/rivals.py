@@ -1,4 +1,4 @@
-"""`phomo rivals`: a run beside other published methods, on the same images and views."""
+"""`phomo rivals`: comparison of a run with other published methods, on the same images and views."""
 
 from __future__ import annotations
 

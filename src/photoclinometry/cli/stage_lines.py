@@ -48,7 +48,7 @@ NAMES = {
 _NAME, _FOUND = 16, 50
 """Widths of the columns, in characters: with the time, lines fit 80 columns."""
 _UNTOLD_S = 0.05
-"""Stages that found nothing to tell and took less are left out [s]."""
+"""Stages that have nothing to report and took less are left out [s]."""
 
 
 class StageLines:
@@ -56,15 +56,15 @@ class StageLines:
 
     def __init__(self) -> None:
         self.found: list[str] = []
-        """What the running stage has found."""
+        """The finding of the running stage."""
         self.warned: set[tuple[str, str]] = set()
         """Subjects of warnings that were shown."""
 
     def line(self, record: logging.LogRecord) -> str | None:
-        """What the terminal shows of a record; None for nothing. An error ends the command, which prints it last.
+        """The text of a record on the terminal; None for nothing. An error ends the command, which prints it last.
 
         Of several warnings of one code about one view, such as those of each estimate, the first; the end of the
-        command tells the latest (`model.warning.distinct`).
+        command shows the latest (`model.warning.distinct`).
         """
         if record.levelno == logging.WARNING:
             about = subject(getattr(record, "code", ""), getattr(record, "view", ""), record.getMessage())
@@ -85,7 +85,7 @@ def has_ended(record: logging.LogRecord) -> bool:
 
 
 def stage_line(stage: str, found: str, wall_s: float | None) -> str | None:
-    """The line of a stage that has ended; wall_s None: it was read back. None for one that has nothing to tell."""
+    """The line of a stage that has ended; wall_s None: it was read back. None for one that has nothing to report."""
     if wall_s is None:
         found, time = found or "as in the earlier run", ""
     elif not found and wall_s < _UNTOLD_S:

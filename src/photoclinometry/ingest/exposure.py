@@ -205,7 +205,7 @@ def _no_camera(facts: Facts, lacking: str) -> str:
 
 
 def _without_match(options: IngestOptions, sumfile: NamedSum | None, row: SunRow | None) -> list[str]:
-    """What was given for images and does not name this one."""
+    """Tables and files that were given for images and do not name this one."""
     found = []
     if options.sumfiles and sumfile is None:
         found.append("no SUMFILE given has its name or time")

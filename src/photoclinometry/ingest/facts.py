@@ -31,7 +31,7 @@ _MISSING = ("N/A", "NULL", "UNK", "NONE", "")
 _OCAMS = {"0": "MapCam", "1": "SamCam", "2": "PolyCam"}
 """OSIRIS-REx's cameras by their number in labels and headers, which name only the suite (ISIS, ocams2isis)."""
 _CAMERA_NUMBERS = ("CAMERAID", "CAMERA_ID")
-"""Where that number stands: in FITS headers, in PDS4 labels."""
+"""Keys of that number, in FITS headers and in PDS4 labels."""
 _MILLISECOND_HEADERS = ("NEAR-010", "CAMERAID")
 """Keywords of the FITS headers that count exposures in milliseconds: NEAR's, OCAMS's (ISIS, OsirisRexOcamsCamera)."""
 

@@ -36,8 +36,8 @@ SITE_FILE = "site.toml"
 SOURCES_FILE = "sources.json"
 """Beside site.toml: the file of each image, and the sources of its camera, Sun and pose."""
 ALIGNMENT_SIGMA_DEG = 0.05
-"""By how much the alignment of a camera with the spacecraft's star trackers is typically off: the pointing that mission
-teams find from images differs from kernels by some hundredths of a degree, alike in all images of a phase. Poses of
+"""Typical error of the alignment of a camera with the spacecraft's star trackers: the pointing that mission teams find
+from images differs from kernels by some hundredths of a degree, by the same amount in all images of a phase. Poses of
 SUMFILEs share the errors of their shape model's frame, for which no figure is given: the same is taken."""
 
 

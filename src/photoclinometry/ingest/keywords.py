@@ -159,8 +159,8 @@ def _looking(
     """`Detector.frame`, and the detector with its axes in that frame.
 
     A camera looks along -z if BORESIGHT is (0, 0, -1). Keywords of Apollo's Metric cameras have (0, 0, 1) although
-    their x was reversed in 2013 and ISIS takes the direction (x, y, -f) since; a scanned positive is no mirror image,
-    so that there the axes of samples and lines tell.
+    their x was reversed in 2013 and ISIS takes the direction (x, y, -f) since. A scanned positive is no mirror image,
+    so that for these the axes of samples and lines decide.
     """
     backwards = plain.mirrored if is_film else boresight is not None and boresight[2] < 0
     if not backwards:
@@ -172,7 +172,7 @@ def _looking(
 
 
 def lacking_keywords(held: Keywords, code: int) -> list[str]:
-    """What keywords lack of the detector of instrument `code`: their names, with those that would do instead."""
+    """Missing keywords of the detector of instrument `code`: their names, with those that would suffice instead."""
     needed = (
         ("FOCAL_LENGTH",),
         ("PIXEL_SIZE", "PIXEL_PITCH", "ITRANSS and ITRANSL"),
@@ -215,7 +215,7 @@ def _check_understood(held: Keywords, code: int) -> None:
 
 
 def _unusable(held: Keywords, code: int, model: str, filter_name: str | None) -> str | None:
-    """What the keywords state of a distortion although they give none for this image; None if they state nothing."""
+    """The distortion keywords that are given although they define none for this image; None if there are none."""
     stated = [name for name in _of_distortion(held, code) if _COEFFICIENTS.search(name)]
     if not stated:
         given = f"INS{code}_DISTORTION_MODEL is {model}"

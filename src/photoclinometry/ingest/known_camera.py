@@ -23,7 +23,7 @@ class KnownCamera:
     code: int
     """NAIF identifier of the instrument."""
     source: str
-    """Where the figures are from."""
+    """Source of the figures."""
     filters: dict[str, Detector] = field(default_factory=dict)
     """Detectors by the filter's name in upper case."""
     filter_codes: dict[str, int] = field(default_factory=dict)
@@ -53,7 +53,8 @@ class KnownCamera:
         return turned_about(detector, lines=True, samples=False) if self.cube_lines_turned else detector
 
     def clock_of_kernel(self, clock: str | None) -> str | None:
-        """A label's clock count as the clock kernel has it: "126865998.830" of NEAR is 126865998830 milliseconds."""
+        """A label's clock count in the form of the clock kernel: "126865998.830" of NEAR is 126865998830
+        milliseconds."""
         return clock.replace(".", "") if clock is not None and self.clock_in_one_field else clock
 
     def code_with_filter(self, name: str | None) -> int:

@@ -43,7 +43,7 @@ class IngestOptions(Ranged):
     sun_sigma_deg: Annotated[float, Range(above=0, most=180)] = 0.05
     """Standard deviation of Suns from kernels, tables and labels [degrees]."""
     sun_common_sigma_deg: Annotated[float | None, Range(least=0, most=180)] = None
-    """Standard deviation of the rotation by which all Suns of an arc are off alike, beside each one's own error
+    """Standard deviation of the common rotation error of all Suns of an arc, in addition to each one's own error
     [degrees]. Left out, 0.05, as cameras are aligned to about that; not stated where --suns gives the Suns of all
     images."""
     position_sigma: Annotated[float, Range(above=0)] = 1e-3
@@ -52,7 +52,7 @@ class IngestOptions(Ranged):
     """Standard deviation of camera attitudes [degrees]; SUMFILEs state theirs."""
     pose_common_sigma: Annotated[tuple[float, float] | None, Range(least=0)] = None
     """Besides, standard deviations of one rotation of the cameras [degrees] and one shift [m] by which all pose priors
-    of an arc are off alike, such as by an error of the orbit. Left out, their errors are taken to be independent."""
+    of an arc have in common, such as by an error of the orbit. Left out, their errors are assumed to be independent."""
     keep_going: bool = False
     """Leave out files that cannot be used, instead of making no site."""
 

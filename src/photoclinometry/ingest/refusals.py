@@ -31,7 +31,7 @@ class Refusal:
 
     @classmethod
     def of(cls, path: Path, error: InputError) -> Refusal:
-        """By what reading the file has raised."""
+        """Grouped by the exceptions of reading."""
         cause, time = str(error), ""
         own = next((p for p in (path, label_beside(path)) if cause.startswith(f"{p}: ")), None)
         cause = cause.removeprefix(f"{own}: ")
@@ -42,7 +42,7 @@ class Refusal:
 
     @property
     def image(self) -> Path:
-        """What stands for the image: the label of its name beside it, or the file itself."""
+        """The file that represents the image: the label of its name beside it, or the file itself."""
         return label_beside(self.path) or self.path
 
 
@@ -62,7 +62,7 @@ def _chain(error: BaseException | None) -> Iterator[BaseException]:
 
 
 def counted(paths: Sequence[Path]) -> int:
-    """How many images files are: a label and its image count once."""
+    """Number of images among files: a label and its image count once."""
     return len({(label_beside(path) or path).resolve() for path in paths})
 
 

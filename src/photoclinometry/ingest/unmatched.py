@@ -15,7 +15,7 @@ from photoclinometry.model.warning import warn
 log = logging.getLogger(__name__)
 
 _LISTED = 4
-"""Names that an error or a warning tells; the others are counted."""
+"""Number of names in an error or a warning; the others are counted."""
 
 
 def check_suns(exposures: Sequence[Exposure], table: Path, rows: Collection[str], refused: Sequence[Path]) -> None:

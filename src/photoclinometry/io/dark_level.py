@@ -16,12 +16,12 @@ import numpy as np
 from photoclinometry.model.scene import Camera, Image
 
 _DARKEST = 0.001
-"""Share of the pixels that may be darker than no light: dead ones, and noise."""
+"""Share of the pixels that may be darker than the dark level: dead ones, and noise."""
 _FEWEST = 0.005
-"""Least share of the pixels in shadows and sky that tells the level."""
+"""Least share of the pixels in shadows and sky that determines the level."""
 _FLAT = 0.02
-"""The darkest pixels have one level where they span at most this share of what is between them and the median.
-Where there is no shadow, they are ground that turns away from the Sun, and span a fifth or more."""
+"""The darkest pixels have one level where they span at most this share of the range between them and the median. Where
+there is no shadow, they are ground that turns away from the Sun, and span a fifth or more."""
 
 
 class Darkest(NamedTuple):
@@ -29,7 +29,7 @@ class Darkest(NamedTuple):
 
     brightness: float
     level: float
-    """Theirs, if they are in shadows or sky; else NaN."""
+    """Their level, if they are in shadows or sky; else NaN."""
 
 
 def darkest_pixels(image: Image) -> Darkest:

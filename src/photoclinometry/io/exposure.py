@@ -28,7 +28,7 @@ _RIM_SHARE = 0.3
 _LEAST_RIM_PX, _RIM_WIDTH = 5.0, 0.5
 """Width of the rim around a piece: at least this [px], and this share of the root of its area."""
 _CORE_PX = 5
-"""Kernel that takes away the edge of a piece, which is blurred by the optics [px]."""
+"""Kernel that removes the edge of a piece, which is blurred by the optics [px]."""
 _PLATEAU_SPREAD = 1.5
 """Spread over the noise of neighbouring pixels: 1 for white noise, several for texture."""
 _PLATEAU_CONTRAST = 0.005
@@ -36,7 +36,7 @@ _PLATEAU_CONTRAST = 0.005
 _CLIP_PERCENT = (0.1, 99.9)
 """Percentiles to which brightness is clipped, so that hot and dead pixels do not count as signal."""
 _DARK_SIGMAS = 2.0
-"""An image of noise is dark where its median is nearer to 0 than so many standard deviations."""
+"""An image of noise is dark where its median is within this many standard deviations of 0."""
 _BLOCK = 8
 """Side of the blocks whose means show a signal that noise hides in single pixels [px]."""
 _BLOCK_SIGMAS = 12.0
@@ -47,8 +47,8 @@ def off_body_mask(image: Image) -> np.ndarray:
     """(h, w) bool: True on dark sky; all False if the image shows none.
 
     Sky is as dark as the darkest part of the image's edge, reaches the edge, covers at least 0.5 % of the
-    image, and is a plateau (dark ground has texture and a gentle rim). A shadow that touches the edge or the
-    sky is taken for sky, since one image cannot distinguish them; neither has a brightness worth measuring.
+    image, and is a plateau (dark ground has texture and a gentle rim). A shadow that touches the edge or the sky counts
+    as sky, since one image cannot distinguish them; neither has a brightness worth measuring.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""The process that reads whole HDF5 files before this package does: a path in JSON a line, answered by what is wrong.
+"""The process that reads whole HDF5 files before this package does: each line is a path in JSON, answered by the fault.
 
 The HDF5 library does not check what it reads: a damaged file can crash it, make it loop for ever, or ask for any amount
 of memory. `io/hdf5.py` therefore runs this file as a script in a separate process, which limits its time and memory. It
@@ -31,7 +31,7 @@ _MAX_DEPTH = 4
 _CPU_S, _BYTES_PER_S = 3, 20_000_000
 """CPU time for any file [s], and rate at which a large one is read at least."""
 _MEMORY_BYTES = 1 << 30
-"""Memory for any file (1 GiB), beside what its arrays take."""
+"""Memory for any file (1 GiB), in addition to that of its arrays."""
 
 
 def limit_resources(size: int) -> None:
@@ -49,7 +49,7 @@ def limit_resources(size: int) -> None:
 
 
 def fault_of(path: str) -> str:
-    """What is wrong with a file; empty for one whose groups, attributes and arrays can all be read."""
+    """The fault of a file; empty for one whose groups, attributes and arrays can all be read."""
     try:
         limit_resources(os.path.getsize(path))
         with h5py.File(path, "r") as file:

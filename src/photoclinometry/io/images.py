@@ -25,7 +25,7 @@ MAX_PIXELS = 2**28
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _PNG_PROFILES = {b"sRGB": "sRGB", b"iCCP": "a colour profile"}
-"""Chunks of an encoding for the eye."""
+"""Chunks that declare an encoding for display."""
 _PNG_UNITY = 100_000
 """gAMA counts in parts of this."""
 _CICP_LINEAR = 8

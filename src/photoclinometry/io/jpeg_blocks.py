@@ -1,7 +1,7 @@
-"""Whether an image went through JPEG: its blocks of 8 x 8 pixels are left in the numbers, whatever file they are in.
+"""Whether an image went through JPEG: its blocks of 8 x 8 pixels remain in the numbers, in any file format.
 
-JPEG rounds the cosine coefficients of each block by themselves, so that steps from pixel to pixel are larger where two
-blocks meet. Fine shading, which tells the slope of a pixel, is what rounding takes first.
+JPEG rounds the cosine coefficients of each block separately, so that steps from pixel to pixel are larger where two
+blocks meet. Rounding first removes the fine shading, which determines the slope of a pixel.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ BLOCK = 8
 """Pixels along a side (ITU-T T.81)."""
 SIGMAS = 4.0
 """Standard errors by which steps must be larger at one place in eight than at the others, along rows and along columns.
-Of 134 simulated and real images without loss one has 4.0 along either, none more than 2.6 along both; eight of them
-saved with a quality of 75 have 5.5 to 49 along both, with 90 1.9 to 28. Images whose rows alone were resampled have 21
-along one, 2 along the other."""
+Of 134 simulated and real images without loss, one has 4.0 along either, none more than 2.6 along both. Eight of them
+have 5.5 to 49 along both when saved with a quality of 75, and 1.9 to 28 with 90. Images whose rows alone were resampled
+have 21 along one, 2 along the other."""
 _LARGEST = 4.0
-"""Steps count at most so many times their mean: edges of shadows, and hits, say nothing of blocks."""
+"""Steps are limited to this multiple of their mean: edges of shadows, and hits, are unrelated to blocks."""
 _OF_A_MEDIAN = math.sqrt(math.pi / 2.0)
 """Standard error of the median of normal values over that of their mean."""
 _FEWEST = 8 * BLOCK
-"""Pixels along a side without which nothing is said."""
+"""Fewest pixels along a side for a decision."""
 
 
 def shows_jpeg_blocks(image: Image) -> bool:
@@ -41,7 +41,7 @@ def shows_jpeg_blocks(image: Image) -> bool:
 
 
 def _excess(brightness: np.ndarray, valid: np.ndarray) -> float:
-    """By how many standard errors the logarithm of steps along rows (h, w) is larger at one column in eight."""
+    """Excess of the logarithm of steps along rows (h, w) at one column in eight, in standard errors."""
     both = valid[:, 1:] & valid[:, :-1]
     step = np.where(both, np.abs(np.diff(brightness, axis=1)), np.float32(0))
     if not step.any():

@@ -1,4 +1,5 @@
-"""What of an image is not to be used, beyond what its own file says: masks and borders that `site.toml` names."""
+"""Pixels of an image that are not to be used, beyond those that its own file marks: masks and borders in
+`site.toml`."""
 
 from __future__ import annotations
 

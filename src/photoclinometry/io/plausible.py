@@ -1,4 +1,4 @@
-"""Whether the brightness of a site's images can be what `site.toml` calls it.
+"""Whether the brightness of a site's images can be the quantity that `site.toml` names.
 
 The radiance factor I/F of ground is bounded by physics: a white Lambert surface under the Sun at the zenith has 1. The
 brightest known ground, Enceladus's ice near zero phase, has about 1.4 (Verbiscer et al. 2007, Science 315, 815).
@@ -28,8 +28,8 @@ LEVEL_PERCENTILE = 90.0
 STEEPEST_MAG_PER_DEG = 0.05
 """Dimming of the darkest ground with phase."""
 OTHER_UNIT = 10.0
-"""A view that differs from the typical one by this factor, beyond what phase explains, is in another unit: facing the
-Sun or turned away from it, slopes and incidence make a factor of a few."""
+"""A view that differs from the typical one by this factor, beyond the effect of phase, is in another unit: slopes
+facing the Sun or turned away from it, and incidence, cause factors of a few."""
 PLATEAU_SHARE = 0.1
 """Least share of the valid pixels at the highest brightness that overexposure leaves there ..."""
 PLATEAU_TOP = 0.01
@@ -133,7 +133,7 @@ def _beyond(level: float) -> str | None:
 
 
 def _in_other_units(site: Site, level: np.ndarray) -> dict[int, str]:
-    """Views far brighter or dimmer than the typical one, beyond what the phase angles explain."""
+    """Views far brighter or dimmer than the typical one, beyond the effect of the phase angles."""
     phase_deg = np.degrees(np.arccos(np.clip(-site.sun_in_cam[:, 2], -1.0, 1.0)))
     good = level > 0
     if good.sum() < MIN_VIEWS:

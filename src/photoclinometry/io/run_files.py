@@ -1,4 +1,4 @@
-"""Run folders: the names of what lies in them, and what a finished one holds.
+"""Run folders: the names of their files, and the content of a finished one.
 
 The mark and the lock, which only `pipeline/folder/` reads and writes, are named there (`run_mark`, `run_lock`).
 """
@@ -23,7 +23,7 @@ CONFIG_FILE = "config.toml"
 LANDMARKS_FILE = "landmarks.ply"
 """The map as a mesh."""
 ALTIMETRY_FILE = "altimetry.csv"
-"""All shots of a laser altimeter on the map: how far each is off, and whether it was used."""
+"""All shots of a laser altimeter on the map: the residual of each, and whether it was used."""
 HELD_OUT_FILE = "held_out.json"
 """Views that were held out, placed in the map's frame."""
 LOG_FILE = "log"
@@ -53,7 +53,7 @@ _LARGEST_COUNT = 10**15
 """Greater whole numbers in metrics.json are damage: they may be too large for a float."""
 _LEAVE_OUT = "leave the images out (--no-images, images=False)"
 _GIVE_SITE = f"give the site.toml of the run's images (--site, site=), or {_LEAVE_OUT}"
-"""To do where the images of a run are not at hand."""
+"""Advice where the images of a run are not at hand."""
 
 
 def is_map(folder: Path) -> bool:
@@ -120,7 +120,7 @@ def site_path(run: Path, given: Path | None = None) -> Path:
 
 def run_images(site: Path, names: Sequence[str]) -> list[Image]:
     """The images of a run's views. Raises SiteError, RunFolderError for another site, and ImageError for images that
-    cannot be read, show nothing, or have a brightness that no ground has."""
+    cannot be read, show nothing, or have a brightness that is impossible for ground."""
     from photoclinometry.io.site import read_site
     from photoclinometry.io.site_images import load_plausible_images
 

@@ -58,7 +58,7 @@ _VIEWS = {
     "arc": ("-", "-", "number of the arc of attitude and orbit that each view's Sun and pose prior are of"),
 }
 _LATER = {"sun_common_sigma": float, "dark_level": float, "arc": int}
-"""What older files do not have, with its type: zero there."""
+"""Fields that older files do not have, with their types: zero there."""
 _LANDMARKS = {
     "position": (_LENGTH, "B", "landmark positions (J, 3)"),
     "normal": ("1", "B", "outward unit normals (J, 3)"),

@@ -34,9 +34,9 @@ MIN_VIEWS = 3
 DEFAULT_SUN_SIGMA_RAD = 1e-3
 """Standard deviation [rad] of Suns without `sun_sigma_deg`: 0.057 degrees, the paper's value."""
 _OWN_SHARE = 0.05
-"""Where a site does not tell which part of the Suns' errors its images share, each one's own is this part of what it
-states, or DEFAULT_SUN_SIGMA_RAD where that is more. Suns known worse than attitudes are have an error of one cause: an
-alignment, a shape or a frame. Star trackers know an attitude to some thousandths of a degree."""
+"""Where a site does not state which part of the Suns' errors its images share, each one's own sigma is this part of the
+stated one, or DEFAULT_SUN_SIGMA_RAD where that is more. Suns that are known worse than attitudes have an error of one
+cause: an alignment, a shape or a frame. Star trackers measure an attitude to some thousandths of a degree."""
 _POSE_COMMON = ("pose_common_sigma_deg", "pose_common_sigma")
 """Keys of the standard deviations of errors that all pose priors of an arc share: a rotation of the cameras [degrees],
 and a shift [m]."""
@@ -62,9 +62,9 @@ class SiteView:
     masking: Masking = ALL_USED
     """Those of its camera included."""
     lens: Lens = NO_DISTORTION
-    """What is taken out of the image when it is read, so that `camera` is a pinhole."""
+    """Distortion that is removed from the image when it is read, so that `camera` is a pinhole."""
     gamma: float = LINEAR
-    """The power that the image's numbers are raised to when it is read, so that they are linear in radiance."""
+    """The power to which the image's numbers are raised when it is read, so that they are linear in radiance."""
     arc: str | None = None
     """Name of the arc of attitude and orbit that `sun` and `pose_prior` are of; all views without one are of one."""
 
@@ -104,8 +104,7 @@ class Site:
     body_radius_m: float | None = None
     """Mean radius of a body that is not known by name."""
     sun_common_sigma_rad: float | None = None
-    """Standard deviation of the rotation in C by which all Suns of an arc are off alike; None where nothing is known of
-    it."""
+    """Standard deviation of the common rotation error in C of all Suns of an arc; None where it is not known."""
 
     @property
     def sun_in_cam(self) -> np.ndarray:
@@ -116,7 +115,7 @@ class Site:
     def sun_sigmas(self) -> tuple[np.ndarray, np.ndarray]:
         """Standard deviations [rad] of each Sun's own error (K,), and of the one that all of an arc share (K,).
 
-        Where `sun_common_sigma_rad` is not known, most of a large stated error is taken to be common.
+        Where `sun_common_sigma_rad` is not known, most of a large stated error is assumed to be common.
         """
         stated = np.array([view.sun_sigma_rad for view in self.views])
         if self.sun_common_sigma_rad is not None:

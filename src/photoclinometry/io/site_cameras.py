@@ -1,4 +1,4 @@
-"""The cameras of `site.toml`: intrinsics, distortion, and what of all their images is not used."""
+"""The cameras of `site.toml`: intrinsics, distortion, and the pixels of all their images that are not used."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera
 
 GAMMA = "gamma"
 MOST_GAMMA = 5.0
-"""Exponents beyond this, and below its inverse, are of no response."""
+"""Largest plausible exponent of a response; its inverse is the smallest."""
 _FARTHEST_PRINCIPAL = 10.0
 """Principal points farther outside than this many image widths are parameters in the wrong order."""
 
 
 @dataclass(frozen=True)
 class SiteCamera:
-    """A camera as `site.toml` has it."""
+    """A camera in `site.toml`."""
 
     camera: Camera
     """The pinhole that its images have once they are undistorted."""
@@ -32,7 +32,7 @@ class SiteCamera:
     masking: Masking = ALL_USED
     """Of all its images."""
     gamma: float = LINEAR
-    """The power that the numbers of its images are raised to, to be linear in radiance."""
+    """The power to which the numbers of its images are raised, to be linear in radiance."""
 
     def entry(self) -> dict[str, Any]:
         """The table of `site.toml`, without masks."""
@@ -94,7 +94,7 @@ def _read_gamma(table: Table) -> float:
 
 
 def misplaced_principal_point(camera: Camera) -> str | None:
-    """Why the camera's principal point cannot be right; None where it can."""
+    """The reason why the camera's principal point is impossible; None where it is possible."""
     center, width, height = np.array(camera.principal_px), camera.width, camera.height
     if (np.abs(center - (width / 2, height / 2)) <= _FARTHEST_PRINCIPAL * max(width, height)).all():
         return None

@@ -1,4 +1,4 @@
-"""How a site shows itself: one line at the prompt, a table and one of its images in a notebook."""
+"""Display of a site: one line at the prompt, a table and one of its images in a notebook."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def site_card(site: Site) -> str:
 
 
 def site_table(site: Site) -> dict[str, str]:
-    """What the site is, in words and numbers."""
+    """Properties of the site, in words and numbers."""
     cameras = dict.fromkeys(view.camera for view in site.views)
     return {
         "views": f"{len(site.views)}",

@@ -32,7 +32,7 @@ _NO_PIXEL = "has no valid pixel (all NaN, blank, saturated, masked or sky)"
 
 @dataclass(frozen=True, kw_only=True)
 class SiteImages:
-    """The images of a site, with those that no map can be made of."""
+    """The images of a site, with those from which no map can be made."""
 
     images: list[Image]
     """(K,) of all views, as of `load_images`."""
@@ -82,7 +82,7 @@ class _Read:
     levels: np.ndarray
     """(K,) dark levels, 0 of calibrated images."""
     nothing: dict[str, str]
-    """Why some show nothing, by name."""
+    """Reasons why some show nothing, by name."""
     compressed: tuple[str, ...]
     """Names of those with the blocks of JPEG."""
 

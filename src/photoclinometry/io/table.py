@@ -34,8 +34,8 @@ class Table:
         """All keys that the table may have, as `expect` was given them."""
 
     def expect(self, *keys: str) -> Table:
-        """The table itself, which may have these keys and no others: before any is read, so that hints tell a misspelt
-        key from one that is only read later."""
+        """The table itself, which may have these keys and no others. To be called before any key is read, so that hints
+        distinguish a misspelt key from one that is only read later."""
         self._known = keys
         return self
 

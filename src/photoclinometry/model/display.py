@@ -1,4 +1,4 @@
-"""How a scene shows itself: one line at the prompt, a table and a picture in a notebook.
+"""Display of a scene: one line at the prompt, a table and a picture in a notebook.
 
 The picture is a PNG made with the standard library, inside the page, so that a notebook keeps it. It is drawn when the
 notebook asks. If that fails, the table is shown all the same, with the reason in place of the picture.

@@ -1,1 +1,1 @@
-"""What others read: the report and the exports."""
+"""Output for other readers: the report and the exports."""

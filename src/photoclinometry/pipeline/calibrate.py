@@ -129,7 +129,7 @@ def _estimates(
     if not estimates:
         raise ReconstructionError(
             f"{site.path}: {len(sparse.point_view)} keypoints of {sparse.registered.sum()} views do not suffice to "
-            "tell the distortion; add images, or raise --sfm.max-features"
+            "determine the distortion; add images, or raise --sfm.max-features"
         )
     return estimates
 

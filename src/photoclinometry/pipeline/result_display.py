@@ -1,4 +1,4 @@
-"""How the result of a run shows itself: one line at the prompt, a table and a picture of the map in a notebook."""
+"""Display of the result of a run: one line at the prompt, a table and a picture of the map in a notebook."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 FLOOR = 1e-15
-"""What keeps it from dividing by 0 (Kerbl et al. 2023; Mueller et al. 2022)."""
+"""Constant that prevents a division by 0 (Kerbl et al. 2023; Mueller et al. 2022)."""
 
 
 class Adam:
@@ -20,7 +20,7 @@ class Adam:
         self.steps = 0
 
     def step(self, by: Mapping[str, np.ndarray], rates: Mapping[str, float | np.ndarray]) -> dict[str, np.ndarray]:
-        """What is to be subtracted from the parameters."""
+        """The step to subtract from the parameters."""
         self.steps += 1
         a, b = self.decays
         change = {}

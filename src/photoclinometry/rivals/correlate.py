@@ -17,7 +17,7 @@ LEAST_SHARE = 0.7
 def correlation_shifts(
     template: np.ndarray, image: np.ndarray, cell: np.ndarray, window: int, reach: int, least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the template around given cells lies in the image: shifts (n, 2) [cells, down and across], (n,) bool.
+    """Positions in the image of the template around given cells: shifts (n, 2) [cells, down and across], (n,) bool.
 
     The whole shift has the largest normalised correlation of windows (Gaskell et al. 2008), of all up to `reach`; the
     fraction is that of least squares, image(x + s) = gain template(x) + offset, which is the same maximum.

@@ -1,4 +1,4 @@
-"""The figure of a comparison: images, what each method predicts of them, and what is left."""
+"""The figure of a comparison: images, the prediction of each method, and the residuals."""
 
 from __future__ import annotations
 

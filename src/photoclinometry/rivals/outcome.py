@@ -1,4 +1,4 @@
-"""What a method leaves: its prediction of every view, its map where it has one, and what it cost."""
+"""The outcome of a method: its prediction of every view, its map where it has one, and its cost."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Outcome:
     """The residual or loss after every iteration."""
     cpu_s: float = float("nan")
     peak_memory_gb: float | None = None
-    """Largest resident size of the process during the method; None where the system does not tell."""
+    """Largest resident size of the process during the method; None where the system does not report it."""
 
 
 def rendered_map(problem: Problem, scene: Scene) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -82,7 +82,8 @@ def costed(method: Callable[[], Outcome]) -> Outcome:
 
 
 def _peak_gb() -> float | None:
-    """Largest resident size since it was last begun anew [GiB]; None where the system does not tell (not Linux)."""
+    """Largest resident size since it was last begun anew [GiB]; None where the system does not report it (not
+    Linux)."""
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):

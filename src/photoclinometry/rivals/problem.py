@@ -1,4 +1,4 @@
-"""What every rival method is given: a run's images, poses, Suns and region, and the views to predict."""
+"""The input of every rival method: a run's images, poses, Suns and region, and the views to predict."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class SplatOptions(Ranged):
     growth: Annotated[float, Range(least=1, most=100)] = 2.0
     """Gaussians at most, over those at the start."""
     stride: Annotated[int, Range(least=1, most=1000)] = 1
-    """The cloud starts from every so many landmarks, down and across."""
+    """Spacing of the landmarks from which the cloud starts, down and across."""
 
 
 def run_splat(problem: Problem, options: SplatOptions | None = None, progress: Progress = no_progress) -> Outcome:
@@ -88,7 +88,7 @@ def splatted(problem: Problem, options: SplatOptions, colour: Colour, name: str,
 
 
 def first_cloud(problem: Problem, stride: int, colour: Colour, targets: list[Target]) -> Cloud:
-    """A Gaussian at every so many landmarks of the run; flat ones where colours have a normal, else round ones."""
+    """Gaussians at evenly spaced landmarks of the run; flat ones where colours have a normal, else round ones."""
     from scipy.spatial import KDTree
 
     scene = problem.scene
@@ -136,7 +136,7 @@ def cloud_map(scene: Scene, cloud: Cloud, colour: Colour) -> Scene:
 
 
 def _target(problem: Problem, k: int, box: tuple[slice, slice]) -> Target:
-    """What a view shows of the map, of peak 1."""
+    """The map in a view, of peak 1."""
     image, views, peak = problem.images[k], problem.views, problem.peak
     return Target(
         camera=_pinhole(problem.scene.with_estimate(views, problem.scene.landmarks), k, box[0].start, box[1].start),

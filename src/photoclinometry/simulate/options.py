@@ -89,7 +89,7 @@ class SimulationOptions(Ranged):
     """Write pose priors with these standard deviations: attitudes about each axis [degrees], camera centres along each
     axis [m]. By default there are no priors."""
     pose_common_sigma: Annotated[tuple[float, float] | None, Range(least=0)] = None
-    """Besides, of one rotation of the cameras [degrees] and one shift [m] by which all pose priors are off alike."""
+    """In addition, of the common rotation of the cameras [degrees] and the common shift [m] of all pose priors."""
     altimetry: Annotated[tuple[float, float] | None, Range(above=0)] = None
     """Write altimetry.csv, eight tracks of a laser altimeter, with these standard deviations: of each shot's height,
     and of the shift of each track along each axis [m]. By default there is none. Of places alone."""

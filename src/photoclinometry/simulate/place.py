@@ -1,4 +1,4 @@
-"""What `site.py` makes a site of: a place or a whole body, the views of it, and how its truth is written."""
+"""The inputs from which `site.py` makes a site: a place or a whole body, its views, and the writer of its truth."""
 
 from __future__ import annotations
 
@@ -32,4 +32,4 @@ class SimulatedPlace:
     shows_sky: bool = False
     """Whether images may reach beyond the surface."""
     settings: dict[str, Any] = field(default_factory=dict)
-    """What follows from the options and is worth keeping beside them."""
+    """Quantities that follow from the options and are worth keeping beside them."""

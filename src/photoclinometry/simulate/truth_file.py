@@ -24,7 +24,7 @@ FORMAT = "photoclinometry truth"
 VERSION = 1
 BODY_FORMAT = "photoclinometry body truth"
 FORMATS = {FORMAT: "the truth of a place", BODY_FORMAT: "the truth of a whole body"}
-"""What files of these formats hold."""
+"""Content of files of these formats."""
 
 T = TypeVar("T", bound=SiteFacts)
 
@@ -86,7 +86,7 @@ def read_truth(path: Path | str) -> Truth:
 
 
 def read_file(path: Path | str, form: str, version: int, read: Callable[[Any], T]) -> T:
-    """What `read` makes of a truth file of a named format. Raises InputError, also for all that `read` raises."""
+    """The result of `read` for a truth file of a named format. Raises InputError, also for all exceptions of `read`."""
     import h5py
 
     path = Path(path)
@@ -130,7 +130,7 @@ def _check(path: Path, truth: SiteFacts) -> None:
 
 
 def read_facts(file: Any) -> dict[str, Any]:
-    """What `write_facts` wrote, by the names of the fields of a truth."""
+    """The content that `write_facts` wrote, by the names of the fields of a truth."""
     group = file["views"]
     cameras = tuple(
         Camera(model, width, height, tuple(params))

@@ -49,7 +49,7 @@ def _read(path: Path, linear: bool) -> Product:
 
 
 def _read_labelled(path: Path, head: bytes) -> Product | None:
-    """What a file with a label, which begins with `head`, describes; None for files of other formats."""
+    """The product of a file with a label, which begins with `head`; None for files of other formats."""
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     if _is_isis(start):
         return read_isis_cube(path)
@@ -61,7 +61,7 @@ def _read_labelled(path: Path, head: bytes) -> Product | None:
 
 
 def _read_label(label: Path, path: Path) -> Product:
-    """What the label beside a data file describes. Raises ImageError for a file that is no label."""
+    """The product that the label beside a data file describes. Raises ImageError for a file that is no label."""
     head = read_image_bytes(label, limit=_HEAD_BYTES)
     product = _read_labelled(label, head)
     if product is None:

@@ -1,4 +1,4 @@
-"""`body.ply`: a shape model with all that is known at its vertices.
+"""`body.ply`: a shape model with all quantities at its vertices.
 
 Binary little-endian PLY. Vertices: x y z double; nx ny nz, albedo, sigma_height [unit of length], sigma_normal_deg and
 sigma_albedo_percent float; views and tile int. Columns of what the model does not hold are left out. A comment has the
@@ -25,7 +25,7 @@ _SIGMA = {
 }
 """Column of a standard deviation, and its unit's share of the model's: radians and shares are degrees and per cent."""
 _OWN_UNIT = "unknown"
-"""In place of the unit of a frame that is that of the images alone."""
+"""In place of the unit where the frame comes from images alone."""
 
 
 def write_shape_ply(path: Path | str, shape: ShapeModel) -> None:
@@ -50,7 +50,7 @@ def write_shape_ply(path: Path | str, shape: ShapeModel) -> None:
 
 
 def read_shape_ply(path: Path | str) -> ShapeModel:
-    """The model that `write_shape_ply` wrote, or what a PLY mesh of another program has of it.
+    """The model that `write_shape_ply` wrote, or the part of one that a PLY mesh of another program holds.
 
     A file whose comment names no unit is of an unknown one. Raises InputError for files that are damaged or no mesh.
     """

@@ -18,7 +18,7 @@ from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 
 LARGEST_Q = 512
-"""The largest that SPC takes."""
+"""The largest Q that SPC accepts."""
 _CORNERS = (
     ((-1, 1, 1), (1, 1, 1), (-1, -1, 1)),
     ((-1, -1, 1), (1, -1, 1), (-1, -1, -1)),

@@ -74,7 +74,7 @@ def read_text_model(
 ) -> TextModel:
     """The model in a folder as a Scene; views and landmarks in the files' order.
 
-    The arguments complete what the files do not hold: the kind of brightness ("iof" or "dn"), the reflectance, the
+    The arguments give the data that the files do not hold: the kind of brightness ("iof" or "dn"), the reflectance, the
     body, the name of the reference image (default: the first), the standard deviations of keypoints [px] and Suns
     [rad], and the brightness below which a keypoint is in shadow. Albedos are not rescaled: the authors' are in units
     of their phase function at zero phase. The Sun of each image serves as measurement and as first estimate.

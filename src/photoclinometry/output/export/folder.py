@@ -81,7 +81,7 @@ def _write(
 
 
 def _chosen(formats: Mapping[str, Format], placed: Any, what: str, options: Any) -> list[str]:
-    """What to write: what is asked for, or all that is possible. Raises InputError for what there is nothing for."""
+    """The products to write: those asked for, or all possible ones. Raises InputError for products without data."""
     if not options.products:
         return [name for name, product in formats.items() if product.lacks(placed) is None]
     for name in options.products:

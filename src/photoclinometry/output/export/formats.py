@@ -18,7 +18,7 @@ from photoclinometry.output.export.tables import write_tables
 from photoclinometry.output.viewer import write_viewer
 
 Written = dict[str, str]
-"""What is in each file, by the file's name in the export's folder."""
+"""Content of each file, by the file's name in the export's folder."""
 Writer = Callable[[Path, Any, tuple[str, ...], Any], Written]
 """(folder, scene in its frame, products of this writer that are asked for, `ExportOptions`) -> `Written`; of a whole
 body the second is a `PlacedShape`."""
@@ -34,11 +34,11 @@ class Format:
 
     name: str
     about: str
-    """What it writes, for the command's help."""
+    """The product, in words for the command's help."""
     write: Writer
     """Products that share a writer are written by one call. Raises InputError and RunFolderError."""
     extra: str | None = None
-    """Of pyproject.toml's optional dependencies, what the writer needs."""
+    """The optional dependency in pyproject.toml that the writer needs."""
     package: str | None = None
     """The package of that extra which the writer imports."""
     lacks: Callable[[Any], str | None] = _always

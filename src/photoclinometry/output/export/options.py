@@ -1,4 +1,4 @@
-"""What to export, and what is known of the scene's frame."""
+"""The products to export, and the place of the scene's frame."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _Slant = Annotated[float, Range(least=0, below=90)]
 
 @dataclass(frozen=True, kw_only=True)
 class ExportOptions(Ranged):
-    """What to export, and what is known of the scene's frame."""
+    """The products to export, and the place of the scene's frame."""
 
     products: tuple[Product, ...] = ()
     """Formats to write, of the map of a place or of a whole body. Left out: all that it holds and its frame allows."""
@@ -33,7 +33,7 @@ class ExportOptions(Ranged):
     """TOML file with scale, rotation (3 rows), translation [m]: body-fixed = scale rotation @ scene + translation."""
     site: Path | None = None
     """site.toml of the run, with pose priors in the body-fixed frame [m] for three views or more, as `phomo ingest`
-    writes them: they tell where on the body the scene lies."""
+    writes them: they determine where on the body the scene lies."""
     body_fixed: bool = False
     """The scene's own frame is body-fixed: origin in the body's centre, z to the north pole, x to longitude 0."""
     unit_m: Annotated[float | None, Range(above=0)] = None

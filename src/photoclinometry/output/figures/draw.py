@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator
 from photoclinometry.model.region import Region
 
 MISSING = (0.66, 0.71, 0.77)
-"""What the report shows behind pixels without a value: a bluish grey, which is not mistaken for a brightness."""
+"""Colour of pixels without a value in the report: a bluish grey, which is not mistaken for a brightness."""
 _NOTHING = (0.0, 0.0, 0.0, 0.0)
 """Colour of pixels without a value: none, so that the axes' own is seen."""
 DPI = 130

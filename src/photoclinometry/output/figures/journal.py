@@ -154,7 +154,7 @@ def _layout(scene: Scene, options: FigureOptions) -> tuple[Figure, list[Axes], A
 
 
 def _grown(options: FigureOptions) -> float:
-    """By how much margins are larger than those of the smallest text."""
+    """Ratio of the margins to those of the smallest text."""
     return max(1.0, options.font_pt / _FONT_PT)
 
 
@@ -166,7 +166,7 @@ def _letter(panel: Axes, letter: str, right: float) -> None:
 
 
 def _metadata(suffix: str, scene: Scene) -> dict[str, Any]:
-    """What the file says of itself; without the time, so that the same map gives the same file."""
+    """Metadata of the file; without the time, so that the same map gives the same file."""
     made = f"photoclinometry {__version__}"
     if suffix == ".png":
         return {"Title": scene.name, "Software": made}

@@ -36,13 +36,13 @@ class Layer:
     name: str
     title: str
     about: str
-    """What it shows, for captions and for the command's help."""
+    """The quantity in words, for captions and for the command's help."""
     values: Values
     """(J,) for every landmark, NaN or infinite where it was not measured; (J, 3) local normals of "normals"."""
     label: Label
     """Quantity and unit, for colour bars and axes."""
     cmap: str = "magma"
-    """A colour map of matplotlib that people with any colour vision read alike."""
+    """A colour map of matplotlib that people with any colour vision read in the same way."""
     from_zero: float | None = STEEP_PERCENT
     """The colour scale goes from zero to this percentile; None: from the 1st percentile to the 99th."""
     sigma: Callable[[Scene], np.ndarray | None] = lambda scene: None
@@ -50,7 +50,7 @@ class Layer:
     lacks: Callable[[Scene], str | None] = lambda scene: None
     """Why a scene has no such layer; None: it has."""
     known: Callable[[Scene], np.ndarray] | None = None
-    """(J,) bool: the landmarks of which something determines the values; None: all."""
+    """(J,) bool: the landmarks with determined values; None: all."""
 
     def shown(self, scene: Scene, view: int | None = None) -> np.ndarray:
         """The values (J, ...) as figures show them: NaN where nothing determines them.

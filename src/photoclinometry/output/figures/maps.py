@@ -23,7 +23,7 @@ _CONTOURS = 9
 _UP_COLOUR = np.array([0.42, 0.42, 0.42])
 _RIGHT_COLOUR = np.array([0.42, -0.11, -0.52])
 """Change of red, green and blue of ground that faces up in the image, and of ground that faces right: lightness, and
-orange against blue at the same lightness. These are told apart by people who confuse red with green."""
+orange against blue at the same lightness. People who confuse red with green can distinguish these."""
 _KEY_PX, _KEY_PT = 81, 22.0
 """Width and height of the disc of colours of normals, in pixels and on paper [points]."""
 

@@ -1,4 +1,4 @@
-"""What makes a picture of ground a map: a scale bar, and arrows to the north and to the Sun."""
+"""Marks that make a picture of ground a map: a scale bar, and arrows to the north and to the Sun."""
 
 from __future__ import annotations
 
@@ -59,7 +59,8 @@ def ground_per_pixel(scene: Scene) -> np.ndarray:
 
 
 def north_in_image(scene: Scene) -> np.ndarray | None:
-    """(2,) unit vector (right, down) of the reference image towards the body's north pole; None where nobody knows.
+    """(2,) unit vector (right, down) of the reference image towards the body's north pole; None where that is not
+    known.
 
     It is known in the body-fixed frame, but for maps of the poles themselves.
     """

@@ -1,4 +1,4 @@
-"""What a figure for publication shows, and how large it is."""
+"""Content and size of a figure for publication."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COLUMN_MM = {1: 90.0, 2: 190.0}
 
 @dataclass(frozen=True, kw_only=True)
 class FigureOptions(Ranged):
-    """What a figure for publication shows, and how large it is."""
+    """Content and size of a figure for publication."""
 
     layers: tuple[LayerName, ...] = ("albedo", "height", "slope")
     """Layers of the map, each a panel."""

@@ -14,13 +14,13 @@ from photoclinometry.model.robust import jackknife_sigma
 from photoclinometry.output.figures.draw import panels, save, style
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Okabe and Ito's, which colour-blind readers tell apart."""
+"""Okabe and Ito's, which colour-blind readers can distinguish."""
 CURVES = 3
 """Models whose curves are drawn: more hide each other."""
 BINS, FEWEST_IN_BIN = 12, 30
 """Of the residuals by angle, and predictions that a bin's mean needs."""
 BEYOND_DEG = 15.0
-"""How far the phase curve is drawn beyond the phases seen [degrees]."""
+"""Range of the phase curve beyond the phases seen [degrees]."""
 LIMB_DEG = 75.0
 """Greatest incidence and emission of the disk functions drawn [degrees]."""
 _SEEN = {"color": "0.93", "lw": 0, "zorder": 0}
@@ -42,7 +42,7 @@ def draw_photometry(path: Path, ranking: ModelRanking) -> Path:
 
 
 def _draw_errors(ax: Axes, ranking: ModelRanking) -> None:
-    """A bar a model; hatched where kept-out views cannot tell it from the best."""
+    """One bar for each model; hatched where kept-out views do not distinguish it from the best."""
     names = [fit.reflectance.name for fit in ranking.fits]
     for row, fit in enumerate(ranking.fits):
         hatch = "///" if ranking.is_as_good(fit) and row else ""
@@ -72,7 +72,7 @@ def _draw_phase(ax: Axes, fits: Sequence[ModelFit]) -> None:
 
 
 def _draw_disk(ax: Axes, fits: Sequence[ModelFit]) -> None:
-    """Brightness along the photometric equator, at the median phase, over that where both angles are alike."""
+    """Brightness along the photometric equator, at the median phase, relative to that where both angles are equal."""
     phase = float(np.median(fits[0].predictions.angles_deg[:, 2]))
     longitude = np.linspace(phase - LIMB_DEG, LIMB_DEG, 100)
     mu0, mu = np.cos(np.radians(longitude - phase)), np.cos(np.radians(longitude))

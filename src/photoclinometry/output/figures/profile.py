@@ -23,7 +23,7 @@ _ROUNDING = 1e-9
 """Share of a cell by which a place may lie outside the map, or its weights on a hole, because of rounding."""
 _BAND_ALPHA = 0.3
 _CURVE = "#0072b2"
-"""Blue of Okabe and Ito's palette, which people with any colour vision tell from black."""
+"""Blue of Okabe and Ito's palette, which people with any colour vision can distinguish from black."""
 
 
 @dataclass(frozen=True, kw_only=True)

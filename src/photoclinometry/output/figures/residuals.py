@@ -1,4 +1,4 @@
-"""How far measurements are from what the map predicts: of all views beside each other, or of one view as a map."""
+"""Differences of measurements from the map's predictions: of all views side by side, or of one view as a map."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from photoclinometry.output.figures.marks import add_marks
 from photoclinometry.photometry.predict import brightness_residuals
 
 KINDS = ("brightness", "keypoint")
-"""What `plot_residuals` draws: predicted minus measured brightness, or distances of keypoints."""
+"""Quantities for `plot_residuals`: predicted minus measured brightness, or distances of keypoints."""
 _WHISKERS = (5.0, 95.0)
 """Percentiles at the ends of the lines of a box plot."""
 _LABELS = {

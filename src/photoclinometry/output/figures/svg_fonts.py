@@ -29,7 +29,7 @@ def _face(weight: str, file: str, letters: str) -> str:
     from fontTools import subset
     from fontTools.ttLib import TTFont
 
-    logging.getLogger("fontTools").setLevel(logging.WARNING)  # it tells every table that it drops
+    logging.getLogger("fontTools").setLevel(logging.WARNING)  # it logs every table that it drops
     font = TTFont(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / file)
     options = subset.Options()
     options.drop_tables += ["FFTM"]

@@ -1,4 +1,4 @@
-"""What a reader of a body's report wants to know first: what was mapped, how good it is, and what to distrust."""
+"""The first facts of a body's report: the mapped ground, the quality of the map, and reasons for distrust."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from photoclinometry.output.viewer import ViewedBody
 from photoclinometry.surface.closed_mesh import centroid
 
 KILO = 1000.0
-"""Lengths from so many metres on are shown in kilometres."""
+"""Length from which on lengths are shown in kilometres [m]."""
 _SIGMAS = {
     "height": "one sigma along the normal, at one vertex, as overlapping tiles disagree",
     "normal": "one sigma of its angle to the true one, at one vertex",
@@ -61,7 +61,7 @@ def phases_deg(body: ViewedBody) -> np.ndarray:
 def _what(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
     """Body, size, surface, images and light."""
     name = (body.body or "unknown body").capitalize()
-    frame = "in its body-fixed frame" if body.body_fixed else "images alone tell neither its size nor its poles"
+    frame = "in its body-fixed frame" if body.body_fixed else "images alone determine neither its size nor its poles"
     used = metrics["images_registered"] + metrics["images_placed_by_surface"]
     per_vertex = views_per_vertex(body.shape)
     each = "" if per_vertex is None else f"; a vertex is measured in {per_vertex:.1f} of them"
@@ -98,7 +98,7 @@ def _what(body: ViewedBody, metrics: Mapping[str, Any]) -> list[Fact]:
 
 
 def views_per_vertex(shape: ShapeModel) -> float | None:
-    """Images that measure a vertex, in the mean over those that were mapped; None where the shape does not tell."""
+    """Images that measure a vertex, in the mean over those that were mapped; None where the shape does not state it."""
     if shape.views is None:
         return None
     return float(shape.views[shape.views > 0].mean()) if (shape.views > 0).any() else 0.0

@@ -48,7 +48,7 @@ def body_places(shape: ShapeModel, step: np.ndarray, gsd: float) -> tuple[BodyPl
 
 
 def _judged(shape: ShapeModel, step: np.ndarray, gsd: float) -> Iterator[tuple[str, np.ndarray, str, bool]]:
-    """What a bad tile has, (V,) values, their unit, and whether large ones are bad."""
+    """The property of a bad tile in words, (V,) values, their unit, and whether large ones are bad."""
     if shape.views is not None:
         yield "fewest images", np.where(shape.views > 0, shape.views, np.nan), "", False
     if "height" in shape.sigma:

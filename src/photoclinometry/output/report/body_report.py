@@ -1,4 +1,4 @@
-"""The report of a whole body: six sides, what is known where, its tiles and views."""
+"""The report of a whole body: six sides, maps of the uncertainties, its tiles and views."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from photoclinometry.surface.mesh_rays import MeshRays
 
 @dataclass(frozen=True, kw_only=True)
 class BodyContent:
-    """What the report of a body shows besides its surface."""
+    """Content of a body's report besides its surface."""
 
     name: str
     metrics: Mapping[str, float]
@@ -92,7 +92,10 @@ def _way_up(body: ViewedBody) -> str:
     """Of pictures of the six sides."""
     if body.body_fixed:
         return "north is up, 0° E is up in the views of the poles"
-    return "z is up, x is up in the views along z. The axes are those of the model: images alone do not tell the poles"
+    return (
+        "z is up, x is up in the views along z. The axes are those of the model: "
+        "images alone do not determine the poles"
+    )
 
 
 def _subtitle(body: ViewedBody) -> str:

@@ -1,4 +1,4 @@
-"""What the first screens of reports of places and bodies are made of: facts with units, stated sigmas."""
+"""Parts of the first screens of reports of places and bodies: facts with units, stated sigmas."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class WorstPlace:
     """A part of a map that is worse than the rest in one respect."""
 
     words: str
-    """What is wrong with it, with its value and that of the map."""
+    """Its fault, with its value and that of the map."""
     where: str
     """In words."""
 
@@ -50,7 +50,7 @@ class Overview(Generic[P]):
     verdict: str
     """As of `evaluate.verdict.Judgement`."""
     reasons: tuple[str, ...]
-    """Why the map is not to be trusted, or what to take care of. Empty for a sound map."""
+    """Reasons why the map is not to be trusted, or cautions. Empty for a sound map."""
     warnings: tuple[str, ...]
     what: tuple[Fact, ...]
     quality: tuple[Fact, ...]

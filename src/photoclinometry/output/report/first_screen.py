@@ -1,4 +1,4 @@
-"""The first screen of a report as HTML: the verdict, the map, what was mapped, how good it is, and what to distrust."""
+"""The first screen of a report as HTML: verdict, map, mapped ground, quality, and reasons for distrust."""
 
 from __future__ import annotations
 

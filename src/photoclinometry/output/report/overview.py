@@ -1,4 +1,4 @@
-"""What a reader of a report wants to know first: what was mapped, how good it is, and what to distrust."""
+"""The first facts of a report: the mapped ground, the quality of the map, and reasons for distrust."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def _where(scene: Scene) -> str:
     """The body, and the place on it where that is known."""
     body = (scene.body or "unknown body").capitalize()
     if scene.frame != BODY_FIXED:
-        return f"{body}, at an unknown place: images alone tell neither scale nor place"
+        return f"{body}, at an unknown place: images alone determine neither scale nor place"
     lon, lat = lon_lat_deg(local_frame(scene).translation)
     return f"{body}, {lon % 360.0:.2f}° E, {abs(lat):.2f}° {'N' if lat >= 0 else 'S'}"
 

@@ -36,8 +36,8 @@ log = logging.getLogger(__name__)
 Section = tuple[str, str, str]
 """Title, note, and HTML."""
 _VIEWS = (
-    "Residuals are RMS, angles are medians over the landmarks that the view measures. Sun moved: from where it was "
-    "stated to where the estimate has it."
+    "Residuals are RMS, angles are medians over the landmarks that the view measures. Sun moved: from its "
+    "stated direction to the estimated one."
 )
 _PARTS = (
     "Medians. Keypoints: by rings of the detector, from the middle outwards; a trend is distortion. Brightness: by "
@@ -47,7 +47,8 @@ _PARTS = (
 
 @dataclass(frozen=True, kw_only=True)
 class ReportContent:
-    """What a report shows besides the scene and its images. What is left out is computed, or is not in the report."""
+    """Content of a report besides the scene and its images. Parts that are left out are computed, or missing in the
+    report."""
 
     metrics: Mapping[str, float] | None = None
     """As `evaluate_scene` gives (computed if left out), joined with `compare`'s where there is a truth."""
@@ -170,7 +171,7 @@ def _rendering_sections(
 
 
 def _estimate_sections(work: Path, scene: Scene, content: ReportContent) -> list[Section]:
-    """How the estimate went: relighting iterations, what else was known, and the cost, drawn into `work`."""
+    """The course of the estimate: relighting iterations, priors, and the cost, drawn into `work`."""
     sections = []
     if content.iterations:
         note = "Each iteration renders the map under every view's Sun, matches that, and estimates again."

@@ -41,7 +41,7 @@ AMBIENT = 0.15
 
 
 class Side(NamedTuple):
-    """What is seen from one side, through PIXELS x PIXELS parallel rays."""
+    """The body seen from one side, through PIXELS x PIXELS parallel rays."""
 
     triangle: np.ndarray
     """(n,) int, -1 beside the body."""
@@ -52,7 +52,7 @@ class Side(NamedTuple):
 
 
 def seen_from(rays: MeshRays, towards: np.ndarray) -> Side:
-    """What parallel rays from a direction (3,) meet first; the body fills the picture."""
+    """The surface that parallel rays from a direction (3,) meet first; the body fills the picture."""
     reach = _reach(rays)
     up = np.array([1.0, 0.0, 0.0]) if abs(towards[2]) > 0.9 else np.array([0.0, 0.0, 1.0])
     right = unit(np.cross(up, towards))
@@ -106,7 +106,8 @@ def _sides(rays: MeshRays) -> Iterator[Side]:
 
 
 def titles(shape: ShapeModel) -> list[str]:
-    """Of the six sides. A model without a unit of length is made of images alone, which do not tell the poles."""
+    """Of the six sides. A model without a unit of length is made from images alone, which do not determine the
+    poles."""
     return [of_axis if shape.from_images_alone else geographic for geographic, of_axis, _ in SIDES]
 
 

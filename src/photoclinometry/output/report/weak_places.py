@@ -11,20 +11,20 @@ from photoclinometry.output.figures.layers import LAYERS
 from photoclinometry.output.report.facts import WorstPlace
 
 BLOCKS = 8
-"""A map is parted into so many blocks along its longer side."""
+"""Number of blocks along the longer side of a map."""
 _LEAST_CELLS = 4
 """Smallest side of a block [cells of the grid]."""
 _LEAST_SHARE = 0.25
 """Share of a block's cells that must have a landmark for the block to be judged."""
 NOTABLE = 1.5
-"""A block is named if it is so many times worse than the middle of the map."""
+"""A block is named if it is this many times worse than the middle of the map."""
 _JUDGED = (
     ("views", "fewest views", False, "in the mean"),
     ("height-sigma", "largest uncertainty of heights", True, "in the median"),
     ("normal-sigma", "largest uncertainty of normals", True, "in the median"),
     ("residual", "largest photometric error", True, "in the median"),
 )
-"""Layers, what a bad block has of them, whether large values are bad, and how a block's value is made."""
+"""Layers, the property of a bad block in words, whether large values are bad, and the statistic of a block."""
 _THIRDS = (("upper left", "top", "upper right"), ("left", "middle", "right"), ("lower left", "bottom", "lower right"))
 
 
@@ -65,7 +65,7 @@ def stands_out(value: float, whole: float, *, large_is_bad: bool) -> bool:
 
 
 def compared(words: str, value: float, whole: float, unit: str, how: str, of: str) -> str:
-    """What is wrong with a part of a map, with its value and that of the whole (of: "map" or "surface")."""
+    """The fault of a part of a map, with its value and that of the whole (of: "map" or "surface")."""
     return f"{words}: {value:.3g}{unit} {how}, of the whole {of} {whole:.3g}{unit}"
 
 
@@ -103,7 +103,7 @@ def _place(scene: Scene, row: int, col: int, side: int, words: str) -> WeakPlace
 
 
 def _unit_of(label: str) -> str:
-    """What stands in brackets at the end of a label, behind a blank where it is a word."""
+    """The unit in brackets at the end of a label, after a blank where it is a word."""
     if not label.endswith("]"):
         return ""
     unit = label[label.rindex("[") + 1 : -1]

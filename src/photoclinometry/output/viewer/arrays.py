@@ -1,7 +1,7 @@
 """Arrays as text in a page: whole numbers of a step, differences, byte planes, deflate, base64.
 
     q = round(value / step),  int32, MISSING where a value is not finite
-    z = zigzag(q[i] - q[i - 1])                  small where neighbours are alike; modulo 2^32
+    z = zigzag(q[i] - q[i - 1]) small where neighbours are similar; modulo 2^32
     text = base64(deflate(all first bytes of z, all second bytes, all third, all fourth))
 
 Columns of an array (n, c) follow each other, so that differences are between rows. `assets/js/arrays.js` is the
@@ -51,6 +51,6 @@ def three_digits(values: np.ndarray) -> float:
 
 
 def share_of_peak(values: np.ndarray, levels: int) -> float:
-    """A step of which the greatest finite value has `levels`; 1 if there is none."""
+    """The step that divides the greatest finite value into `levels`; 1 if there is none."""
     peak = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
     return peak / levels if peak > 0 and math.isfinite(peak) else 1.0

@@ -1,4 +1,4 @@
-"""What the viewer is given of a whole body: its surface, views and reflectance, in the frame of the body.
+"""The viewer's data of a whole body: its surface, views and reflectance, in the frame of the body.
 
 The page lays vertices out in rows of a grid, as landmarks of a region are, so that both take the same ways; the grid's
 neighbours have no meaning.
@@ -32,7 +32,7 @@ MOVING_FACETS = 40_000
 _COLUMNS = 1024
 """Of the grid; graphics processors take 2048 columns and rows at least."""
 _EVERY = 50
-"""Vertices that tell whether a view holds the whole body: one of so many."""
+"""One of this many vertices is used to decide whether a view contains the whole body."""
 _MORTON_BITS = 20
 """Of each coordinate in the order of vertices, which puts neighbours beside each other: arrays become smaller."""
 
@@ -149,7 +149,8 @@ def in_neighbours_order(shape: ShapeModel) -> ShapeModel:
 
 
 def level_on(shape: ShapeModel, facets: int) -> np.ndarray:
-    """(F, 3) about so many triangles of the model's own vertices: a coarser level that needs no vertices of its own."""
+    """(F, 3) about `facets` triangles of the model's own vertices: a coarser level that needs no vertices of its
+    own."""
     from scipy.spatial import KDTree
 
     vertices, faces = decimate(shape.vertices, shape.faces, facets)

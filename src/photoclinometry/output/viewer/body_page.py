@@ -67,9 +67,10 @@ def _gains(folder: Path, views: Views, document: dict[str, Any]) -> np.ndarray:
 
 
 def reflectance_of(folder: Path, document: dict[str, Any]) -> Reflectance | None:
-    """The model that the body was rendered with, as `document`, its metrics.json, has it; None of geometry alone.
+    """The reflectance model with which the body was rendered, from `document`, its metrics.json; None of geometry
+    alone.
 
-    Raises RunFolderError where it says nothing of it, and InputError for a model that is not there.
+    Raises RunFolderError where it does not state the model, and InputError for a model that does not exist.
     """
     try:
         stated = document["reflectance"]

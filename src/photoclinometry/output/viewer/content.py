@@ -1,4 +1,4 @@
-"""What the viewer is given of a scene: numbers as JSON, and arrays as `arrays.packed` makes them.
+"""The viewer's data of a scene: numbers as JSON, and arrays in the form of `arrays.packed`.
 
 Everything is in the map's local frame (`surface/relief.py`): origin in the middle of the map, x to the right and y up
 in the reference image along the mean plane, z out of the ground. Lengths are metres, or ground sample distances of
@@ -25,7 +25,7 @@ from photoclinometry.photometry.render import averaging_sigma
 from photoclinometry.surface.relief import local_frame
 
 FORMAT = 1
-"""Version of what the page's program reads."""
+"""Version of the data format of the page's program."""
 POSITION_STEP_GSD = 1e-3
 """Step of stored positions: a thousandth of a ground sample, a tenth of their smallest standard deviations."""
 NORMAL_STEP = 1.0 / 2**15
@@ -80,7 +80,7 @@ def viewer_content(
 
 
 def _place(scene: Scene, frame: Rigid) -> Content:
-    """Where the map lies: its local frame in B, and whether that is body-fixed, so that north is known."""
+    """Place of the map: its local frame in B, and whether that is body-fixed, so that north is known."""
     return {
         "body_fixed": scene.frame == BODY_FIXED,
         "body_from_local": frame.rotation.tolist(),

@@ -101,7 +101,7 @@ def write_body_viewer(path: Path | str, body: ViewedBody, images: Sequence[Image
 
 
 def viewer_page(content: dict[str, Any]) -> str:
-    """The HTML of what `viewer_content` or `body_content` gives.
+    """The HTML of the data from `viewer_content` or `body_content`.
 
     No part of it names another file, and its policy forbids every request.
     """

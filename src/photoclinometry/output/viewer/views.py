@@ -58,7 +58,7 @@ def _prior(prior: PosePrior, frame: Rigid, length: float) -> dict[str, Any]:
     return {
         "local_from_cam": pose.rotation.tolist(),
         "center": (pose.translation * length).tolist(),
-        # None of what is not known at all: JSON has no infinite numbers.
+        # None for quantities that are not known at all: JSON has no infinite numbers.
         **{name: float(sigma) if np.isfinite(sigma) else None for name, sigma in sigmas.items()},
     }
 

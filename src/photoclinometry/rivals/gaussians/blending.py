@@ -26,7 +26,7 @@ LEAST_LEFT = 1e-4
 
 
 class Tiles(NamedTuple):
-    """Which Gaussians touch which tile, front to back."""
+    """The Gaussians that touch each tile, front to back."""
 
     start: np.ndarray
     """(tiles + 1,) int64: those of tile t are entry[start[t]:start[t + 1]]."""

@@ -1,4 +1,4 @@
-"""What a Gaussian's brightness is made of: harmonics of the direction of view, or albedo, normal and the Sun."""
+"""Parameters of a Gaussian's brightness: harmonics of the direction of view, or albedo, normal and the Sun."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from photoclinometry.rivals.gaussians.cloud import Cloud, rotations
 
 @dataclass(frozen=True, kw_only=True)
 class Light:
-    """What the brightness of a view depends on."""
+    """Properties of a view on which its brightness depends."""
 
     center: np.ndarray
     """(3,) of the camera, in B."""

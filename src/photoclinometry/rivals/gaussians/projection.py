@@ -19,7 +19,7 @@ from photoclinometry.rivals.gaussians.cloud import Cloud
 DILATION_PX2 = 0.3
 """Variance that is added to every ellipse [px^2]: none is narrower than a pixel (Kerbl et al. 2023)."""
 REACH = 3.0
-"""Ellipses end at so many standard deviations of their longer axis."""
+"""Size of the ellipses, in standard deviations of their longer axis."""
 
 
 class Pinhole(NamedTuple):

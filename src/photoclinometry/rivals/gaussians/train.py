@@ -31,15 +31,15 @@ MOMENTS = (0.9, 0.999)
 DEGREE_EVERY = 0.1
 """Harmonics get a further degree after each such share of the iterations (1 / 30 in Kerbl et al. 2023)."""
 DENSIFY_FROM, DENSIFY_TO, DENSIFY_EVERY = 0.05, 0.5, 100
-"""Density control from one share of the iterations to another, every so many (Kerbl et al. 2023: from 1 / 60 to 1 / 2,
-every 100, so that there are 145 rounds of it; of 1,000 iterations there are five)."""
+"""Start and end of density control, as shares of the iterations, and its interval (Kerbl et al. 2023: from 1 / 60 to 1
+/ 2, every 100, so that there are 145 rounds of it; of 1,000 iterations there are five)."""
 HISTORY_EVERY = 50
 """Iterations over which the recorded losses are means."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Training:
-    """How a cloud is trained."""
+    """Options of the training of a cloud."""
 
     iterations: int
     growth: float

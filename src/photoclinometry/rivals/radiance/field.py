@@ -42,7 +42,7 @@ class Rays:
 
 @dataclass(frozen=True)
 class Drawn:
-    """What rays see."""
+    """Brightness and depth along rays."""
 
     brightness: np.ndarray
     """(n,)."""
@@ -55,7 +55,7 @@ class Drawn:
     passed: np.ndarray
     """(n, S) share of the light from behind it that reaches the camera."""
     density: list[np.ndarray]
-    """What the layers of the network of density make of the n S samples (`network.forward`)."""
+    """Outputs of the layers of the density network for the n S samples (`network.forward`)."""
     brightness_layers: list[np.ndarray]
     """The same of the network of brightness."""
 

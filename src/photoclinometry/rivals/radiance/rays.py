@@ -38,7 +38,7 @@ class Box:
         return cls(local @ Rigid(np.eye(3), low), side, float(high[2] - low[2]) / side)
 
     def rays(self, views: Views, k: int, pixels: np.ndarray) -> Crossings:
-        """Where rays of a view through pixels (n, 2) (x, y) cross the box's top and bottom."""
+        """Points where rays of a view through pixels (n, 2) (x, y) cross the box's top and bottom."""
         from_cam = self.frame.inverse() @ views.body_from_cam[k]
         ray = from_cam.rotation @ np.moveaxis(views.cameras[k].ray_in_cam(pixels), -1, 0)
         direction = (ray / np.linalg.norm(ray, axis=0)).T

@@ -12,7 +12,7 @@ from photoclinometry.simulate.bodies.shapes import Implicit, bent_potato, contac
 
 @dataclass(frozen=True, kw_only=True)
 class Relief:
-    """What lies upon the smooth shape. Sizes are in mean radii."""
+    """Landforms upon the smooth shape. Sizes are in mean radii."""
 
     slope_deg: float
     """RMS slope of the fractal relief between neighbouring vertices."""

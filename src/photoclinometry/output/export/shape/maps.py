@@ -59,7 +59,7 @@ def write_body_maps(folder: Path, placed: PlacedShape, products: tuple[str, ...]
 
 
 def layers(ground: SurfacePoints) -> Iterator[Layer]:
-    """What is mapped, as far as the model and the options tell."""
+    """The layers that the model and the options allow."""
     shape, gravity = ground.placed.shape, ground.gravity
     position = ground.position
     globe = ground.placed.globe

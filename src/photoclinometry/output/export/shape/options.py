@@ -1,4 +1,4 @@
-"""What is known of a body beside its shape, and how fine its products are."""
+"""Properties of a body besides its shape, and the resolution of its products."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class ShapeOptions(Ranged):
     spin_period_h: Annotated[float | None, Range(above=0)] = None
     """Sidereal period of rotation about z [h]. Left out: gravity without the centrifugal acceleration."""
     gravity_facets: Annotated[int, Range(least=100, most=400_000)] = 20_000
-    """Gravity is summed over a mesh of so many facets, of the model's mass, and carried to the model."""
+    """Facets of the mesh over which gravity is summed. It has the model's mass, and its gravity is carried to the
+    model."""
     correlation_m: Annotated[float | None, Range(least=0, infinite=True)] = None
     """Distance over which errors of heights are correlated, for the standard deviations of volume, centre and inertia
     [m]; 0 for independent errors, inf for one that all share. Left out: a tenth of the mean radius."""
@@ -29,6 +30,6 @@ class ShapeOptions(Ranged):
     frame: str | None = None
     """SPICE's name of the body-fixed frame for the DSK. Left out: the one that SPICE has for the body."""
     surface_id: Annotated[int, Range(least=1, most=2_147_483_647)] = 1
-    """NAIF code of the surface in the DSK, which tells models of a body apart."""
+    """NAIF code of the surface in the DSK, which distinguishes models of a body."""
     kernels: tuple[Path, ...] = ()
     """Text kernels that define the body or its frame, for the DSK."""

@@ -2,7 +2,7 @@
 
 Names of planes, units and keywords are those of AltWG's tools, which APL published as Terrasaur (`PlaneInfo`,
 `HeaderTag`): lengths in km but elevations in m, potentials negative, gravity with the centrifugal acceleration. Rows of
-the grid go north, columns east from longitude 0; the planes of latitude and longitude tell each pixel's place. Planes
+the grid go north, columns east from longitude 0; the planes of latitude and longitude give each pixel's place. Planes
 that AltWG does not have are named "Sigma of ..." and "Number of images".
 """
 
