@@ -34,8 +34,9 @@ class ChosenModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ChooseModel(Stage[ChosenModel]):
-    """The best of several models for a relit map; the present one where no other is significantly better.  Only the
-    last estimate gains from a better model. The stages before it serve the matches, which hardly depend on one.
+    """The best of several models for a relit map; the present one where no other is significantly better.
+
+    Only the last estimate gains from a better model. Earlier stages serve the matches, which hardly depend on it.
     """
 
     name = "reflectance"
