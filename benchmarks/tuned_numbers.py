@@ -28,7 +28,7 @@ NOT_HERE = (
     "pipeline/frame/",  # sites without control points, and without pose priors
     "pipeline/refine.py",  # another command
     "pipeline/presets.py",
-    "pipeline/folder/",  # who writes to a folder, and what
+    "pipeline/folder/",  # files, locks and owners of folders
     "pipeline/trust.py",  # warnings
     "sfm/region",  # the sites name theirs
     "registration/",  # maps in frames that are given, and comparison of maps
@@ -43,7 +43,7 @@ NOT_HERE = (
     "surface/radial_rays.py",
     "surface/surface_gravity.py",
 )
-"""What does not take part in the maps of these sites."""
+"""Modules that do not take part in the maps of these sites."""
 ARITHMETIC = {0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 12.0, 100.0, 180.0, 255.0, 1.4826}
 """Unnamed numbers that are parts of formulas and units."""
 STRUCTURE = (

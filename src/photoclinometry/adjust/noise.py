@@ -131,9 +131,8 @@ def local_noise(scene: Scene, lit: np.ndarray, sigma: np.ndarray | float, mapped
     grid = np.full((*scene.region.grid_shape, 2), np.nan)
     grid[cells] = np.stack([square, np.maximum(number - 3.0, MIN_FREEDOM * number)], -1)
     average, share = masked_filter(grid, gaussian(LOCAL_NOISE_SIGMA))
-    landmarks = (
-        4.0 * np.pi * LOCAL_NOISE_SIGMA**2 * share[cells]
-    )  # effective number of independent values in the average
+    # of independent noise, the average is as exact as a plain mean of this many values
+    landmarks = 4.0 * np.pi * LOCAL_NOISE_SIGMA**2 * share[cells]
     total, freedom = landmarks * np.moveaxis(average[cells], -1, 0)
     return (total + PRIOR_FREEDOM) / (freedom + PRIOR_FREEDOM)
 

@@ -71,7 +71,7 @@ def choose_views(
         lat_deg: Planetocentric latitude of the place.
         radii_m: The body's radius, its equatorial and polar radius, or its three semi-axes. Default: the body's.
         out: A new site.toml of the chosen views, with the region about the place; none by default.
-        limits: Which of the views that see the place are chosen.
+        limits: Limits for the choice among the views that see the place.
         **changes: Fields of `ViewLimits`, such as count=12.
 
     Returns:
@@ -96,7 +96,7 @@ def plan(
     progress: Progress = no_progress,
     **changes: Any,
 ) -> Plan:
-    """Say what a map from given views would have, before images are taken, and what one more image would add.
+    """Forecast the map from given views, before images are taken, and the gain by one more image.
 
     Args:
         site: A site.toml with pose priors, or a table of poses and Suns (.csv). Images are not opened.

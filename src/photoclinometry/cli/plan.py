@@ -26,7 +26,7 @@ def plan(
     tried: Annotated[bool, tyro.conf.arg(name="candidates")] = True,
     options: Annotated[PlanOptions, tyro.conf.arg(name="")] = PlanOptions(),  # noqa: B008
 ) -> None:
-    """Say what a map from these views would have, before images are taken or processed, and what one more would add.
+    """Forecast the map from these views, before images are taken or processed, and the gain by one more image.
 
     The poses and Suns are those of a site with pose priors, or of a table. Images are not opened: the views look at
     ground of an assumed slope, and a small map of it is made as a run would make it, with the uncertainties that the

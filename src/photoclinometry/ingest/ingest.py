@@ -38,7 +38,7 @@ SOURCES_FILE = "sources.json"
 ALIGNMENT_SIGMA_DEG = 0.05
 """Typical error of the alignment of a camera with the spacecraft's star trackers: the pointing that mission teams find
 from images differs from kernels by some hundredths of a degree, by the same amount in all images of a phase. Poses of
-SUMFILEs share the errors of their shape model's frame, for which no figure is given: the same is taken."""
+SUMFILEs share the errors of their shape model's frame, for which no figure is given: the same value is used."""
 
 
 @dataclass(frozen=True)

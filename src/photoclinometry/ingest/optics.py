@@ -72,7 +72,7 @@ def _check_binning(product: Product) -> None:
 
 
 def without_camera(product: Product, facts: Facts, known: KnownCamera | None, kernels: Kernels | None) -> str:
-    """Why no source gives the camera of an image: the keywords that each lacks."""
+    """The reason why no source gives the camera of an image: the keywords that each lacks."""
     code = _instrument(facts, known)
     if code is None:
         return "the label has no NaifFrameCode of ISIS" if product.kind == "ISIS" else ""

@@ -51,8 +51,9 @@ class IngestOptions(Ranged):
     pointing_sigma_deg: Annotated[float, Range(above=0, most=180)] = 0.03
     """Standard deviation of camera attitudes [degrees]; SUMFILEs state theirs."""
     pose_common_sigma: Annotated[tuple[float, float] | None, Range(least=0)] = None
-    """Besides, standard deviations of one rotation of the cameras [degrees] and one shift [m] by which all pose priors
-    of an arc have in common, such as by an error of the orbit. Left out, their errors are assumed to be independent."""
+    """In addition, standard deviations of the rotation of the cameras [degrees] and of the shift [m] that all pose
+    priors of an arc have in common, such as by an error of the orbit. Left out, their errors are assumed to be
+    independent."""
     keep_going: bool = False
     """Leave out files that cannot be used, instead of making no site."""
 

@@ -1,4 +1,4 @@
-"""Whether images and what is given for them, SUMFILEs and rows of the table of Suns, belong together one by one."""
+"""Whether the SUMFILEs and the rows of the table of Suns match the images one by one."""
 
 from __future__ import annotations
 

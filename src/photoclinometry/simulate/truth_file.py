@@ -56,7 +56,7 @@ def write_truth(path: Path | str, truth: Truth) -> None:
 
 
 def write_array(group: Any, key: str, values: np.ndarray, meaning: str) -> None:
-    """A compressed array of a group, with what it is."""
+    """A compressed array of a group, with its description."""
     dataset = group.create_dataset(key, data=values, chunks=True, compression="gzip", compression_opts=1, shuffle=True)
     dataset.attrs["unit"] = meaning
 

@@ -2,7 +2,7 @@
 
 Light falls on the normals at the vertices, interpolated within the triangle; where such a normal faces away from the
 camera,
-as at the limb, the triangle's own is taken. What a camera sees and what the Sun lights is decided by the triangles.
+as at the limb, the triangle's own is taken. The triangles decide what a camera sees and what the Sun lights.
 """
 
 from __future__ import annotations
