@@ -20,6 +20,7 @@ from photoclinometry.model.geometry import so3_exp
 from photoclinometry.model.progress import no_progress
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.robust import jackknife_sigma
+from photoclinometry.pipeline import model_choice
 from photoclinometry.pipeline.folder.stage import Keyed, Tools
 from photoclinometry.pipeline.map_stages import IntermediateMap
 from photoclinometry.pipeline.model_choice import ChooseModel
@@ -185,6 +186,24 @@ def test_a_run_takes_the_better_model_and_keeps_its_own_where_none_is(tmp_path):
     assert chosen(own, known, ("lunar-lambert", "hapke"), tmp_path) == known
     few = replace(scene, tracks=replace(scene.tracks, lit=scene.tracks.view < 4))
     assert chosen(few, known, ("lunar-lambert", "hapke"), tmp_path) == known
+
+
+def test_a_model_that_misses_only_levels_of_views_kept_out_is_not_passed_over(ranking, scene, tmp_path, monkeypatch):
+    """Of Lunar-Lambert with a phase function that extrapolates badly and Hapke with a pattern a fifth worse in each
+    view, the map takes the first; where patterns differ by chance, the second."""
+    fits = {fit.reflectance.name: fit for fit in ranking.fits}
+    far = np.array([0.0, 0.3, 0.0, 0.5, 0.4, 0.2, 0.6, 0.3])
+    shape = replace(fits["lunar-lambert"], level=far)
+    worse = shape.pattern * (1.2 + 0.1 * np.cos(np.arange(8)))
+    by_chance = shape.pattern * (1.0 + 0.2 * np.cos(np.pi * np.arange(8)))
+    known = published("lunar-lambert", "vesta")
+    for pattern, taken in ((worse, "lunar-lambert"), (by_chance, "hapke")):
+        level = replace(fits["hapke"], pattern=pattern, level=np.zeros(8))
+        found = replace(ranking, fits=(level, shape))
+        assert found.best is level
+        assert not found.is_as_good(shape)
+        monkeypatch.setattr(model_choice, "rank_models", lambda *_, found=found, **__: found)
+        assert chosen(scene, known, ("lunar-lambert", "hapke"), tmp_path).name == taken
 
 
 def test_the_command_writes_a_table_and_a_figure(tmp_path, scene, capsys):

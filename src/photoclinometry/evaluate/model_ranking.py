@@ -77,6 +77,11 @@ class ModelFit:
         return 100.0 * float(np.exp(np.nanmean(np.log(self.error))))
 
     @property
+    def pattern_percent(self) -> float:
+        """Geometric mean of `pattern` over the views."""
+        return 100.0 * float(np.exp(np.nanmean(np.log(self.pattern))))
+
+    @property
     def level_percent(self) -> float:
         """Median size of `level`."""
         return 100.0 * float(np.nanmedian(np.abs(self.level)))
@@ -117,6 +122,15 @@ class ModelRanking:
         errors."""
         pairs = ((fit.error, self.best.error), (fit.pattern, self.best.pattern))
         return fit is self.best or not any(is_larger(mine, best, confidence) for mine, best in pairs)
+
+    def of_best_pattern(self, confidence: float = CONFIDENCE) -> tuple[ModelFit, ...]:
+        """Fits whose patterns are not significantly larger than the least one, in order of their errors.
+
+        The shape of the ground follows from the pattern of brightness within views. The level of a view kept out at one
+        end of the phases is an extrapolation, which a map from all views does not make.
+        """
+        least = min(self.fits, key=lambda fit: fit.pattern_percent)
+        return tuple(fit for fit in self.fits if fit is least or not is_larger(fit.pattern, least.pattern, confidence))
 
 
 def rank_models(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-from photoclinometry.evaluate.model_ranking import RankingOptions, rank_models
+from photoclinometry.evaluate.cross_validation import is_larger
+from photoclinometry.evaluate.model_ranking import ModelFit, RankingOptions, rank_models
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance, starting_model
@@ -64,8 +65,8 @@ def model_by_cross_validation(
 ) -> tuple[Reflectance, str]:
     """The model of `candidates` to finish a scene with, as it is known beforehand, and the reason in a few words.
 
-    It is `known`, the scene's own as it is known beforehand, where no other is significantly better or nothing is
-    compared.
+    Of the models that predict the pattern within views best, it is the one of the least error, level included. It is
+    `known`, the scene's own as it is known beforehand, where no other is significantly better or nothing is compared.
     """
     try:
         options = RankingOptions(models=candidates, landmarks=CROSS_VALIDATION_LANDMARKS)
@@ -73,9 +74,17 @@ def model_by_cross_validation(
     except InputError as error:
         log.info("reflectance models are not compared: %s", error)
         return known, f"{known.name}, models are not compared"
-    best = ranking.best
+    of_best_pattern = ranking.of_best_pattern(ONE_ERROR)
+    best = of_best_pattern[0]
     own = next(fit for fit in ranking.fits if fit.reflectance.name == known.name)
-    errors = f"{best.reflectance.name} misses {best.error_percent:.2f} %"
-    if ranking.is_as_good(own, ONE_ERROR):
-        return known, f"{known.name} misses {own.error_percent:.2f} %, {errors}" if own is not best else errors
-    return starting_model(best.reflectance.name, scene.body), f"{errors}, {known.name} {own.error_percent:.2f} %"
+    if own is best:
+        return known, _missed_by(best)
+    if own in of_best_pattern and not is_larger(own.error, best.error, ONE_ERROR):
+        return known, f"{_missed_by(own)}, {_missed_by(best)}"
+    return starting_model(best.reflectance.name, scene.body), f"{_missed_by(best)}, {_missed_by(own)}"
+
+
+def _missed_by(fit: ModelFit) -> str:
+    """A model's errors in words; both where the level of views counts."""
+    level = f" ({fit.pattern_percent:.2f} % within views)" if fit.level.any() else ""
+    return f"{fit.reflectance.name} misses {fit.error_percent:.2f} %{level}"
