@@ -24,6 +24,7 @@ from photoclinometry.pipeline.folder.records import write_record
 from photoclinometry.pipeline.folder.run_folder import check_run, claimed_run
 from photoclinometry.pipeline.folder.run_mark import MARK
 from photoclinometry.pipeline.folder.run_owner import owner_of_site
+from photoclinometry.pipeline.options import RelightOptions, RunOptions
 from photoclinometry.registration.alignment import refine_on_surface
 from photoclinometry.registration.closest_points import MeshSurface
 from photoclinometry.simulate.bodies.truth import read_body_truth
@@ -34,7 +35,12 @@ from viewer_data import data_of
 
 pytest.importorskip("embreex")
 
-OPTIONS = BodyOptions(plan=TilePlanOptions(tile_px=64))
+OPTIONS = BodyOptions(
+    plan=TilePlanOptions(tile_px=64, max_views=9),
+    run=RunOptions(check_views=False, relight=RelightOptions(iterations=1)),
+)
+WORDS = ["--plan.tile-px", "64", "--plan.max-views", "9", "--run.relight.iterations", "1"]
+"""The same options of `phomo body`."""
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +87,7 @@ def test_the_plan_covers_most_of_the_body(body):
 def test_commands_of_tiles_are_printed_one_a_line(body, capsys, monkeypatch):
     folder, model, _ = body
     site, out = str(folder / "site" / "site.toml"), str(folder / "body")
-    words = ["--plan.tile-px", "64", "--run.reflectance", "lunar-lambert"]  # given: no tile is mapped to choose it
+    words = [*WORDS, "--run.reflectance", "lunar-lambert"]  # given: no tile is mapped to choose it
     main(["body", site, "--out", out, *words, "--workers", "3", "--print-tasks"])
     lines = capsys.readouterr().out.splitlines()
     called = []
@@ -169,7 +175,7 @@ def test_a_body_that_is_not_to_be_trusted_ends_with_exit_code_3(body, mapped, mo
     folder, _, _ = body
     monkeypatch.setattr("photoclinometry.body.products.why_untrusted", lambda *_: ("the Suns are wrong",))
     with pytest.raises(SystemExit) as end:
-        main(["body", str(folder / "site" / "site.toml"), "--out", str(folder / "body"), "--plan.tile-px", "64"])
+        main(["body", str(folder / "site" / "site.toml"), "--out", str(folder / "body"), *WORDS])
     assert end.value.code == 3
     said = capsys.readouterr()
     assert said.out.strip() == str(folder / "body" / "report" / "index.html")
