@@ -2,9 +2,9 @@
 
 A match belongs to a window, and was found with the very map that it is to correct. Once that map is good to a fraction
 of a pixel, no match is needed. The brightness where a landmark projects must equal the prediction from its normal, its
-albedo and the Sun, and the image's gradient shows how this brightness changes as the landmark moves. Each landmark
-stays on its ray of the reference view. Where too few views light a landmark for that, its matches hold it as before.
-This is the direct method (Irani and Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place
+albedo and the Sun, and its gradient in the image shows how this brightness changes as the landmark moves: that of the
+predicted brightness, which has less noise than the image's (`predicted_gradients`). Each landmark stays on its ray of
+the reference view. Where too few views light a landmark for that, its matches hold it as before. This is the direct method (Irani and Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place
 of constant brightness.
 """
 
@@ -22,6 +22,7 @@ from photoclinometry.model.row_medians import row_medians
 from photoclinometry.model.scene import Image, Scene
 from photoclinometry.photometry.albedo import fitted_albedo
 from photoclinometry.photometry.cosmic_rays import is_struck
+from photoclinometry.photometry.predicted_gradients import with_predicted_gradients
 from photoclinometry.photometry.shading import seen_on_surface
 from photoclinometry.photometry.smooth_errors import normals_along_surface, smooth_errors
 from photoclinometry.pipeline.checks.widened_sigmas import with_inflated_uncertainties
@@ -129,7 +130,7 @@ def without_smooth_errors(
 def image_gradients(
     scene: Scene, images: Sequence[Image], among: np.ndarray | None = None, struck: np.ndarray | None = None
 ) -> tuple[Scene, ImageGradients]:
-    """The scene with the brightness where its landmarks project (`brightness_on_surface`), and the gradients there.
+    """The scene with the brightness where its landmarks project (`brightness_on_surface`), and its gradients there.
 
     images: of the scene's views, in their order. Gradients are zero where it is not lit, and of landmarks that are lit
     in fewer than MIN_LIT views or not `among` those chosen (J,). Observations that are `struck` (N,) are not lit.
@@ -142,6 +143,7 @@ def image_gradients(
     if among is not None:
         direct &= among
     used = tracks.lit & direct[tracks.landmark]
+    gradient = with_predicted_gradients(measured, gradient)
     return measured, ImageGradients(xy, np.where(used[:, None], gradient, np.float32(0.0)))
 
 
