@@ -22,8 +22,9 @@ Filled on images of Vesta by Dawn, 22 such pixels of 160,000 cost 1 dB of PSNR."
 SMOOTHING = 2.0
 """Standard deviation [landmarks] of the Gaussian that smooths the new normals."""
 
-REACH_PX = 16.0
-"""Greatest distance of a new landmark from the others [reference pixels]: the gap that the smooth depth can bridge."""
+REACH_PX = 6.0
+"""Greatest distance of a new landmark from the others [reference pixels]: the standard deviation of a match's window
+(`FlowOptions.contrast_window_px`). Farther away a match sees nothing but the extrapolated ground, and confirms it."""
 
 
 def fill_holes(scene: Scene, reach_px: float = REACH_PX) -> Scene:

@@ -4,8 +4,9 @@ A match belongs to a window, and was found with the very map that it is to corre
 of a pixel, no match is needed. The brightness where a landmark projects must equal the prediction from its normal, its
 albedo and the Sun, and its gradient in the image shows how this brightness changes as the landmark moves: that of the
 predicted brightness, which has less noise than the image's (`predicted_gradients`). Each landmark stays on its ray of
-the reference view. Where too few views light a landmark for that, its matches hold it as before. This is the direct method (Irani and Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place
-of constant brightness.
+the reference view. Where too few views light a landmark for that, its matches hold it as before. This is the direct
+method (Irani and Anandan 1999, doi:10.1007/3-540-44480-7_18) with a reflectance model in the place of constant
+brightness.
 """
 
 from __future__ import annotations
