@@ -24,10 +24,11 @@ from photoclinometry.evaluate.evaluate import held_out_table, view_psnr
 from photoclinometry.io.held_out import read_held_out
 from photoclinometry.io.run_files import HELD_OUT_FILE, read_run, run_images
 from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.image import Image
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Image, Scene, Surroundings, Views
+from photoclinometry.model.scene import Scene, Surroundings, Views
 from photoclinometry.photometry.predict import observation_brightness, reflectance_of
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading
 from photoclinometry.simulate.photometry import radiance_factor

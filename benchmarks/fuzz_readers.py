@@ -40,7 +40,8 @@ from photoclinometry.io.site import read_site
 from photoclinometry.io.spice import Kernels
 from photoclinometry.io.suns_csv import SunRow, read_suns
 from photoclinometry.model.errors import InputError, RunFolderError
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.image import Image
+from photoclinometry.model.scene import Scene
 
 LARGEST_PX = 10_000
 """Masks of larger images are not made: a site may well announce them [px]."""

@@ -19,9 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from archives import geometry_tables, texture, write_cube, write_pds3, write_pds4
 from photoclinometry.io.images import write_fits, write_png
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.owner import Owner
-from photoclinometry.model.scene import Camera
 from scenes import synthetic_scene
 from sites import write_small_site
 

@@ -13,10 +13,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from photoclinometry.adjust import AdjustOptions, adjust
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, align_similarity, angle_between, so3_exp, unit
 from photoclinometry.model.reflectance import Reflectance, published
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Landmarks, Scene, Tracks, Views
+from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.photometry.albedo import initial_albedo
 from photoclinometry.photometry.predict import shading
 from photoclinometry.surface.neighbours import normals_from_neighbours

@@ -18,9 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Landmarks, Scene, Tracks, Views
+from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 
 
 def generated_scene(landmarks: int, views: int, observations: int) -> Scene:

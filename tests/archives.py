@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from photoclinometry.io.images import write_png
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, so3_exp, unit
-from photoclinometry.model.scene import Camera
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 FORMATS = SHARED / "formats"

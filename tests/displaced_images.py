@@ -5,8 +5,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from photoclinometry.matching import MatchRequest
 from photoclinometry.matching.interface import padded_region
+from photoclinometry.model.camera import Camera
+from photoclinometry.model.image import Image
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Image
 
 CAMERA = Camera("PINHOLE", 200, 200, (10_000.0, 10_000.0, 100.0, 100.0))
 REGION = Region(row=50, col=50, height=100, width=100)

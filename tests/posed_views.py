@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.io.site import Site, SiteView
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Camera
 
 CAMERA = Camera("PINHOLE", 1000, 800, (10000.0, 10000.0, 500.0, 400.0))
 

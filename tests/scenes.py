@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.reflectance import Reflectance, photometric_angles, published
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Image, Landmarks, Scene, Tracks, Views
+from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
 
 GSD = 60.0

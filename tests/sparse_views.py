@@ -3,9 +3,10 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, so3_log
+from photoclinometry.model.image import Image
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Image
 from photoclinometry.sfm import SfmOptions
 from scenes import from_zenith, look_at_origin
 

@@ -10,9 +10,9 @@ from photoclinometry.adjust.bundle import bundle_adjusted, landmarks_of, pose_co
 from photoclinometry.body.cameras import ShareCameras, in_shared_frame
 from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints
 from photoclinometry.io.site import Site, SiteView
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, Similarity, align_similarity, angle_between, so3_exp, unit
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, of_views
 from photoclinometry.pipeline.folder.stage import Keyed, Tools
 from photoclinometry.pipeline.sparse_stages import Inputs, PosedImages, views_from

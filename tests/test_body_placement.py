@@ -15,10 +15,12 @@ from photoclinometry.body.renderings import (
     psnr_by_optics,
 )
 from photoclinometry.body.sparse import FEWEST_POINTS
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import published
-from photoclinometry.model.scene import Camera, Image, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape, through_optics
 from photoclinometry.simulate.trajectory import looking_at
 from photoclinometry.surface.closed_mesh import icosahedron, refine

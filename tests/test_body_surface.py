@@ -13,9 +13,10 @@ from photoclinometry.body.overlap import Overlap, overlap_of, shared_images, sig
 from photoclinometry.body.plan import planned
 from photoclinometry.body.poisson import closed_surface
 from photoclinometry.body.tile_map import TileLandmarks, TileMap, TileTiePoints
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import OutputError, ReconstructionError
 from photoclinometry.model.geometry import Rigid, unit
-from photoclinometry.model.scene import Camera, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.registration.view_choice import most_diverse
 from photoclinometry.simulate.trajectory import looking_at
 from photoclinometry.surface.closed_mesh import icosahedron, is_watertight, largest_component, refine, signed_volume

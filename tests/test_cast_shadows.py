@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.image import Image
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Image, Surroundings
+from photoclinometry.model.scene import Surroundings
 from photoclinometry.photometry.cast_shadows import PAST_GSD, SIGMA_GSD, _shift, surroundings_by_shadows
 from photoclinometry.photometry.render import render_view
 from photoclinometry.surface.map_rays import MapRays, in_sunlight

@@ -7,7 +7,8 @@ from photoclinometry.io.dark_level import Darkest, dark_levels, darkest_pixels, 
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.site import read_site
 from photoclinometry.io.site_images import load_images
-from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.camera import Camera
+from photoclinometry.model.image import Image
 from sites import SIZE, picture, write_small_site
 
 A, B = Camera("PINHOLE", 64, 48, (500, 500, 32, 24)), Camera("PINHOLE", 64, 48, (900, 900, 32, 24))

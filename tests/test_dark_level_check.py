@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline.checks.dark_level_check import warn_of_dark_level
 from scenes import synthetic_scene

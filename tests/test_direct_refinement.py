@@ -7,10 +7,10 @@ import pytest
 
 from photoclinometry.adjust import AdjustOptions
 from photoclinometry.model.geometry import Similarity, angle_between, so3_exp, unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.reflectance import published
 from photoclinometry.model.sampling import sample_image, sample_with_gradient
-from photoclinometry.model.scene import Image
 from photoclinometry.pipeline import direct_refinement, joint_estimate
 from photoclinometry.pipeline.direct_refinement import (
     MIN_LIT,

@@ -13,8 +13,9 @@ from fault_place import small_disk
 from photoclinometry.io.models.text_model import write_text_model
 from photoclinometry.io.site import read_site
 from photoclinometry.io.site_images import load_images
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import OutputError, RunFolderError
-from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.image import Image
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.pipeline import run as pipeline
 from photoclinometry.pipeline.folder.records import read_record, write_record

@@ -7,9 +7,9 @@ import photoclinometry as pcm
 from photoclinometry.evaluate.body import align_body, compare_body
 from photoclinometry.io.meshes.obj import write_obj
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Similarity, so3_exp, unit
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.registration.alignment import transform_poses
 from photoclinometry.simulate.bodies.orbits import draw_mission

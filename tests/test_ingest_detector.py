@@ -16,7 +16,7 @@ from photoclinometry.ingest.distortion import BrownConrady, InverseRadial, Mirro
 from photoclinometry.ingest.undistort import undistorted
 from photoclinometry.io.archives.product import Window
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 MOUNTS = [
     ((1, 0), (0, 1)),

@@ -25,8 +25,8 @@ def make_cube(folder):
 
 
 def make_sum(folder):
+    from photoclinometry.model.camera import Camera
     from photoclinometry.model.geometry import Rigid
-    from photoclinometry.model.scene import Camera
 
     camera = Camera("PINHOLE", 60, 40, (3000.0, 3000.0, 30.5, 19.5))
     pose = Rigid(np.eye(3), np.array([0.0, 0.0, -5.0]))

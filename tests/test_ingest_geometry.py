@@ -23,9 +23,9 @@ from photoclinometry.io.archives.product import Product
 from photoclinometry.io.archives.pvl import Block, parse_pvl
 from photoclinometry.io.models.sumfile import read_sumfile, sumfile_of_view
 from photoclinometry.io.spice import kernel_files, loaded_kernels
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, so3_exp, so3_log, unit
-from photoclinometry.model.scene import Camera
 
 NOTHING = Path("nothing")
 

@@ -20,9 +20,9 @@ from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.site import read_site
 from photoclinometry.io.site_images import load_images
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import Camera
 
 INGESTED = {
     "near/msi2isis/m0126865998f4_2p_iof.lbl": (244, 537, "iof", "label"),

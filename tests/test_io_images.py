@@ -11,7 +11,7 @@ from photoclinometry.io import images
 from photoclinometry.io.exposure import off_body_mask, why_it_shows_nothing
 from photoclinometry.io.images import read_image, write_fits, write_png
 from photoclinometry.model.errors import ImageError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 

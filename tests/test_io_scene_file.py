@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from photoclinometry.io.scene_file import read_scene, write_scene
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.reflectance import Reflectance, published
-from photoclinometry.model.scene import BODY_FIXED, OWN, Camera, Surroundings
+from photoclinometry.model.scene import BODY_FIXED, OWN, Surroundings
 from scenes import synthetic_scene, thinned
 
 

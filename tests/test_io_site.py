@@ -15,12 +15,12 @@ from photoclinometry.io.site import (
     write_site,
 )
 from photoclinometry.io.site_images import input_fingerprint, load_images
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import SiteError
 from photoclinometry.model.geometry import Rigid, so3_exp
 from photoclinometry.model.pose_prior import (
     PosePrior,
 )
-from photoclinometry.model.scene import Camera
 from sites import SIZE, picture, write_small_site
 
 VESTA = Path(__file__).parents[2] / "shared" / "data" / "vesta-opnav022" / "site.toml"

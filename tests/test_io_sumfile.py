@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from photoclinometry.io.models.sumfile import format_sumfile, read_sumfile, sumfile_of_view, write_sumfile
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, so3_exp, unit
-from photoclinometry.model.scene import Camera
 
 SPC = Path(__file__).parents[2] / "shared" / "data" / "formats" / "spc"
 CAMERA = Camera("PINHOLE", 640, 480, (5000.0, 5100.0, 321.25, 239.0))

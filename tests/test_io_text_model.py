@@ -8,9 +8,9 @@ import pycolmap
 import pytest
 
 from photoclinometry.io.models.text_model import read_text_model, write_text_model
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
-from photoclinometry.model.scene import Camera
 from scenes import synthetic_scene
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "model-format"

@@ -8,7 +8,7 @@ from archives import SHARED
 from photoclinometry.io.images import read_image, write_fits
 from photoclinometry.io.jpeg_blocks import shows_jpeg_blocks
 from photoclinometry.io.site import read_site
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.pipeline.folder.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import read_inputs

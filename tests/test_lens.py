@@ -7,9 +7,9 @@ import pytest
 from photoclinometry.io.images import write_fits
 from photoclinometry.io.site import read_site, write_site
 from photoclinometry.io.site_images import load_images
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import SiteError
 from photoclinometry.model.lens import NO_DISTORTION, Lens, displacement_terms, folds, observed_pixels
-from photoclinometry.model.scene import Camera
 from sites import write_small_site
 
 CAMERA = Camera("PINHOLE", 400, 300, (900.0, 950.0, 190.0, 160.0))

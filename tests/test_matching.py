@@ -13,10 +13,11 @@ from photoclinometry.matching.interface import MatchSetup, padded_region
 from photoclinometry.matching.prewarp import (
     predict_pixels,
 )
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.image import Image
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.depth_fit import (
     fit_depth,

@@ -12,10 +12,11 @@ from commands import phomo
 from fault_place import small_disk
 from photoclinometry.evaluate.sigma_calibration import scene_errors
 from photoclinometry.io.site import Site, SiteView, read_site
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between, unit
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Camera, Landmarks, Views
+from photoclinometry.model.scene import Landmarks, Views
 from photoclinometry.model.sigma import sigma_of_length
 from photoclinometry.plan.assumed_ground import representative_ground
 from photoclinometry.plan.candidates import candidates, drop_percent, gains

@@ -21,7 +21,7 @@ from photoclinometry.io.site_images import load_images
 from photoclinometry.io.suns_csv import SunRow
 from photoclinometry.model.errors import ImageError, InputError, SiteError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.pipeline.folder.run_folder import open_run
 from photoclinometry.pipeline.sparse_stages import PosedImages, SparseReconstruction, choose_views, read_inputs

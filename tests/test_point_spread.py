@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.photometry.point_spread import (
     SMOOTH_GROUND_PX,
     USUAL_PX,

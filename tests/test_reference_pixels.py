@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.reference_pixels import pixels_of_landmarks
-from photoclinometry.model.scene import Camera
 
 CAMERA = Camera("PINHOLE", 40, 30, (1e3, 1e3, 20.0, 15.0))
 

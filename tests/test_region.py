@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError, ReconstructionError
-from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.region import (
     RegionOptions,

@@ -13,7 +13,7 @@ from commands import phomo
 from photoclinometry.io.held_out import write_held_out
 from photoclinometry.io.options import write_options
 from photoclinometry.io.run_files import PRODUCTS, read_config
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.pipeline.folder.run_mark import MARK
 from photoclinometry.pipeline.options import RelightOptions, RunOptions
 from photoclinometry.rivals.compare import run_cost

@@ -10,9 +10,9 @@ from commands import phomo
 from photoclinometry.evaluate.same_site import check_same_site
 from photoclinometry.io.meshes.shape_ply import write_shape_ply
 from photoclinometry.io.models.colmap import write_colmap
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, so3_exp, unit
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.simulate.bodies.surface import BodySurface
 from photoclinometry.simulate.bodies.truth import BodyTruth, write_body_truth

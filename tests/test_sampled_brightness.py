@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.photometry.sampled_brightness import landmark_spacing_px, sample_brightness
 from scenes import synthetic_images, synthetic_scene
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from photoclinometry.model.image import Image
 from photoclinometry.model.region import Region
 from photoclinometry.model.sampling import gaussian, masked_filter, sample, sample_image
-from photoclinometry.model.scene import Image
 
 CENTERS = Region.of_image(40, 60).pixel_centers()
 INNER = np.random.default_rng(0).uniform(12.0, 28.0, (200, 2))

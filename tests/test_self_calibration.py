@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.lens import NO_DISTORTION, Lens, displacement_terms
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.self_calibration import SIGNIFICANT, LensEstimate, _Adjustment, _patches, estimate_lenses
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError, ReconstructionError
 from photoclinometry.model.geometry import Rigid, Similarity, align_similarity
-from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.sparse import connected_groups, normalised, transformed
 from photoclinometry.sfm import SfmOptions, reconstruct_sparse
 from photoclinometry.sfm.keypoints import sift_keypoints

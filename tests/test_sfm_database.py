@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.image import Image
 from photoclinometry.model.progress import no_progress
-from photoclinometry.model.scene import Camera, Image
 from photoclinometry.sfm import SfmOptions, completion, matching
 from photoclinometry.sfm.database import (
     DATABASE,

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import Rigid, Similarity, so3_exp, so3_log
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, transformed
 from photoclinometry.sfm import SfmOptions
 from photoclinometry.sfm.completion import epipolar_inliers, epipolar_px, with_resected_views

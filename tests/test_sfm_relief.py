@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.sparse import without_views
 from photoclinometry.sfm import reconstruct_sparse
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from photoclinometry.model.image import Image
 from photoclinometry.model.progress import no_progress
-from photoclinometry.model.scene import Image
 from photoclinometry.model.warning import collected_warnings
 from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm import mapping, reconstruct, reversal

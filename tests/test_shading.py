@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import angle_between, unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.reflectance import published
-from photoclinometry.model.scene import Camera, Image
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.render import render_view
 from photoclinometry.photometry.shading import brightness_on_surface, normals_from_shading, unresolved_detail

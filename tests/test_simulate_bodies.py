@@ -10,10 +10,10 @@ from photoclinometry.io.meshes.obj import write_obj
 from photoclinometry.io.meshes.ply import read_ply
 from photoclinometry.io.site import read_site
 from photoclinometry.io.site_images import load_images
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import angle_between, so3_log, unit
 from photoclinometry.model.reflectance import photometric_angles
-from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.bodies.build import build_body, given_shape, preset_shape
 from photoclinometry.simulate.bodies.landforms import VertexGrid, add_craters, crater_population
 from photoclinometry.simulate.bodies.noise import fractal_noise

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
 from photoclinometry.model.reflectance import photometric_angles, published
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.hapke import published_hapke
 from photoclinometry.simulate.observe import cast, radiance, sample_points
 from photoclinometry.simulate.photometry import as_dict, from_dict, named_photometry, radiance_factor

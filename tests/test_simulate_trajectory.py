@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import angle_between
-from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.trajectory import (
     LIGHTING,
     draw_poses,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from photoclinometry.model.geometry import angle_between, so3_exp
+from photoclinometry.model.image import Image
 from photoclinometry.model.sampling import blurred
-from photoclinometry.model.scene import Image
 from photoclinometry.photometry.sun_check import (
     MIN_POINTS,
     _albedo_and_gains,

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from photoclinometry.adjust import AdjustOptions, adjust
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, Similarity, so3_exp
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Surroundings
+from photoclinometry.model.scene import Surroundings
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.render import render_reference
 from photoclinometry.registration.alignment import transform_scene

@@ -13,9 +13,9 @@ from commands import phomo
 from photoclinometry.ingest.ingest import ingest
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.site import RegionRequest, SiteView, read_site, write_site
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import angle_between
-from photoclinometry.model.scene import Camera
 from photoclinometry.registration.place import place_at, semi_axes
 from photoclinometry.registration.view_choice import ViewLimits, choose_views, diverse, write_chosen_site
 from photoclinometry.registration.viewing import light_and_sight, sighting, sightings

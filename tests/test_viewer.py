@@ -12,9 +12,10 @@ import photoclinometry as pcm
 from browser import why_no_browser
 from commands import phomo
 from photoclinometry.io.scene_file import write_scene
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import MODELS, Reflectance
-from photoclinometry.model.scene import BODY_FIXED, Image
+from photoclinometry.model.scene import BODY_FIXED
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.output.viewer.arrays import packed, three_digits
 from photoclinometry.output.viewer.colours import ENTRIES, colour_tables

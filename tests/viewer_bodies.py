@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.image import Image
 from photoclinometry.model.reflectance import starting_model
-from photoclinometry.model.scene import Camera, Image, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.output.viewer import ViewedBody
 from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape

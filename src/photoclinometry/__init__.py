@@ -40,9 +40,11 @@ if TYPE_CHECKING:
     from photoclinometry.evaluate.evaluation import Evaluation
     from photoclinometry.evaluate.model_ranking import ModelRanking, RankingOptions
     from photoclinometry.io.site import Site
+    from photoclinometry.model.camera import Camera
     from photoclinometry.model.errors import InputError, PhotoclinometryError, ReconstructionError
+    from photoclinometry.model.image import Image
     from photoclinometry.model.reflectance import Reflectance
-    from photoclinometry.model.scene import Camera, Image, Scene
+    from photoclinometry.model.scene import Scene
     from photoclinometry.output.export import ExportOptions
     from photoclinometry.output.figures.options import FigureOptions
     from photoclinometry.pipeline.presets import preset
@@ -113,11 +115,11 @@ __all__ = [
 _MODULE = {
     "AdjustOptions": "adjust",
     "Adjustment": "adjust",
-    "Camera": "model.scene",
+    "Camera": "model.camera",
     "Evaluation": "evaluate.evaluation",
     "ExportOptions": "output.export",
     "FigureOptions": "output.figures.options",
-    "Image": "model.scene",
+    "Image": "model.image",
     "InputError": "model.errors",
     "Measured": "surface.measure",
     "ModelRanking": "evaluate.model_ranking",

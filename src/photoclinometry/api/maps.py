@@ -21,10 +21,11 @@ from photoclinometry.io.models.colmap import read_colmap
 from photoclinometry.io.reference import Reference, read_reference, scene_as_reference
 from photoclinometry.io.site import Site
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.image import Image
 from photoclinometry.model.option_fields import changed
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import MODELS, Reflectance, starting_model
-from photoclinometry.model.scene import Image, Scene, Views
+from photoclinometry.model.scene import Scene, Views
 from photoclinometry.output.export import ExportOptions, export_scene
 from photoclinometry.pipeline.products import RunResult
 from photoclinometry.pipeline.run import RunOptions

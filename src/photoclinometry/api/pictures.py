@@ -10,8 +10,9 @@ import numpy as np
 
 from photoclinometry.api.given import given_scene, view_index
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.image import Image
 from photoclinometry.model.option_fields import changed
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.scene import Scene
 from photoclinometry.output.figures.options import FigureOptions
 from photoclinometry.photometry.render import render_reference, render_view
 from photoclinometry.pipeline.products import RunResult

@@ -17,8 +17,9 @@ from photoclinometry.body.cameras import SharedCameras
 from photoclinometry.body.finished_surface import FinishedSurface
 from photoclinometry.body.sparse import FEWEST_POINTS, first_gate
 from photoclinometry.model.geometry import Rigid, unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Image, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.photometry.shape_rendering import ShadedSurface, rendered_shape
 from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found
 from photoclinometry.pipeline.frame.pose_priors import priors_of_views

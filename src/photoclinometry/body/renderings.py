@@ -10,7 +10,8 @@ import numpy as np
 from photoclinometry.body.finished_surface import FinishedSurface
 from photoclinometry.body.placement import PlacedViews
 from photoclinometry.evaluate.metrics import psnr
-from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.camera import Camera
+from photoclinometry.model.image import Image
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.shape_rendering import rendered_shape, through_optics
 from photoclinometry.pipeline.folder.stage import Keyed, Stage, Tools, say_found

@@ -11,11 +11,12 @@ import numpy as np
 
 from photoclinometry.adjust import PosePriors
 from photoclinometry.adjust.bundle import bundle_adjusted, pose_covariances
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress
-from photoclinometry.model.scene import Camera, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.model.sparse import SparseModel, among_more_views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.relief_shading import relief_shading

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from photoclinometry.model.errors import InputError, RunFolderError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 PNG_PEAK = 65534.0
 """Number of the greatest brightness in a 16-bit PNG; 65535 marks saturated pixels."""

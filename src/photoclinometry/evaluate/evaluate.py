@@ -18,11 +18,12 @@ from photoclinometry.evaluate.metrics import photometric_error, psnr, spread
 from photoclinometry.evaluate.sigmas import view_sigmas
 from photoclinometry.evaluate.unreliable import known_sigmas, unreliable_counts
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.image import Image
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.projection import (
     keypoint_residuals,
 )
-from photoclinometry.model.scene import Image, Scene, Views, join_views
+from photoclinometry.model.scene import Scene, Views, join_views
 from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.predict import (
     brightness_residuals,

@@ -12,7 +12,8 @@ from photoclinometry.evaluate.evaluate import evaluate_scene, held_out_table
 from photoclinometry.evaluate.tables import markdown
 from photoclinometry.io.reference import Reference
 from photoclinometry.model.geometry import METRES, Similarity
-from photoclinometry.model.scene import Image, Scene, Views
+from photoclinometry.model.image import Image
+from photoclinometry.model.scene import Scene, Views
 from photoclinometry.simulate.truth import Truth
 
 

@@ -16,10 +16,12 @@ import numpy as np
 
 from photoclinometry.io.site import MIN_VIEWS
 from photoclinometry.matching.interface import Matcher, MatchSetup
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
+from photoclinometry.model.image import Image
 from photoclinometry.model.projection import project
-from photoclinometry.model.scene import Camera, Image, Scene, Views
+from photoclinometry.model.scene import Scene, Views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.albedo import predicted_ratio
 from photoclinometry.photometry.predict import exposure_is_free

@@ -8,9 +8,10 @@ import numpy as np
 
 from photoclinometry.evaluate.compare import view_indices
 from photoclinometry.evaluate.pose_errors import relative_rotation_errors
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, angle_between
-from photoclinometry.model.scene import Camera, Scene
+from photoclinometry.model.scene import Scene
 from photoclinometry.simulate.truth import SiteFacts, Truth
 from photoclinometry.simulate.truth_file import read_truth
 

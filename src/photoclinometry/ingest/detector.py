@@ -12,9 +12,9 @@ import numpy as np
 
 from photoclinometry.ingest.distortion import Distortion, Mirrored
 from photoclinometry.io.archives.product import Window
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera
 
 _SKEW_TOLERANCE = 1e-3
 """Cosine between the axes of a detector up to which they count as perpendicular: 0.5 px in 500 px."""

@@ -30,10 +30,11 @@ from photoclinometry.io.archives.archive import read_product
 from photoclinometry.io.archives.product import Product
 from photoclinometry.io.spice import Kernels
 from photoclinometry.io.suns_csv import SunRow
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import ImageError, InputError
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Camera, Image
 
 _WIDEST_DEG = 85.0
 """Largest angle between boresight and the direction of the body's centre; a larger one means mixed-up frames."""

@@ -8,7 +8,7 @@ from photoclinometry.ingest.known_camera import KnownCamera
 from photoclinometry.ingest.options import IngestOptions
 from photoclinometry.io.archives.product import Product
 from photoclinometry.model.errors import ImageError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 
 def in_camera_order(product: Product, known: KnownCamera | None, options: IngestOptions) -> Product:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 AU_KM = 149_597_870.7
 """Astronomical unit [km] (IAU 2012, resolution B2)."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.ingest.detector import Detector, displacement, upright
+from photoclinometry.model.image import Image
 from photoclinometry.model.lens import NEGLIGIBLE_PX
 from photoclinometry.model.sampling import resampled
-from photoclinometry.model.scene import Image
 
 
 def undistorted(image: Image, detector: Detector) -> Image:

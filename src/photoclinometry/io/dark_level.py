@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.camera import Camera
+from photoclinometry.model.image import Image
 
 _DARKEST = 0.001
 """Share of the pixels that may be darker than the dark level: dead ones, and noise."""

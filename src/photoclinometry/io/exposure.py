@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.image import Image
 from photoclinometry.model.robust import SIGMA_PER_MEDIAN
-from photoclinometry.model.scene import Image
 
 _FEWEST_PIXELS = 100
 """Images with fewer valid pixels are too small to distinguish sky from ground."""

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.io.json_file import read_json, write_json
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import RunFolderError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import VIEW_ARRAYS, Camera, Views
+from photoclinometry.model.scene import VIEW_ARRAYS, Views
 
 
 def write_held_out(path: Path, views: Views) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from photoclinometry.io.atomic import write_bytes
 from photoclinometry.io.reading import read_image_bytes
 from photoclinometry.model.errors import ImageError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 MAX_PIXELS = 2**28
 """Files that declare more pixels (16k x 16k) are refused before anything is decoded."""

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
+from photoclinometry.model.image import Image
 from photoclinometry.model.robust import robust_sigma
-from photoclinometry.model.scene import Image
 from photoclinometry.model.tiny import TINY
 
 BLOCK = 8

@@ -16,7 +16,7 @@ import numpy as np
 from photoclinometry.io.site import MIN_VIEWS, Site
 from photoclinometry.model.errors import ImageError, SiteError
 from photoclinometry.model.first_few import first_reasons
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 BRIGHTEST_IOF = 1.5
 """I/F of the brightest known ground, 1.4, with an error of calibration."""

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from photoclinometry.model.errors import ImageError, RunFolderError
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.image import Image
+from photoclinometry.model.scene import Scene
 
 SCENE_FILE = "scene.h5"
 """The map of a place."""

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from photoclinometry import __version__
 from photoclinometry.io.hdf5 import check_hdf5, new_hdf5
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.error_correlation import ErrorCorrelation
 from photoclinometry.model.errors import InputError, RunFolderError
 from photoclinometry.model.geometry import Rigid
@@ -26,7 +27,6 @@ from photoclinometry.model.scene import (
     OWN,
     SHARED,
     VIEW_ARRAYS,
-    Camera,
     Landmarks,
     Scene,
     Surroundings,

@@ -22,12 +22,12 @@ from photoclinometry.io.site_cameras import SiteCamera, read_cameras
 from photoclinometry.io.suns_csv import GIVE_SUN
 from photoclinometry.io.table import Table
 from photoclinometry.io.toml_file import read_toml
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import SiteError
 from photoclinometry.model.gamma import LINEAR
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.lens import NO_DISTORTION, Lens
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Camera
 
 MIN_VIEWS = 3
 """Fewest views of a site: with two views of a landmark a wrong match cannot be detected."""

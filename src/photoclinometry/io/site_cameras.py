@@ -10,10 +10,10 @@ import numpy as np
 
 from photoclinometry.io.masks import ALL_USED, BORDER, MASK, Masking, read_masking
 from photoclinometry.io.table import Table
+from photoclinometry.model.camera import CAMERA_PARAMETERS, Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.gamma import LINEAR
 from photoclinometry.model.lens import MODELS, NO_DISTORTION, Lens, folds
-from photoclinometry.model.scene import CAMERA_PARAMETERS, Camera
 
 GAMMA = "gamma"
 MOST_GAMMA = 5.0

@@ -18,10 +18,10 @@ from photoclinometry.io.plausible import impossible_views
 from photoclinometry.io.site import Site, SiteView, site_document
 from photoclinometry.model.errors import ImageError
 from photoclinometry.model.gamma import LINEAR, gamma_corrected
+from photoclinometry.model.image import Image
 from photoclinometry.model.lens import NEGLIGIBLE_PX, NO_DISTORTION, observed_pixels
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.sampling import resampled
-from photoclinometry.model.scene import Image
 
 log = logging.getLogger(__name__)
 

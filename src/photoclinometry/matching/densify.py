@@ -12,12 +12,12 @@ import numpy as np
 from photoclinometry.matching.epipolar import fundamental_matrix, sampson_error
 from photoclinometry.matching.interface import Matches
 from photoclinometry.matching.triangulation import Limits, PinholeCameras, triangulate_all
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera
 
 log = logging.getLogger(__name__)
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, skew
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.tiny import TINY
 
 

@@ -15,10 +15,10 @@ from typing import Annotated
 import numpy as np
 
 from photoclinometry.matching.interface import Matches, MatchRequest, region_matches
+from photoclinometry.model.image import Image
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.region import Region
 from photoclinometry.model.sampling import ALL_VALID, sample, smoothing_px
-from photoclinometry.model.scene import Image
 from photoclinometry.model.tiny import TINY
 
 MIN_CONTRAST = 0.2

@@ -24,10 +24,11 @@ from typing import Protocol
 import numpy as np
 
 from photoclinometry.matching.prewarp import predict_pixels
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.image import Image
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Image
 
 MARGIN_PX = 48
 """Pixels around the region that dense matching looks at."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera
 
 
 def predict_pixels(

@@ -20,8 +20,9 @@ import numpy as np
 from photoclinometry.matching.flow import FlowMatcher, resample
 from photoclinometry.matching.interface import Matcher, Matches, MatchRequest
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.image import Image
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.scene import Scene
 from photoclinometry.model.threads import PARALLEL_LOOPS
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
 from photoclinometry.photometry.sampled_brightness import SHADOW_SHARE

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera
 
 MODELS = {
     "SIMPLE_RADIAL": ("SIMPLE_PINHOLE", ("k1",)),

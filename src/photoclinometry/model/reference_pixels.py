@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera
 
 
 def pixels_of_landmarks(xy: np.ndarray, camera: Camera) -> tuple[np.ndarray, Region]:

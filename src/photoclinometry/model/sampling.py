@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.splines import Spline
 from photoclinometry.model.tiny import TINY
 

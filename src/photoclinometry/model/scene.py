@@ -1,4 +1,4 @@
-"""The one data model: cameras, views, landmarks, tracks, and the scene that holds them.
+"""The one data model: views, landmarks, tracks, and the scene that holds them.
 
 Frames: B body-fixed (right-handed; any origin, orientation and scale until georeferenced), C camera
 (x right, y down, z forward). Lengths are in the unit of B. Pixels follow COLMAP: (0.5, 0.5) is the
@@ -13,90 +13,16 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from photoclinometry.model import display
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.compressed_rows import row_of_entry, row_starts
 from photoclinometry.model.error_correlation import ErrorCorrelation, variance_of
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.projection import pixel_from_cam
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
 
 OWN, BODY_FIXED, SHARED = "own", "body-fixed", "shared"
 """Kinds of a scene's frame B."""
-
-CAMERA_PARAMETERS = {"PINHOLE": 4, "SIMPLE_PINHOLE": 3}
-
-
-@dataclass(frozen=True)
-class Camera:
-    """Intrinsics of a pinhole camera, in COLMAP's model names and parameter order."""
-
-    model: str
-    """"PINHOLE" (fx, fy, cx, cy) or "SIMPLE_PINHOLE" (f, cx, cy), in pixels."""
-    width: int
-    """Of the image [px]."""
-    height: int
-    """[px]."""
-    params: tuple[float, ...]
-    """[px]; (0.5, 0.5) is the centre of the top-left pixel."""
-
-    def __post_init__(self):
-        expected = CAMERA_PARAMETERS.get(self.model)
-        if expected is None:
-            known = ", ".join(CAMERA_PARAMETERS)
-            raise InputError(
-                f"camera model {self.model!r} is not supported (known: {known}); undistort the images first"
-            )
-        if len(self.params) != expected:
-            raise InputError(f"camera model {self.model} has {expected} parameters, got {len(self.params)}")
-        for name, side in (("width", self.width), ("height", self.height)):
-            if side < 1:
-                raise InputError(f"the image's {name} is {side}; give 1 pixel or more")
-        if min(self.focal_px) <= 0:
-            raise InputError(f"the focal length is {min(self.focal_px):g}; give pixels above 0")
-
-    @property
-    def focal_px(self) -> tuple[float, float]:
-        """Focal lengths fx, fy [px]."""
-        return (self.params[0], self.params[0] if self.model == "SIMPLE_PINHOLE" else self.params[1])
-
-    @property
-    def principal_px(self) -> tuple[float, float]:
-        """Principal point cx, cy [px]."""
-        return (self.params[-2], self.params[-1])
-
-    @property
-    def intrinsics(self) -> tuple[float, float, float, float]:
-        """fx, fy, cx, cy [px]."""
-        return (*self.focal_px, *self.principal_px)
-
-    def pixel_from_cam(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (..., 2) of points (..., 3) of frame C with z > 0 (paper Eq. 10)."""
-        return pixel_from_cam(points, self.intrinsics)
-
-    def ray_in_cam(self, pixels: np.ndarray) -> np.ndarray:
-        """Rays (..., 3) in frame C through pixels (..., 2), scaled to z = 1."""
-        xy = (np.asarray(pixels) - self.principal_px) / self.focal_px
-        return np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
-
-
-@dataclass(frozen=True)
-class Image:
-    """One exposure's brightness, linear in radiance."""
-
-    name: str
-    """Name of the view: the image's path in `site.toml`."""
-    brightness: np.ndarray
-    """(height, width) float32: I/F, or linear DN. Defined only where `valid`."""
-    valid: np.ndarray
-    """(height, width) bool: finite, not saturated, not flagged."""
-    dark_level: float = 0.0
-    """Dark level that has been subtracted from an uncalibrated image: its level in shadows and sky."""
-
-    def __repr__(self) -> str:
-        height, width = self.valid.shape
-        return f"<Image {self.name!r}: {width} x {height} pixels, {100.0 * self.valid.mean():.4g} % valid>"
-
 
 VIEW_ARRAYS = ("sun", "scale", "bias", "dark_level", "sun_measured", "sun_sigma", "sun_common_sigma", "arc")
 """Fields of `Views` with one row for each view, beside its name, camera and pose."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.compressed_rows import row_of_entry, row_starts
 from photoclinometry.model.geometry import Rigid, Similarity, unit
-from photoclinometry.model.scene import Camera
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.sampling import sample_image
-from photoclinometry.model.scene import Image, Scene, Surroundings
+from photoclinometry.model.scene import Scene, Surroundings
 from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.render import landmark_brightness, sunlit_share
 from photoclinometry.surface.map_rays import MapRays

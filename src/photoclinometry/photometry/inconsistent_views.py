@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.image import Image
 from photoclinometry.model.reflectance import Reflectance, photometric_angles
 from photoclinometry.model.robust import SIGNIFICANT, jackknife_sigma
-from photoclinometry.model.scene import Image, Scene, Views
+from photoclinometry.model.scene import Scene, Views
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.model.suns import SUN_CONVENTION
 from photoclinometry.model.warning import warn

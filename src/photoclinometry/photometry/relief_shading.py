@@ -14,9 +14,10 @@ from typing import Literal
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.sampling import sample_image
-from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.sparse_planes import as_blurred, sparse_planes
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.image import Image
 from photoclinometry.model.sampling import as_coarse, sample_with_gradient
-from photoclinometry.model.scene import Image, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.model.threads import in_threads
 
 SHADOW_SHARE = 0.15

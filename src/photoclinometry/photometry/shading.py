@@ -16,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
+from photoclinometry.model.image import Image
 from photoclinometry.model.projection import projected_keypoints
 from photoclinometry.model.reflectance import GRAZING, angles_at, photometric_function
 from photoclinometry.model.robust import HUBER_LIMIT, robust_sigma
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.scene import Scene
 from photoclinometry.model.tiny import TINY
 from photoclinometry.photometry.predict import brightness_residuals
 from photoclinometry.photometry.render import as_resolved, averaging_sigma, landmark_brightness

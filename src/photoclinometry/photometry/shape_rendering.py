@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.reflectance import Reflectance, photometric_angles
-from photoclinometry.model.scene import Camera
 from photoclinometry.surface.mesh_rays import MeshRays, through_pixels
 
 RAYS = 2

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.image import Image
 from photoclinometry.model.sampling import blurred
-from photoclinometry.model.scene import Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.neighbours import PLANE_NEIGHBOURS, normals_from_neighbours
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import unit
+from photoclinometry.model.image import Image
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Image, Landmarks, Scene, Tracks, Views
+from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.albedo import SCALE_SWEEPS, predicted_ratio
 from photoclinometry.photometry.predict import BIAS_SIGMA

@@ -18,9 +18,10 @@ from dataclasses import replace
 import numpy as np
 
 from photoclinometry.adjust import Adjustment, ImageGradients, Noise
+from photoclinometry.model.image import Image
 from photoclinometry.model.projection import keypoint_residuals
 from photoclinometry.model.row_medians import row_medians
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.albedo import fitted_albedo
 from photoclinometry.photometry.cosmic_rays import is_struck
 from photoclinometry.photometry.predicted_gradients import with_predicted_gradients

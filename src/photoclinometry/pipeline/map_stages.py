@@ -12,8 +12,9 @@ from photoclinometry.adjust import Adjustment, Noise
 from photoclinometry.evaluate.held_out import Resected, resect_views, views_in_frame_of
 from photoclinometry.matching.densify import DensifyOptions
 from photoclinometry.matching.interface import Matcher
+from photoclinometry.model.image import Image
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.cast_shadows import surroundings_by_shadows
 from photoclinometry.photometry.point_spread import reference_psf_sigma_px

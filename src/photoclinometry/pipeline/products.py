@@ -22,8 +22,9 @@ from photoclinometry.io.run_files import (
     SCENE_FILE,
 )
 from photoclinometry.model.control import ControlPoint
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Image, Scene, Views
+from photoclinometry.model.scene import Scene, Views
 from photoclinometry.model.warning import Warned
 from photoclinometry.pipeline import result_display
 from photoclinometry.pipeline.checks.blurred_views import warn_of_blurred_views

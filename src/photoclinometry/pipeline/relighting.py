@@ -23,9 +23,10 @@ from photoclinometry.matching.interface import Matcher, MatchSetup
 from photoclinometry.matching.relight import RelightMatcher, map_depth
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.image import Image
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import GRAZING
-from photoclinometry.model.scene import Image, Scene, Tracks
+from photoclinometry.model.scene import Scene, Tracks
 from photoclinometry.model.suns import SUN_CONVENTION
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.predict import brightness_residuals

@@ -11,10 +11,12 @@ import numpy as np
 from photoclinometry.io.site import RegionRequest, Site
 from photoclinometry.io.site_images import first_of, input_fingerprint, load_plausible_images
 from photoclinometry.io.site_views import views_at
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.image import Image
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import OWN, Camera, Image, Views
+from photoclinometry.model.scene import OWN, Views
 from photoclinometry.model.sparse import SparseModel, among_more_views, without_views
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.inconsistent_views import InconsistentViews, find_inconsistent_views

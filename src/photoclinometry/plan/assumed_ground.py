@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from photoclinometry.model.image import Image
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Image, Landmarks, Scene, Tracks, Views
+from photoclinometry.model.scene import Landmarks, Scene, Tracks, Views
 from photoclinometry.plan.exposures import exposed, ground_half_extent
 from photoclinometry.plan.options import PlanOptions
 from photoclinometry.plan.place import PlannedViews

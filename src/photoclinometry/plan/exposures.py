@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import Camera, Image, Views
+from photoclinometry.model.image import Image
+from photoclinometry.model.scene import Views
 from photoclinometry.simulate.camera_model import Detector, expose, pixel_average
 from photoclinometry.simulate.observe import RayTracer, radiance
 from photoclinometry.simulate.photometry import Photometry

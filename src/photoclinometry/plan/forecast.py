@@ -20,9 +20,10 @@ from photoclinometry.adjust.stated_uncertainty import uncertainty_at
 from photoclinometry.evaluate.sigmas import landmark_sigmas
 from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.image import Image
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import BODY_FIXED, Image, Scene, Views
+from photoclinometry.model.scene import BODY_FIXED, Scene, Views
 from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.shading import brightness_on_surface

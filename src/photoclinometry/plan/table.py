@@ -17,10 +17,10 @@ import numpy as np
 
 from photoclinometry.io.csv_rows import CsvRow, read_csv_rows
 from photoclinometry.io.site import DEFAULT_SUN_SIGMA_RAD, Site, SiteView
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.trajectory import looking_at
 
 CENTER, SUN = ("x_m", "y_m", "z_m"), ("sun_x", "sun_y", "sun_z")

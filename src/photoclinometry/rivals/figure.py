@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.evaluate.metrics import psnr
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.output.figures.draw import add_bar, bare, colour_map, limits, panels, save, style, symmetric_limits
 from photoclinometry.rivals.measure import exposed
 from photoclinometry.rivals.outcome import Outcome

@@ -9,7 +9,8 @@ import numpy as np
 from photoclinometry.evaluate.compare import evaluate_against_map, evaluate_against_truth
 from photoclinometry.evaluate.metrics import psnr
 from photoclinometry.io.reference import Reference
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.image import Image
+from photoclinometry.model.scene import Scene
 from photoclinometry.rivals.outcome import Outcome
 from photoclinometry.rivals.problem import Problem
 from photoclinometry.rivals.ssim import ssim

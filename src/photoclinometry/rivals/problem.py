@@ -12,8 +12,9 @@ import numpy as np
 from photoclinometry.io import run_files
 from photoclinometry.io.held_out import read_held_out
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.image import Image
 from photoclinometry.model.mesh import landmark_faces
-from photoclinometry.model.scene import Image, Scene, Views, join_views
+from photoclinometry.model.scene import Scene, Views, join_views
 from photoclinometry.photometry.predict import reflectance_of
 from photoclinometry.photometry.render import draw_landmarks
 

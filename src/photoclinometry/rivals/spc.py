@@ -28,10 +28,11 @@ import numpy as np
 
 from photoclinometry.matching.triangulation import triangulate_tracks
 from photoclinometry.model.geometry import Rigid, skew, so3_exp
+from photoclinometry.model.image import Image
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.projection import project
 from photoclinometry.model.ranges import Range, Ranged
-from photoclinometry.model.scene import Image, Scene, Tracks, Views
+from photoclinometry.model.scene import Scene, Tracks, Views
 from photoclinometry.photometry.albedo import initial_albedo
 from photoclinometry.photometry.predict import brightness_residuals, exposure_is_free, reflectance_of, shading
 from photoclinometry.photometry.render import landmark_brightness

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, unit
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, without_views
 from photoclinometry.sfm.database import DescriptorMatches, padding_px, to_colmap, write_verified_matches
 from photoclinometry.sfm.joining import AGREE_PX, FEWEST_OF_VIEW, locate_keypoints

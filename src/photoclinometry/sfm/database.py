@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 from photoclinometry.io.atomic import unwritable
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import OutputError, PhotoclinometryError
+from photoclinometry.model.image import Image
 from photoclinometry.model.progress import Progress
-from photoclinometry.model.scene import Camera, Image
 from photoclinometry.sfm.keypoints import sift_keypoints
 from photoclinometry.sfm.options import SfmOptions
 from photoclinometry.sfm.pictures import brightness_picture, relief_picture

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import Rigid, Similarity, similarities_of, so3_exp, so3_log
 from photoclinometry.model.projection import pixel_from_cam
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel, transformed, without_views
 from photoclinometry.sfm.database import DescriptorMatches
 

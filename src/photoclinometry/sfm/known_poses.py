@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.sfm.adjustment import RobustAdjustment
 from photoclinometry.sfm.database import DATABASE

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.progress import Progress
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.relief_shading import ReliefShading
 from photoclinometry.sfm.adjustment import RobustAdjustment

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.progress import Progress
-from photoclinometry.model.scene import Camera
 from photoclinometry.sfm.database import (
     DATABASE,
     image_file,

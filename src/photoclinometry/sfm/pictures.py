@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from photoclinometry.model.errors import InputError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.tiny import TINY
 
 STRETCH_PERCENT = (0.5, 99.8)

@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.image import Image
 from photoclinometry.model.progress import Progress, no_progress
-from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel, connected_groups, normalised
 from photoclinometry.model.warning import warn
 from photoclinometry.photometry.relief_shading import ReliefShading, relief_shading

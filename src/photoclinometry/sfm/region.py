@@ -8,10 +8,11 @@ from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError, ReconstructionError
+from photoclinometry.model.image import Image
 from photoclinometry.model.ranges import Range, Ranged
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.photometry.sampled_brightness import SHADOW_SHARE
 from photoclinometry.sfm.region_score import CELL, cell_scores

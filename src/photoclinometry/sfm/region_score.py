@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import unit
-from photoclinometry.model.scene import Camera, Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.neighbours import PLANE_NEIGHBOURS, normals_from_neighbours
 

@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.compressed_rows import row_starts
 from photoclinometry.model.gauss_newton import MOST_ITERATIONS
 from photoclinometry.model.geometry import skew, so3_exp
 from photoclinometry.model.lens import Lens, displacement_terms
 from photoclinometry.model.projection import project
 from photoclinometry.model.robust import HUBER_LIMIT, SIGMA_PER_MEDIAN, SIGNIFICANT, huber_weight
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 
 RADIAL_SIGMA = 0.02

@@ -9,11 +9,11 @@ from typing import Protocol
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.reflectance import photometric_angles
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.photometry import Photometry, radiance_factor
 from photoclinometry.simulate.raycast import Hits
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from photoclinometry.io.site import MIN_VIEWS
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import METRES
 from photoclinometry.model.ranges import Pinhole, Range, Ranged
 from photoclinometry.model.reflectance import ModelName
-from photoclinometry.model.scene import Camera
 from photoclinometry.simulate.bodies.presets import BODIES, BodyPreset
 from photoclinometry.simulate.camera_model import Detector
 from photoclinometry.simulate.photometry import named_photometry

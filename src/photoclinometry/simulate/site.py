@@ -21,9 +21,10 @@ from photoclinometry.io.site import (
     write_site,
 )
 from photoclinometry.model.bodies import MEAN_RADIUS_M
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Similarity
 from photoclinometry.model.progress import Progress, no_progress
-from photoclinometry.model.scene import Camera, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.model.warning import warn
 from photoclinometry.simulate.altimetry import altimeter_tracks
 from photoclinometry.simulate.bodies.place import body_place

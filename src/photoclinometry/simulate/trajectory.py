@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, so3_exp, sphere_step, unit
-from photoclinometry.model.scene import Camera
 
 _DISTANCE_SPREAD = 0.05
 """Largest relative variation of the distance to the site."""

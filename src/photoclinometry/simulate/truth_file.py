@@ -13,9 +13,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from photoclinometry.io.hdf5 import check_hdf5, new_hdf5
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
-from photoclinometry.model.scene import VIEW_ARRAYS, Camera, Views
+from photoclinometry.model.scene import VIEW_ARRAYS, Views
 from photoclinometry.simulate.photometry import as_dict, from_dict
 from photoclinometry.simulate.surface import Surface
 from photoclinometry.simulate.truth import SiteFacts, Truth

@@ -10,9 +10,10 @@ from enum import IntEnum
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, so3_exp
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Camera, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.simulate.options import SimulationOptions, simulated_camera
 from photoclinometry.simulate.presets import Preset
 from photoclinometry.simulate.trajectory import draw_poses, draw_suns, ground_half_extent, measure_suns, named_lighting

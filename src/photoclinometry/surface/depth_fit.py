@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import ReconstructionError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.region import Region
 from photoclinometry.model.robust import REWEIGHTINGS, robust_sigma
 from photoclinometry.model.sampling import sample
-from photoclinometry.model.scene import Camera
 from photoclinometry.model.sparse import SparseModel
 
 MIN_POINTS = 12

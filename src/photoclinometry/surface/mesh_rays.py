@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.surface.closed_mesh import face_normals
 
 _SHADOW_OFFSET = 5e-3

@@ -10,9 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.geometry import Rigid, unit
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import Camera, Scene, Surroundings
+from photoclinometry.model.scene import Scene, Surroundings
 from photoclinometry.model.sparse import SparseModel
 from photoclinometry.surface.depth_fit import MIN_POINTS, SurfaceModel, fit_depth
 from photoclinometry.surface.relief import reference_depth

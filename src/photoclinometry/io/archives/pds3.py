@@ -13,7 +13,7 @@ from photoclinometry.io.archives.pvl import MAX_LABEL_BYTES, Block, Quantity, nu
 from photoclinometry.io.archives.raw_raster import Layout, check_size, physical_image, read_pixels
 from photoclinometry.io.reading import read_image_bytes
 from photoclinometry.model.errors import ImageError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 _ORDER = {"LSB": "<", "PC": "<", "VAX": "<", "MSB": ">", "IEEE": ">", "SUN": ">", "MAC": ">"}
 _SPECIAL = (

@@ -14,7 +14,7 @@ from photoclinometry.io.archives.pvl import Block, Quantity, number, whole
 from photoclinometry.io.archives.raw_raster import Layout, physical_image, read_pixels
 from photoclinometry.io.reading import read_image_bytes
 from photoclinometry.model.errors import ImageError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 _MAX_BYTES = 1 << 24
 """16 MiB: labels have some kilobytes; larger files are something else."""

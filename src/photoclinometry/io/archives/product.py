@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from photoclinometry.io.archives.pvl import Block
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from photoclinometry.io.images import MAX_PIXELS
 from photoclinometry.model.errors import ImageError
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,10 +16,11 @@ import numpy as np
 
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.reading import read_bytes
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid
 from photoclinometry.model.projection import keypoint_residuals
-from photoclinometry.model.scene import Camera, Scene
+from photoclinometry.model.scene import Scene
 
 MAX_POINTS = 20_000
 """Landmarks in the model of a run folder, evenly chosen: viewers slow down beyond some ten thousand."""

@@ -17,9 +17,9 @@ import numpy as np
 
 from photoclinometry.io.atomic import write_text
 from photoclinometry.io.reading import read_limited
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import Rigid, unit
-from photoclinometry.model.scene import Camera
 
 _Point = tuple[str, tuple[float, ...]]
 """A landmark's name and its numbers."""

@@ -19,9 +19,9 @@ from photoclinometry.io.models.number_lines import (
     read_lines,
     read_rows,
 )
+from photoclinometry.model.camera import Camera
 from photoclinometry.model.errors import InputError
 from photoclinometry.model.geometry import unit
-from photoclinometry.model.scene import Camera
 
 CAMERA_FIELDS = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"
 IMAGE_FIELDS = "IMAGE_ID QW QX QY QZ TX TY TZ SX SY SZ CAMERA_ID NAME SCALE BIAS"

@@ -12,7 +12,7 @@ import numpy as np
 from photoclinometry.evaluate.verdict import Judgement
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.json_file import write_json
-from photoclinometry.model.scene import Image
+from photoclinometry.model.image import Image
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.output.report import page
 from photoclinometry.output.report.body_overview import body_overview

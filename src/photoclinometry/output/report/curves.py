@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from photoclinometry.evaluate.metrics import psnr
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.image import Image
+from photoclinometry.model.scene import Scene
 from photoclinometry.output.figures.draw import (
     add_bar,
     bare,

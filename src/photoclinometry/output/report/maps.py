@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib.patches import Rectangle
 
 from photoclinometry.evaluate.tables import split_unit, words
+from photoclinometry.model.image import Image
 from photoclinometry.model.region import Region
-from photoclinometry.model.scene import BODY_FIXED, Image, Scene
+from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.figures.draw import (
     bare,
     colour_map,

@@ -17,8 +17,9 @@ from photoclinometry.evaluate.unreliable import known_sigmas
 from photoclinometry.evaluate.verdict import Judgement
 from photoclinometry.io.atomic import atomic_path
 from photoclinometry.io.json_file import write_json
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import BODY_FIXED, Image, Scene
+from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.report import page
 from photoclinometry.output.report.altimetry import CAPTION, draw_tracks
 from photoclinometry.output.report.curves import CONVERGENCE, draw_convergence, draw_renderings

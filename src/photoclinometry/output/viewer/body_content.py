@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from photoclinometry.model.geometry import Rigid, angle_between
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance import Reflectance
-from photoclinometry.model.scene import Image, Views
+from photoclinometry.model.scene import Views
 from photoclinometry.model.shape_model import ShapeModel
 from photoclinometry.output.viewer.arrays import packed, share_of_peak, three_digits
 from photoclinometry.output.viewer.content import ALBEDO_LEVELS, FORMAT, NORMAL_STEP, POSITION_STEP_GSD, Content

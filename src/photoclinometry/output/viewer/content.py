@@ -15,9 +15,10 @@ import numpy as np
 from photoclinometry.evaluate.evaluate import landmark_photometric_error
 from photoclinometry.evaluate.unreliable import albedo_is_known, known_sigmas, normal_is_known
 from photoclinometry.model.geometry import Rigid
+from photoclinometry.model.image import Image
 from photoclinometry.model.mesh import landmark_faces
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import BODY_FIXED, Image, Scene
+from photoclinometry.model.scene import BODY_FIXED, Scene
 from photoclinometry.output.viewer.arrays import packed, share_of_peak, three_digits
 from photoclinometry.output.viewer.pictures import pictures
 from photoclinometry.output.viewer.views import reflectance_content, views_content

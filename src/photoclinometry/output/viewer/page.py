@@ -11,9 +11,10 @@ from typing import Any
 
 from photoclinometry import __version__
 from photoclinometry.io.atomic import write_text
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.reflectance.shader import shader_functions
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.scene import Scene
 from photoclinometry.output.viewer.body_content import ViewedBody, body_content
 from photoclinometry.output.viewer.colours import colour_tables
 from photoclinometry.output.viewer.content import viewer_content

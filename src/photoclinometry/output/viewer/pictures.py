@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from photoclinometry.model.scene import Image, Views
+from photoclinometry.model.image import Image
+from photoclinometry.model.scene import Views
 from photoclinometry.output.viewer.arrays import packed
 
 LEVELS = 255

@@ -9,8 +9,8 @@ from pathlib import Path
 from photoclinometry.io.run_files import REPORT_FOLDER, is_body, is_map, read_run, run_images, site_path
 from photoclinometry.io.site import read_site
 from photoclinometry.model.errors import InputError
+from photoclinometry.model.image import Image
 from photoclinometry.model.pose_prior import PosePrior
-from photoclinometry.model.scene import Image
 from photoclinometry.output.viewer.body_page import read_viewed_body
 from photoclinometry.output.viewer.page import NAME, write_body_viewer, write_viewer
 

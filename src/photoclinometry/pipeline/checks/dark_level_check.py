@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from photoclinometry.io.dark_level import darkest_pixels
-from photoclinometry.model.scene import Image, Scene
+from photoclinometry.model.image import Image
+from photoclinometry.model.scene import Scene
 from photoclinometry.model.warning import warn
 
 log = logging.getLogger(__name__)
