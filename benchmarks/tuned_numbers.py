@@ -19,18 +19,25 @@ NEARLY_ALL = 0.9
 PACKAGES = ("surface", "photometry", "registration", "sfm", "matching", "adjust", "pipeline")
 """Those whose numbers may shape a map."""
 NOT_HERE = (
+    "adjust/altimeter_tracks.py",  # sites without an altimeter
     "adjust/covariance/",  # only sigmas
     "adjust/graph/kernels.py",  # places in compiled rows
     "adjust/graph/product.py",
     "adjust/graph/slot.py",
     "matching/roma.py",  # another matcher
     "matching/warp.py",
+    "pipeline/calibrate.py",  # another command
+    "pipeline/checks/dark_level_check.py",  # warnings
+    "pipeline/checks/moved_suns.py",
+    "pipeline/checks/rendering_check.py",
     "pipeline/frame/",  # sites without control points, and without pose priors
     "pipeline/refine.py",  # another command
     "pipeline/presets.py",
     "pipeline/folder/",  # files, locks and owners of folders
     "pipeline/trust.py",  # warnings
     "sfm/region",  # the sites name theirs
+    "sfm/self_calibration.py",  # warnings, and `phomo calibrate`
+    "surface/measure.py",  # another command
     "registration/",  # maps in frames that are given, and comparison of maps
     # Whole bodies, their products, and the simulator:
     "adjust/bundle.py",
