@@ -7,12 +7,17 @@ import pytest
 
 from matched import OPTIONS, matched_problem
 from photoclinometry.adjust import AdjustOptions, adjust
+from photoclinometry.evaluate.evaluate import landmark_photometric_error
 from photoclinometry.io.scene_file import read_scene
-from photoclinometry.model.reflectance import Reflectance, starting_model
+from photoclinometry.model.geometry import angle_between
+from photoclinometry.model.reflectance import Reflectance, published, starting_model
 from photoclinometry.model.reflectance.reflectance import RELATIVE_SIGMA
+from photoclinometry.photometry.albedo import with_model
+from photoclinometry.pipeline.joint_estimate import JointEstimate
 from photoclinometry.pipeline.run import RunOptions, run
 from photoclinometry.simulate.site import simulate_site
 from runs import SITE
+from scenes import synthetic_scene
 
 
 def test_parameters_are_found_from_neutral_ones():
@@ -39,6 +44,22 @@ def test_an_estimate_with_hardly_a_prior_stays_within_bounds():
     found = adjust(start, replace(OPTIONS, reflectance_sigma=2.0, uncertainty=False))
     assert np.isfinite(found.scene.reflectance.parameter_vector).all()
     assert np.isfinite(found.scene.landmarks.normal).all()
+
+
+def test_the_photometry_of_another_model_is_estimated_on_the_geometry_as_it_is():
+    """Ground of other parameters than is known beforehand: brightness is explained then.
+    A scene that has the model already stays as it is."""
+    known = published("akimov+", "vesta")
+    true = known.with_parameters(known.parameters * [0.8, 1.0, 1.3, 1.0, 1.0, 1.0])
+    scene = replace(synthetic_scene(size=16, views=8, reflectance=true), reflectance=published("hapke", "vesta"))
+    estimate = JointEstimate(options=replace(AdjustOptions(), reflectance_sigma=0.5), reflectance=known)
+    found = estimate.in_own_model(scene)
+    assert found.reflectance.name == "akimov+"
+    np.testing.assert_allclose(found.landmarks.position, scene.landmarks.position, atol=1e-3)
+    assert angle_between(found.landmarks.normal, scene.landmarks.normal).max() < 1e-3
+    start = with_model(scene, known)
+    assert landmark_photometric_error(found).mean() < 0.3 * landmark_photometric_error(start).mean()
+    assert estimate.in_own_model(found) is found
 
 
 @pytest.mark.slow

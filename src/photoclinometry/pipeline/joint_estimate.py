@@ -27,6 +27,7 @@ from photoclinometry.model.pose_prior import PosePrior
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import BODY_FIXED, OWN, Scene, Views
+from photoclinometry.photometry.albedo import with_model
 from photoclinometry.pipeline.frame.altimetry import on_shots, tracks_over
 from photoclinometry.pipeline.frame.control import agreeing_points, ground_control, place_by_control
 from photoclinometry.pipeline.frame.pose_priors import estimate_with_priors, place_by_priors
@@ -141,6 +142,18 @@ class JointEstimate:
             return estimate_with_priors(alone.scene, self.pose_priors, with_priors) or alone
         placed = place_by_priors(alone.scene, self.pose_priors)
         return alone if placed is None else replace(alone, scene=placed.scene)
+
+    def in_own_model(self, scene: Scene, progress: Progress = no_progress) -> Scene:
+        """The scene with the reflectance model of this estimate.
+
+        If that is another one than the scene's, the photometry is estimated while the geometry is held: parameters, and
+        the albedos and scales that follow from them, may be far from the values known beforehand, and a last estimate
+        that starts there does not reach its minimum.
+        """
+        model = self.reflectance
+        if scene.reflectance is None or model is None or model.name == scene.reflectance.name:
+            return scene
+        return self(with_model(scene, model), EstimateSettings(rough=True, photometry_alone=True), progress).scene
 
     def _with_control(self, start: Scene, settings: EstimateSettings, progress: Progress) -> Adjustment:
         """The estimate without pose priors, placed by the control points if there are any."""

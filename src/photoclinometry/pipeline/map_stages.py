@@ -15,7 +15,6 @@ from photoclinometry.matching.interface import Matcher
 from photoclinometry.model.image import Image
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import Scene
-from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.cast_shadows import surroundings_by_shadows
 from photoclinometry.photometry.point_spread import reference_psf_sigma_px
 from photoclinometry.pipeline.checks.stray_normals import with_strays_fitted_again
@@ -150,9 +149,7 @@ class LastEstimate(Stage[FinishedMap]):
 
     def make(self, tools: Tools) -> FinishedMap:
         start, estimate = self.start.value, partial(self.estimate, progress=tools.progress)
-        scene, model, psf, images = start.scene, self.estimate.reflectance, None, self.posed.registered_images
-        if scene.reflectance is not None and model is not None and model.name != scene.reflectance.name:
-            scene = with_model(scene, model)
+        scene, psf, images = self.estimate.in_own_model(start.scene, tools.progress), None, self.posed.registered_images
         if self.direct:
             psf = reference_psf_sigma_px(scene, images) if self.psf_sigma_px is None else self.psf_sigma_px
             known = self.estimate.known_views is not None

@@ -24,7 +24,6 @@ from photoclinometry.model.image import Image
 from photoclinometry.model.progress import Progress, no_progress
 from photoclinometry.model.reflectance import Reflectance
 from photoclinometry.model.scene import BODY_FIXED, Scene, Views
-from photoclinometry.photometry.albedo import with_model
 from photoclinometry.photometry.predict import observation_brightness
 from photoclinometry.photometry.shading import brightness_on_surface
 from photoclinometry.pipeline.choices import candidate_models, choose_reflectance, keyed_matcher
@@ -143,10 +142,10 @@ def forecast(
     try:
         matched = rematch(brightness_on_surface(scene, images), images, matcher, run.densify, progress, "match")
         if run.reflectance == "auto":
-            matched, reflectance = _with_better_model(matched, reflectance, progress)
+            reflectance = _better_model(matched, reflectance, progress)
         progress("estimate", 0, 0)
         estimate = JointEstimate(options=run.adjust, reflectance=reflectance, tie_points=tie_points, sparse_views=views)
-        adjustment = refine_directly(matched, images, estimate)
+        adjustment = refine_directly(estimate.in_own_model(matched), images, estimate)
         adjustment = replace(adjustment, scene=with_fine_relief(adjustment.scene, options.detector.psf_sigma_px))
     except ReconstructionError as error:
         raise InputError(
@@ -218,12 +217,12 @@ def _measured(scene: Scene, images: tuple[Image, ...]) -> tuple[Scene, ImageGrad
     return measured, gradients if directly else None
 
 
-def _with_better_model(scene: Scene, known: Reflectance, progress: Progress) -> tuple[Scene, Reflectance]:
-    """The matched map with the model that a run would finish it with, and that as it is known beforehand."""
+def _better_model(scene: Scene, known: Reflectance, progress: Progress) -> Reflectance:
+    """The model that a run would finish the matched map with, as it is known beforehand."""
     candidates = candidate_models(known, scene.body, scene.brightness)
     found, why = model_by_cross_validation(scene, known, candidates, progress)
     log.info("reflectance: %s", why)
-    return (scene if found.name == known.name else with_model(scene, found)), found
+    return found
 
 
 def _priors(planned: PlannedViews, views: Views) -> PosePriors | None:
