@@ -59,9 +59,9 @@ class AssumedGround:
         """Of view k, whose image is cut to the map."""
         return exposed(self.tracer, views, k, self.photometry, self.options.detector, self.options.seed)
 
-    def images(self, views: Views, progress: Progress = no_progress) -> tuple[Image, ...]:
-        """Of all views."""
-        images = []
+    def images(self, progress: Progress = no_progress) -> tuple[Image, ...]:
+        """Of all views that look at it."""
+        views, images = self.truth.views, []
         for k in range(len(views)):
             progress("images", k, len(views))
             images.append(self.image(views, k))

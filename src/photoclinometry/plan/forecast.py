@@ -127,7 +127,7 @@ def forecast(
         raise InputError(f"{planned.views.name[planned.reference]}: does not show the place; choose another")
     reference = int(np.count_nonzero(shown[: planned.reference]))
     ground = assumed_ground(planned, views, half_side, reflectance, body, brightness, options)
-    images = ground.images(views, progress)
+    images = ground.images(progress)
     scene = scene_at_truth(ground, reference, reflectance)
     matcher: Matcher = keyed_matcher("flow", run).value
     tie_points = expected_tie_points(
