@@ -74,12 +74,12 @@ class ModelFit:
     @property
     def error_percent(self) -> float:
         """Geometric mean of `error`: views are not equally hard to predict, and each has the same weight."""
-        return 100.0 * float(np.exp(np.nanmean(np.log(self.error))))
+        return 100.0 * _geometric_mean(self.error)
 
     @property
     def pattern_percent(self) -> float:
         """Geometric mean of `pattern` over the views."""
-        return 100.0 * float(np.exp(np.nanmean(np.log(self.pattern))))
+        return 100.0 * _geometric_mean(self.pattern)
 
     @property
     def level_percent(self) -> float:
@@ -121,7 +121,7 @@ class ModelRanking:
         """Whether kept-out views do not distinguish a fit from the best, neither by their patterns nor by all
         errors."""
         pairs = ((fit.error, self.best.error), (fit.pattern, self.best.pattern))
-        return fit is self.best or not any(is_larger(mine, best, confidence) for mine, best in pairs)
+        return not any(is_larger(mine, best, confidence) for mine, best in pairs)
 
     def of_best_pattern(self, confidence: float = CONFIDENCE) -> tuple[ModelFit, ...]:
         """Fits whose patterns are not significantly larger than the least one, in order of their errors.
@@ -130,7 +130,7 @@ class ModelRanking:
         end of the phases is an extrapolation, which a map from all views does not make.
         """
         least = min(self.fits, key=lambda fit: fit.pattern_percent)
-        return tuple(fit for fit in self.fits if fit is least or not is_larger(fit.pattern, least.pattern, confidence))
+        return tuple(fit for fit in self.fits if not is_larger(fit.pattern, least.pattern, confidence))
 
 
 def rank_models(
@@ -165,6 +165,11 @@ def rank_models(
     progress("models", len(names), len(names))
     fits.sort(key=lambda fit: fit.error_percent)
     return ModelRanking(fits=tuple(fits), left_out=left_out, views=scene.views.name)
+
+
+def _geometric_mean(values: np.ndarray) -> float:
+    """Of those that are not NaN."""
+    return float(np.exp(np.nanmean(np.log(values))))
 
 
 def _usable_models(asked: Sequence[str], scene: Scene) -> tuple[tuple[str, ...], dict[str, str]]:

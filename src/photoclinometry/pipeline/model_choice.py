@@ -79,7 +79,7 @@ def model_by_cross_validation(
     own = next(fit for fit in ranking.fits if fit.reflectance.name == known.name)
     if own is best:
         return known, _missed_by(best)
-    if own in of_best_pattern and not is_larger(own.error, best.error, ONE_ERROR):
+    if any(fit is own for fit in of_best_pattern) and not is_larger(own.error, best.error, ONE_ERROR):
         return known, f"{_missed_by(own)}, {_missed_by(best)}"
     return starting_model(best.reflectance.name, scene.body), f"{_missed_by(best)}, {_missed_by(own)}"
 
