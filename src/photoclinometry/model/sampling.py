@@ -135,6 +135,15 @@ def gaussian(sigma: float) -> Callable[[np.ndarray], np.ndarray]:
     return lambda grid: gaussian_filter(grid, sigma, mode="constant")
 
 
+def central_difference(values: np.ndarray, axis: int) -> np.ndarray:
+    """Half the difference of the next and the last cell of a grid (h, w, ...), along rows or columns; NaN where either
+    lacks."""
+    step = np.full_like(values, np.nan)
+    to, of = np.moveaxis(step, axis, 0), np.moveaxis(values, axis, 0)
+    to[1:-1] = (of[2:] - of[:-2]) / 2.0
+    return step
+
+
 def as_coarse(image: Image, spacing_px: float) -> Image:
     """The image smoothed to a grid of `spacing_px` of its pixels; the image itself if it is not finer."""
     sigma_px = smoothing_px(spacing_px)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from photoclinometry.model.sampling import central_difference
 from photoclinometry.model.scene import Scene
 from photoclinometry.model.threads import in_threads
 from photoclinometry.photometry.render import landmark_brightness
@@ -55,9 +56,8 @@ def predicted_gradient(scene: Scene, view: int) -> np.ndarray:
 def _difference(values: np.ndarray, axis: int) -> np.ndarray:
     """Derivative of a grid (h, w, ...) by row or column: of a quartic through five cells, or else a parabola through
     three; NaN with fewer."""
-    derivative = np.full_like(values, np.nan)
+    derivative = central_difference(values, axis)
     to, of = np.moveaxis(derivative, axis, 0), np.moveaxis(values, axis, 0)
-    to[1:-1] = (of[2:] - of[:-2]) / 2.0
     wide = (8.0 * (of[3:-1] - of[1:-3]) - (of[4:] - of[:-4])) / 12.0
     to[2:-2] = np.where(np.isfinite(wide), wide, to[2:-2])
     return derivative

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from photoclinometry.model.geometry import unit
-from photoclinometry.model.sampling import gaussian, masked_filter
+from photoclinometry.model.sampling import central_difference, gaussian, masked_filter
 from photoclinometry.model.scene import Scene
 from photoclinometry.photometry.predict import brightness_residuals
 
@@ -102,7 +102,7 @@ class _Grid:
         toward = np.maximum(np.sum(normal * sight, -1, keepdims=True), STEEPEST)
         trusted = scene.grid(np.where(among[:, None], position, np.nan))
         self.cells, self.sight = scene.cells, scene.grid(sight)
-        along = (_central_difference(trusted, axis) for axis in (0, 1))
+        along = (central_difference(trusted, axis) for axis in (0, 1))
         # Rows and columns of the grid, then normals' slopes and the surface's two directions, then x, y and z.
         self.fields = np.stack([scene.grid(normal / toward), *along], axis=2)
         self.fields[np.isnan(trusted).any(-1)] = np.nan
@@ -123,14 +123,6 @@ class _Grid:
         across = np.cross(first, second)
         toward = np.sum(across * self.sight, -1, keepdims=True)
         return own, across / np.where(toward == 0.0, np.nan, toward)
-
-
-def _central_difference(values: np.ndarray, axis: int) -> np.ndarray:
-    """Half the difference between the next and the last cell; NaN where either is missing."""
-    step = np.full_like(values, np.nan)
-    to, of = np.moveaxis(step, axis, 0), np.moveaxis(values, axis, 0)
-    to[1:-1] = (of[2:] - of[:-2]) / 2.0
-    return step
 
 
 def _average(field: np.ndarray, sigma: float) -> np.ndarray:
